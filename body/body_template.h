@@ -1,0 +1,59 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "geometry/rigid3.h"
+
+namespace mvstudio::body {
+
+inline constexpr int kNumParts = 24;  ///< charts of the atlas, numbered like DensePose's 1..24 (0 is background)
+
+/// A skinned, textured body. Frame `body`: metres, z up, the person faces -y, x points to the
+/// person's left, feet near z = 0, arms spread (T- or A-pose).
+struct BodyTemplate {
+  Eigen::Matrix3Xf vertices;            // (3, V) rest positions in body
+  Eigen::Matrix3Xi faces;               // (3, F) counter-clockwise seen from outside
+  std::vector<int> face_part;           // (F) 1..24
+  Eigen::Matrix2Xf face_uv;             // (2, 3F) chart coordinates in [0, 1] of the three corners of each face
+  std::vector<std::string> bone_names;  // (B)
+  std::vector<int> bone_parents;        // (B) -1 for the root; parents come first
+  Eigen::Matrix3Xd bone_heads;          // (3, B) rest positions of the bones' heads in body
+  Eigen::Matrix4Xi skin_bones;          // (4, V) bones that move a vertex
+  Eigen::Matrix4Xf skin_weights;        // (4, V) sum to one
+  Eigen::Matrix3Xd coco19;              // (3, 19) rest positions of the Panoptic joints in body
+  std::array<int, 19> coco19_bone;      // bone each joint moves with
+};
+
+/// Procedural clothed mannequin, 1.75 m tall at scale 1. `detail` multiplies the mesh resolution.
+BodyTemplate MakeMannequin(double height_m = 1.75, double detail = 1.0);
+
+/// Body pose: world_from_body transform of each bone's rest frame, i.e. x_in_world = bone_transforms[b] * x_in_body for a vertex that
+/// follows bone b alone.
+struct BodyPose {
+  std::vector<geometry::Rigid3> bone_transforms;  // (B)
+  std::vector<double> bone_stretch;               // (B) length over rest length along the bone, 1 for none
+};
+
+/// Joint angles -> pose. `local_rotations[b]` turns bone b about its head relative to its parent; the root is placed by world_from_body.
+BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_from_body,
+                        const std::vector<Eigen::Quaterniond>& local_rotations);
+
+/// Pose whose Panoptic joints come closest to `coco19_in_world`: bones turned and stretched to the given joints; joints with
+/// `valid[j] == false` are filled from their neighbours. Returns false (and an unusable pose) when the trunk itself is missing.
+bool PoseFromJoints(const BodyTemplate& body, const Eigen::Matrix3Xd& coco19_in_world, const std::array<bool, 19>& valid,
+                    BodyPose* pose);
+
+/// Linear blend skinning: vertices in world, (3, V) metres.
+Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose);
+/// Panoptic joints of a posed body, (3, 19) in world.
+Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose);
+
+/// Texture atlas of the mannequin: 24 charts, each size x size RGB, with patterns of several scales down to the finest a picture
+/// could show. Chart k is part k + 1.
+std::array<Image, kNumParts> MannequinTextures(int size_px, uint64_t seed);
+
+}  // namespace mvstudio::body

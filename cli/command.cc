@@ -1,0 +1,48 @@
+#include "cli/command.h"
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+#include <sstream>
+
+#include "core/error.h"
+
+namespace mvstudio::cli {
+
+void Registry::Add(CLI::App* sub, const std::string& name, RunCommand run) { entries_.push_back({sub, name, std::move(run)}); }
+
+std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
+    throw UsageError(flag + " " + text + ": expected NAME=PATH, e.g. " + flag + " cam_01=videos/cam01.mp4");
+  }
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+namespace {
+
+int ParseNumber(const std::string& flag, const std::string& text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
+    throw UsageError(flag + ": '" + text + "' is not a frame number; expected a list such as 0-79,90 or 80-99");
+  }
+  return value;
+}
+
+}  // namespace
+
+std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
+  std::set<int> numbers;
+  std::stringstream items(text);
+  for (std::string item; std::getline(items, item, ',');) {
+    const size_t dash = item.find('-');
+    const int first = ParseNumber(flag, item.substr(0, dash));
+    const int last = dash == std::string::npos ? first : ParseNumber(flag, item.substr(dash + 1));
+    if (last < first || last - first > 10'000'000) throw UsageError(flag + ": range '" + item + "' runs backwards or is too long");
+    for (int i = first; i <= last; ++i) numbers.insert(i);
+  }
+  return {numbers.begin(), numbers.end()};
+}
+
+}  // namespace mvstudio::cli

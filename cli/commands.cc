@@ -1,0 +1,25 @@
+#include "cli/commands.h"
+
+namespace mvstudio::cli {
+
+void RegisterAll(CLI::App& app, Registry& registry) {
+#if MVSTUDIO_HAS_AVATAR
+  RegisterDemo(app, registry);
+#endif
+  RegisterSynth(app, registry);
+  RegisterCalibrate(app, registry);
+  RegisterCalib(app, registry);
+  RegisterTriangulate(app, registry);
+  RegisterDataset(app, registry);
+#if MVSTUDIO_HAS_AVATAR
+  CLI::App* avatar = app.add_subcommand("avatar", "Train and score avatars");
+  avatar->require_subcommand(1);
+  RegisterAvatarTrain(*avatar, registry);
+  RegisterAvatarEval(*avatar, registry);
+  RegisterMetrics(app, registry);
+#endif
+  RegisterReport(app, registry);
+  RegisterVersion(app, registry);
+}
+
+}  // namespace mvstudio::cli

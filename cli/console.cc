@@ -1,0 +1,103 @@
+#include "cli/console.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <mutex>
+
+#include "core/error.h"
+#include "core/log.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::atomic<int> received_signal{0};
+
+void OnSignal(int signal) {
+  if (received_signal.exchange(signal) != 0) _exit(128 + signal);  // a second one ends at once
+}
+
+class ConsoleProgress : public ProgressSink {
+ public:
+  explicit ConsoleProgress(bool bar) : bar_(bar) {}
+
+  void Begin(const std::string& stage, int64_t total) override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    stage_ = stage, total_ = total, done_ = 0;
+    start_ = last_ = Clock::now();
+    shown_ = false;
+  }
+  void Advance(int64_t done, const std::string& note) override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    done_ += done;
+    const auto now = Clock::now();
+    if (now - last_ < (bar_ ? std::chrono::milliseconds(150) : std::chrono::milliseconds(10000))) return;
+    last_ = now;
+    Show(note);
+  }
+  void End() override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (bar_ && shown_) std::fputs("\r\033[K", stderr);
+  }
+  bool Cancelled() const override { return received_signal != 0; }
+
+ private:
+  void Show(const std::string& note) {
+    const double elapsed = std::chrono::duration<double>(last_ - start_).count();
+    const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0;
+    const double eta = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0;
+    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %.1f/s  ETA %.0f s  %s" : "%s %lld/%lld  %.1f/s  ETA %.0f s  %s\n",
+                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), rate, eta, note.c_str());
+    std::fflush(stderr);
+    shown_ = true;
+  }
+
+  const bool bar_;
+  std::mutex mutex_;
+  std::string stage_;
+  int64_t total_ = 0, done_ = 0;
+  Clock::time_point start_, last_;
+  bool shown_ = false;
+};
+
+/// Silent, but still asks to stop on a signal.
+class SilentProgress : public ProgressSink {
+ public:
+  bool Cancelled() const override { return received_signal != 0; }
+};
+
+}  // namespace
+
+void InstallLog(const std::string& level) {
+  auto logger = spdlog::stderr_color_mt("mvstudio");
+  logger->set_pattern("%^%l%$: %v");
+  logger->set_level(spdlog::level::from_str(level));
+  SetLogSink([logger](LogLevel severity, const std::string& message) {
+    static constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
+                                                            spdlog::level::err};
+    logger->log(kLevels[static_cast<int>(severity)], "{}", message);
+  });
+}
+
+void InstallSignalHandlers() {
+  std::signal(SIGINT, OnSignal);
+  std::signal(SIGTERM, OnSignal);
+}
+
+int ReceivedSignal() { return received_signal; }
+
+std::unique_ptr<ProgressSink> MakeProgress(const std::string& mode) {
+  if (mode == "none") return std::make_unique<SilentProgress>();
+  if (mode != "auto" && mode != "bar" && mode != "plain") {
+    throw UsageError("--progress " + mode + ": expected auto, bar, plain or none");
+  }
+  return std::make_unique<ConsoleProgress>(mode == "bar" || (mode == "auto" && isatty(STDERR_FILENO)));
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,37 @@
+# Compiler launcher, warnings, sanitizers, and mvstudio_add_module().
+
+find_program(MVSTUDIO_CCACHE ccache)
+if(MVSTUDIO_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # The sloppiness is what ccache asks for to cache files that use a precompiled header.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${MVSTUDIO_CCACHE})
+endif()
+
+find_program(MVSTUDIO_MOLD mold)
+if(MVSTUDIO_MOLD)
+  add_link_options(-fuse-ld=mold)
+endif()
+
+add_library(mvstudio_warnings INTERFACE)
+target_compile_options(mvstudio_warnings INTERFACE -Wall -Wextra -Wshadow=local -Wnon-virtual-dtor -Woverloaded-virtual)
+if(MVSTUDIO_WERROR)
+  target_compile_options(mvstudio_warnings INTERFACE -Werror)
+endif()
+
+if(MVSTUDIO_SANITIZE)
+  add_compile_options(-fsanitize=${MVSTUDIO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=undefined)
+  add_link_options(-fsanitize=${MVSTUDIO_SANITIZE})
+endif()
+
+# mvstudio_add_module(NAME): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder.
+# Dependencies are given with target_link_libraries: PUBLIC for what the module's headers include, PRIVATE for the rest.
+function(mvstudio_add_module name)
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  if(NOT sources)
+    file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/empty.cc "")
+    set(sources ${CMAKE_CURRENT_BINARY_DIR}/empty.cc)
+  endif()
+  add_library(mvstudio_${name} STATIC ${sources})
+  add_library(mvstudio::${name} ALIAS mvstudio_${name})
+  target_include_directories(mvstudio_${name} PUBLIC ${CMAKE_SOURCE_DIR})
+  target_link_libraries(mvstudio_${name} PRIVATE mvstudio_warnings)
+endfunction()

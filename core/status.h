@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+namespace mvstudio {
+
+/// Why a geometric computation did or did not give a value. A value is to be read only beside `kOk`.
+enum class Status {
+  kOk,
+  kTooFewViews,         ///< fewer observations than unknowns
+  kLowParallax,         ///< rays too parallel for the noise: depth is not determined
+  kDegenerate,          ///< rank-deficient configuration
+  kBehindCamera,        ///< the point has no positive depth in a camera that claims to see it
+  kFarPoint,            ///< farther than the caller's limit
+  kOutlier,             ///< disagrees with the other observations
+  kNonFiniteInput,      ///< NaN or infinity came in
+  kOutsideValidRadius,  ///< beyond the radius where the lens model can be inverted
+  kNotConverged,        ///< the iteration ended without reaching its tolerance
+};
+
+/// "Ok", "TooFewViews", … as written in points.csv and in JSON.
+std::string_view ToString(Status status);
+std::optional<Status> StatusFromString(std::string_view text);
+
+}  // namespace mvstudio

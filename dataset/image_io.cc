@@ -1,0 +1,148 @@
+#include "dataset/image_io.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/files.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+using Bytes = const std::string&;
+
+uint8_t At(Bytes b, size_t i) { return static_cast<uint8_t>(b[i]); }
+
+uint32_t BigEndian32(Bytes b, size_t i) {
+  return uint32_t{At(b, i)} << 24 | uint32_t{At(b, i + 1)} << 16 | uint32_t{At(b, i + 2)} << 8 | uint32_t{At(b, i + 3)};
+}
+
+bool IsPng(Bytes b) { return b.size() >= 8 && b.compare(0, 8, "\x89PNG\r\n\x1a\n") == 0; }
+bool IsJpeg(Bytes b) { return b.size() >= 3 && At(b, 0) == 0xff && At(b, 1) == 0xd8 && At(b, 2) == 0xff; }
+
+/// CRC-32 of PNG (ISO 3309).
+uint32_t Crc32(Bytes b, size_t begin, size_t size) {
+  static const std::array<uint32_t, 256> table = [] {
+    std::array<uint32_t, 256> t{};
+    for (uint32_t n = 0; n < 256; ++n) {
+      uint32_t c = n;
+      for (int k = 0; k < 8; ++k) c = c & 1 ? 0xedb88320u ^ (c >> 1) : c >> 1;
+      t[n] = c;
+    }
+    return t;
+  }();
+  uint32_t crc = 0xffffffffu;
+  for (size_t i = begin; i < begin + size; ++i) crc = table[(crc ^ At(b, i)) & 0xff] ^ (crc >> 8);
+  return ~crc;
+}
+
+/// Walks the chunks: decoders accept a file that ends early and give the missing rows some colour.
+void CheckPng(Bytes b, const std::string& path) {
+  size_t at = 8;
+  while (at + 12 <= b.size()) {
+    const size_t length = BigEndian32(b, at);
+    if (length > b.size() - at - 12) break;
+    const std::string type = b.substr(at + 4, 4);
+    if (Crc32(b, at + 4, length + 4) != BigEndian32(b, at + 8 + length)) {
+      throw FormatError(path, "chunk " + type, "checksum is wrong; the PNG file is damaged, copy it again");
+    }
+    if (type == "IEND") return;
+    at += 12 + length;
+  }
+  throw FormatError(path, "byte " + std::to_string(b.size()), "the PNG file ends early; copy it again");
+}
+
+/// First byte after the entropy-coded data that starts at `at`.
+size_t SkipScan(Bytes b, size_t at) {
+  for (; at + 1 < b.size(); ++at) {
+    if (At(b, at) != 0xff) continue;
+    const uint8_t next = At(b, at + 1);
+    if (next != 0 && next != 0xff && !(next >= 0xd0 && next <= 0xd7)) return at;
+  }
+  return b.size();
+}
+
+/// Walks the segments to the end-of-image marker.
+void CheckJpeg(Bytes b, const std::string& path) {
+  size_t at = 2;
+  while (at + 1 < b.size() && At(b, at) == 0xff) {
+    const uint8_t marker = At(b, at + 1);
+    if (marker == 0xd9) return;
+    if (marker == 0xff) {
+      ++at;
+      continue;
+    }
+    if (at + 3 >= b.size()) break;
+    at += 2 + (size_t{At(b, at + 2)} << 8 | At(b, at + 3));
+    if (marker == 0xda) at = SkipScan(b, at);
+  }
+  throw FormatError(path, "byte " + std::to_string(std::min(at, b.size())),
+                    "the JPEG file ends early or is damaged; copy it again");
+}
+
+std::string LowerExtension(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  return extension;
+}
+
+Image FromMat(const cv::Mat& mat) {
+  Image image(mat.cols, mat.rows, mat.channels());
+  const size_t row_bytes = static_cast<size_t>(image.width) * image.channels;
+  for (int y = 0; y < mat.rows; ++y) std::copy_n(mat.ptr(y), row_bytes, image.Pixel(0, y));
+  return image;
+}
+
+}  // namespace
+
+Image ReadImage(const std::string& path, bool grey) {
+  const std::string bytes = ReadFile(path);
+  if (bytes.empty()) throw FormatError(path, "", "the file is empty");
+  if (IsPng(bytes)) {
+    CheckPng(bytes, path);
+  } else if (IsJpeg(bytes)) {
+    CheckJpeg(bytes, path);
+  } else {
+    throw FormatError(path, "", "is neither PNG nor JPEG");
+  }
+  cv::Mat mat;
+  try {
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
+    mat = cv::imdecode(raw, (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION);
+    if (!mat.empty() && !grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
+  } catch (const cv::Exception& error) {
+    throw FormatError(path, "", "cannot decode the picture: " + error.err);
+  }
+  if (mat.empty()) throw FormatError(path, "", "cannot decode the picture; the file is damaged");
+  return FromMat(mat);
+}
+
+void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
+  MVS_CHECK(image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3),
+            path << ": picture of " << image.width << "x" << image.height << "x" << image.channels);
+  MVS_CHECK(jpeg_quality >= 0 && jpeg_quality <= 100, "jpeg_quality " << jpeg_quality);
+  const std::string extension = LowerExtension(path);
+  if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
+    throw UsageError(path + ": pictures are written as .png or .jpg");
+  }
+  const cv::Mat view(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
+                     const_cast<uint8_t*>(image.pixels.data()));
+  cv::Mat bgr = view;
+  if (image.channels == 3) cv::cvtColor(view, bgr, cv::COLOR_RGB2BGR);
+  std::vector<int> options;
+  if (extension != ".png") options = {cv::IMWRITE_JPEG_QUALITY, jpeg_quality};
+  std::vector<uint8_t> bytes;
+  try {
+    if (!cv::imencode(extension, bgr, bytes, options)) throw IoError(path, "cannot encode the picture");
+  } catch (const cv::Exception& error) {
+    throw IoError(path, "cannot encode the picture: " + error.err);
+  }
+  WriteFileAtomic(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+}
+
+}  // namespace mvstudio::dataset
