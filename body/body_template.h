@@ -22,20 +22,23 @@ struct BodyTemplate {
   std::vector<std::string> bone_names;  // (B)
   std::vector<int> bone_parents;        // (B) -1 for the root; parents come first
   Eigen::Matrix3Xd bone_heads;          // (3, B) rest positions of the bones' heads in body
+  Eigen::Matrix3Xd bone_tails;          // (3, B) rest positions of their far ends: stretch acts along head -> tail
   Eigen::Matrix4Xi skin_bones;          // (4, V) bones that move a vertex
   Eigen::Matrix4Xf skin_weights;        // (4, V) sum to one
   Eigen::Matrix3Xd coco19;              // (3, 19) rest positions of the Panoptic joints in body
   std::array<int, 19> coco19_bone;      // bone each joint moves with
 };
 
-/// Procedural clothed mannequin, 1.75 m tall at scale 1. `detail` multiplies the mesh resolution.
+/// Procedural clothed mannequin in an A-pose: smooth union of tubes with measured-looking profiles, meshed by surface nets.
+/// `detail` multiplies the mesh resolution (1: about 8,000 vertices; the number of faces grows with its square).
 BodyTemplate MakeMannequin(double height_m = 1.75, double detail = 1.0);
 
-/// Body pose: world_from_body transform of each bone's rest frame, i.e. x_in_world = bone_transforms[b] * x_in_body for a vertex that
-/// follows bone b alone.
+/// Body pose: world_from_body transform of each bone's rest frame, i.e. x_in_world = bone_transforms[b] * S_b(x_in_body) for a vertex
+/// that follows bone b alone. S_b scales about the bone's rest head: by bone_stretch[b] along the bone, by girth across it.
 struct BodyPose {
   std::vector<geometry::Rigid3> bone_transforms;  // (B)
   std::vector<double> bone_stretch;               // (B) length over rest length along the bone, 1 for none
+  double girth = 1;                               // size over rest size across every bone
 };
 
 /// Joint angles -> pose. `local_rotations[b]` turns bone b about its head relative to its parent; the root is placed by world_from_body.

@@ -18,8 +18,17 @@ geometry::Rig ReadPanopticCalibration(const std::string& path);
 /// cannot express are refused (UsageError).
 void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path, const std::string& source);
 
+/// What a body3DScene file holds.
+struct Body3dScene {
+  double univ_time_ms = -1;          ///< universal clock; -1 when the writer did not know
+  std::string fps_type;              ///< "hd_29_97" or "vga_25"
+  std::map<int, Coco19Pose> people;  ///< by id; ids below 0 (false positives) are skipped
+};
+Body3dScene ReadBody3dSceneFile(const std::string& path);
+
 /// body3DScene_%08d.json: person id -> joints. Invalid joints are (0, 0, 0, -1) in the file and `valid == false` here.
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path);
+/// Coordinates with five decimals of a centimetre (0.1 micrometre), confidences with six significant digits.
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path);
 
 /// A dataset folder in Panoptic layout, ours or foreign.
@@ -36,6 +45,15 @@ struct PanopticDataset {
   std::string ImagePath(const std::string& camera, int frame) const;  ///< hdImgs/00_NN/00_NN_%08d.jpg (or .png)
   std::string MaskPath(const std::string& camera, int frame) const;   ///< masks/00_NN/00_NN_%08d.png
 };
+
+/// True for `%02d_%02d`; then the panel and node numbers.
+bool ParsePanopticName(const std::string& name, int* panel, int* node);
+
+/// The one calibration_<seq>.json of a dataset folder. Throws IoError / FormatError when there is none or several.
+std::string FindPanopticCalibration(const std::string& root);
+
+/// Frame number -> body3DScene file, sorted. Empty when there is none.
+std::map<int, std::string> ListBody3dScenes(const std::string& root);
 
 /// Throws IoError / FormatError when the layout is not there.
 PanopticDataset OpenPanopticDataset(const std::string& root);

@@ -34,6 +34,8 @@ struct Pose3d {
 /// status is Ok. Round trip is exact.
 void WritePose3d(const Pose3d& pose, const std::string& folder);
 Pose3d ReadPose3d(const std::string& folder);
+/// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
+std::vector<JointRow> ReadPointsCsv(const std::string& path);
 
 /// Panoptic joints of one person in one frame.
 struct Coco19Pose {

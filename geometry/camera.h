@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,9 +29,12 @@ inline constexpr LensModel kAllLensModels[] = {LensModel::kPinhole, LensModel::k
 
 std::string_view ToString(LensModel model);
 std::optional<LensModel> LensModelFromString(std::string_view name);
-int NumDistortionParams(LensModel model);
+constexpr int NumDistortionParams(LensModel model) {
+  constexpr int kCounts[] = {0, 1, 2, 4, 5, 8, 4};
+  return kCounts[static_cast<int>(model)];
+}
 /// 4 + NumDistortionParams.
-int NumParams(LensModel model);
+constexpr int NumParams(LensModel model) { return 4 + NumDistortionParams(model); }
 /// "fx", "fy", "cx", "cy", "k1", … in the order of `Camera::params`.
 std::vector<std::string> ParamNames(LensModel model);
 
@@ -82,17 +86,31 @@ class Projector {
   Projection Project(const Eigen::Vector3d& x_in_cam) const;
   ProjectionWithJacobians ProjectWithJacobians(const Eigen::Vector3d& x_in_cam) const;
 
-  /// Inverse by a bracketed radial solve and 2-D Newton with backtracking: residual below 1e-9 px or a status, never a guess.
+  /// Inverse by a bracketed radial solve and 2-D Newton with backtracking: residual below 1e-9 px (or 8 roundings of the pixel's
+  /// coordinates where that is coarser, beyond some 5e5 px), or a status; never a guess.
   Unprojection Unproject(const Eigen::Vector2d& px) const;
 
   /// Undistorted radius up to which the radial function is monotone: tan(theta) for the polynomial and rational models, theta
-  /// (radians) for kannala4. Infinity when it never folds.
+  /// (radians, at most pi) for kannala4. Infinity when it never folds.
   double valid_radius() const { return valid_radius_; }
   const Camera& camera() const { return camera_; }
 
  private:
+  using Distortion = std::array<double, 8>;  // k1, k2, p1, p2, k3 … k6, zero where the model has none; kannala4: k1 … k4
+
+  Projection ToPixel(double a, double b) const;
+  Unprojection UnprojectFisheye(const Eigen::Vector2d& px) const;
+  Unprojection UnprojectPerspective(const Eigen::Vector2d& px) const;
+  bool RefineUndistorted(const Eigen::Vector2d& px, Eigen::Vector2d* ab) const;
+  Eigen::Vector2d Distort(double a, double b, Eigen::Matrix2d* jacobian) const;
+
   Camera camera_;
+  LensModel formula_ = LensModel::kPinhole;  ///< kBrown5 stands for all Brown models, with zeros
+  double fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;
+  Distortion k_{};
   double valid_radius_ = 0;
+  double valid_radius_squared_ = 0;
+  double max_distorted_radius_ = 0;  ///< radial function at valid_radius_
 };
 
 /// One-off forms; use a Projector in loops.

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <torch/nn/module.h>
+#include <torch/nn/modules/container/sequential.h>
+#include <torch/nn/pimpl.h>
+
+#include <utility>
+
+#include "avatar/options.h"
+
+namespace mvstudio::avatar {
+
+/// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders. From bone maps (B, inputs, H, W) it gives
+/// for `tna`    part logits (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u then 24 v;
+/// for `direct` a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
+class GeneratorImpl : public torch::nn::Module {
+ public:
+  GeneratorImpl(const ModelOptions& options, uint64_t seed);
+  std::pair<at::Tensor, at::Tensor> forward(const at::Tensor& bone_maps);
+
+ private:
+  torch::nn::Sequential encoder_{nullptr}, first_decoder_{nullptr}, second_decoder_{nullptr};
+  int size_multiple_ = 1;
+};
+TORCH_MODULE(Generator);
+
+/// Trainable numbers of the network alone (no textures), computed by building it.
+int64_t NumParameters(const ModelOptions& options);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+namespace mvstudio::avatar {
+
+/// Mean |a - b| over pixels, those of `mask` (B, H, W, 0..1) counted `foreground_weight` times. a, b (B, 3, H, W).
+at::Tensor WeightedL1(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight);
+
+/// Mean of 1 - SSIM with a 7x7 box window, values in [0, 1], zero padding left out; same weights as above. Wang et al., 2004.
+at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight);
+
+/// Mean |grad a - grad b| at full, half and quarter size.
+at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b);
+
+/// Silhouette: -log of the probability that each pixel is what the mask says. From part logits (B, 25, H, W) by log-softmax, or from
+/// a single foreground logit (B, 1, H, W) by log-sigmoid: the gradient does not vanish at large logits.
+at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask);
+
+/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24.
+at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part);
+
+/// Mean |difference| of the labelled part's coordinates over labelled pixels. uv (B, 48, H, W) and target (B, 2, H, W) in [-1, 1].
+at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part);
+
+/// Mean of relu(|x| - limit)^2.
+at::Tensor SaturationLoss(const at::Tensor& x, double limit);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+#include <string>
+
+#include "avatar/bones.h"
+#include "avatar/generator.h"
+#include "avatar/options.h"
+#include "avatar/safetensors.h"
+
+namespace mvstudio::avatar {
+
+/// A trained (or fresh) avatar: everything that rendering needs.
+struct AvatarModel {
+  ModelOptions options;
+  DepthRange depth;
+  int size_px = 0;         ///< picture size it was trained at
+  int64_t step = 0;        ///< training steps done, initialisation included
+  Generator generator{nullptr};
+  at::Tensor textures;     ///< (24, 3, S, S) float32, about [-1, 1]; undefined for `direct`
+  at::Tensor seen;         ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
+};
+
+/// Fresh weights: convolutions N(0, 0.02), grey textures.
+AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
+
+/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), intrinsics (B, 4) px -> (B, 18, H, W).
+at::Tensor BoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
+                    int64_t height, int64_t width);
+
+struct Rendering {
+  at::Tensor image;      ///< (B, 3, H, W) float32 in [0, 1], RGB
+  at::Tensor mask_prob;  ///< (B, H, W) float32, probability of the person
+  at::Tensor part;       ///< (B, H, W) uint8, most likely part, 0 background; all 1 on the person for `direct`
+  at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
+};
+
+/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1].
+/// H and W must be multiples of 2^downs. Throws ContractViolation for shapes and for poses that are not finite.
+Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
+                 int64_t height, int64_t width, const at::Tensor& background = {});
+
+/// A model as named tensors and metadata, and back. `path` is for messages.
+TensorFile ModelToTensors(const AvatarModel& model);
+AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path);
+
+/// Loads checkpoint.safetensors (or RUN/avatar's) for rendering. Throws IoError / FormatError.
+AvatarModel LoadModel(const std::string& path);
+
+/// 6 x 4 preview of the textures: (3, 4 S, 6 S) uint8 RGB.
+at::Tensor TextureSheet(const AvatarModel& model);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,126 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/fields.h"
+
+namespace mvstudio::avatar {
+
+/// Architecture of the networks and size of the textures. The defaults suit a CPU; `PaperModel` gives the published sizes.
+struct ModelOptions {
+  std::string method = "tna";
+  int width = 16;
+  int downs = 4;
+  int encoder_blocks = 4;
+  int decoder_blocks = 3;
+  std::string norm = "instance";
+  std::string upsample = "nearest";
+  int stem_kernel = 7;
+  int head_kernel = 7;
+  int inputs = 18;
+  int texture_px = 128;
+  bool relative_depth = true;
+  double bone_half_width_px = 4.0;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, ModelOptions& o) {
+  visit("method", o.method, "tna: textured neural avatar; direct: the same network predicting colours itself (a baseline)");
+  visit("width", o.width, "channels of the first layer; the deepest layer has 8 times as many (the paper's network: 32)");
+  visit("downs", o.downs, "stride-2 steps of the encoder; the picture size must be a multiple of 2^downs");
+  visit("encoder-blocks", o.encoder_blocks, "residual blocks of the encoder");
+  visit("decoder-blocks", o.decoder_blocks, "residual blocks of each of the two decoders");
+  visit("norm", o.norm, "batch or instance; instance has no running statistics and is safe for a batch of 1");
+  visit("upsample", o.upsample, "transposed (4x4 transposed convolution) or nearest (nearest neighbour, then 3x3 convolution)");
+  visit("stem-kernel", o.stem_kernel, "kernel of the first convolution, odd");
+  visit("head-kernel", o.head_kernel, "kernel of the last convolutions, odd; 7 is the paper's, 3 is much faster");
+  visit("inputs", o.inputs, "input channels: one per bone");
+  visit("texture-px", o.texture_px, "edge of each of the 24 textures, texels (the paper's: 256)");
+  visit("relative-depth", o.relative_depth, "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
+  visit("bone-half-width-px", o.bone_half_width_px, "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px");
+}
+
+/// The published network: 17,167,552 parameters with 21 inputs.
+inline ModelOptions PaperModel() {
+  ModelOptions o;
+  o.width = 32, o.norm = "batch", o.upsample = "transposed", o.inputs = 21, o.texture_px = 256;
+  return o;
+}
+
+/// How long and how to train.
+struct TrainOptions {
+  int steps = 600;
+  int init_steps = 200;
+  int batch = 2;
+  double learning_rate = 5e-4;
+  double texture_learning_rate = 1e-2;
+  double decay_share = 0.4;
+  double clip_norm = 1.0;
+  double weight_l1 = 1.0;
+  double weight_ssim = 0.5;
+  double weight_gradient = 0.0;
+  double weight_mask = 0.2;
+  double weight_part = 1.0;
+  double weight_uv = 4.0;
+  double keep_init = 0.02;
+  double weight_logit = 1e-3;
+  double foreground_weight = 3.0;
+  double jitter_scale = 0.1;
+  double jitter_shift = 0.05;
+  double jitter_roll_deg = 5.0;
+  double ema = 0.0;
+  int texture_pictures = 64;
+  int save_every = 200;
+  int report_every = 20;
+  int validate_pictures = 8;
+  std::string device = "cpu";
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, TrainOptions& o) {
+  visit("steps", o.steps, "end-to-end steps, after the initialisation");
+  visit("init-steps", o.init_steps, "steps that teach the network the template's part and texture coordinates first");
+  visit("batch", o.batch, "pictures per step");
+  visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
+  visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
+  visit("decay-share", o.decay_share, "last share of all steps in which both step sizes fall linearly to 2 %");
+  visit("clip-norm", o.clip_norm, "gradients of the network longer than this are shortened; 0: never");
+  visit("weight-l1", o.weight_l1, "weight of the mean absolute colour difference");
+  visit("weight-ssim", o.weight_ssim, "weight of 1 - SSIM (7 px box window)");
+  visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of picture gradients at three scales");
+  visit("weight-mask", o.weight_mask, "weight of the negative log likelihood of the silhouette");
+  visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
+  visit("weight-uv", o.weight_uv, "initialisation: weight of the mean absolute difference to the template's texture coordinates");
+  visit("keep-init", o.keep_init, "share of the two initialisation terms that stays on while training end to end");
+  visit("weight-logit", o.weight_logit, "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
+  visit("foreground-weight", o.foreground_weight, "how many times a pixel of the person counts against one of the background");
+  visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
+  visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");
+  visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; pictures are turned at random about their centre by up to this angle");
+  visit("ema", o.ema, "decay of the running mean of the weights that is kept as the result, e.g. 0.995; 0: the last weights");
+  visit("texture-pictures", o.texture_pictures, "pictures whose colours are averaged into the first textures");
+  visit("save-every", o.save_every, "steps between checkpoints");
+  visit("report-every", o.report_every, "steps between rows of the history");
+  visit("validate-pictures", o.validate_pictures, "held-out pictures scored at each checkpoint");
+  visit("device", o.device, "cpu or cuda");
+}
+
+/// Name -> text of every field, for checkpoints and provenance.
+template <class Options>
+std::vector<std::pair<std::string, std::string>> FieldsAsText(const Options& options);
+/// Sets the field `name` from text; false when there is none. Throws UsageError when the text does not fit the type.
+template <class Options>
+bool SetFieldFromText(Options& options, const std::string& name, const std::string& text);
+
+extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(const ModelOptions&);
+extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(const TrainOptions&);
+extern template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
+extern template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
+
+/// Throws UsageError naming the field that is out of range.
+void Validate(const ModelOptions& options);
+void Validate(const TrainOptions& options);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "avatar/model.h"
+#include "avatar/options.h"
+#include "avatar/pack.h"
+#include "core/progress.h"
+#include "core/status.h"
+
+namespace mvstudio::avatar {
+
+/// Mean loss terms, unweighted, of the steps since the row before.
+struct HistoryRow {
+  int64_t step = 0;
+  std::string phase;  ///< "init", "train" or "validation"
+  double total = 0, l1 = 0, ssim = 0, gradient = 0, mask = 0, part = 0, uv = 0, logit = 0;
+};
+
+struct TrainReport {
+  Status status = Status::kOk;  ///< kNonFiniteInput when the NaN guard stopped the run, kNotConverged when the loss did not fall
+  std::string message;          ///< one line when not kOk: batch, cameras and frames
+  std::vector<HistoryRow> history;
+  int64_t steps_done = 0;       ///< in this run
+};
+
+/// Called after each step; `row` is null between reports. Returning false stops the training after this step.
+using StepCallback = std::function<bool(int64_t step, const HistoryRow* row)>;
+
+/// Training state that can be saved and taken up again: the same seed, options and thread count give the same bytes, whether the
+/// run was interrupted or not. Batches and jitter are functions of (seed, step) alone.
+class Trainer {
+ public:
+  /// Fresh start. Throws UsageError when the options do not fit the pack. Sets the number of threads of ATen.
+  Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run);
+  /// Continues from a checkpoint's tensors; `options` may ask for more steps. The seed is the checkpoint's.
+  Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
+          const RunContext& run);
+  ~Trainer();
+
+  /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback says stop. A loss or gradient
+  /// that is not finite ends the run with the weights and textures of the step before.
+  TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
+
+  /// Weights as they are (the running mean when `ema` is on).
+  AvatarModel& model();
+  /// Everything needed to continue: weights, textures, Adam's moments, step, seed, options.
+  TensorFile Checkpoint() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Training options kept in a checkpoint.
+TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path);
+
+/// Initialise, average the textures, train end to end: the whole method in one call.
+TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model, const TrainOptions& options,
+                     const RunContext& run, const StepCallback& callback, AvatarModel* result);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,259 @@
+#include "geometry/rig_io.h"
+
+#include <cmath>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <vector>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "core/log.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr int kMaxDepth = 16;
+constexpr int kMaxSizePx = 1 << 20;
+
+/// A value of the document and the place it stands at, for messages.
+struct Node {
+  const Json* value;
+  const std::string* path;
+  std::string where;
+
+  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(*path, where, what); }
+
+  const Json* Find(const std::string& key) const {
+    const auto found = value->find(key);
+    return found == value->end() ? nullptr : &*found;
+  }
+  Node At(const std::string& key) const {
+    const Json* found = Find(key);
+    if (!found) Fail("key '" + key + "' is missing");
+    return {found, path, where.empty() ? key : where + "." + key};
+  }
+  Node At(size_t index) const { return {&(*value)[index], path, where + "[" + std::to_string(index) + "]"}; }
+
+  void RequireObject(std::initializer_list<const char*> known) const {
+    if (!value->is_object()) Fail(std::string("an object was expected, this is ") + value->type_name());
+    for (const auto& [key, ignored] : value->items()) {
+      bool is_known = false;
+      for (const char* name : known) is_known |= key == name;
+      if (!is_known) {
+        Log(LogLevel::kWarning, *path + ": " + (where.empty() ? "" : where + ".") + key + ": unknown key, ignored");
+      }
+    }
+  }
+  void RequireArray(size_t size) const {
+    if (!value->is_array()) Fail(std::string("an array was expected, this is ") + value->type_name());
+    if (value->size() != size) Fail(std::to_string(value->size()) + " entries, " + std::to_string(size) + " expected");
+  }
+  double Number() const {
+    if (!value->is_number()) Fail(std::string("a number was expected, this is ") + value->type_name());
+    const double number = value->get<double>();
+    if (!std::isfinite(number)) Fail("not a finite number");
+    return number;
+  }
+  std::string Text() const {
+    if (!value->is_string()) Fail(std::string("a string was expected, this is ") + value->type_name());
+    return value->get<std::string>();
+  }
+  int SizePx() const {
+    if (!value->is_number_integer()) Fail("an integer number of pixels was expected");
+    const double number = value->get<double>();
+    if (!(number >= 1 && number <= kMaxSizePx)) Fail("image size " + value->dump() + " px is out of range");
+    return static_cast<int>(number);
+  }
+  Eigen::VectorXd Vector(size_t size) const {
+    RequireArray(size);
+    Eigen::VectorXd vector(static_cast<Eigen::Index>(size));
+    for (size_t i = 0; i < size; ++i) vector[static_cast<Eigen::Index>(i)] = At(i).Number();
+    return vector;
+  }
+  Eigen::MatrixXd SquareMatrix(size_t size) const {
+    RequireArray(size);
+    Eigen::MatrixXd matrix(size, size);
+    for (size_t i = 0; i < size; ++i) matrix.row(static_cast<Eigen::Index>(i)) = At(i).Vector(size).transpose();
+    return matrix;
+  }
+};
+
+/// Parses with a depth limit (the library's own recursion elsewhere has none) and refuses keys given twice.
+Json ParseChecked(const std::string& text, const std::string& path) {
+  std::vector<std::set<std::string>> keys;
+  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    if (depth > kMaxDepth) throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels");
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end) keys.pop_back();
+    if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second) {
+      throw FormatError(path, parsed.get<std::string>(), "this key stands twice in one object");
+    }
+    return true;
+  };
+  try {
+    return Json::parse(text, check);
+  } catch (const Json::parse_error& error) {
+    const bool truncated = error.byte > text.size();
+    throw FormatError(path, "byte " + std::to_string(error.byte), truncated ? "the JSON ends too early; is the file truncated?"
+                                                                             : "this is not valid JSON");
+  } catch (const Json::exception&) {
+    throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
+  }
+}
+
+Eigen::Quaterniond ReadRotation(const Node& node) {
+  const Eigen::Vector4d xyzw = node.Vector(4);
+  const double norm = xyzw.stableNorm();
+  if (std::abs(norm - 1) > 1e-3) node.Fail("the quaternion's norm is " + std::to_string(norm) + ", it must be 1");
+  // Numbers of our own come back bit for bit; rounded ones, typed by hand, are put back on the unit sphere.
+  return Eigen::Quaterniond(std::abs(norm - 1) < 1e-9 ? xyzw : Eigen::Vector4d(xyzw / norm));
+}
+
+Eigen::MatrixXd ReadCovariance(const Node& node, size_t size) {
+  const Eigen::MatrixXd covariance = node.SquareMatrix(size);
+  if (covariance.diagonal().minCoeff() < 0) node.Fail("a variance is negative");
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double scale = std::sqrt(covariance(i, i) * covariance(j, j));
+      if (std::abs(covariance(i, j) - covariance(j, i)) > 1e-6 * scale) node.Fail("the covariance is not symmetric");
+    }
+  }
+  return covariance;
+}
+
+void ReadIntrinsics(const Node& node, Camera* camera) {
+  const std::vector<std::string> names = ParamNames(camera->model);
+  if (!node.value->is_object()) node.Fail("an object with fx, fy, cx, cy and the distortion was expected");
+  camera->params.resize(static_cast<Eigen::Index>(names.size()));
+  for (size_t i = 0; i < names.size(); ++i) camera->params[static_cast<Eigen::Index>(i)] = node.At(names[i]).Number();
+  for (const auto& [key, ignored] : node.value->items()) {
+    if (std::find(names.begin(), names.end(), key) == names.end()) {
+      node.Fail("'" + key + "' is no parameter of the model " + std::string(ToString(camera->model)));
+    }
+  }
+  for (const char* focal : {"fx", "fy"}) {
+    if (!(node.At(focal).Number() > 0)) node.At(focal).Fail("a focal length must be positive");
+  }
+}
+
+RigCamera ReadCamera(const Node& node) {
+  node.RequireObject({"name", "model", "size_px", "intrinsics", "cam_from_world", "intrinsics_covariance",
+                      "cam_from_world_covariance"});
+  RigCamera camera;
+  camera.camera.name = node.At("name").Text();
+  if (camera.camera.name.empty()) node.At("name").Fail("a camera needs a name");
+  const std::string model = node.At("model").Text();
+  const std::optional<LensModel> known = LensModelFromString(model);
+  if (!known) node.At("model").Fail("unknown lens model '" + model + "'");
+  camera.camera.model = *known;
+  const Node size = node.At("size_px");
+  size.RequireArray(2);
+  camera.camera.width_px = size.At(0).SizePx();
+  camera.camera.height_px = size.At(1).SizePx();
+  ReadIntrinsics(node.At("intrinsics"), &camera.camera);
+  const Node transform = node.At("cam_from_world");
+  transform.RequireObject({"rotation_xyzw", "translation"});
+  camera.cam_from_world.rotation = ReadRotation(transform.At("rotation_xyzw"));
+  camera.cam_from_world.translation = transform.At("translation").Vector(3);
+  if (node.Find("intrinsics_covariance")) {
+    camera.params_covariance = ReadCovariance(node.At("intrinsics_covariance"), camera.camera.params.size());
+  }
+  if (node.Find("cam_from_world_covariance")) {
+    camera.cam_from_world_covariance = ReadCovariance(node.At("cam_from_world_covariance"), 6);
+  }
+  return camera;
+}
+
+template <class Derived>
+Json VectorToJson(const Eigen::MatrixBase<Derived>& vector) {
+  Json json = Json::array();
+  for (Eigen::Index i = 0; i < vector.size(); ++i) json.push_back(static_cast<double>(vector[i]));
+  return json;
+}
+
+Json MatrixToJson(const Eigen::MatrixXd& matrix) {
+  Json json = Json::array();
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) json.push_back(VectorToJson(Eigen::VectorXd(matrix.row(i))));
+  return json;
+}
+
+/// One line for each entry, so that files can be read and compared by eye.
+std::string CameraToText(const RigCamera& camera) {
+  const std::vector<std::string> names = ParamNames(camera.camera.model);
+  Json intrinsics;
+  for (size_t i = 0; i < names.size(); ++i) intrinsics[names[i]] = camera.camera.params[static_cast<Eigen::Index>(i)];
+  Json json;
+  json["name"] = camera.camera.name;
+  json["model"] = ToString(camera.camera.model);
+  json["size_px"] = {camera.camera.width_px, camera.camera.height_px};
+  json["intrinsics"] = intrinsics;
+  json["cam_from_world"] = {{"rotation_xyzw", VectorToJson(camera.cam_from_world.rotation.coeffs())},
+                            {"translation", VectorToJson(camera.cam_from_world.translation)}};
+  if (camera.params_covariance) json["intrinsics_covariance"] = MatrixToJson(*camera.params_covariance);
+  if (camera.cam_from_world_covariance) json["cam_from_world_covariance"] = MatrixToJson(*camera.cam_from_world_covariance);
+  std::string text;
+  for (const auto& [key, value] : json.items()) {
+    text += (text.empty() ? "    {\n      " : ",\n      ") + Json(key).dump() + ": " + value.dump();
+  }
+  return text + "\n    }";
+}
+
+void ValidateForWriting(const Rig& rig) {
+  MVS_CHECK(!rig.cameras.empty(), "a rig without cameras cannot be written");
+  std::set<std::string> names;
+  for (const RigCamera& camera : rig.cameras) {
+    const std::string who = "camera '" + camera.camera.name + "': ";
+    Validate(camera.camera);
+    MVS_CHECK(!camera.camera.name.empty() && names.insert(camera.camera.name).second, who << "the name is empty or used twice");
+    MVS_CHECK(camera.cam_from_world.translation.allFinite(), who << "the translation is not finite");
+    MVS_CHECK(std::abs(camera.cam_from_world.rotation.norm() - 1) < 1e-9, who << "the rotation is not a unit quaternion");
+    const auto& params = camera.params_covariance;
+    const Eigen::Index count = camera.camera.params.size();
+    MVS_CHECK(!params || (params->rows() == count && params->cols() == count && params->allFinite()),
+              who << "the covariance of the intrinsics has the wrong size or is not finite");
+    MVS_CHECK(!camera.cam_from_world_covariance || camera.cam_from_world_covariance->allFinite(),
+              who << "the covariance of cam_from_world is not finite");
+  }
+}
+
+}  // namespace
+
+Rig RigFromJsonText(const std::string& text, const std::string& path_for_messages) {
+  const Json json = ParseChecked(text, path_for_messages);
+  const Node root{&json, &path_for_messages, ""};
+  root.RequireObject({"schema", "unit", "gauge", "cameras"});
+  const std::string schema = root.At("schema").Text();
+  if (schema != kCalibrationSchema) root.At("schema").Fail("'" + schema + "', this version reads " + kCalibrationSchema);
+  if (root.At("unit").Text() != "m") root.At("unit").Fail("'" + root.At("unit").Text() + "', this schema is in \"m\"");
+  Rig rig;
+  if (root.Find("gauge")) rig.gauge = root.At("gauge").Text();
+  const Node cameras = root.At("cameras");
+  if (!cameras.value->is_array() || cameras.value->empty()) cameras.Fail("a list of at least one camera was expected");
+  for (size_t i = 0; i < cameras.value->size(); ++i) {
+    RigCamera camera = ReadCamera(cameras.At(i));
+    if (rig.Find(camera.camera.name) >= 0) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
+    rig.cameras.push_back(std::move(camera));
+  }
+  return rig;
+}
+
+std::string RigToJsonText(const Rig& rig) {
+  ValidateForWriting(rig);
+  try {
+    std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() + ",\n  \"unit\": \"m\",\n  \"gauge\": " +
+                       Json(rig.gauge).dump() + ",\n  \"cameras\": [\n";
+    for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
+    return text + "\n  ]\n}\n";
+  } catch (const Json::exception& error) {
+    throw ContractViolation(std::string("a camera name or the gauge is not UTF-8: ") + error.what());
+  }
+}
+
+Rig ReadRig(const std::string& path) { return RigFromJsonText(ReadFile(path), path); }
+
+void WriteRig(const Rig& rig, const std::string& path) { WriteFileAtomic(path, RigToJsonText(rig)); }
+
+}  // namespace mvstudio::geometry

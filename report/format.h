@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace mvstudio::report {
+
+/// What is shown for a number that does not exist.
+inline constexpr char kNoNumber[] = "\u2013";
+
+/// `significant` digits without superfluous exponent ("0.2341", "1285", "3.1e-06"); kNoNumber when not finite.
+std::string FormatNumber(double value, int significant = 4);
+std::string FormatFixed(double value, int decimals);
+/// Whole number with thin spaces between thousands.
+std::string FormatCount(double value);
+/// "4.213 mm"; the bare kNoNumber when not finite. No space before "%" and "°".
+std::string FormatWithUnit(double value, const std::string& unit, int significant = 4);
+/// "850 ms", "12.3 s", "4 min 5 s", "2 h 3 min".
+std::string FormatDuration(double seconds);
+
+/// A key of the JSON contract as people read it: "holdout_rms_px" -> {"held-out rms", "px"}.
+struct KeyLabel {
+  std::string label, unit;
+};
+KeyLabel LabelOfKey(const std::string& key);
+
+/// Of the finite values; NaN when there are none. `fraction` in [0, 1], linear interpolation between order statistics.
+double Quantile(std::vector<double> values, double fraction);
+double Median(const std::vector<double>& values);
+
+}  // namespace mvstudio::report

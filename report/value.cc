@@ -1,0 +1,139 @@
+#include "report/value.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+
+namespace mvstudio::report {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr int kMaxDepth = 64;
+
+/// Deepest nesting of brackets outside strings: the parser and the destructor of the tree recurse that far.
+int NestingDepth(const std::string& text) {
+  int depth = 0, deepest = 0;
+  bool in_string = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') ++i;
+      if (c == '"') in_string = false;
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '[' || c == '{') {
+      deepest = std::max(deepest, ++depth);
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
+  return deepest;
+}
+
+Value FromJson(const Json& json) {
+  switch (json.type()) {
+    case Json::value_t::boolean: return json.get<bool>();
+    case Json::value_t::number_integer: return json.get<int64_t>();
+    case Json::value_t::number_unsigned: {
+      const uint64_t number = json.get<uint64_t>();
+      if (number > static_cast<uint64_t>(INT64_MAX)) return static_cast<double>(number);
+      return static_cast<int64_t>(number);
+    }
+    case Json::value_t::number_float: return json.get<double>();
+    case Json::value_t::string: return json.get<std::string>();
+    case Json::value_t::array: {
+      Value array = Value::Array();
+      for (const Json& item : json) array.Append(FromJson(item));
+      return array;
+    }
+    case Json::value_t::object: {
+      Value object = Value::Object();
+      for (const auto& [key, item] : json.items()) object.Set(key, FromJson(item));
+      return object;
+    }
+    default: return {};
+  }
+}
+
+Json ToJson(const Value& value) {
+  switch (value.kind()) {
+    case Value::Kind::kBool: return value.Flag();
+    case Value::Kind::kInteger: return value.integer();
+    case Value::Kind::kNumber: return std::isfinite(value.Number()) ? Json(value.Number()) : Json();
+    case Value::Kind::kText: return value.Text();
+    case Value::Kind::kArray: {
+      Json array = Json::array();
+      for (const Value& item : value.items()) array.push_back(ToJson(item));
+      return array;
+    }
+    case Value::Kind::kObject: {
+      Json object = Json::object();
+      for (const auto& [key, item] : value.fields()) object[key] = ToJson(item);
+      return object;
+    }
+    default: return {};
+  }
+}
+
+}  // namespace
+
+Value Value::Parse(const std::string& json_text, const std::string& path_for_messages) {
+  if (NestingDepth(json_text) > kMaxDepth) {
+    throw FormatError(path_for_messages, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
+  }
+  try {
+    return FromJson(Json::parse(json_text));
+  } catch (const Json::parse_error& error) {
+    throw FormatError(path_for_messages, "byte " + std::to_string(error.byte),
+                      json_text.empty() ? "the file is empty" : "not valid JSON, perhaps truncated");
+  } catch (const Json::exception&) {
+    throw FormatError(path_for_messages, "", "not valid JSON");
+  }
+}
+
+std::string Value::Dump(int indent) const { return ToJson(*this).dump(indent, ' ', false, Json::error_handler_t::replace); }
+
+const Value& Value::operator[](const std::string& key) const {
+  static const Value null;
+  const auto found = std::find_if(fields_.begin(), fields_.end(), [&](const auto& field) { return field.first == key; });
+  return found == fields_.end() ? null : found->second;
+}
+
+const Value& Value::At(size_t index) const {
+  static const Value null;
+  return index < items_.size() ? items_[index] : null;
+}
+
+double Value::Number(double fallback) const {
+  if (kind_ == Kind::kInteger) return static_cast<double>(integer_);
+  return kind_ == Kind::kNumber ? number_ : fallback;
+}
+
+double Value::FirstNumber(const std::vector<std::string>& keys) const {
+  for (const std::string& key : keys) {
+    const double number = (*this)[key].Number();
+    if (std::isfinite(number)) return number;
+  }
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+Value& Value::Set(const std::string& key, Value value) {
+  if (kind_ == Kind::kNull) kind_ = Kind::kObject;
+  const auto found = std::find_if(fields_.begin(), fields_.end(), [&](const auto& field) { return field.first == key; });
+  if (found == fields_.end()) {
+    fields_.emplace_back(key, std::move(value));
+  } else {
+    found->second = std::move(value);
+  }
+  return *this;
+}
+
+Value& Value::Append(Value value) {
+  if (kind_ == Kind::kNull) kind_ = Kind::kArray;
+  items_.push_back(std::move(value));
+  return *this;
+}
+
+}  // namespace mvstudio::report

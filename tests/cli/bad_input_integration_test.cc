@@ -1,0 +1,148 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "tests/support/run_cli.h"
+
+namespace mvstudio::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// A tiny session with true calibration and joints; made once, copied by tests that damage it.
+class BadInput : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TempDir;
+    const CliRun run = RunCli({"synth", "--out", *folder_ / "studio", "--cameras", "3", "--size", "320x240", "--board-frames", "3",
+                               "--take-frames", "6"});
+    ASSERT_EQ(run.exit, 0) << run.err;
+  }
+  static void TearDownTestSuite() {
+    delete folder_;
+    folder_ = nullptr;
+  }
+  void SetUp() override {
+    session_ = work_ / "studio";
+    fs::copy(*folder_ / "studio", session_, fs::copy_options::recursive);
+  }
+
+  std::vector<std::string> Triangulate() const {
+    std::vector<std::string> words = {"triangulate", "--calib", session_ + "/truth/calibration.json", "--skeleton", "body25",
+                                      "--out", work_ / "pose3d"};
+    for (const char* camera : {"cam_01", "cam_02", "cam_03"}) {
+      words.insert(words.end(), {"--pose2d", std::string(camera) + "=" + session_ + "/pose2d/take1/" + camera});
+    }
+    return words;
+  }
+  std::vector<std::string> Build() const {
+    std::vector<std::string> words = {"dataset", "build", "--calib", session_ + "/truth/calibration.json", "--pose3d",
+                                      session_ + "/truth/pose3d", "--out", work_ / "dataset"};
+    for (const char* camera : {"cam_01", "cam_02", "cam_03"}) {
+      words.insert(words.end(), {"--video", std::string(camera) + "=" + session_ + "/raw/take1/" + camera + ".mp4"});
+    }
+    return words;
+  }
+  /// The command fails with `exit`, one line on stderr holding every one of `parts`, and leaves no output and no rubbish.
+  void ExpectFailure(const std::vector<std::string>& words, int exit, const std::vector<std::string>& parts, const std::string& output,
+                     const std::string& prefix = "") {
+    const CliRun run = RunCli(words, prefix);
+    EXPECT_EQ(run.exit, exit) << run.err;
+    for (const std::string& part : parts) EXPECT_THAT(run.err, HasSubstr(part));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_FALSE(fs::exists(output)) << output;
+    for (const auto& entry : fs::directory_iterator(work_.path())) {
+      EXPECT_THAT(entry.path().string(), ::testing::Not(HasSubstr(".tmp-")));
+    }
+  }
+
+  TempDir work_;
+  std::string session_;
+
+ private:
+  static TempDir* folder_;
+};
+TempDir* BadInput::folder_ = nullptr;
+
+std::string FirstFile(const std::string& folder) {
+  std::string first;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (first.empty() || entry.path().string() < first) first = entry.path().string();
+  }
+  return first;
+}
+
+TEST_F(BadInput, TheSessionItselfIsGood) {
+  EXPECT_EQ(RunCli(Triangulate()).exit, 0);
+  const CliRun build = RunCli(Build());
+  EXPECT_EQ(build.exit, 0) << build.err;
+}
+
+TEST_F(BadInput, TruncatedPoseJson) {
+  const std::string victim = FirstFile(session_ + "/pose2d/take1/cam_02");
+  fs::resize_file(victim, fs::file_size(victim) / 2);
+  ExpectFailure(Triangulate(), 3, {victim, "cam_02"}, work_ / "pose3d");
+}
+
+TEST_F(BadInput, EmptyPoseFolder) {
+  const std::string victim = session_ + "/pose2d/take1/cam_03";
+  fs::remove_all(victim);
+  fs::create_directory(victim);
+  ExpectFailure(Triangulate(), 3, {victim}, work_ / "pose3d");
+}
+
+TEST_F(BadInput, CameraInThePosesButNotInTheCalibration) {
+  auto words = Triangulate();
+  words.insert(words.end(), {"--pose2d", "cam_77=" + session_ + "/pose2d/take1/cam_01"});
+  ExpectFailure(words, 3, {"cam_77", "cam_01"}, work_ / "pose3d");
+}
+
+TEST_F(BadInput, TruncatedCalibration) {
+  const std::string victim = session_ + "/truth/calibration.json";
+  fs::resize_file(victim, fs::file_size(victim) / 2);
+  ExpectFailure(Triangulate(), 3, {victim}, work_ / "pose3d");
+}
+
+TEST_F(BadInput, TruncatedVideo) {
+  const std::string victim = session_ + "/raw/take1/cam_02.mp4";
+  fs::resize_file(victim, fs::file_size(victim) / 2);
+  ExpectFailure(Build(), 3, {victim, "cam_02"}, work_ / "dataset");
+}
+
+TEST_F(BadInput, PictureSizeThatContradictsTheCalibration) {
+  const std::string path = session_ + "/truth/calibration.json";
+  nlohmann::json calibration = nlohmann::json::parse(Slurp(path));
+  calibration["cameras"][1]["size_px"] = {640, 200};
+  std::ofstream(path) << calibration;
+  ExpectFailure(Build(), 3, {"cam_02", "320x240", "640x200"}, work_ / "dataset");
+}
+
+TEST_F(BadInput, BoardNeverSeen) {
+  std::vector<std::string> words = {"calibrate", "--board", "charuco:8x6:100mm:75mm", "--out", work_ / "run"};
+  for (const char* camera : {"cam_01", "cam_02"}) {
+    words.insert(words.end(), {"--camera", std::string(camera) + "=" + session_ + "/raw/take1/" + camera + ".mp4"});
+  }
+  ExpectFailure(words, 5, {"cam_01", "board"}, work_ / "run/calibration.json");
+}
+
+TEST_F(BadInput, NoSpaceLeftOnTheDevice) {
+  const std::string disk = work_ / "disk";
+  fs::create_directory(disk);
+  if (std::system("unshare -m true 2>/dev/null") != 0) GTEST_SKIP() << "needs the right to mount a small file system";
+  auto words = Build();
+  *std::find(words.begin(), words.end(), work_ / "dataset") = disk + "/dataset";
+  std::string line;
+  for (const std::string& word : words) line += " " + ShellQuote(word);
+  const std::string script = "mount -t tmpfs -o size=100k none " + disk + " && " + ShellQuote(CliPath()) + line + "; code=$?; ls -A " + disk +
+                             "; exit $code";
+  const std::string err = work_ / "err", out = work_ / "out";
+  const int status = std::system(("unshare -m sh -c " + ShellQuote(script) + " >" + out + " 2>" + err).c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 7) << Slurp(err);
+  EXPECT_THAT(Slurp(err), HasSubstr("No space left"));
+  EXPECT_EQ(Slurp(out), "");  // nothing was left on the full disk
+}
+
+}  // namespace
+}  // namespace mvstudio::testing

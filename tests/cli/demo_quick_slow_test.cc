@@ -1,0 +1,26 @@
+#include <gtest/gtest.h>
+
+#include "tests/support/run_cli.h"
+
+namespace mvstudio::testing {
+namespace {
+
+TEST(Demo, QuickOneRunsTheWholeRoad) {
+  TempDir work;
+  const CliRun run = RunCli({"demo", "--quick", "--out", work / "demo", "--json"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const nlohmann::json json = run.Json();
+  const nlohmann::json& truth = json["metrics"]["truth"];
+  EXPECT_LT(truth["rig_rotation_deg"].get<double>(), 0.2);
+  EXPECT_LT(truth["rig_translation_mm"].get<double>(), 8);
+  EXPECT_LT(truth["joints_median_mm"].get<double>(), 10);
+  for (const char* file : {"report.html", "report.json", "calibration.json", "pose3d/points.csv", "dataset/dataset.json",
+                           "avatar/checkpoint.safetensors", "provenance.jsonl"}) {
+    EXPECT_TRUE(std::filesystem::exists(work / "demo/" + file)) << file;
+  }
+  // A second demo into the same folder is refused unless asked for.
+  EXPECT_EQ(RunCli({"demo", "--quick", "--out", work / "demo"}).exit, 2);
+}
+
+}  // namespace
+}  // namespace mvstudio::testing

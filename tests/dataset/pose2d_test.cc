@@ -1,0 +1,181 @@
+#include "dataset/pose2d.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+#include "core/random.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class Pose2d : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::temp_directory_path() / ("mvstudio_pose2d_" + std::to_string(getpid()) + "_" + info->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  void Put(const std::string& name, const std::string& content) const { std::ofstream(folder_ / name) << content; }
+  Pose2dTrack Read(const char* skeleton = "coco17") const {
+    return ReadOpenPoseFolder(folder_.string(), "cam_03", body::SkeletonByName(skeleton));
+  }
+  template <class E>
+  std::string MessageOf(const char* skeleton = "coco17") const {
+    try {
+      Read(skeleton);
+    } catch (const E& error) {
+      return error.what();
+    }
+    return "no such exception";
+  }
+  static std::string People(size_t num_numbers) {
+    std::string text = "{\"version\":1.3,\"people\":[{\"pose_keypoints_2d\":[";
+    for (size_t i = 0; i < num_numbers; ++i) text += (i ? "," : "") + std::to_string(i) + ".5";
+    return text + "]}]}";
+  }
+  fs::path folder_;
+};
+
+Pose2dTrack RandomTrack(uint64_t seed) {
+  Rng rng(seed);
+  Pose2dTrack track{"cam_03", {}};
+  for (const int frame : {0, 7, 123456}) {
+    auto& people = track.frames[frame];
+    people.resize(static_cast<size_t>(rng.Index(3)));
+    for (Person2d& person : people) {
+      for (int k = 0; k < 25; ++k) person.keypoints.push_back({rng.Uniform(-5, 2000), rng.Uniform(-5, 2000), rng.Uniform()});
+    }
+  }
+  return track;
+}
+
+TEST_F(Pose2d, RoundTripIsExact) {
+  for (uint64_t seed = 1; seed <= 5; ++seed) {
+    fs::remove_all(folder_);
+    const Pose2dTrack track = RandomTrack(seed);
+    WriteOpenPoseFolder(track, folder_.string());
+    const Pose2dTrack read = Read("body25");
+    ASSERT_EQ(read.frames.size(), track.frames.size());
+    for (const auto& [frame, people] : track.frames) {
+      ASSERT_EQ(read.frames.at(frame).size(), people.size());
+      for (size_t p = 0; p < people.size(); ++p) {
+        for (size_t k = 0; k < 25; ++k) {
+          EXPECT_EQ(read.frames.at(frame)[p].keypoints[k].x_px, people[p].keypoints[k].x_px);
+          EXPECT_EQ(read.frames.at(frame)[p].keypoints[k].y_px, people[p].keypoints[k].y_px);
+          EXPECT_EQ(read.frames.at(frame)[p].keypoints[k].score, people[p].keypoints[k].score);
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Pose2d, FrameNumbersOfAllNamings) {
+  const std::string empty = "{\"people\":[]}";
+  Put("cam01.0004.json", empty);
+  Put("00000012_keypoints.json", empty);
+  Put("take2_000000000099_keypoints.json", empty);
+  Put("00_03_00000100.json", empty);
+  Put("notes.txt", "not a key-point file");
+  const Pose2dTrack track = Read();
+  std::vector<int> frames;
+  for (const auto& [frame, people] : track.frames) {
+    frames.push_back(frame);
+    EXPECT_TRUE(people.empty());
+  }
+  EXPECT_THAT(frames, ::testing::ElementsAre(4, 12, 99, 100));
+}
+
+TEST_F(Pose2d, EmptyAndMissingFolders) {
+  EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no .json")));
+  fs::remove_all(folder_);
+  EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no such folder")));
+}
+
+TEST_F(Pose2d, TruncatedJsonNamesFileCameraAndFrame) {
+  const std::string whole = People(51);
+  for (size_t size = 0; size < whole.size(); size += 7) {
+    Put("f_0042_keypoints.json", whole.substr(0, size));
+    EXPECT_THAT(MessageOf<FormatError>(),
+                AllOf(HasSubstr("f_0042_keypoints.json"), HasSubstr("cam_03"), HasSubstr("frame 42"), HasSubstr("truncated")))
+        << size;
+  }
+}
+
+TEST_F(Pose2d, DamagedContentIsRefused) {
+  Put("1.json", "{\"people\": [ } ");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("damaged"));
+  Put("1.json", "[1, 2]");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("people"));
+  Put("1.json", "{\"people\":[{\"pose_keypoints_2d\":\"x\"}]}");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("people[0].pose_keypoints_2d"));
+  Put("1.json", "{\"people\":[{\"pose_keypoints_2d\":[1e999]}]}");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("1.json"));
+  std::string with_null = People(51);
+  with_null.replace(with_null.find("4.5"), 3, "null");
+  Put("1.json", with_null);
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("pose_keypoints_2d[4]"));
+  Put("1.json", std::string(100000, '['));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("nested deeper"));
+}
+
+TEST_F(Pose2d, WrongSkeletonNamesTheOneThatFits) {
+  Put("1.json", People(75));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("--skeleton body25 or body25b would fit"));
+  Put("1.json", People(18 * 3));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("coco18"));
+  Put("1.json", People(76));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("no known skeleton"));
+}
+
+TEST_F(Pose2d, DuplicateAndMissingFrameNumbers) {
+  Put("a_1.json", "{\"people\":[]}");
+  Put("b_1.json", "{\"people\":[]}");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("same frame number"));
+  fs::remove(folder_ / "b_1.json");
+  Put("pose_keypoints.json", "{\"people\":[]}");
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("no frame number"));
+}
+
+TEST_F(Pose2d, MutationsNeverCrash) {
+  const std::string whole = People(51);
+  Rng rng(7);
+  int refused = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    std::string mutated = whole;
+    for (int k = 0; k < 3; ++k) mutated[static_cast<size_t>(rng.Index(static_cast<int64_t>(whole.size())))] = static_cast<char>(rng.Index(256));
+    Put("1.json", mutated);
+    try {
+      for (const Person2d& person : Read().frames.at(1)) EXPECT_EQ(person.keypoints.size(), 17u);
+    } catch (const FormatError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 100);
+}
+
+TEST_F(Pose2d, ReadsRealFilesOfPose2Sim) {
+  const char* data = std::getenv("MVSTUDIO_DATA");
+  const char* source = std::getenv("MVSTUDIO_SOURCE");
+  const fs::path root = data ? fs::path(data) : fs::path(source ? source : ".") / ".." / "shared" / "data";
+  const fs::path folder = root / "pose2sim" / "balancing" / "pose" / "cam01_json";
+  if (!fs::exists(folder)) GTEST_SKIP() << "data set pose2sim is not there";
+  const Pose2dTrack track = ReadOpenPoseFolder(folder.string(), "cam_01", body::SkeletonByName("body25b"));
+  EXPECT_EQ(track.frames.size(), 100u);
+  ASSERT_EQ(track.frames.at(0).size(), 2u);
+  EXPECT_EQ(track.frames.at(0)[0].keypoints[0].x_px, 505.232);
+  EXPECT_EQ(track.frames.at(0)[0].keypoints[24].score, 0.555979);
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset

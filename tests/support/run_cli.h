@@ -1,0 +1,54 @@
+#pragma once
+
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::testing {
+
+struct CliRun {
+  int exit = -1;
+  std::string out, err;
+  /// stdout as JSON; a discarded value when it is not exactly one object.
+  nlohmann::json Json() const { return nlohmann::json::parse(out, nullptr, false); }
+};
+
+inline std::string Slurp(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+inline std::string ShellQuote(const std::string& word) {
+  std::string quoted = "'";
+  for (char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+/// Path of the program under test: MVSTUDIO_BIN, as ctest sets it.
+inline std::string CliPath() {
+  const char* path = std::getenv("MVSTUDIO_BIN");
+  return path ? path : "build/release/bin/mvstudio";
+}
+
+/// Runs `mvstudio WORDS…`; `prefix` is put before the command in the shell (ulimit, environment).
+inline CliRun RunCli(const std::vector<std::string>& words, const std::string& prefix = "") {
+  TempDir folder;
+  std::string line = prefix + ShellQuote(CliPath());
+  for (const std::string& word : words) line += " " + ShellQuote(word);
+  line += " >" + ShellQuote(folder.path() + "/out") + " 2>" + ShellQuote(folder.path() + "/err") + " </dev/null";
+  const int status = std::system(line.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Slurp(folder.path() + "/out"), Slurp(folder.path() + "/err")};
+}
+
+}  // namespace mvstudio::testing
