@@ -30,6 +30,10 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
 at::Tensor BoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
                     int64_t height, int64_t width);
 
+/// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1].
+at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
+                        const at::Tensor& background);
+
 struct Rendering {
   at::Tensor image;      ///< (B, 3, H, W) float32 in [0, 1], RGB
   at::Tensor mask_prob;  ///< (B, H, W) float32, probability of the person

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/fields.h"
@@ -70,7 +71,6 @@ struct TrainOptions {
   double jitter_scale = 0.1;
   double jitter_shift = 0.05;
   double jitter_roll_deg = 5.0;
-  double ema = 0.0;
   int texture_pictures = 64;
   int save_every = 200;
   int report_every = 20;
@@ -99,7 +99,6 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");
   visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; pictures are turned at random about their centre by up to this angle");
-  visit("ema", o.ema, "decay of the running mean of the weights that is kept as the result, e.g. 0.995; 0: the last weights");
   visit("texture-pictures", o.texture_pictures, "pictures whose colours are averaged into the first textures");
   visit("save-every", o.save_every, "steps between checkpoints");
   visit("report-every", o.report_every, "steps between rows of the history");

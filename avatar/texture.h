@@ -12,7 +12,7 @@ at::Tensor SampleTextures(const at::Tensor& textures, const at::Tensor& part_pro
 
 /// Running mean of the colours assigned to each texel, spread with bilinear weights.
 struct TextureSums {
-  at::Tensor colour;  // (24, 3, S, S) float32, sum of weight * colour
+  at::Tensor colour;  // (24, S, S, 3) float32, sum of weight * colour
   at::Tensor weight;  // (24, S, S) float32
 };
 TextureSums ZeroTextureSums(int64_t size_px);

@@ -45,7 +45,6 @@ class Trainer {
   /// that is not finite ends the run with the weights and textures of the step before.
   TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
 
-  /// Weights as they are (the running mean when `ema` is on).
   AvatarModel& model();
   /// Everything needed to continue: weights, textures, Adam's moments, step, seed, options.
   TensorFile Checkpoint() const;

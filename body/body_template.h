@@ -56,7 +56,7 @@ Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose);
 Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose);
 
 /// Texture atlas of the mannequin: 24 charts, each size x size RGB, with patterns of several scales down to the finest a picture
-/// could show. Chart k is part k + 1.
+/// could show. Chart k is part k + 1; the centre of pixel (x, y) has u = (x + 0.5) / size, v = (y + 0.5) / size.
 std::array<Image, kNumParts> MannequinTextures(int size_px, uint64_t seed);
 
 }  // namespace mvstudio::body

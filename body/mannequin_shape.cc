@@ -64,10 +64,10 @@ void AddArms(const MannequinJoints& j, std::vector<Tube>* tubes) {
            {{0, 0.044, 0.042, 0}, {0.28, 0.046, 0.042, 0}, {0.75, 0.036, 0.032, 0}, {1, 0.033, 0.028, 0}}, 0.03, 0.015}, kForearmR, tubes);
   const Eigen::Vector3d along = (j.hand_tip - j.wrist).normalized();
   AddPair({kHandL, j.wrist, j.hand_tip - 0.012 * along, y,
-           {{0, 0.027, 0.021, 0}, {0.3, 0.040, 0.019, 0}, {0.55, 0.042, 0.017, 0}, {0.8, 0.036, 0.014, 0}, {1, 0.026, 0.011, 0}}, 0.02, 0.012},
+           {{0, 0.028, 0.022, 0}, {0.3, 0.040, 0.021, 0}, {0.55, 0.042, 0.020, 0}, {0.8, 0.037, 0.018, 0}, {1, 0.028, 0.016, 0}}, 0.02, 0.016},
           kHandR, tubes);
-  const Eigen::Vector3d thumb = j.wrist + 0.03 * along - 0.026 * y;
-  AddPair({kHandL, thumb, thumb + 0.050 * along - 0.026 * y, y, {{0, 0.015, 0.014, 0}, {1, 0.011, 0.011, 0}}, 0.012, 0.010}, kHandR, tubes);
+  const Eigen::Vector3d thumb = j.wrist + 0.03 * along - 0.022 * y;
+  AddPair({kHandL, thumb, thumb + 0.045 * along - 0.028 * y, y, {{0, 0.018, 0.017, 0}, {1, 0.015, 0.015, 0}}, 0.014, 0.014}, kHandR, tubes);
 }
 
 void AddLegs(const MannequinJoints& j, std::vector<Tube>* tubes) {
@@ -116,9 +116,9 @@ double ShapeValue(const std::vector<Tube>& tubes, int region, const Eigen::Vecto
 TriangleMesh MeshTubes(const std::vector<Tube>& tubes, double step_m) {
   ScalarGrid grid;
   grid.step_m = step_m;
-  grid.origin = {-0.76, -0.28, -0.04};
-  const Eigen::Vector3d extent(1.52, 0.50, 1.84);
-  grid.size = (extent / step_m).array().ceil().cast<int>() + 1;
+  const int half = static_cast<int>(std::ceil(0.76 / step_m));  // nodes at x = 0: left and right alike
+  grid.origin = {-half * step_m, -0.28, -0.04};
+  grid.size = {2 * half + 1, static_cast<int>(0.50 / step_m) + 2, static_cast<int>(1.84 / step_m) + 2};
   std::vector<double> sums(grid.size.cast<int64_t>().prod(), 0.0);
   for (const Tube& tube : tubes) {
     double reach = kFar;

@@ -132,8 +132,9 @@ void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
   }
   const cv::Mat view(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                      const_cast<uint8_t*>(image.pixels.data()));
-  cv::Mat bgr = view;
-  if (image.channels == 3) cv::cvtColor(view, bgr, cv::COLOR_RGB2BGR);
+  cv::Mat swapped;
+  if (image.channels == 3) cv::cvtColor(view, swapped, cv::COLOR_RGB2BGR);
+  const cv::Mat& bgr = image.channels == 3 ? swapped : view;
   std::vector<int> options;
   if (extension != ".png") options = {cv::IMWRITE_JPEG_QUALITY, jpeg_quality};
   std::vector<uint8_t> bytes;

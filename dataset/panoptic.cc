@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <set>
 
 #include "core/check.h"
 #include "core/files.h"
@@ -36,7 +35,7 @@ Coco19Pose ReadJoints(const JsonView& joints) {
 std::string JointText(double value, const char* format) {
   char text[64];
   std::snprintf(text, sizeof(text), format, value);
-  return std::string(text) == "-0.00000" ? "0.00000" : text;
+  return std::string(text) == "-0" ? "0" : text;
 }
 
 std::string JointsText(const Coco19Pose& pose) {
@@ -49,7 +48,7 @@ std::string JointsText(const Coco19Pose& pose) {
     }
     const Eigen::Vector3d x = pose.x_in_world.col(j);
     MVS_CHECK(x.allFinite(), "joint " << j << " is marked valid and is not finite");
-    text += JointText(100 * x[0], "%.5f") + ", " + JointText(-100 * x[2], "%.5f") + ", " + JointText(100 * x[1], "%.5f") + ", " +
+    text += JointText(100 * x[0], "%.10g") + ", " + JointText(-100 * x[2], "%.10g") + ", " + JointText(100 * x[1], "%.10g") + ", " +
             JointText(pose.confidence[j], "%.6g");
   }
   return text;

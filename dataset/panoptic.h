@@ -28,7 +28,7 @@ Body3dScene ReadBody3dSceneFile(const std::string& path);
 
 /// body3DScene_%08d.json: person id -> joints. Invalid joints are (0, 0, 0, -1) in the file and `valid == false` here.
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path);
-/// Coordinates with five decimals of a centimetre (0.1 micrometre), confidences with six significant digits.
+/// The bytes of CMU's writer, but coordinates with ten significant digits instead of six (a file of CMU survives unchanged).
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path);
 
 /// A dataset folder in Panoptic layout, ours or foreign.

@@ -1,4 +1,5 @@
-#include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <set>
 
@@ -78,13 +79,15 @@ RigCamera ReadCamera(const JsonView& json) {
   return camera;
 }
 
-/// The centimetres whose hundredth is exactly `metres`, so that files survive a round trip.
+/// The shortest decimal of centimetres whose hundredth is exactly `metres`: files survive a round trip unchanged.
 double Centimetres(double metres) {
-  const double guess = metres * 100.0;
-  for (const double cm : {guess, std::nextafter(guess, INFINITY), std::nextafter(guess, -INFINITY)}) {
+  char text[32];
+  for (int digits = 9; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof(text), "%.*g", digits, metres * 100.0);
+    const double cm = std::strtod(text, nullptr);
     if (cm / 100.0 == metres) return cm;
   }
-  return guess;
+  return metres * 100.0;
 }
 
 /// k1, k2, p1, p2, k3.

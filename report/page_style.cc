@@ -64,7 +64,8 @@ svg .err{stroke:var(--ink);fill:none}svg .ink{fill:var(--ink);stroke:none}
 .s0{stroke:var(--c0);fill:none}.s1{stroke:var(--c1);fill:none}.s2{stroke:var(--c2);fill:none}.s3{stroke:var(--c3);fill:none}
 .s4{stroke:var(--c4);fill:none}.s5{stroke:var(--c5);fill:none}.s6{stroke:var(--c6);fill:none}.s7{stroke:var(--c7);fill:none}
 .f0{fill:var(--c0)}.f1{fill:var(--c1)}.f2{fill:var(--c2)}.f3{fill:var(--c3)}.f4{fill:var(--c4)}.f5{fill:var(--c5)}.f6{fill:var(--c6)}
-.f7{fill:var(--c7)}.soft{fill-opacity:.16}.dots{stroke-linecap:round}.faint{opacity:.45}
+.f7{fill:var(--c7)}.h1,.h2,.h3,.h4{fill:var(--c0)}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}.h4{fill-opacity:.9}
+.soft{fill-opacity:.16}.dots{stroke-linecap:round}.faint{opacity:.45}
 footer{margin-top:2rem;padding-top:.6rem;border-top:1px solid var(--rule);color:var(--muted);font-size:.86em}
 )css";
 

@@ -101,6 +101,16 @@ const Value& Value::operator[](const std::string& key) const {
   return found == fields_.end() ? null : found->second;
 }
 
+const Value& Value::Path(const std::string& dotted) const {
+  const Value* value = this;
+  for (size_t begin = 0; begin <= dotted.size();) {
+    const size_t end = std::min(dotted.find('.', begin), dotted.size());
+    value = &(*value)[dotted.substr(begin, end - begin)];
+    begin = end + 1;
+  }
+  return *value;
+}
+
 const Value& Value::At(size_t index) const {
   static const Value null;
   return index < items_.size() ? items_[index] : null;
@@ -113,7 +123,7 @@ double Value::Number(double fallback) const {
 
 double Value::FirstNumber(const std::vector<std::string>& keys) const {
   for (const std::string& key : keys) {
-    const double number = (*this)[key].Number();
+    const double number = Path(key).Number();
     if (std::isfinite(number)) return number;
   }
   return std::numeric_limits<double>::quiet_NaN();

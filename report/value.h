@@ -41,6 +41,8 @@ class Value {
   /// Field `key`, or null.
   const Value& operator[](const std::string& key) const;
   const Value& operator[](const char* key) const { return (*this)[std::string(key)]; }
+  /// The value at a dotted path of fields ("holdout.fd.value"), or null.
+  const Value& Path(const std::string& dotted) const;
   /// Item `index` of an array, or null.
   const Value& At(size_t index) const;
   const Items& items() const { return items_; }
@@ -51,7 +53,7 @@ class Value {
   std::string Text(const std::string& fallback = {}) const { return kind_ == Kind::kText ? text_ : fallback; }
   int64_t integer() const { return integer_; }
 
-  /// First of `keys` that holds a finite number, or NaN.
+  /// First of `keys` (dotted paths) that holds a finite number, or NaN.
   double FirstNumber(const std::vector<std::string>& keys) const;
 
   /// Both turn a null value into an object or array first and return *this.

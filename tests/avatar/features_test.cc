@@ -50,8 +50,9 @@ TEST(GaborFeatures, HaveTheirSizeAndDoNotDependOnTheBatch) {
 
 TEST(GaborFeatures, FlatPicturesGiveTheClosedForm) {
   const at::Tensor f = GaborFeatures(at::full({1, 3, 48, 40}, 0.25, at::kDouble))[0];
-  EXPECT_LE((f.slice(0, 0, 144) - std::log(1e-3)).abs().max().item<double>(), 1e-9) << "no energy anywhere";
-  EXPECT_LE(f.slice(0, 144, 234).abs().max().item<double>(), 1e-9) << "no correlation";
+  // float32 filters leave about 1e-8 of 0.25, against a floor of 1e-3
+  EXPECT_LE((f.slice(0, 0, 144) - std::log(1e-3)).abs().max().item<double>(), 1e-4) << "no energy anywhere";
+  EXPECT_LE(f.slice(0, 144, 234).abs().max().item<double>(), 1e-6) << "no correlation";
   EXPECT_NEAR(f[234].item<double>(), 0.25, 1e-12);
   EXPECT_NEAR(f[235].item<double>(), 0, 1e-12);
 }
@@ -64,27 +65,32 @@ TEST(GaborFeatures, AStripeAnswersInItsOrientationAndOctave) {
   EXPECT_GT(f[0].item<double>() - f[36].item<double>(), 0.5) << "octave 1 sees less of it";
 }
 
-TEST(GaborFeatures, DistanceIsMonotoneUnderBlurAndNoiseAndTheFloorIsSmall) {
-  const at::Tensor x = Pictures(40, 2), real = GaborFeatures(x);
-  const double floor = FrechetSplitHalfFloor(real);
-  double last = floor;
+TEST(GaborFeatures, DistanceIsMonotoneUnderBlurAndNoise) {
+  const at::Tensor x = Pictures(24, 2), real = GaborFeatures(x);
+  double last = 0, last_kid = -1;
   for (const double sigma : {0.5, 1.0, 2.0, 4.0}) {
-    const double fd = FrechetDistance(real, GaborFeatures(Blur(x, sigma)));
+    const at::Tensor blurred = GaborFeatures(Blur(x, sigma));
+    const double fd = FrechetDistance(real, blurred), kid = KernelInceptionDistance(real, blurred).value;
     EXPECT_GT(fd, last) << "blur " << sigma;
-    last = fd;
+    EXPECT_GT(kid, last_kid) << "blur " << sigma;
+    last = fd, last_kid = kid;
   }
-  last = 0;
   Rng rng(3);
   at::Tensor noise = at::empty_like(x);
   for (int64_t i = 0; i < noise.numel(); ++i) noise.data_ptr<double>()[i] = rng.Normal();
+  last = 0;
   for (const double sigma : {0.02, 0.05, 0.1, 0.2}) {
-    const at::Tensor noisy = GaborFeatures((x + sigma * noise).clamp(0, 1));
-    const double fd = FrechetDistance(real, noisy);
+    const double fd = FrechetDistance(real, GaborFeatures((x + sigma * noise).clamp(0, 1)));
     EXPECT_GT(fd, last) << "noise " << sigma;
-    EXPECT_GT(KernelInceptionDistance(real, noisy).value, 0);
     last = fd;
   }
-  EXPECT_GT(last, 3 * floor);
+}
+
+TEST(GaborFeatures, UnrelatedPicturesOfTheSameKindAreNearerThanDegradedOnes) {
+  const at::Tensor a = Pictures(24, 4), b = Pictures(24, 5), real = GaborFeatures(a);
+  const double same = FrechetDistance(real, GaborFeatures(b));
+  EXPECT_GT(FrechetDistance(real, GaborFeatures(Blur(b, 1.0))), 1.5 * same);
+  EXPECT_LT(FrechetSplitHalfFloor(GaborFeatures(at::cat({a, b}))), FrechetDistance(real, GaborFeatures(Blur(b, 1.0))));
 }
 
 TEST(GaborFeatures, RefuseSmallPicturesAndNan) {

@@ -1,53 +1,20 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "core/files.h"
 #include "core/image.h"
 #include "core/random.h"
+#include "tests/support/temp_dir.h"
+#include "tests/support/test_data.h"
 
 namespace mvstudio::dataset {
 
-/// A folder of the running test's own, removed at its end.
-class TestFolder {
- public:
-  TestFolder() {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = (std::filesystem::temp_directory_path() /
-             ("mvstudio_" + std::string(info->test_suite_name()) + "_" + info->name() + "_" + std::to_string(getpid()))).string();
-    std::filesystem::remove_all(path_);
-    MakeFolder(path_);
-  }
-  ~TestFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
-/// Folder of real recordings, or "" when the set is not there.
-inline std::string DataFolder(const std::string& set) {
-  const char* data = std::getenv("MVSTUDIO_DATA");
-  const char* source = std::getenv("MVSTUDIO_SOURCE");
-  const std::string root = data ? data : std::string(source ? source : ".") + "/../shared/data";
-  const std::string path = root + "/" + set;
-  return std::filesystem::exists(path) ? path : "";
-}
-
-#define MVS_DATA_OR_SKIP(variable, set)            \
-  const std::string variable = DataFolder(set);    \
-  if (variable.empty()) GTEST_SKIP() << "data set " << set << " is not there"
+inline std::string DataFolder(const std::string& set) { return mvstudio::testing::DataRoot() + "/" + set; }
 
 inline Image RandomImage(int width, int height, int channels, uint64_t seed) {
   Image image(width, height, channels);

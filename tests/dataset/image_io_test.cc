@@ -8,7 +8,7 @@ namespace mvstudio::dataset {
 namespace {
 
 TEST(ImageIo, PngRoundTripIsExact) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   for (const int channels : {1, 3}) {
     const Image image = RandomImage(37, 23, channels, 7);
     WriteImage(image, folder / "a.png");
@@ -20,7 +20,7 @@ TEST(ImageIo, PngRoundTripIsExact) {
 }
 
 TEST(ImageIo, JpegKeepsRedGreenBlueOrder) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   Image image(32, 32, 3);
   for (int i = 0; i < 32 * 32; ++i) image.pixels[3 * i] = 250, image.pixels[3 * i + 1] = 100, image.pixels[3 * i + 2] = 10;
   WriteImage(image, folder / "a.jpg", 95);
@@ -28,7 +28,7 @@ TEST(ImageIo, JpegKeepsRedGreenBlueOrder) {
 }
 
 TEST(ImageIo, EveryTruncationIsAFormatError) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   const Image image = RandomImage(40, 30, 3, 3);
   for (const std::string name : {"a.png", "a.jpg"}) {
     WriteImage(image, folder / name);
@@ -45,7 +45,7 @@ TEST(ImageIo, EveryTruncationIsAFormatError) {
 }
 
 TEST(ImageIo, DamagedPngIsAFormatError) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   WriteImage(RandomImage(40, 30, 3, 3), folder / "a.png");
   const std::string good = ReadFile(folder / "a.png");
   for (size_t at = 8; at + 4 < good.size(); at += 97) {
@@ -57,7 +57,7 @@ TEST(ImageIo, DamagedPngIsAFormatError) {
 }
 
 TEST(ImageIo, ErrorsNameTheFile) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   EXPECT_THROW(ReadImage(folder / "none.png"), IoError);
   WriteFileAtomic(folder / "text.png", "not a picture");
   try {
@@ -71,7 +71,7 @@ TEST(ImageIo, ErrorsNameTheFile) {
 }
 
 TEST(Frames, FolderAndPatternComeInNumericOrder) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   for (const int i : {10, 2, 1}) WriteImage(Image(8, 8, 3, static_cast<uint8_t>(i)), folder / ("image" + std::to_string(i) + ".png"));
   WriteFileAtomic(folder / "notes.txt", "x");
   for (const std::string& path : {folder.path(), folder / "image*.png"}) {
@@ -88,7 +88,7 @@ TEST(Frames, FolderAndPatternComeInNumericOrder) {
 }
 
 TEST(Frames, MissingAndForeignFiles) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   EXPECT_THROW(OpenFrames(folder.path()), IoError);
   EXPECT_THROW(OpenFrames(folder / "none*.png"), IoError);
   EXPECT_THROW(OpenFrames(folder / "none.mp4"), IoError);

@@ -17,7 +17,8 @@ const char kBand2Poses[] = "panoptic/160906_band2/hdPose3d_stage1_coco19";
 
 /// Panoptic's own formula in its own units: x_cam = R x + t.
 TEST(Panoptic, CamerasKeepOrderNumbersAndPlace) {
-  MVS_DATA_OR_SKIP(path, kBand2);
+  MVS_NEEDS_DATA(kBand2);
+  const std::string path = DataFolder(kBand2);
   const json file = json::parse(ReadFile(path));
   const geometry::Rig rig = ReadPanopticCalibration(path);
   ASSERT_EQ(rig.cameras.size(), 520u);
@@ -41,8 +42,9 @@ TEST(Panoptic, CamerasKeepOrderNumbersAndPlace) {
 }
 
 TEST(Panoptic, CalibrationRoundTrip) {
-  MVS_DATA_OR_SKIP(path, kBand2);
-  TestFolder folder;
+  MVS_NEEDS_DATA(kBand2);
+  const std::string path = DataFolder(kBand2);
+  mvstudio::testing::TempDir folder;
   const geometry::Rig once = ReadPanopticCalibration(path);
   WritePanopticCalibration(once, folder / "calibration_b.json", "copy");
   const geometry::Rig twice = ReadPanopticCalibration(folder / "calibration_b.json");
@@ -69,8 +71,9 @@ TEST(Panoptic, CalibrationRoundTrip) {
 }
 
 TEST(Panoptic, BodySceneOfCmuReadsAndRoundTrips) {
-  MVS_DATA_OR_SKIP(poses, kBand2Poses);
-  TestFolder folder;
+  MVS_NEEDS_DATA(kBand2Poses);
+  const std::string poses = DataFolder(kBand2Poses);
+  mvstudio::testing::TempDir folder;
   for (const std::string& path : Glob(poses)) {
     const Body3dScene scene = ReadBody3dSceneFile(path);
     EXPECT_EQ(scene.people.size(), 3u);
@@ -83,8 +86,9 @@ TEST(Panoptic, BodySceneOfCmuReadsAndRoundTrips) {
 
 /// Numbers aside, the bytes are those of CMU's writer (its line ends depend on the system it ran on).
 TEST(Panoptic, BodySceneHasTheByteFormOfCmu) {
-  MVS_DATA_OR_SKIP(poses, kBand2Poses);
-  TestFolder folder;
+  MVS_NEEDS_DATA(kBand2Poses);
+  const std::string poses = DataFolder(kBand2Poses);
+  mvstudio::testing::TempDir folder;
   const std::string path = Glob(poses)[0];
   const Body3dScene scene = ReadBody3dSceneFile(path);
   WriteBody3dScene(scene.people, scene.univ_time_ms, folder / "copy.json");
@@ -96,7 +100,7 @@ TEST(Panoptic, BodySceneHasTheByteFormOfCmu) {
 }
 
 TEST(Panoptic, InvalidJointsAndEmptyScenes) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   Coco19Pose pose;
   pose.valid[4] = true;
   pose.confidence[4] = 0.5;
@@ -107,7 +111,7 @@ TEST(Panoptic, InvalidJointsAndEmptyScenes) {
   ASSERT_EQ(joints.size(), 76u);
   EXPECT_EQ(joints[0], 0);
   EXPECT_EQ(joints[3], -1);
-  EXPECT_NEAR(joints[16].get<double>(), 12.34568, 1e-12);
+  EXPECT_NEAR(joints[16].get<double>(), 12.3456789, 1e-12);
   EXPECT_NEAR(joints[17].get<double>(), -150, 1e-12);  // y is down
   EXPECT_NEAR(joints[18].get<double>(), -25, 1e-12);
   const auto people = ReadBody3dScene(folder / "a.json");
@@ -118,8 +122,9 @@ TEST(Panoptic, InvalidJointsAndEmptyScenes) {
 }
 
 TEST(Panoptic, TruncatedAndMutatedFilesAreFormatErrors) {
-  MVS_DATA_OR_SKIP(person, "person_a");
-  TestFolder folder;
+  MVS_NEEDS_DATA("person_a");
+  const std::string person = DataFolder("person_a");
+  mvstudio::testing::TempDir folder;
   const std::string calibration = person + "/calibration_person_a.json";
   const std::string pose = person + "/hdPose3d_stage1_coco19/body3DScene_00000000.json";
   for (int i = 0; i < 100; ++i) {
@@ -133,8 +138,9 @@ TEST(Panoptic, TruncatedAndMutatedFilesAreFormatErrors) {
 }
 
 TEST(Panoptic, WrongFieldsAreNamed) {
-  MVS_DATA_OR_SKIP(person, "person_a");
-  TestFolder folder;
+  MVS_NEEDS_DATA("person_a");
+  const std::string person = DataFolder("person_a");
+  mvstudio::testing::TempDir folder;
   const json good = json::parse(ReadFile(person + "/calibration_person_a.json"));
   const auto where = [&](const std::function<void(json&)>& change) -> std::string {
     json bad = good;
@@ -159,7 +165,7 @@ TEST(Panoptic, WrongFieldsAreNamed) {
 }
 
 TEST(Panoptic, LensesBeyondFiveCoefficientsAreRefused) {
-  TestFolder folder;
+  mvstudio::testing::TempDir folder;
   geometry::Rig rig;
   geometry::RigCamera camera;
   camera.camera = geometry::MakePinhole("00_00", 640, 480, 500);
@@ -174,7 +180,8 @@ TEST(Panoptic, LensesBeyondFiveCoefficientsAreRefused) {
 }
 
 TEST(Panoptic, OpensAForeignDataset) {
-  MVS_DATA_OR_SKIP(person, "person_a");
+  MVS_NEEDS_DATA("person_a");
+  const std::string person = DataFolder("person_a");
   const PanopticDataset dataset = OpenPanopticDataset(person);
   EXPECT_EQ(dataset.sequence, "person_a");
   EXPECT_EQ(dataset.rig.cameras.size(), 10u);

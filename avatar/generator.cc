@@ -1,0 +1,124 @@
+#include "avatar/generator.h"
+
+#include <ATen/CPUGeneratorImpl.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "core/check.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+namespace nn = torch::nn;
+
+int Channels(const ModelOptions& o, int level) { return std::min(o.width << level, 8 * o.width); }
+
+/// Instance normalisation has no parameters, so the strided convolutions before it keep a bias, as the released models do.
+bool HasBias(const ModelOptions& o) { return o.norm == "instance"; }
+
+void AddNormRelu(const ModelOptions& o, int channels, bool relu, nn::Sequential& out) {
+  if (o.norm == "batch") {
+    out->push_back(nn::BatchNorm2d(channels));
+  } else {
+    out->push_back(nn::InstanceNorm2d(channels));
+  }
+  if (relu) out->push_back(nn::ReLU(nn::ReLUOptions(true)));
+}
+
+nn::Conv2d Conv(int in, int out, int kernel, int stride, bool bias) {
+  const int padding = stride == 2 ? 1 : kernel / 2;
+  return nn::Conv2d(nn::Conv2dOptions(in, out, kernel).stride(stride).padding(padding).bias(bias));
+}
+
+/// x + norm(conv(relu(norm(conv(x))))).
+class ResBlockImpl : public nn::Module {
+ public:
+  ResBlockImpl(const ModelOptions& o, int channels) {
+    nn::Sequential body;
+    body->push_back(Conv(channels, channels, 3, 1, false));
+    AddNormRelu(o, channels, true, body);
+    body->push_back(Conv(channels, channels, 3, 1, false));
+    AddNormRelu(o, channels, false, body);
+    body_ = register_module("body", body);
+  }
+  at::Tensor forward(const at::Tensor& x) { return x + body_->forward(x); }
+
+ private:
+  nn::Sequential body_{nullptr};
+};
+TORCH_MODULE(ResBlock);
+
+nn::Sequential MakeEncoder(const ModelOptions& o) {
+  nn::Sequential net;
+  net->push_back(Conv(o.inputs, o.width, o.stem_kernel, 1, false));
+  net->push_back(nn::ReLU(nn::ReLUOptions(true)));
+  for (int level = 0; level < o.downs; ++level) {
+    net->push_back(Conv(Channels(o, level), Channels(o, level + 1), 4, 2, HasBias(o)));
+    AddNormRelu(o, Channels(o, level + 1), true, net);
+  }
+  for (int i = 0; i < o.encoder_blocks; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
+  return net;
+}
+
+nn::Sequential MakeDecoder(const ModelOptions& o, int outputs) {
+  nn::Sequential net;
+  for (int i = 0; i < o.decoder_blocks; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
+  for (int level = o.downs; level > 0; --level) {
+    const int in = Channels(o, level), out = Channels(o, level - 1);
+    if (o.upsample == "transposed") {
+      net->push_back(nn::ConvTranspose2d(nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(HasBias(o))));
+    } else {
+      net->push_back(nn::Upsample(nn::UpsampleOptions().scale_factor(std::vector<double>{2, 2}).mode(torch::kNearest)));
+      net->push_back(Conv(in, out, 3, 1, HasBias(o)));
+    }
+    AddNormRelu(o, out, true, net);
+  }
+  net->push_back(Conv(o.width, outputs, o.head_kernel, 1, false));
+  return net;
+}
+
+/// Convolutions N(0, 0.02), normalisation gains N(1, 0.02), biases 0; from `seed` alone.
+void InitWeights(nn::Module& module, uint64_t seed) {
+  torch::NoGradGuard no_grad;
+  at::Generator random = at::detail::createCPUGenerator(seed);
+  for (auto& item : module.named_parameters()) {
+    at::Tensor& weight = item.value();
+    const bool is_bias = item.key().size() >= 4 && item.key().compare(item.key().size() - 4, 4, "bias") == 0;
+    if (is_bias) {
+      weight.zero_();
+    } else {
+      weight.normal_(weight.dim() == 1 ? 1.0 : 0.0, 0.02, random);
+    }
+  }
+}
+
+}  // namespace
+
+GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed) : size_multiple_(1 << options.downs) {
+  Validate(options);
+  const bool direct = options.method == "direct";
+  encoder_ = register_module("encoder", MakeEncoder(options));
+  first_decoder_ = register_module(direct ? "mask_decoder" : "part_decoder", MakeDecoder(options, direct ? 1 : 25));
+  second_decoder_ = register_module(direct ? "colour_decoder" : "uv_decoder", MakeDecoder(options, direct ? 3 : 48));
+  InitWeights(*this, seed);
+}
+
+std::pair<at::Tensor, at::Tensor> GeneratorImpl::forward(const at::Tensor& bone_maps) {
+  MVS_CHECK(bone_maps.dim() == 4 && bone_maps.size(2) % size_multiple_ == 0 && bone_maps.size(3) % size_multiple_ == 0,
+            "picture sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
+  MVS_CHECK(std::min(bone_maps.size(2), bone_maps.size(3)) / size_multiple_ >= 2,
+            "a picture of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
+  const at::Tensor code = encoder_->forward(bone_maps);
+  return {first_decoder_->forward(code), second_decoder_->forward(code)};
+}
+
+int64_t NumParameters(const ModelOptions& options) {
+  Generator generator(options, 0);
+  int64_t count = 0;
+  for (const at::Tensor& weight : generator->parameters()) count += weight.numel();
+  return count;
+}
+
+}  // namespace mvstudio::avatar

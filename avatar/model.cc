@@ -1,0 +1,187 @@
+#include "avatar/model.h"
+
+#include <torch/torch.h>
+
+#include <sstream>
+#include <vector>
+
+#include "avatar/camera_tensor.h"
+#include "avatar/texture.h"
+#include "core/check.h"
+#include "core/error.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+constexpr const char* kFormat = "mvstudio.avatar/1";
+
+/// Parameters and running statistics of the network by name.
+std::map<std::string, at::Tensor> NetworkTensors(const AvatarModel& model) {
+  std::map<std::string, at::Tensor> tensors;
+  for (const auto& item : model.generator->named_parameters()) tensors["generator." + item.key()] = item.value();
+  for (const auto& item : model.generator->named_buffers()) tensors["generator." + item.key()] = item.value();
+  return tensors;
+}
+
+double NumberFrom(const TensorFile& file, const std::string& key, const std::string& path) {
+  const auto found = file.metadata.find(key);
+  if (found == file.metadata.end()) throw FormatError(path, "__metadata__." + key, "is missing: not an avatar checkpoint");
+  std::istringstream in(found->second);
+  double value = 0;
+  in >> value;
+  if (in.fail() || !in.eof()) throw FormatError(path, "__metadata__." + key, "'" + found->second + "' is not a number");
+  return value;
+}
+
+std::string ToText(double value) {
+  std::ostringstream text;
+  text.precision(17);
+  text << value;
+  return text.str();
+}
+
+ModelOptions OptionsFrom(const TensorFile& file, const std::string& path) {
+  ModelOptions options;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    const auto found = file.metadata.find("model." + name);
+    if (found == file.metadata.end()) continue;
+    try {
+      SetFieldFromText(options, name, found->second);
+      Validate(options);
+    } catch (const UsageError& error) {
+      throw FormatError(path, "__metadata__.model." + name, error.what());
+    }
+  }
+  return options;
+}
+
+void CopyInto(at::Tensor target, const TensorFile& file, const std::string& name, const std::string& path) {
+  const auto found = file.tensors.find(name);
+  if (found == file.tensors.end()) throw FormatError(path, name, "is missing: the checkpoint does not fit its options");
+  if (found->second.sizes() != target.sizes() || found->second.scalar_type() != target.scalar_type()) {
+    throw FormatError(path, name, "has another shape or type than its options say");
+  }
+  if (target.is_floating_point() && !at::isfinite(found->second).all().item<bool>()) throw FormatError(path, name, "is not finite");
+  target.copy_(found->second);
+}
+
+at::Tensor Background(const at::Tensor& background, const at::Tensor& like) {
+  return background.defined() ? background.to(like.options()) : at::zeros({3}, like.options());
+}
+
+void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics) {
+  const int64_t batch = joints_in_cam.size(0);
+  MVS_CHECK(joints_in_cam.sizes() == at::IntArrayRef({batch, 19, 3}) && valid.sizes() == at::IntArrayRef({batch, 19}) &&
+                intrinsics.sizes() == at::IntArrayRef({batch, 4}),
+            "joints_in_cam must be (B, 19, 3), valid (B, 19), intrinsics (B, 4); they are " << joints_in_cam.sizes() << ", "
+                                                                                             << valid.sizes() << ", " << intrinsics.sizes());
+}
+
+/// Most likely part and its coordinates.
+void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
+  const at::Tensor part = logits.argmax(1);
+  const at::Tensor channel = (part - 1).clamp_min(0).unsqueeze(1);
+  const at::Tensor chosen = at::cat({uv.slice(1, 0, 24).gather(1, channel), uv.slice(1, 24, 48).gather(1, channel)}, 1);
+  out->part = part.to(at::kByte);
+  out->uv = (0.5 * chosen + 0.5) * (part > 0).unsqueeze(1);
+}
+
+}  // namespace
+
+AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed) {
+  Validate(options);
+  MVS_CHECK(depth.far_m > depth.near_m, "empty depth range " << depth.near_m << ".." << depth.far_m);
+  AvatarModel model;
+  model.options = options;
+  model.depth = depth;
+  model.size_px = size_px;
+  model.generator = Generator(options, seed);
+  if (options.method == "tna") {
+    model.textures = at::zeros({24, 3, options.texture_px, options.texture_px}, at::kFloat).requires_grad_();
+    model.seen = at::zeros({24, options.texture_px, options.texture_px}, at::kFloat);
+  }
+  return model;
+}
+
+at::Tensor BoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
+                    int64_t height, int64_t width) {
+  CheckPoses(joints_in_cam, valid, intrinsics);
+  return RasterizeBones(ProjectPinhole(intrinsics, joints_in_cam), BoneDepth(joints_in_cam, valid, model.options.relative_depth), valid,
+                        height, width, BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width)), model.depth);
+}
+
+at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
+                        const at::Tensor& background) {
+  if (model.options.method == "tna") {
+    return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
+  }
+  const at::Tensor person = at::sigmoid(first_head);
+  return person * (0.5 * at::tanh(second_head) + 0.5) + (1 - person) * background.view({1, 3, 1, 1});
+}
+
+Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
+                 int64_t height, int64_t width, const at::Tensor& background) {
+  torch::NoGradGuard no_grad;
+  model.generator->eval();
+  const at::Tensor like = model.generator->parameters()[0];
+  const at::Tensor maps = BoneMaps(model, joints_in_cam, valid, intrinsics, height, width).to(like.device());
+  const auto [first, second] = model.generator->forward(maps);
+  Rendering out;
+  out.image = ComposeImage(model, first, second, Background(background, like)).clamp(0, 1).to(at::kCPU).contiguous();
+  if (model.options.method == "tna") {
+    out.mask_prob = 1 - at::softmax(first, 1).select(1, 0);
+    FillParts(first, at::tanh(second), &out);
+  } else {
+    out.mask_prob = at::sigmoid(first).squeeze(1);
+    out.part = (out.mask_prob > 0.5).to(at::kByte);
+    out.uv = at::zeros({maps.size(0), 2, height, width}, like.options());
+  }
+  out.mask_prob = out.mask_prob.to(at::kCPU), out.part = out.part.to(at::kCPU), out.uv = out.uv.to(at::kCPU);
+  return out;
+}
+
+TensorFile ModelToTensors(const AvatarModel& model) {
+  TensorFile file;
+  file.tensors = NetworkTensors(model);
+  if (model.textures.defined()) {
+    file.tensors["textures"] = model.textures;
+    file.tensors["textures_seen"] = model.seen;
+  }
+  for (auto& [name, tensor] : file.tensors) tensor = tensor.detach().to(at::kCPU).clone();
+  file.metadata["format"] = kFormat;
+  for (const auto& [name, value] : FieldsAsText(model.options)) file.metadata["model." + name] = value;
+  file.metadata["depth_near_m"] = ToText(model.depth.near_m);
+  file.metadata["depth_far_m"] = ToText(model.depth.far_m);
+  file.metadata["size_px"] = std::to_string(model.size_px);
+  file.metadata["step"] = std::to_string(model.step);
+  return file;
+}
+
+AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
+  const auto format = file.metadata.find("format");
+  if (format == file.metadata.end() || format->second != kFormat) {
+    throw FormatError(path, "__metadata__.format", "is not an avatar checkpoint of this version");
+  }
+  const DepthRange depth = {NumberFrom(file, "depth_near_m", path), NumberFrom(file, "depth_far_m", path)};
+  if (!(depth.far_m > depth.near_m)) throw FormatError(path, "__metadata__.depth_far_m", "is not behind depth_near_m");
+  AvatarModel model = MakeModel(OptionsFrom(file, path), static_cast<int>(NumberFrom(file, "size_px", path)), depth, 0);
+  model.step = static_cast<int64_t>(NumberFrom(file, "step", path));
+  torch::NoGradGuard no_grad;
+  for (auto& [name, tensor] : NetworkTensors(model)) CopyInto(tensor, file, name, path);
+  if (model.textures.defined()) {
+    CopyInto(model.textures, file, "textures", path);
+    CopyInto(model.seen, file, "textures_seen", path);
+  }
+  return model;
+}
+
+AvatarModel LoadModel(const std::string& path) { return ModelFromTensors(ReadTensorFile(path), path); }
+
+at::Tensor TextureSheet(const AvatarModel& model) {
+  MVS_CHECK(model.textures.defined(), "method " << model.options.method << " has no textures");
+  const int64_t size = model.options.texture_px;
+  const at::Tensor colours = (model.textures.detach().to(at::kCPU) * 127.5 + 127.5).round().clamp(0, 255).to(at::kByte);
+  return colours.view({4, 6, 3, size, size}).permute({2, 0, 3, 1, 4}).reshape({3, 4 * size, 6 * size}).contiguous();
+}
+
+}  // namespace mvstudio::avatar

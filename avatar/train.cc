@@ -1,0 +1,335 @@
+#include "avatar/train.h"
+
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "avatar/adam.h"
+#include "avatar/batch.h"
+#include "avatar/losses.h"
+#include "avatar/texture.h"
+#include "core/check.h"
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+/// Unweighted terms and their weighted sum, as tensors.
+struct Terms {
+  at::Tensor total, l1, ssim, gradient, mask, part, uv, logit;
+};
+
+/// The columns of HistoryRow in the order of Terms.
+std::vector<std::pair<at::Tensor, double HistoryRow::*>> Columns(const Terms& t) {
+  return {{t.total, &HistoryRow::total},       {t.l1, &HistoryRow::l1},     {t.ssim, &HistoryRow::ssim},
+          {t.gradient, &HistoryRow::gradient}, {t.mask, &HistoryRow::mask}, {t.part, &HistoryRow::part},
+          {t.uv, &HistoryRow::uv},             {t.logit, &HistoryRow::logit}};
+}
+
+void AddTerm(double weight, at::Tensor value, at::Tensor* keep, at::Tensor* total) {
+  *keep = value.detach();
+  *total = total->defined() ? *total + weight * value : weight * value;
+}
+
+void AddImageTerms(const AvatarModel& model, const TrainOptions& o, const TrainBatch& batch, const at::Tensor& first,
+                   const at::Tensor& second, Terms* terms) {
+  const at::Tensor image = ComposeImage(model, first, second, at::zeros({3}, batch.image.options()));
+  AddTerm(o.weight_l1, WeightedL1(image, batch.image, batch.mask, o.foreground_weight), &terms->l1, &terms->total);
+  if (o.weight_ssim > 0) {
+    AddTerm(o.weight_ssim, SsimLoss(image, batch.image, batch.mask, o.foreground_weight), &terms->ssim, &terms->total);
+  }
+  if (o.weight_gradient > 0) AddTerm(o.weight_gradient, GradientLoss(image, batch.image), &terms->gradient, &terms->total);
+}
+
+/// `init`: the initialisation terms alone.
+Terms ComputeTerms(AvatarModel& model, const TrainOptions& o, const TrainBatch& batch, bool init) {
+  const auto [first, second] = model.generator->forward(batch.maps);
+  const bool tna = model.options.method == "tna";
+  Terms terms;
+  if (!std::isfinite((first.detach().sum() + second.detach().sum()).item<double>())) {
+    terms.total = at::full({}, std::nan(""), first.options());  // nothing can be computed from such outputs
+    return terms;
+  }
+  AddTerm(o.weight_mask, MaskLoss(first, batch.mask), &terms.mask, &terms.total);
+  const double share = init ? 1.0 : o.keep_init;
+  if (tna && share > 0) {
+    AddTerm(share * o.weight_part, PartLoss(first, batch.part), &terms.part, &terms.total);
+    AddTerm(share * o.weight_uv, UvLoss(at::tanh(second), batch.uv, batch.part), &terms.uv, &terms.total);
+  }
+  if (o.weight_logit > 0) {
+    AddTerm(o.weight_logit, SaturationLoss(second, 4) + SaturationLoss(first, 20), &terms.logit, &terms.total);
+  }
+  if (!init) AddImageTerms(model, o, batch, first, second, &terms);
+  return terms;
+}
+
+std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& pictures) {
+  std::string names;
+  for (const int64_t i : pictures) names += (names.empty() ? "" : "; ") + PictureName(pack, i);
+  return names;
+}
+
+/// Evenly spread rows, at most `count`.
+std::vector<int64_t> SpreadRows(int64_t total, int64_t count) {
+  std::vector<int64_t> rows;
+  const int64_t wanted = std::min(total, count);
+  for (int64_t i = 0; i < wanted; ++i) rows.push_back((2 * i + 1) * total / (2 * wanted));
+  return rows;
+}
+
+/// Sums of rows between two reports.
+class RowMean {
+ public:
+  void Add(const Terms& terms) {
+    for (const auto& [value, column] : Columns(terms)) {
+      if (value.defined()) row_.*column += value.item<double>();
+    }
+    ++count_;
+  }
+  HistoryRow Take(int64_t step, const std::string& phase) {
+    HistoryRow out = row_;
+    for (const auto& item : Columns(Terms())) out.*item.second /= std::max<int64_t>(count_, 1);
+    out.step = step, out.phase = phase;
+    *this = RowMean();
+    return out;
+  }
+
+ private:
+  HistoryRow row_;
+  int64_t count_ = 0;
+};
+
+uint64_t SeedFrom(const TensorFile& checkpoint, const std::string& path) {
+  const auto found = checkpoint.metadata.find("seed");
+  uint64_t seed = 0;
+  if (found == checkpoint.metadata.end() || !(std::istringstream(found->second) >> seed)) {
+    throw FormatError(path, "__metadata__.seed", "is missing: this checkpoint cannot be continued");
+  }
+  return seed;
+}
+
+}  // namespace
+
+struct Trainer::State {
+  AvatarPack pack;  // labels fitted to the masks
+  TrainOptions options;
+  AvatarModel model;
+  Adam network, texels;
+  uint64_t seed = 1;
+  bool textures_ready = false;
+
+  bool tna() const { return model.options.method == "tna"; }
+  int64_t total_steps() const { return int64_t{options.init_steps} + options.steps; }
+  bool InInit() const { return tna() && model.step < options.init_steps; }
+
+  void Prepare(const AvatarPack& source, const RunContext& run) {
+    Validate(source);
+    Validate(options);
+    const int multiple = 1 << model.options.downs;
+    if (source.size_px % multiple || source.size_px / multiple < 2) {
+      throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
+                       " and at least " + std::to_string(2 * multiple));
+    }
+    if (model.options.inputs != kNumBones) {
+      throw UsageError("--inputs must be " + std::to_string(kNumBones) + ": one channel for each bone of the 19 joints");
+    }
+    at::set_num_threads(ResolveThreads(run.num_threads));
+    pack = source;
+    if (tna()) FitLabelsToMasks(pack, ResolveThreads(run.num_threads));
+    const at::Device device(options.device);
+    model.generator->to(device);
+    if (tna()) model.textures = model.textures.detach().to(device).requires_grad_();
+    for (const auto& item : model.generator->named_parameters()) network.Add(item.key(), item.value());
+    if (tna()) texels.Add("textures", model.textures);
+  }
+
+  /// Average colours under the network's own part and coordinate predictions.
+  void AverageTextures() {
+    torch::NoGradGuard no_grad;
+    model.generator->eval();
+    TextureSums sums = ZeroTextureSums(model.options.texture_px);
+    for (const int64_t row : SpreadRows(pack.size(), options.texture_pictures)) {
+      const TrainBatch batch = MakeBatch(pack, model, options, {row}, false, seed, 0);
+      const auto [logits, raw_uv] = model.generator->forward(batch.maps);
+      AddPicture(at::softmax(logits, 1).to(at::kCPU), at::tanh(raw_uv).to(at::kCPU), batch, &sums);
+    }
+    model.textures.copy_(FillTextures(sums));
+    model.seen.copy_(sums.weight);
+    textures_ready = true;
+  }
+
+  static void AddPicture(const at::Tensor& prob, const at::Tensor& uv, const TrainBatch& batch, TextureSums* sums) {
+    const at::Tensor part = prob.slice(1, 1).argmax(1) + 1, channel = (part - 1).unsqueeze(1);
+    const at::Tensor u = uv.slice(1, 0, 24).gather(1, channel).flatten(), v = uv.slice(1, 24, 48).gather(1, channel).flatten();
+    const at::Tensor pixels = batch.mask.to(at::kCPU).flatten().ge(0.5).nonzero().squeeze(1);
+    const at::Tensor colour = batch.image.to(at::kCPU)[0].reshape({3, -1}).t() * 2 - 1;
+    const at::Tensor weight = prob.gather(1, part.unsqueeze(1)).flatten();
+    AddPixels(*sums, part.flatten().index_select(0, pixels), at::stack({u, v}, 1).index_select(0, pixels), colour.index_select(0, pixels),
+              weight.index_select(0, pixels));
+  }
+
+  double RateFactor() const {
+    const double left = static_cast<double>(total_steps() - model.step), window = options.decay_share * static_cast<double>(total_steps());
+    return window <= 0 ? 1.0 : std::clamp(left / window, 0.02, 1.0);
+  }
+
+  /// One step. Returns false, with nothing changed, when the loss or a gradient is not finite.
+  bool Step(const TrainBatch& batch, Terms* terms) {
+    std::vector<at::Tensor> buffers;
+    for (const at::Tensor& buffer : model.generator->buffers()) buffers.push_back(buffer.clone());
+    network.ClearGradients(), texels.ClearGradients();
+    model.generator->train();
+    *terms = ComputeTerms(model, options, batch, InInit());
+    double norm = std::nan(""), texel_norm = 0;
+    if (std::isfinite(terms->total.item<double>())) {
+      terms->total.backward();
+      norm = network.GradientNorm(), texel_norm = texels.GradientNorm();
+    }
+    torch::NoGradGuard no_grad;
+    if (!std::isfinite(norm) || !std::isfinite(texel_norm)) {
+      const std::vector<at::Tensor> now = model.generator->buffers();
+      for (size_t i = 0; i < now.size(); ++i) at::Tensor(now[i]).copy_(buffers[i]);
+      return false;
+    }
+    if (options.clip_norm > 0 && norm > options.clip_norm) network.ScaleGradients(options.clip_norm / norm);
+    network.Step(options.learning_rate * RateFactor());
+    if (!InInit()) texels.Step(options.texture_learning_rate * RateFactor());
+    ++model.step;
+    return true;
+  }
+
+  HistoryRow ScoreHeldOut(const AvatarPack& validation) {
+    torch::NoGradGuard no_grad;
+    model.generator->eval();
+    RowMean mean;
+    for (const int64_t row : SpreadRows(validation.size(), options.validate_pictures)) {
+      mean.Add(ComputeTerms(model, options, MakeBatch(validation, model, options, {row}, false, seed, 0), InInit()));
+    }
+    return mean.Take(model.step, "validation");
+  }
+
+  void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, const std::string& path) {
+    torch::NoGradGuard no_grad;
+    for (Adam::Slot& slot : adam.slots) {
+      for (auto& [kind, moment] : {std::pair<const char*, at::Tensor>{".first.", slot.first}, {".second.", slot.second}}) {
+        const auto found = file.tensors.find(prefix + kind + slot.name);
+        if (found == file.tensors.end() || found->second.sizes() != moment.sizes()) {
+          throw FormatError(path, prefix + kind + slot.name, "is missing or has the wrong shape: this checkpoint cannot be continued");
+        }
+        at::Tensor(moment).copy_(found->second);
+      }
+    }
+    std::istringstream(file.metadata.count(prefix + ".step") ? file.metadata.at(prefix + ".step") : "0") >> adam.step;
+  }
+};
+
+Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run)
+    : state_(std::make_unique<State>()) {
+  Validate(pack);
+  state_->options = options;
+  state_->seed = run.seed;
+  const at::Tensor depth = BoneDepth(pack.joints_in_cam, pack.joint_valid, model.relative_depth);
+  state_->model = MakeModel(model, pack.size_px, ChooseDepthRange(depth, pack.joint_valid), run.seed);
+  state_->Prepare(pack, run);
+}
+
+Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
+                 const RunContext& run)
+    : state_(std::make_unique<State>()) {
+  state_->options = options;
+  state_->seed = SeedFrom(checkpoint, path);
+  state_->model = ModelFromTensors(checkpoint, path);
+  state_->Prepare(pack, run);
+  state_->LoadAdam(state_->network, checkpoint, "adam", path);
+  if (state_->tna()) state_->LoadAdam(state_->texels, checkpoint, "adam_textures", path);
+  state_->textures_ready = checkpoint.metadata.count("textures_ready") && checkpoint.metadata.at("textures_ready") == "1";
+}
+
+Trainer::~Trainer() = default;
+
+AvatarModel& Trainer::model() { return state_->model; }
+
+TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step) {
+  State& s = *state_;
+  const int64_t goal = until_step >= 0 ? std::min(until_step, s.total_steps()) : s.total_steps();
+  TrainReport report;
+  RowMean mean;
+  while (s.model.step < goal) {
+    if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();
+    const int64_t step = s.model.step;
+    const std::string phase = s.InInit() ? "init" : "train";
+    const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == s.options.init_steps);
+    const TrainBatch batch = MakeBatch(s.pack, s.model, s.options, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true,
+                                       s.seed, step);
+    Terms terms;
+    if (!s.Step(batch, &terms)) {
+      report.status = Status::kNonFiniteInput;
+      report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" + NamesOfBatch(s.pack, batch.pictures) +
+                       "); weights kept as they were; try a smaller --learning-rate";
+      return report;
+    }
+    mean.Add(terms);
+    ++report.steps_done;
+    const bool due = last_of_phase || (step + 1) % s.options.report_every == 0;
+    if (due) report.history.push_back(mean.Take(step + 1, phase));
+    const bool go_on = !callback || callback(step + 1, due ? &report.history.back() : nullptr);
+    if (validation && !s.InInit() && s.options.validate_pictures > 0 && (step + 1 == goal || (step + 1) % s.options.save_every == 0)) {
+      report.history.push_back(s.ScoreHeldOut(*validation));
+      if (callback) callback(step + 1, &report.history.back());
+    }
+    if (!go_on) break;
+  }
+  return report;
+}
+
+TensorFile Trainer::Checkpoint() const {
+  const State& s = *state_;
+  TensorFile file = ModelToTensors(s.model);
+  const auto add = [&file](const Adam& adam, const std::string& prefix) {
+    for (const Adam::Slot& slot : adam.slots) {
+      file.tensors[prefix + ".first." + slot.name] = slot.first.to(at::kCPU).clone();
+      file.tensors[prefix + ".second." + slot.name] = slot.second.to(at::kCPU).clone();
+    }
+    file.metadata[prefix + ".step"] = std::to_string(adam.step);
+  };
+  add(s.network, "adam");
+  if (s.tna()) add(s.texels, "adam_textures");
+  for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
+  file.metadata["seed"] = std::to_string(s.seed);
+  file.metadata["textures_ready"] = s.textures_ready ? "1" : "0";
+  return file;
+}
+
+TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path) {
+  TrainOptions options;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    const auto found = checkpoint.metadata.find("train." + name);
+    if (found == checkpoint.metadata.end()) continue;
+    try {
+      SetFieldFromText(options, name, found->second);
+    } catch (const UsageError& error) {
+      throw FormatError(path, "__metadata__.train." + name, error.what());
+    }
+  }
+  return options;
+}
+
+TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model, const TrainOptions& options,
+                     const RunContext& run, const StepCallback& callback, AvatarModel* result) {
+  Trainer trainer(pack, model, options, run);
+  ProgressStage stage(run, "training", int64_t{options.init_steps} + options.steps);
+  const TrainReport report = trainer.Run(
+      validation,
+      [&](int64_t step, const HistoryRow* row) {
+        if (!row || row->phase != "validation") stage.Advance(step, row ? row->phase : "");
+        return !callback || callback(step, row);
+      });
+  if (result) *result = trainer.model();
+  return report;
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,74 @@
+#include <Eigen/Geometry>
+
+#include "body/body_template.h"
+#include "core/check.h"
+
+namespace mvstudio::body {
+namespace {
+
+/// World from body of one bone with its stretch and the girth: x_in_world = linear * x_in_body + offset.
+struct BoneAffine {
+  Eigen::Matrix3d linear;
+  Eigen::Vector3d offset;
+};
+
+std::vector<BoneAffine> BoneAffines(const BodyTemplate& body, const BodyPose& pose) {
+  const size_t count = body.bone_names.size();
+  MVS_CHECK(pose.bone_transforms.size() == count && pose.bone_stretch.size() == count,
+            "pose of " << pose.bone_transforms.size() << " bones for a body of " << count);
+  std::vector<BoneAffine> affines(count);
+  for (size_t b = 0; b < count; ++b) {
+    const Eigen::Vector3d head = body.bone_heads.col(b);
+    const Eigen::Vector3d dir = (body.bone_tails.col(b) - head).normalized();
+    const Eigen::Matrix3d scale =
+        pose.girth * Eigen::Matrix3d::Identity() + (pose.bone_stretch[b] - pose.girth) * dir * dir.transpose();
+    affines[b].linear = pose.bone_transforms[b].rotation.toRotationMatrix() * scale;
+    affines[b].offset = pose.bone_transforms[b] * head - affines[b].linear * head;
+  }
+  return affines;
+}
+
+}  // namespace
+
+BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_from_body,
+                        const std::vector<Eigen::Quaterniond>& local_rotations) {
+  const size_t count = body.bone_names.size();
+  MVS_CHECK(local_rotations.size() == count, local_rotations.size() << " rotations for " << count << " bones");
+  BodyPose pose;
+  pose.bone_stretch.assign(count, 1.0);
+  pose.bone_transforms.resize(count);
+  for (size_t b = 0; b < count; ++b) {
+    const int parent = body.bone_parents[b];
+    const Eigen::Vector3d head = body.bone_heads.col(b);
+    const geometry::Rigid3 turn{local_rotations[b], head - local_rotations[b] * head};
+    pose.bone_transforms[b] = (parent < 0 ? world_from_body : pose.bone_transforms[parent]) * turn;
+  }
+  return pose;
+}
+
+Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose) {
+  const std::vector<BoneAffine> affines = BoneAffines(body, pose);
+  Eigen::Matrix3Xf vertices(3, body.vertices.cols());
+  for (int i = 0; i < vertices.cols(); ++i) {
+    const Eigen::Vector3d x = body.vertices.col(i).cast<double>();
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = 0; k < 4; ++k) {
+      const BoneAffine& affine = affines[body.skin_bones(k, i)];
+      sum += body.skin_weights(k, i) * (affine.linear * x + affine.offset);
+    }
+    vertices.col(i) = sum.cast<float>();
+  }
+  return vertices;
+}
+
+Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose) {
+  const std::vector<BoneAffine> affines = BoneAffines(body, pose);
+  Eigen::Matrix3Xd joints(3, 19);
+  for (int j = 0; j < 19; ++j) {
+    const BoneAffine& affine = affines[body.coco19_bone[j]];
+    joints.col(j) = affine.linear * body.coco19.col(j) + affine.offset;
+  }
+  return joints;
+}
+
+}  // namespace mvstudio::body

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/view.h"
+#include "core/status.h"
+
+namespace mvstudio::calib {
+
+/// What stays fixed so that the solution is unique.
+struct Gauge {
+  enum class Kind { kCamera, kBoard };
+  Kind kind = Kind::kCamera;
+  int index = 0;  ///< of the camera whose cam_from_world, or the frame whose world_from_board, is fixed
+};
+
+struct BundleOptions {
+  Gauge gauge;
+  bool refine_intrinsics = true;
+  bool refine_cameras = true;   ///< cam_from_world
+  bool reject_outliers = true;
+  double reject_sigmas = 4.5;   ///< a corner farther than this many standard deviations (per coordinate) is rejected
+  int max_iterations = 100;
+  int num_threads = 1;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, BundleOptions& o) {
+  visit("reject-outliers", o.reject_outliers, "reject single corners that disagree with the solution");
+  visit("reject-sigmas", o.reject_sigmas, "standard deviations (per coordinate) beyond which a corner is rejected");
+}
+
+struct BundleReport {
+  Status status = Status::kOk;  ///< kTooFewViews, kNonFiniteInput, kBehindCamera (the start is unusable), kNotConverged
+  std::string message;          ///< one line when the status is not kOk
+  double rms_px = 0;            ///< 2-D point RMS over the corners that were kept
+  double sigma_px = 0;          ///< standard deviation per coordinate, freed of the number of parameters
+  int num_corners = 0, num_rejected = 0, num_iterations = 0;
+};
+
+/// Joint least squares of all reprojection errors over intrinsics, cameras and boards (Ceres, Schur complement), from a start in
+/// `state`. First with weights that fall with the error (Cauchy), then without them after rejecting outliers, whose weights become 0.
+/// Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
+BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
+
+/// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.
+std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, const RigState& state);
+
+}  // namespace mvstudio::calib

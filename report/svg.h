@@ -1,0 +1,101 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+/// Figures as SVG text, each one well-formed element. Sizes are in CSS px; text is escaped here; values that are not finite are
+/// left out. Colours come from the page's style sheet (eight hues that colour-blind people tell apart).
+namespace mvstudio::report {
+
+/// Multiples of 1, 2 or 5 times a power of ten that lie in [low, high], about `target` of them. Empty when the range is not finite.
+std::vector<double> NiceTicks(double low, double high, int target = 6);
+/// Powers of ten in [low, high], and 2 and 5 times them when there are few; low > 0.
+std::vector<double> LogTicks(double low, double high);
+/// The tick's label with as many decimals as ticks `step` apart need; 0 for logarithmic ticks.
+std::string TickLabel(double value, double step);
+/// The largest of 1, 2, 5 times a power of ten that is not above `value` (> 0).
+double NiceBelow(double value);
+
+struct Axis {
+  std::string label;  ///< with its unit: "loss (no unit)", "step", "error (mm)"
+  bool log = false;   ///< falls back to linear when a value is not positive
+  bool zero = false;  ///< the range includes 0
+};
+
+struct LineSeries {
+  std::string name;
+  std::vector<double> x, y;  ///< same length
+  bool dashed = false;
+};
+/// A vertical line with a name, e.g. where a training phase begins.
+struct LineMarker {
+  double x = 0;
+  std::string label;
+};
+struct LineChartSpec {
+  std::string title;
+  Axis x, y;
+  std::vector<LineSeries> series;
+  std::vector<LineMarker> markers;
+  double width = 560, height = 300;
+};
+std::string LineChart(const LineChartSpec& spec);
+
+struct BarSeries {
+  std::string name;
+  std::vector<double> values;  ///< one a label; NaN: no bar, drawn as a dash
+  std::vector<double> sigma;   ///< half-length of the error bar; may be empty
+};
+/// Horizontal bars, grouped when there are several series.
+struct BarChartSpec {
+  std::string title;
+  Axis value;
+  std::vector<std::string> labels;
+  std::vector<BarSeries> series;
+  std::optional<double> reference;  ///< dashed line at a bound
+  std::string reference_label;
+  double width = 560;
+};
+std::string BarChart(const BarChartSpec& spec);
+
+/// One bar cut into parts, with shares; a part's `colour` is its palette index.
+struct StackPart {
+  std::string name;
+  double value = 0;
+  int colour = 0;
+};
+std::string StackedBar(const std::string& title, const std::vector<StackPart>& parts, double width = 760);
+
+/// Counts of the finite `values` in equal bins up to their 99th percentile; the rest is counted in the last bin, which says so.
+std::string Histogram(const std::string& title, const Axis& value, const std::vector<double>& values, double width = 560);
+
+/// A residual at an image point: x, y and dx, dy in px, y down.
+struct ImageArrow {
+  double x = 0, y = 0, dx = 0, dy = 0;
+};
+/// Residuals on the image plane, equal aspect, y down, enlarged by a round factor that the figure states.
+std::string ResidualField(const std::string& title, double image_width_px, double image_height_px, const std::vector<ImageArrow>& arrows,
+                          double width = 340);
+/// The same residuals as points (dx, dy) about zero, equal aspect, y down, with the circle that holds 95 % of them and their mean.
+std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 300);
+
+/// One small target per camera with its mean residual as an arrow, all at one scale; those above `suspect_px` stand out.
+struct NamedVector {
+  std::string name;
+  double dx = 0, dy = 0;
+};
+std::string VectorTargets(const std::string& title, const std::vector<NamedVector>& vectors, double suspect_px, double width = 760);
+
+/// Rows times columns of shares in [0, 1] (NaN: nothing there), darker is more.
+struct HeatMapSpec {
+  std::string title;
+  std::string column_label;                ///< what runs along x, e.g. "frame"
+  std::vector<std::string> row_names;
+  double first_column = 0, last_column = 0;  ///< range that the columns cover
+  std::vector<std::vector<double>> rows;     ///< one vector a row, all of one length
+  double width = 760;
+};
+std::string HeatMap(const HeatMapSpec& spec);
+
+}  // namespace mvstudio::report

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace mvstudio::report {
+
+/// One SVG picture being drawn; y down, origin at the top left. A shape with a coordinate that is not finite is left out. Colours
+/// are the classes of the page's style sheet: s0…s7 (strokes), f0…f7 (fills), axis, gridline, frame, ref.
+class SvgCanvas {
+ public:
+  using Point = std::pair<double, double>;
+
+  /// `title` is what a screen reader says.
+  SvgCanvas(double width, double height, std::string title) : width_(width), height_(height), title_(std::move(title)) {}
+
+  void Line(double x1, double y1, double x2, double y2, const std::string& css_class, double stroke_width = 1);
+  /// `tooltip` appears under the pointer.
+  void Rect(double x, double y, double width, double height, const std::string& css_class, const std::string& tooltip = {});
+  void Circle(double x, double y, double radius, const std::string& css_class, const std::string& tooltip = {});
+  /// `anchor`: "start", "middle" or "end".
+  void Text(double x, double y, const std::string& text, const std::string& anchor = "start", const std::string& css_class = {},
+            double rotate_deg = 0);
+  /// Points that are not finite break the line there.
+  void Polyline(const std::vector<Point>& points, const std::string& css_class, double stroke_width = 1.5, bool dashed = false);
+  void Polygon(const std::vector<Point>& points, const std::string& css_class, double stroke_width = 1);
+  /// Many separate segments (from, to) as one path.
+  void Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class, double stroke_width = 1);
+  /// Many round dots as one path.
+  void Dots(const std::vector<Point>& points, const std::string& css_class, double diameter);
+  /// A shaft with a filled head.
+  void Arrow(double x1, double y1, double x2, double y2, int colour, double stroke_width = 2);
+
+  /// Everything drawn from here on is cut off outside the rectangle, until EndClip.
+  void BeginClip(double x, double y, double width, double height);
+  void EndClip();
+
+  double width() const { return width_; }
+  double height() const { return height_; }
+  std::string Finish() const;
+
+ private:
+  double width_, height_;
+  std::string title_, body_;
+};
+
+/// Width of a label in the figures' 12 px font, roughly (px).
+double TextWidth(const std::string& text);
+/// Palette index kept within the eight colours there are.
+std::string StrokeClass(int colour);
+std::string FillClass(int colour);
+
+}  // namespace mvstudio::report
