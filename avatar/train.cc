@@ -325,7 +325,7 @@ TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const
   const TrainReport report = trainer.Run(
       validation,
       [&](int64_t step, const HistoryRow* row) {
-        if (!row || row->phase != "validation") stage.Advance(step, row ? row->phase : "");
+        if (!row || row->phase != "validation") stage.Advance(1, row ? row->phase : "");
         return !callback || callback(step, row);
       });
   if (result) *result = trainer.model();

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <cmath>
 #include <opencv2/calib3d.hpp>
 
 #include "bench/quality.h"
@@ -27,10 +29,17 @@ std::vector<Eigen::Vector2d> Grid(const Camera& camera) {
   return pixels;
 }
 
+/// OpenCV wants 4, 5 or 8 coefficients; the missing ones are zero.
+std::vector<double> OpenCvDistortion(const Camera& camera) {
+  std::vector<double> k(camera.params.data() + 4, camera.params.data() + camera.params.size());
+  k.resize(std::max<size_t>(k.size(), 4));
+  return k;
+}
+
 /// Distance in px after undistorting and distorting again.
 double RoundTripError(const Camera& camera, const Eigen::Vector3d& ray, const Eigen::Vector2d& px) {
   // By OpenCV's own formula, not by the projector under test, which refuses points beyond the valid radius.
-  std::vector<double> k(camera.params.data() + 4, camera.params.data() + camera.params.size());
+  const std::vector<double> k = OpenCvDistortion(camera);
   std::vector<cv::Point2d> projected;
   const cv::Matx33d matrix(camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1);
   cv::projectPoints(std::vector<cv::Point3d>{{ray[0] / ray[2], ray[1] / ray[2], 1}}, cv::Vec3d(), cv::Vec3d(), matrix, k, projected);
@@ -55,7 +64,7 @@ Row OpenCv(const std::string& problem, const Camera& camera, int iterations) {
   const auto pixels = Grid(camera);
   std::vector<cv::Point2d> in, out;
   for (const auto& px : pixels) in.emplace_back(px[0], px[1]);
-  const std::vector<double> k(camera.params.data() + 4, camera.params.data() + camera.params.size());
+  const std::vector<double> k = OpenCvDistortion(camera);
   const cv::Matx33d matrix(camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1);
   const Stopwatch watch;
   if (iterations == 0) {

@@ -61,8 +61,8 @@ class PoseManifold : public ceres::Manifold {
   }
   bool Minus(const double* y, const double* x, double* delta) const override {
     const Rigid3 a = FromBlock(y), b = FromBlock(x);
-    Eigen::Map<Eigen::Vector3d>(delta) = geometry::RotationLog(a.rotation * b.rotation.conjugate());
-    Eigen::Map<Eigen::Vector3d>(delta + 3) = a.translation - b.translation;
+    Eigen::Map<geometry::Vector6d> difference(delta);
+    difference << geometry::RotationLog(a.rotation * b.rotation.conjugate()), a.translation - b.translation;
     return true;
   }
   bool MinusJacobian(const double* x, double* jacobian) const override {

@@ -194,9 +194,9 @@ std::string ResolveOutput(const RunData& data, const Stage& stage, const std::st
   fs::path tail;
   std::vector<fs::path> parts(given.begin(), given.end());
   for (size_t i = parts.size(); i-- > 1;) {
-    tail = parts[i] / tail;
-    candidates.push_back(root / tail.parent_path() / given.filename());
-    candidates.push_back(own / tail.parent_path() / given.filename());
+    tail = tail.empty() ? parts[i] : parts[i] / tail;
+    candidates.push_back(root / tail);
+    candidates.push_back(own / tail);
   }
   for (const fs::path& candidate : candidates) {
     std::error_code ignored;

@@ -71,22 +71,26 @@ struct Plan {
   std::vector<std::string> skipped;
 };
 
-double LargestExtent(const dataset::PanopticDataset& data, int person) {
-  double largest = 0;
+// Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
+double LargeExtent(const dataset::PanopticDataset& data, int person) {
+  constexpr double kQuantile = 0.98;
+  std::vector<double> extents;
   for (const int frame : FramesOfPerson(data, person)) {
     for (const geometry::RigCamera& camera : data.rig.cameras) {
       const auto extent = MeasurePerson(data.poses.at(frame).at(person), camera);
-      if (extent) largest = std::max(largest, extent->half_extent_m);
+      if (extent) extents.push_back(extent->half_extent_m);
     }
   }
-  if (!(largest > 0)) throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
-  return largest;
+  if (extents.empty()) throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
+  const auto rank = extents.begin() + static_cast<int64_t>(kQuantile * static_cast<double>(extents.size() - 1));
+  std::nth_element(extents.begin(), rank, extents.end());
+  return *rank;
 }
 
 Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) {
   Plan plan;
   plan.person = ChoosePerson(data, options.person);
-  plan.half_extent_m = options.half_extent_m > 0 ? options.half_extent_m : LargestExtent(data, plan.person);
+  plan.half_extent_m = options.half_extent_m > 0 ? options.half_extent_m : LargeExtent(data, plan.person);
   const std::vector<int> known = FramesOfPerson(data, plan.person);
   for (const std::string& name : options.cameras) plan.cameras.push_back(ResolveCamera(data, name));
   if (options.cameras.empty()) {

@@ -15,7 +15,7 @@ namespace mvstudio::avatar {
 /// How pictures of a dataset become crops. The same options must be used for training and evaluation.
 struct PackOptions {
   int size_px = 128;
-  double fill = 0.94;
+  double fill = 0.97;
   int person = -1;
   bool template_maps = true;
   bool fit_shape = true;
@@ -29,7 +29,7 @@ struct PackOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("size", o.size_px, "edge of the square crops, px");
-  visit("fill", o.fill, "share of the crop that the largest pose of the person fills");
+  visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
   visit("person", o.person, "person id in the dataset; -1: the one with most frames");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
   visit("fit-pictures", o.fit_pictures, "training pictures used for that fit");

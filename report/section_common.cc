@@ -1,0 +1,138 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "report/format.h"
+#include "report/picture.h"
+#include "report/sections.h"
+
+namespace mvstudio::report {
+namespace {
+
+bool IsScalar(const Value& value) { return value.IsNumber() || value.IsText() || value.kind() == Value::Kind::kBool; }
+
+bool IsShortNumbers(const Value& value) {
+  return value.IsArray() && !value.items().empty() && value.items().size() <= 4 &&
+         std::all_of(value.items().begin(), value.items().end(), [](const Value& v) { return v.IsNumber() || v.IsNull(); });
+}
+
+std::string ScalarText(const Value& value) {
+  if (value.IsText()) return value.Text();
+  if (value.kind() == Value::Kind::kBool) return value.Flag() ? "yes" : "no";
+  if (value.kind() == Value::Kind::kInteger) return FormatCount(value.Number());
+  if (IsShortNumbers(value)) {
+    std::string text;
+    for (const Value& item : value.items()) text += (text.empty() ? "" : ", ") + FormatNumber(item.Number());
+    return text;
+  }
+  return FormatNumber(value.Number());
+}
+
+void AddNumbers(const std::string& prefix, const Value& object, int depth, Table* table) {
+  for (const auto& [key, value] : object.fields()) {
+    const KeyLabel label = LabelOfKey(key);
+    const std::string name = prefix + label.label;
+    if (value.IsObject() && depth < 6) {
+      AddNumbers(name + " \u203a ", value, depth + 1, table);
+    } else if (IsScalar(value) || IsShortNumbers(value) || value.IsNull()) {
+      const bool has_unit = !label.unit.empty() && !value.IsText() && !value.IsNull();
+      table->AddRow({name, value.IsNull() ? kNoNumber : ScalarText(value), has_unit ? label.unit : ""});
+    }
+  }
+}
+
+struct ColumnOfKey {
+  std::string key;
+  bool numeric = false;
+};
+
+std::vector<ColumnOfKey> ColumnsOf(const Value& array, const std::vector<std::string>& skip) {
+  std::vector<ColumnOfKey> columns;
+  for (const Value& item : array.items()) {
+    for (const auto& [key, value] : item.fields()) {
+      if (std::find(skip.begin(), skip.end(), key) != skip.end()) continue;
+      if (!IsScalar(value) && !IsShortNumbers(value)) continue;
+      auto found = std::find_if(columns.begin(), columns.end(), [&k = key](const ColumnOfKey& c) { return c.key == k; });
+      if (found == columns.end()) found = columns.insert(columns.end(), {key, false});
+      found->numeric |= value.IsNumber() || value.IsArray();
+    }
+  }
+  return columns;
+}
+
+}  // namespace
+
+std::string NumbersTable(const std::string& caption, const Value& object) {
+  Table table(caption);
+  table.AddColumn("quantity", "", false);
+  table.AddColumn("value");
+  table.AddColumn("unit", "", false);
+  AddNumbers("", object, 0, &table);
+  return table.empty() ? "" : table.Html();
+}
+
+std::string ObjectsTable(const std::string& caption, const Value& array, const std::vector<std::string>& skip) {
+  const std::vector<ColumnOfKey> columns = ColumnsOf(array, skip);
+  if (columns.empty()) return {};
+  Table table(caption);
+  for (const ColumnOfKey& column : columns) {
+    const KeyLabel label = LabelOfKey(column.key);
+    table.AddColumn(label.label, label.unit, column.numeric);
+  }
+  for (const Value& item : array.items()) {
+    std::vector<Table::Cell> cells;
+    for (const ColumnOfKey& column : columns) {
+      const Value& value = item[column.key];
+      cells.emplace_back(value.IsNull() ? kNoNumber : ScalarText(value));
+    }
+    table.AddRow(std::move(cells));
+  }
+  return table.Html();
+}
+
+std::string StageHeading(const Stage& stage, bool always_named) {
+  if (!always_named) return {};
+  return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) + " <span class=\"unit\">" + EscapeHtml(stage.file) +
+         "</span></h3>\n";
+}
+
+std::string NotRun(const std::string& what, const std::string& command) {
+  return "<p class=\"muted\">" + EscapeHtml(what) + ": not run. <code>" + EscapeHtml(command) + "</code></p>\n";
+}
+
+std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
+                        const std::vector<std::string>& legend) {
+  const std::string name = output["path"].Text();
+  const std::string path = ResolveOutput(context->data, stage, name);
+  const auto leave_out = [&](const std::string& why, const std::string& hint) {
+    context->warnings.push_back({"REP-PICTURE", stage.file + ": picture " + name + " " + why, hint});
+    return std::string();
+  };
+  if (path.empty()) return leave_out("is not there", "run `" + stage.command + "` again, or copy the whole run folder");
+  const std::string limits_hint = "raise --max-picture-mb or --max-pictures-total-mb to embed it";
+  try {
+    std::error_code code;
+    const auto bytes = static_cast<int64_t>(std::filesystem::file_size(path, code));
+    if (code) return leave_out("cannot be read: " + code.message(), "");
+    if (bytes > int64_t{context->options.max_picture_mb} << 20) return leave_out("is too large to embed", limits_hint);
+    if (context->picture_bytes + bytes > int64_t{context->options.max_pictures_total_mb} << 20) {
+      return leave_out("is left out: the pictures together are too large", limits_hint);
+    }
+    const std::string content = ReadFile(path);
+    if (PictureType(content).empty()) return leave_out("is neither PNG nor JPEG", "");
+    context->picture_bytes += bytes;
+    std::string html = "<div class=\"strip\">";
+    if (!legend.empty()) {
+      html += "<div class=\"legend\">";
+      for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
+      html += "</div>";
+    }
+    return FigureHtml(html + PictureHtml(content, caption) + "</div>", caption);
+  } catch (const Error& error) {
+    return leave_out(std::string("cannot be read: ") + error.what(), "");
+  }
+}
+
+}  // namespace mvstudio::report

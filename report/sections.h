@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "report/html.h"
+#include "report/report.h"
+#include "report/run_data.h"
+#include "report/value.h"
+
+/// The parts of the page. Each reads the run, returns its piece of HTML, adds the same numbers to `json` and what it could not use
+/// to `warnings`.
+namespace mvstudio::report {
+
+struct SectionContext {
+  const RunData& data;
+  const ReportOptions& options;
+  Value json = Value::Object();
+  std::vector<ReportNotice> warnings;
+  int64_t picture_bytes = 0;  ///< embedded so far
+};
+
+Section CalibrationSection(SectionContext* context);
+Section TriangulationSection(SectionContext* context);
+Section DatasetSection(SectionContext* context);
+Section AvatarSection(SectionContext* context);
+Section TruthSection(SectionContext* context);
+Section ProvenanceSection(SectionContext* context);
+/// Written last, shown first: it also tells the warnings of the other sections.
+Section VerdictSection(SectionContext* context);
+
+/// Worst of the stages' verdicts and of their checks.
+Verdict OverallVerdict(const RunData& data);
+
+// Helpers shared by the sections.
+
+/// All numbers, texts and flags of an object as a two-column table, nested objects with dotted names; arrays are left out. Empty
+/// string when there are none.
+std::string NumbersTable(const std::string& caption, const Value& object);
+/// An array of objects as a table: a column for each key whose values are numbers, texts, flags or short arrays of numbers.
+/// Keys in `skip` are left out.
+std::string ObjectsTable(const std::string& caption, const Value& array, const std::vector<std::string>& skip = {});
+/// "avatar/avatar_eval.result.json" above the stage's content, with its verdict.
+std::string StageHeading(const Stage& stage, bool always_named);
+/// Brief note for a section without data.
+std::string NotRun(const std::string& what, const std::string& command);
+
+/// The picture of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip.
+std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
+                        const std::vector<std::string>& legend = {});
+
+/// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
+std::string RigFigures(const Value& calibration, const CsvFile* points);
+/// name, model, size_px, focal_px, focal_sigma_px (null when unknown), center_in_world_m of each camera of a calibration file.
+Value CalibrationSummary(const Value& calibration);
+
+}  // namespace mvstudio::report

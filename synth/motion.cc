@@ -1,0 +1,146 @@
+#include "synth/motion.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "core/check.h"
+#include "core/random.h"
+#include "core/units.h"
+
+namespace mvstudio::synth {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// Smooth pseudo-random signals in [-1, 1], one a channel.
+class Signals {
+ public:
+  explicit Signals(uint64_t seed) : seed_(seed) {}
+  double operator()(int channel, double time_s) const {
+    static constexpr double kFrequencies[] = {0.173, 0.319, 0.547};  // Hz
+    static constexpr double kAmplitudes[] = {0.42, 0.36, 0.22};
+    Rng rng(seed_ * 7919 + static_cast<uint64_t>(channel) * 104729 + 3);
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) {
+      const double frequency = kFrequencies[i] * rng.Uniform(0.85, 1.15), phase = rng.Uniform(0, 2 * kPi);
+      sum += kAmplitudes[i] * std::sin(2 * kPi * frequency * time_s + phase);
+    }
+    return sum;
+  }
+
+ private:
+  uint64_t seed_;
+};
+
+Quaterniond Turn(double angle, const Vector3d& axis) { return Quaterniond(Eigen::AngleAxisd(angle, axis)); }
+Quaterniond TurnX(double angle) { return Turn(angle, Vector3d::UnitX()); }
+Quaterniond TurnY(double angle) { return Turn(angle, Vector3d::UnitY()); }
+Quaterniond TurnZ(double angle) { return Turn(angle, Vector3d::UnitZ()); }
+
+int Bone(const body::BodyTemplate& body, const std::string& name) {
+  const auto it = std::find(body.bone_names.begin(), body.bone_names.end(), name);
+  MVS_CHECK(it != body.bone_names.end(), "the template has no bone called " << name);
+  return static_cast<int>(it - body.bone_names.begin());
+}
+
+using Turns = std::vector<Quaterniond>;
+
+void PoseTrunk(const body::BodyTemplate& body, const Signals& s, double t, Turns* turns) {
+  const Quaterniond half = TurnZ(0.14 * s(1, t)) * TurnX(-0.04 + 0.09 * s(2, t)) * TurnY(0.07 * s(3, t));
+  (*turns)[Bone(body, "spine")] = half;
+  (*turns)[Bone(body, "chest")] = half;
+  const Quaterniond look = TurnZ(0.26 * s(4, t)) * TurnX(0.10 * s(5, t));
+  (*turns)[Bone(body, "neck")] = look;
+  (*turns)[Bone(body, "head")] = look;
+}
+
+/// Arms rest 45 degrees off the body; `raise` and `swing` are angles from hanging, sideways and forward.
+void PoseArm(const body::BodyTemplate& body, const Signals& s, double t, bool left, Turns* turns) {
+  const int channel = left ? 10 : 20;
+  const double sign = left ? 1 : -1;
+  const double raise = 0.72 + 0.58 * s(channel, t), swing = 0.40 + 0.85 * s(channel + 1, t), bend = 0.85 + 0.80 * s(channel + 2, t);
+  const Vector3d elbow_axis = Vector3d(-1, 0, -sign).normalized();
+  const std::string side = left ? "l_" : "r_";
+  (*turns)[Bone(body, side + "upper_arm")] = TurnX(-swing) * TurnY(sign * (kPi / 4 - raise));
+  (*turns)[Bone(body, side + "forearm")] = Turn(std::max(0.05, bend), elbow_axis);
+  (*turns)[Bone(body, side + "hand")] = Turn(0.3 * s(channel + 3, t), elbow_axis);
+}
+
+void PoseLeg(const body::BodyTemplate& body, const Signals& s, double t, bool left, Turns* turns) {
+  const double sign = left ? 1 : -1;
+  const double phase = 2 * kPi * 0.83 * t + (left ? 0 : kPi) + 0.5 * s(30, t);
+  const double crouch = 0.13 * (1 + s(31, t)), stride = 0.30 + 0.14 * s(32, t);
+  const double lift = std::pow(0.5 * (1 + std::cos(phase)), 2);
+  const double flex = stride * std::sin(phase) + crouch + 0.12 * lift;
+  const double knee = 0.10 + 0.62 * lift + 2 * crouch;
+  const double spread = 0.045 + 0.035 * s(33, t);
+  const std::string side = left ? "l_" : "r_";
+  (*turns)[Bone(body, side + "thigh")] = TurnX(-flex) * TurnY(-sign * spread) * TurnZ(sign * 0.08);
+  (*turns)[Bone(body, side + "shin")] = TurnX(knee);
+  (*turns)[Bone(body, side + "foot")] = TurnX(std::clamp(0.75 * (flex - knee), -0.5, 0.35));
+}
+
+}  // namespace
+
+geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_frames, uint64_t seed) {
+  MVS_CHECK(frame_idx >= 0 && frame_idx < num_frames, "frame " << frame_idx << " of " << num_frames);
+  if (frame_idx == 0) return {TurnX(kPi), Vector3d::Zero()};
+  const Signals s(seed + 77);
+  const double progress = static_cast<double>(frame_idx) / num_frames, t = 24 * progress;
+  const double azimuth = 2 * kPi * 2 * progress + 0.35 * s(1, t);
+  const double up = DegToRad(25 + 28 * std::sin(2 * kPi * 5.3 * progress) + 4 * s(2, t)), roll = 0.7 * s(3, 2 * t);
+  const Vector3d normal(std::cos(up) * std::cos(azimuth), std::cos(up) * std::sin(azimuth), std::sin(up));
+  Eigen::Matrix3d rotation;
+  rotation.col(2) = -normal;
+  rotation.col(0) = rotation.col(2).cross(Vector3d::UnitZ()).normalized();
+  rotation.col(1) = rotation.col(2).cross(rotation.col(0));
+  const Quaterniond world_from_board = Quaterniond(rotation) * TurnZ(roll);
+  const Vector3d place(0.85 * s(4, 1.7 * t), 0.85 * s(5, 1.7 * t), 1.0 + 0.55 * s(6, 1.7 * t));
+  const Vector3d middle(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.square_m, 0);
+  return {world_from_board.normalized(), place - world_from_board.normalized() * middle};
+}
+
+body::BodyPose PersonPose(const body::BodyTemplate& body, double time_s, uint64_t seed) {
+  const Signals s(seed);
+  Turns turns(body.bone_names.size(), Quaterniond::Identity());
+  PoseTrunk(body, s, time_s, &turns);
+  for (bool left : {true, false}) {
+    PoseArm(body, s, time_s, left, &turns);
+    PoseLeg(body, s, time_s, left, &turns);
+  }
+  const double heading = 2 * kPi * 0.31 * time_s + 0.5 * s(40, time_s);
+  const Vector3d place(0.32 * s(41, time_s), 0.32 * s(42, time_s), 0);
+  body::BodyPose pose = body::PoseFromAngles(body, {TurnZ(heading), place}, turns);
+  const double lowest = body::SkinVertices(body, pose).row(2).minCoeff();
+  for (geometry::Rigid3& bone : pose.bone_transforms) bone.translation[2] -= lowest;
+  return pose;
+}
+
+Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const body::Skeleton& skeleton) {
+  const Eigen::Matrix3Xd coco19 = body::PosedCoco19(body, pose);
+  const double scale = body.coco19(2, 0) / 1.43;  // the neck of a person of 1.75 m rests at 1.43 m
+  const std::pair<const char*, Vector3d> foot_points[] = {
+      {"BigToe", {0.108, -0.165, 0.025}}, {"SmallToe", {0.150, -0.105, 0.025}}, {"Heel", {0.110, 0.055, 0.035}}};
+  Eigen::Matrix3Xd joints(3, skeleton.joints.size());
+  for (size_t j = 0; j < skeleton.joints.size(); ++j) {
+    const int panoptic = body::Coco19().Find(skeleton.joints[j]);
+    if (panoptic >= 0) {
+      joints.col(j) = coco19.col(panoptic);
+      continue;
+    }
+    bool found = false;
+    for (const auto& [name, left_point] : foot_points) {
+      if (skeleton.joints[j].substr(1) != name) continue;
+      const bool left = skeleton.joints[j][0] == 'L';
+      const Vector3d rest = scale * Vector3d(left ? left_point[0] : -left_point[0], left_point[1], left_point[2]);
+      joints.col(j) = pose.bone_transforms[Bone(body, left ? "l_foot" : "r_foot")] * rest;
+      found = true;
+    }
+    MVS_CHECK(found, "the person has no joint called " << skeleton.joints[j]);
+  }
+  return joints;
+}
+
+}  // namespace mvstudio::synth

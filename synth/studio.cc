@@ -1,0 +1,118 @@
+#include "synth/studio.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdio>
+
+#include "calib/board.h"
+#include "core/error.h"
+#include "core/random.h"
+#include "core/units.h"
+
+namespace mvstudio::synth {
+namespace {
+
+constexpr double kSubjectHeight = 2.4;   // m, fills the picture's height at the centre
+constexpr double kRingAlternation = 0.65;  // m
+
+void Require(bool condition, const std::string& option, const std::string& expected) {
+  if (!condition) throw UsageError("--" + option + ": expected " + expected);
+}
+
+/// Distortion of an ordinary lens, parameters in the model's order.
+Eigen::VectorXd Distortion(geometry::LensModel model, Rng& rng) {
+  using geometry::LensModel;
+  Eigen::VectorXd k(geometry::NumDistortionParams(model));
+  if (model == LensModel::kKannalaBrandt4) {
+    k << -0.020, 0.010, -0.003, 0.0005;
+  } else {
+    const double brown[8] = {-0.12, 0.06, 4e-4, -3e-4, -0.010, 0.010, 0.004, 0.001};
+    for (int i = 0; i < k.size(); ++i) k[i] = brown[i];
+  }
+  for (int i = 0; i < k.size(); ++i) k[i] *= 1 + 0.15 * rng.Uniform(-1, 1);
+  return k;
+}
+
+Eigen::Vector3d CameraPlace(const SynthOptions& o, int i, Rng& rng) {
+  const double jitter = DegToRad(rng.Uniform(-3, 3)), radius = o.radius_m * (1 + 0.03 * rng.Uniform(-1, 1));
+  if (o.arrangement == "dome") {
+    constexpr double kGoldenAngle = 2.399963229728653;
+    const double elevation = DegToRad(8 + 50 * (i + 0.5) / o.cameras), azimuth = kGoldenAngle * i + jitter;
+    return Eigen::Vector3d(0, 0, 0.9) + radius * Eigen::Vector3d(std::cos(elevation) * std::cos(azimuth),
+                                                                 std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+  }
+  const double azimuth = 2 * kPi * i / o.cameras + jitter;
+  const double height = o.height_m + (i % 2 == 0 ? 1 : -1) * kRingAlternation + 0.05 * rng.Uniform(-1, 1);
+  return {radius * std::cos(azimuth), radius * std::sin(azimuth), height};
+}
+
+geometry::Rigid3 LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target, double roll) {
+  Eigen::Matrix3d cam_from_world;
+  const Eigen::Vector3d z = (target - eye).normalized();
+  const Eigen::Vector3d x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+  cam_from_world << x.transpose(), z.cross(x).transpose(), z.transpose();
+  cam_from_world = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()).toRotationMatrix() * cam_from_world;
+  return {Eigen::Quaterniond(cam_from_world).normalized(), -(cam_from_world * eye)};
+}
+
+}  // namespace
+
+std::pair<int, int> ParseSize(const std::string& size) {
+  int width = 0, height = 0;
+  char end = 0;
+  const bool ok = std::sscanf(size.c_str(), "%dx%d%c", &width, &height, &end) == 2;
+  Require(ok && width >= 32 && height >= 32 && width <= 8192 && height <= 8192 && width % 2 == 0 && height % 2 == 0, "size",
+          "WIDTHxHEIGHT, even numbers from 32 to 8192, not '" + size + "'");
+  return {width, height};
+}
+
+void Validate(const SynthOptions& o) {
+  Require(o.cameras >= 1 && o.cameras <= 200, "cameras", "1 to 200");
+  Require(o.radius_m >= 1.2 && o.radius_m <= 5.5, "radius-m", "1.2 to 5.5 m (the room's wall stands at 6 m)");
+  Require(o.arrangement == "ring" || o.arrangement == "dome", "arrangement", "ring or dome, not '" + o.arrangement + "'");
+  Require(o.height_m >= 0.7 && o.height_m <= 4, "height-m", "0.7 to 4 m");
+  ParseSize(o.size);
+  Require(geometry::LensModelFromString(o.lens).has_value(), "lens", "a lens model, not '" + o.lens + "'");
+  Require(o.focal_px == 0 || (o.focal_px > 10 && o.focal_px < 1e5), "focal-px", "0 or 10 to 100000");
+  Require(o.noise_px >= 0 && o.noise_px < 1000, "noise-px", "0 to 1000");
+  Require(o.board_frames >= 0 && o.board_frames <= 100000, "board-frames", "0 to 100000");
+  Require(o.take_frames >= 0 && o.take_frames <= 100000, "take-frames", "0 to 100000");
+  Require(o.fps > 0 && o.fps <= 1000, "fps", "above 0, at most 1000");
+  Require(o.person_height_m >= 0.8 && o.person_height_m <= 2.3, "person-height-m", "0.8 to 2.3 m");
+  Require(o.samples >= 1 && o.samples <= 8, "samples", "1 to 8");
+  Require(o.texture_px >= 8 && o.texture_px <= 4096, "texture-px", "8 to 4096");
+  Require(o.format == "mp4" || o.format == "png", "format", "mp4 or png, not '" + o.format + "'");
+  Require(o.crf >= 0 && o.crf <= 51, "crf", "0 to 51");
+  Require(o.background == "textured" || o.background == "plain", "background", "textured or plain, not '" + o.background + "'");
+  calib::ParseBoard(o.board);
+}
+
+geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {
+  Validate(options);
+  const auto [width, height] = ParseSize(options.size);
+  const geometry::LensModel model = *geometry::LensModelFromString(options.lens);
+  const double focal = options.focal_px > 0 ? options.focal_px : height * options.radius_m / kSubjectHeight;
+  Rng rng(seed * 1000003 + 17);
+  geometry::Rig rig;
+  rig.gauge = "truth of the synthetic studio: floor at z = 0, origin at its centre";
+  for (int i = 0; i < options.cameras; ++i) {
+    char name[32];
+    std::snprintf(name, sizeof name, "cam_%02d", i + 1);
+    geometry::RigCamera entry;
+    const double own_focal = focal * (1 + 0.02 * rng.Uniform(-1, 1));
+    entry.camera = geometry::MakePinhole(name, width, height, own_focal);
+    entry.camera.model = model;
+    Eigen::VectorXd params(geometry::NumParams(model));
+    params.head<4>() << own_focal, own_focal * (1 + 0.001 * rng.Uniform(-1, 1)), entry.camera.cx() + 0.008 * width * rng.Uniform(-1, 1),
+        entry.camera.cy() + 0.008 * width * rng.Uniform(-1, 1);
+    params.tail(params.size() - 4) = Distortion(model, rng);
+    entry.camera.params = params;
+    const Eigen::Vector3d eye = CameraPlace(options, i, rng);
+    const Eigen::Vector3d target(0.04 * rng.Uniform(-1, 1), 0.04 * rng.Uniform(-1, 1), 0.97 + 0.03 * rng.Uniform(-1, 1));
+    entry.cam_from_world = LookAt(eye, target, DegToRad(rng.Uniform(-2, 2)));
+    rig.cameras.push_back(entry);
+  }
+  return rig;
+}
+
+}  // namespace mvstudio::synth

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "geometry/rig.h"
+
+namespace mvstudio::synth {
+
+/// What the synthetic studio looks like and what is recorded in it. The seed is that of the run.
+struct SynthOptions {
+  int cameras = 8;                          ///< number of cameras
+  double radius_m = 3;                      ///< m, horizontal distance of the cameras from the centre (dome: distance)
+  double height_m = 1.6;                    ///< m, mean height of the cameras of a ring; they alternate 0.65 m above and below
+  std::string arrangement = "ring";         ///< ring or dome
+  std::string size = "640x480";             ///< picture size, WIDTHxHEIGHT, even numbers
+  std::string lens = "brown5";              ///< any lens model
+  double focal_px = 0;                      ///< px; 0: a 2.4 m tall subject at the centre fills the picture
+  double noise_px = 0.2;                    ///< px, standard deviation of the 2D joints per coordinate
+  std::string board = "charuco:7x5:140mm:105mm";  ///< board that is waved; its markers must stay above about 15 px
+  int board_frames = 60;                    ///< frames of board footage; 0: none
+  int take_frames = 100;                    ///< frames of person footage; 0: none
+  double fps = 25;                          ///< Hz, frame rate of all footage
+  double person_height_m = 1.75;            ///< m
+  int samples = 3;                          ///< samples along a pixel's side for the person (the board gets 2 more)
+  int texture_px = 256;                     ///< px, side of each chart of the person's texture
+  std::string format = "mp4";               ///< footage as mp4 (H.264) or png (lossless picture folders)
+  int crf = 12;                             ///< H.264 quality: 0 lossless ... 51 worst
+  std::string background = "textured";      ///< textured or plain
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, SynthOptions& o) {
+  visit("cameras", o.cameras, "number of cameras");
+  visit("radius-m", o.radius_m, "m, distance of the cameras from the centre of the studio");
+  visit("height-m", o.height_m, "m, mean height of a ring's cameras; they alternate 0.65 m above and below");
+  visit("arrangement", o.arrangement, "ring or dome");
+  visit("size", o.size, "picture size, WIDTHxHEIGHT, even numbers");
+  visit("lens", o.lens, "pinhole, brown1, brown2, brown4, brown5, rational8 or kannala4");
+  visit("focal-px", o.focal_px, "px; 0: 2.4 m at the centre fill the picture's height");
+  visit("noise-px", o.noise_px, "px, standard deviation of the 2D joints per coordinate");
+  visit("board", o.board, "board that is waved through the volume");
+  visit("board-frames", o.board_frames, "frames of board footage; 0: none");
+  visit("take-frames", o.take_frames, "frames of person footage; 0: none");
+  visit("fps", o.fps, "Hz, frame rate of all footage");
+  visit("person-height-m", o.person_height_m, "m, height of the person");
+  visit("samples", o.samples, "samples along a pixel's side, 1 to 8; fewer is faster");
+  visit("texture-px", o.texture_px, "px, side of each of the 24 charts of the person's texture");
+  visit("format", o.format, "footage as mp4 (H.264) or png (lossless, picture folders)");
+  visit("crf", o.crf, "H.264 quality: 0 lossless ... 51 worst");
+  visit("background", o.background, "textured or plain");
+}
+
+/// Throws UsageError that names the option and what was expected.
+void Validate(const SynthOptions& options);
+
+/// Width and height of `size`.
+std::pair<int, int> ParseSize(const std::string& size);
+
+/// Cameras cam_01 … looking at (0, 0, 1 m), each with intrinsics and a place a little of its own. World: z up, floor at z = 0.
+geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed);
+
+}  // namespace mvstudio::synth

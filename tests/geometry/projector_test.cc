@@ -1,0 +1,143 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "core/random.h"
+#include "core/units.h"
+#include "tests/geometry/lens_samples.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+using testing::Direction;
+using testing::ProjectLong;
+using testing::Vector2ld;
+using testing::Vector3ld;
+using testing::VectorXld;
+
+TEST(Projector, AgreesWithTheFormulaInLongDouble) {
+  Rng rng(1);
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    const Projector projector(camera);
+    for (int i = 0; i < 500; ++i) {
+      const Eigen::Vector3d x(rng.Uniform(-1, 1), rng.Uniform(-0.7, 0.7), rng.Uniform(1.5, 5));
+      const Projection projection = projector.Project(x);
+      ASSERT_EQ(projection.status, Status::kOk) << camera.name << " " << x.transpose();
+      const Vector2ld oracle = ProjectLong(camera, x);
+      ASSERT_LT((projection.px.cast<long double>() - oracle).norm(), 1e-11L) << camera.name;
+    }
+  }
+}
+
+TEST(Projector, UnprojectsTheWholeImage) {
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    const Projector projector(camera);
+    for (double v = -0.5; v <= camera.height_px; v += 31) {
+      for (double u = -0.5; u <= camera.width_px; u += 31) {
+        const Unprojection unprojection = projector.Unproject({u, v});
+        ASSERT_EQ(unprojection.status, Status::kOk) << camera.name << " " << u << " " << v;
+        ASSERT_NEAR(unprojection.ray_in_cam.norm(), 1, 1e-15);
+        const Vector2ld back = ProjectLong(camera, unprojection.ray_in_cam);
+        ASSERT_LT((back - Vector2ld(u, v)).norm(), 1e-9L) << camera.name << " " << u << " " << v;
+      }
+    }
+  }
+}
+
+TEST(Projector, ReturnsTheRayItProjected) {
+  Rng rng(2);
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    const Projector projector(camera);
+    const double reach = std::min(0.9 * projector.valid_radius(), 0.8);
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d ray = Direction(camera.model, rng.Uniform(0, reach), rng.Uniform(0, 2 * kPi)).normalized();
+      const Projection projection = projector.Project(ray * rng.Uniform(0.1, 20));
+      const Unprojection unprojection = projector.Unproject(projection.px);
+      ASSERT_EQ(unprojection.status, Status::kOk) << camera.name;
+      ASSERT_LT((unprojection.ray_in_cam - ray).norm(), 1e-12) << camera.name;
+    }
+  }
+}
+
+/// Central difference in long double, extrapolated once (Richardson): error of order h^4.
+template <class Function>
+Vector2ld Derivative(const Function& f, long double at, long double h) {
+  const auto central = [&](long double step) { return Vector2ld((f(at + step) - f(at - step)) / (2 * step)); };
+  return (4 * central(h / 2) - central(h)) / 3;
+}
+
+TEST(Projector, JacobiansAgreeWithFiniteDifferences) {
+  Rng rng(3);
+  std::vector<Camera> lenses = testing::OrdinaryLenses();
+  for (const Camera& camera : testing::ExtremeLenses()) lenses.push_back(camera);
+  for (const Camera& camera : lenses) {
+    const Projector projector(camera);
+    const double reach = std::min(0.9 * projector.valid_radius(), camera.model == LensModel::kKannalaBrandt4 ? 2.5 : 0.8);
+    for (int i = 0; i < 40; ++i) {
+      const Eigen::Vector3d x = Direction(camera.model, rng.Uniform(0.01, reach), rng.Uniform(0, 2 * kPi)) * rng.Uniform(0.5, 8);
+      const ProjectionWithJacobians result = projector.ProjectWithJacobians(x);
+      ASSERT_EQ(result.status, Status::kOk) << camera.name;
+      ASSERT_EQ(result.px, projector.Project(x).px);
+      const VectorXld params = camera.params.cast<long double>();
+      const Vector3ld x_long = x.cast<long double>();
+      for (int j = 0; j < 3; ++j) {
+        const auto f = [&](long double value) { Vector3ld y = x_long; y[j] = value; return ProjectLong(camera.model, params, y); };
+        const Vector2ld oracle = Derivative(f, x_long[j], 1e-4L * x_long.norm());
+        ASSERT_LT((oracle - result.d_px_d_x.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm())) << camera.name << " x" << j;
+      }
+      ASSERT_EQ(result.d_px_d_params.cols(), camera.params.size());
+      for (int j = 0; j < camera.params.size(); ++j) {
+        const auto f = [&](long double value) { VectorXld p = params; p[j] = value; return ProjectLong(camera.model, p, x_long); };
+        const Vector2ld oracle = Derivative(f, params[j], 1e-5L * (1 + std::abs(params[j])));
+        ASSERT_LT((oracle - result.d_px_d_params.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm())) << camera.name << " p" << j;
+      }
+    }
+  }
+}
+
+TEST(Projector, JacobianOnTheAxisIsThePinholes) {
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    const ProjectionWithJacobians result = Projector(camera).ProjectWithJacobians({0, 0, 2});
+    ASSERT_EQ(result.status, Status::kOk);
+    Eigen::Matrix<double, 2, 3> expected;
+    expected << camera.fx() / 2, 0, 0, 0, camera.fy() / 2, 0;
+    EXPECT_LT((result.d_px_d_x - expected).norm(), 1e-12 * expected.norm()) << camera.name;
+    EXPECT_EQ(result.px, Eigen::Vector2d(camera.cx(), camera.cy()));
+  }
+}
+
+/// The Jacobian of the inverse map is the inverse of the Jacobian.
+TEST(Projector, InverseFunctionTheorem) {
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    const Projector projector(camera);
+    const Eigen::Vector2d px(0.8 * camera.width_px, 0.3 * camera.height_px);
+    const Eigen::Vector3d ray = projector.Unproject(px).ray_in_cam;
+    Eigen::Matrix2d numeric;
+    for (int j = 0; j < 2; ++j) {
+      const double h = 0.05;
+      const auto slope = [&](double step) {
+        Eigen::Vector2d up = px, down = px;
+        up[j] += step, down[j] -= step;
+        return Eigen::Vector2d((projector.Unproject(up).ray_in_cam.hnormalized() - projector.Unproject(down).ray_in_cam.hnormalized()) / (2 * step));
+      };
+      numeric.col(j) = (4 * slope(h / 2) - slope(h)) / 3;
+    }
+    const Eigen::Vector3d x(ray[0] / ray[2], ray[1] / ray[2], 1);
+    const Eigen::Matrix2d analytic = projector.ProjectWithJacobians(x).d_px_d_x.leftCols<2>().inverse();
+    EXPECT_LT((numeric - analytic).norm(), 1e-9 * analytic.norm()) << camera.name;
+  }
+}
+
+TEST(Projector, OneOffFormsAgree) {
+  const Camera camera = testing::OrdinaryLenses()[4];
+  const Eigen::Vector3d x(0.2, -0.1, 1.5);
+  EXPECT_EQ(Project(camera, x).px, Projector(camera).Project(x).px);
+  EXPECT_EQ(Unproject(camera, {100, 50}).ray_in_cam, Projector(camera).Unproject({100, 50}).ray_in_cam);
+  EXPECT_EQ(ValidRadius(camera), Projector(camera).valid_radius());
+}
+
+}  // namespace
+}  // namespace mvstudio::geometry

@@ -1,0 +1,205 @@
+#include "geometry/rig_io.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "core/random.h"
+#include "tests/geometry/lens_samples.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+Rig SampleRig() {
+  Rng rng(1);
+  Rig rig;
+  rig.gauge = "camera \"pinhole\", \n in UTF-8: ü";
+  for (const Camera& camera : testing::OrdinaryLenses()) {
+    RigCamera entry;
+    entry.camera = camera;
+    entry.cam_from_world = {RotationExp(Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal())),
+                            Eigen::Vector3d(rng.Normal(), 1e-310, -1e17 / 3)};
+    if (rig.cameras.size() % 2) {
+      const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(camera.params.size(), 20, [&] { return rng.Normal(); });
+      entry.params_covariance = a * a.transpose();
+      const Eigen::MatrixXd b = Eigen::MatrixXd::NullaryExpr(6, 20, [&] { return 1e-5 * rng.Normal(); });
+      entry.cam_from_world_covariance = b * b.transpose();
+    }
+    rig.cameras.push_back(entry);
+  }
+  return rig;
+}
+
+bool SameBits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  return a.rows() == b.rows() && a.cols() == b.cols() && std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) == 0;
+}
+
+void ExpectSame(const Rig& a, const Rig& b) {
+  EXPECT_EQ(a.gauge, b.gauge);
+  ASSERT_EQ(a.cameras.size(), b.cameras.size());
+  for (size_t i = 0; i < a.cameras.size(); ++i) {
+    const RigCamera &x = a.cameras[i], &y = b.cameras[i];
+    EXPECT_EQ(x.camera.name, y.camera.name);
+    EXPECT_EQ(x.camera.model, y.camera.model);
+    EXPECT_EQ(x.camera.width_px, y.camera.width_px);
+    EXPECT_EQ(x.camera.height_px, y.camera.height_px);
+    EXPECT_TRUE(SameBits(x.camera.params, y.camera.params));
+    EXPECT_TRUE(SameBits(x.cam_from_world.rotation.coeffs(), y.cam_from_world.rotation.coeffs()));
+    EXPECT_TRUE(SameBits(x.cam_from_world.translation, y.cam_from_world.translation));
+    ASSERT_EQ(x.params_covariance.has_value(), y.params_covariance.has_value());
+    ASSERT_EQ(x.cam_from_world_covariance.has_value(), y.cam_from_world_covariance.has_value());
+    if (x.params_covariance) EXPECT_TRUE(SameBits(*x.params_covariance, *y.params_covariance));
+    if (x.cam_from_world_covariance) EXPECT_TRUE(SameBits(*x.cam_from_world_covariance, *y.cam_from_world_covariance));
+  }
+}
+
+TEST(RigIo, EveryBitSurvives) {
+  const mvstudio::testing::TempDir folder;
+  const Rig rig = SampleRig();
+  WriteRig(rig, folder / "sub/calibration.json");
+  const Rig back = ReadRig(folder / "sub/calibration.json");
+  ExpectSame(rig, back);
+  EXPECT_EQ(RigToJsonText(back), RigToJsonText(rig));
+}
+
+/// The message of the FormatError that `text` earns; "accepted" when it earns none.
+std::string Complaint(const std::string& text) {
+  try {
+    RigFromJsonText(text, "calib.json");
+  } catch (const FormatError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(RigIo, EveryTruncationIsAFormatError) {
+  std::string text = RigToJsonText(SampleRig());
+  text.erase(text.find_last_of('}'));
+  for (size_t length = 0; length <= text.size(); length += length < 600 ? 1 : 13) {
+    ASSERT_NE(Complaint(text.substr(0, length)), "accepted") << length;
+  }
+}
+
+TEST(RigIo, MutatedBytesNeverCrash) {
+  const std::string text = RigToJsonText(SampleRig());
+  Rng rng(2);
+  int refused = 0;
+  for (int i = 0; i < 3000; ++i) {
+    std::string mutated = text;
+    for (int j = 0; j <= i % 3; ++j) mutated[rng.Index(static_cast<int64_t>(text.size()))] = static_cast<char>(rng.Index(256));
+    try {
+      const Rig rig = RigFromJsonText(mutated, "calib.json");
+      for (const RigCamera& camera : rig.cameras) EXPECT_NO_THROW(Validate(camera.camera));
+    } catch (const FormatError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 1000);
+}
+
+/// The text with one change made by `edit` on its JSON.
+template <class Edit>
+std::string Edited(const Edit& edit) {
+  nlohmann::json json = nlohmann::json::parse(RigToJsonText(SampleRig()));
+  edit(json);
+  return json.dump();
+}
+
+TEST(RigIo, ErrorsNameThePlace) {
+  const auto expect = [](const std::string& text, const std::string& place) {
+    const std::string complaint = Complaint(text);
+    EXPECT_EQ(complaint.rfind("calib.json: " + place + ": ", 0), 0u) << complaint;
+    EXPECT_EQ(complaint.find('\n'), std::string::npos) << complaint;
+  };
+  expect(Edited([](auto& j) { j["schema"] = "mvstudio.calibration/2"; }), "schema");
+  expect(Edited([](auto& j) { j["unit"] = "mm"; }), "unit");
+  expect(Edited([](auto& j) { j["cameras"] = 3; }), "cameras");
+  expect(Edited([](auto& j) { j["cameras"] = nlohmann::json::array(); }), "cameras");
+  expect(Edited([](auto& j) { j["cameras"][3]["intrinsics"]["fx"] = "900"; }), "cameras[3].intrinsics.fx");
+  expect(Edited([](auto& j) { j["cameras"][3]["intrinsics"]["fy"] = -1; }), "cameras[3].intrinsics.fy");
+  expect(Edited([](auto& j) { j["cameras"][3]["intrinsics"].erase("cx"); }), "cameras[3].intrinsics");
+  expect(Edited([](auto& j) { j["cameras"][3]["intrinsics"]["k3"] = 0.1; }), "cameras[3].intrinsics");
+  expect(Edited([](auto& j) { j["cameras"][1]["model"] = "fov"; }), "cameras[1].model");
+  expect(Edited([](auto& j) { j["cameras"][1]["name"] = ""; }), "cameras[1].name");
+  expect(Edited([](auto& j) { j["cameras"][1]["name"] = j["cameras"][0]["name"]; }), "cameras[1].name");
+  expect(Edited([](auto& j) { j["cameras"][1].erase("size_px"); }), "cameras[1]");
+  expect(Edited([](auto& j) { j["cameras"][1]["size_px"][0] = 0; }), "cameras[1].size_px[0]");
+  expect(Edited([](auto& j) { j["cameras"][1]["size_px"][1] = 1e300; }), "cameras[1].size_px[1]");
+  expect(Edited([](auto& j) { j["cameras"][1]["size_px"] = {1, 2, 3}; }), "cameras[1].size_px");
+  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 0}; }), "cameras[2].cam_from_world.rotation_xyzw");
+  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 1e-160}; }), "cameras[2].cam_from_world.rotation_xyzw");
+  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["translation"][2] = nullptr; }), "cameras[2].cam_from_world.translation[2]");
+  expect(Edited([](auto& j) { j["cameras"][1]["intrinsics_covariance"][0][0] = -1; }), "cameras[1].intrinsics_covariance");
+  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"][0][1] = 1; }), "cameras[1].cam_from_world_covariance");
+  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"].erase(0); }), "cameras[1].cam_from_world_covariance");
+}
+
+TEST(RigIo, HostileTexts) {
+  EXPECT_NE(Complaint(std::string(100000, '[')), "accepted");
+  EXPECT_NE(Complaint("{\"schema\":" + std::string(100000, '[') + std::string(100000, ']') + "}"), "accepted");
+  EXPECT_NE(Complaint(""), "accepted");
+  EXPECT_NE(Complaint("null"), "accepted");
+  EXPECT_NE(Complaint("[1, 2]"), "accepted");
+  EXPECT_NE(Complaint("\xff\xfe{}"), "accepted");
+  EXPECT_NE(Complaint("{\"schema\": \"a\", \"schema\": \"b\"}").find("twice"), std::string::npos);
+  std::string text = RigToJsonText(SampleRig());
+  const auto with = [&](const std::string& number) {
+    std::string changed = text;
+    const size_t at = changed.find("\"cx\":") + 5;
+    return changed.replace(at, changed.find(',', at) - at, number);
+  };
+  EXPECT_EQ(Complaint(with("640")), "accepted");
+  for (const char* number : {"NaN", "Infinity", "-inf", "1e400", "0x12", "", "1,5", "--1"}) EXPECT_NE(Complaint(with(number)), "accepted") << number;
+}
+
+TEST(RigIo, UnknownKeysAreIgnoredWithAWarning) {
+  std::string logged;
+  const LogSink before = SetLogSink([&](LogLevel, const std::string& line) { logged += line; });
+  const std::string text = Edited([](auto& j) { j["cameras"][4]["colour"] = "red"; });
+  EXPECT_EQ(Complaint(text), "accepted");
+  SetLogSink(before);
+  EXPECT_NE(logged.find("cameras[4].colour"), std::string::npos) << logged;
+}
+
+TEST(RigIo, RoundedRotationsArePutBackOnTheSphere) {
+  const std::string text = Edited([](auto& j) { j["cameras"][0]["cam_from_world"]["rotation_xyzw"] = {0.5, 0.5, 0.5, 0.5001}; });
+  EXPECT_NEAR(RigFromJsonText(text, "t").cameras[0].cam_from_world.rotation.norm(), 1, 1e-15);
+}
+
+TEST(RigIo, RefusesToWriteNonsense) {
+  const auto expect_refused = [](auto&& spoil) {
+    Rig rig = SampleRig();
+    spoil(rig);
+    EXPECT_THROW(RigToJsonText(rig), ContractViolation);
+  };
+  expect_refused([](Rig& r) { r.cameras.clear(); });
+  expect_refused([](Rig& r) { r.cameras[1].camera.name = r.cameras[0].camera.name; });
+  expect_refused([](Rig& r) { r.cameras[1].camera.name = "\xff\xfe"; });
+  expect_refused([](Rig& r) { r.cameras[1].camera.params[0] = std::nan(""); });
+  expect_refused([](Rig& r) { r.cameras[1].cam_from_world.rotation.coeffs() *= 2; });
+  expect_refused([](Rig& r) { r.cameras[1].cam_from_world.translation[0] = std::numeric_limits<double>::infinity(); });
+  expect_refused([](Rig& r) { r.cameras[1].params_covariance = Eigen::MatrixXd::Zero(3, 3); });
+}
+
+TEST(RigIo, MissingFileIsAnIoError) {
+  const mvstudio::testing::TempDir folder;
+  EXPECT_THROW(ReadRig(folder / "none.json"), IoError);
+  EXPECT_THROW(ReadRig(folder.path()), IoError);
+}
+
+TEST(Rig, FindsByName) {
+  const Rig rig = SampleRig();
+  EXPECT_EQ(rig.Find("brown4"), 3);
+  EXPECT_EQ(rig.Find("none"), -1);
+  const Eigen::Vector3d centre = rig.cameras[2].CenterInWorld();
+  EXPECT_TRUE(centre.allFinite());
+}
+
+}  // namespace
+}  // namespace mvstudio::geometry

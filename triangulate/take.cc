@@ -1,0 +1,144 @@
+#include "triangulate/take.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/check.h"
+#include "core/parallel.h"
+#include "triangulate/exhaustive_dlt.h"
+#include "triangulate/noise.h"
+
+namespace mvstudio::triangulate {
+namespace {
+
+constexpr char kExhaustiveDlt[] = "exhaustive-dlt";
+
+PointMethod MethodByName(const std::string& name) {
+  if (name == "auto" || name == kExhaustiveDlt) return PointMethod::kRobust;
+  if (name == "all-views") return PointMethod::kAllViews;
+  if (name == "linear") return PointMethod::kLinear;
+  if (name == "midpoint") return PointMethod::kMidpoint;
+  throw UsageError("--method " + name + " is unknown; choose auto, all-views, linear, midpoint or exhaustive-dlt");
+}
+
+void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
+  MethodByName(o.method);
+  const auto require = [](bool holds, const char* message) {
+    if (!holds) throw UsageError(message);
+  };
+  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "--sigma-px must be a positive number, or 0 to estimate it");
+  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
+  require(o.score_power >= 0 && o.score_power <= 4, "--score-power must lie in 0..4");
+  require(o.max_residual_sigmas > 0, "--max-residual-sigmas must be positive");
+  require(o.min_parallax_sigmas > 0, "--min-parallax-sigmas must be positive");
+  require(o.max_distance_m >= 0, "--max-distance-m must not be negative");
+  require(o.min_views >= 2, "--min-views must be at least 2");
+  require(o.max_persons >= 1, "--max-persons must be at least 1");
+  require(o.max_error_px > 0, "--max-error-px must be positive");
+  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20, "--method exhaustive-dlt takes at most 20 cameras; use auto");
+}
+
+PointOptions ToPointOptions(const TakeOptions& o) {
+  PointOptions options;
+  options.method = MethodByName(o.method);
+  options.max_residual_sigmas = o.max_residual_sigmas;
+  options.min_parallax_sigmas = o.min_parallax_sigmas;
+  options.max_distance_m = o.max_distance_m;
+  options.min_views = o.min_views;
+  return options;
+}
+
+AssociationOptions ToAssociationOptions(const TakeOptions& o) {
+  AssociationOptions options;
+  options.max_error_px = o.association_error_px;
+  options.min_score = o.min_score;
+  options.max_persons = o.max_persons;
+  return options;
+}
+
+/// What the cameras saw of one joint; sigmas are relative to that of a detection with score 1.
+std::vector<Observation> Observe(const DetectedFrame& frame, const std::vector<int>& choice, int joint_idx, const TakeOptions& options) {
+  std::vector<Observation> observations;
+  for (size_t c = 0; c < choice.size(); ++c) {
+    if (choice[c] < 0) continue;
+    const Keypoint& key = frame.people[c][choice[c]][joint_idx];
+    if (!(key.score > 0) || key.score < options.min_score) continue;
+    const double score = std::min(key.score, 1.0);
+    observations.push_back({static_cast<int>(c), key.px, std::pow(score, -options.score_power), key.score});
+  }
+  return observations;
+}
+
+double MeanDiagonalPx(const geometry::Rig& rig) {
+  double sum = 0;
+  for (const geometry::RigCamera& camera : rig.cameras) sum += std::hypot(camera.camera.width_px, camera.camera.height_px);
+  return sum / static_cast<double>(rig.cameras.size());
+}
+
+void ResolveSigma(const geometry::Rig& rig, const PreparedRig& prepared, const TakeOptions& options, const PointOptions& point_options,
+                  int num_threads, std::vector<std::vector<Observation>>* observations, double* sigma_px) {
+  *sigma_px = options.sigma_px;
+  if (options.method == kExhaustiveDlt) return;
+  if (options.sigma_px == 0) {
+    *sigma_px = EstimateNoiseScale(prepared, *observations, point_options, 0.005 * MeanDiagonalPx(rig), 1.0, num_threads);
+  }
+  for (auto& each : *observations) {
+    for (Observation& observation : each) observation.sigma_px *= *sigma_px;
+  }
+}
+
+void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints) {
+  for (const DetectedFrame& frame : frames) {
+    MVS_CHECK(frame.people.size() == rig.cameras.size(), "frame " << frame.frame << " lists " << frame.people.size() << " cameras");
+    for (const auto& people : frame.people) {
+      for (const DetectedPerson& person : people) {
+        MVS_CHECK(static_cast<int>(person.size()) == num_joints, "frame " << frame.frame << ": " << person.size() << " joints");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints,
+                           const TakeOptions& options, const RunContext& run) {
+  CheckOptions(rig, options);
+  CheckFrames(rig, frames, num_joints);
+  const bool dlt = options.method == kExhaustiveDlt;
+  const PreparedRig prepared = Prepare(rig, options.ignore_distortion || dlt);
+  const auto assignment = AssociateTake(prepared, frames, ToAssociationOptions(options), run);
+
+  TakeResult result;
+  std::vector<std::vector<Observation>> observations;
+  for (size_t f = 0; f < frames.size(); ++f) {
+    for (size_t p = 0; p < assignment[f].size(); ++p) {
+      for (int j = 0; j < num_joints; ++j) {
+        observations.push_back(Observe(frames[f], assignment[f][p], j, options));
+        result.points.push_back({frames[f].frame, static_cast<int>(p), j, {}});
+      }
+    }
+    result.num_persons = std::max(result.num_persons, static_cast<int>(assignment[f].size()));
+  }
+  const PointOptions point_options = ToPointOptions(options);
+  ResolveSigma(rig, prepared, options, point_options, run.num_threads, &observations, &result.sigma_px);
+
+  constexpr int64_t kBlock = 64;
+  const int64_t count = static_cast<int64_t>(observations.size());
+  ProgressStage stage(run, "triangulate", 1);
+  ParallelFor((count + kBlock - 1) / kBlock, run.num_threads, [&](int64_t block) {
+    for (int64_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
+      PointOptions own = point_options;
+      own.seed = run.seed + static_cast<uint64_t>(i);
+      result.points[i].point = dlt ? TriangulateExhaustiveDlt(rig, observations[i], {options.max_error_px, options.min_score, 2})
+                                   : TriangulatePoint(prepared, observations[i], own);
+    }
+  });
+  std::vector<DiagnosedPoint> diagnosed;
+  for (int64_t i = 0; i < count; ++i) diagnosed.push_back({result.points[i].frame, &result.points[i].point, &observations[i]});
+  result.cameras = DiagnoseCameras(prepared, diagnosed);
+  stage.Advance();
+  return result;
+}
+
+}  // namespace mvstudio::triangulate

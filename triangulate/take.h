@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "geometry/rig.h"
+#include "triangulate/association.h"
+#include "triangulate/diagnosis.h"
+#include "triangulate/point.h"
+
+namespace mvstudio::triangulate {
+
+struct TakeOptions {
+  std::string method = "auto";      ///< auto: robust; all-views, linear, midpoint: faster, outliers included; exhaustive-dlt: Pose2Sim's
+  double sigma_px = 0;              ///< of a detection with score 1; 0: estimated from the take
+  double min_score = 0.3;           ///< detections below are left out
+  double score_power = 0.5;         ///< sigma grows as score to minus this power
+  double max_residual_sigmas = 4;   ///< see PointOptions
+  double min_parallax_sigmas = 5;   ///< see PointOptions
+  double max_distance_m = 0;        ///< see PointOptions
+  int min_views = 2;                ///< views that a point needs
+  double max_error_px = 15;         ///< exhaustive-dlt only: mean reprojection error accepted
+  bool ignore_distortion = false;   ///< take every lens as a pinhole
+  int max_persons = 1;              ///< persons kept
+  double association_error_px = 0;  ///< views of one person agree up to this median distance; 0: 1.5 % of the image diagonal
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, TakeOptions& o) {
+  visit("method", o.method, "auto | all-views | linear | midpoint | exhaustive-dlt; auto chooses views and gives the most likely point, "
+        "all-views, linear and midpoint trust every detection, exhaustive-dlt is Pose2Sim's");
+  visit("sigma-px", o.sigma_px, "px; standard deviation of a detection with score 1; 0 estimates it from the take");
+  visit("min-score", o.min_score, "0..1; detections with a lower score are left out");
+  visit("score-power", o.score_power, "a detection's sigma is sigma-px / score^power; 0 ignores scores");
+  visit("max-residual-sigmas", o.max_residual_sigmas, "a view with a larger residual does not carry the point");
+  visit("min-parallax-sigmas", o.min_parallax_sigmas, "distance over its own uncertainty below which a point is LowParallax");
+  visit("max-distance-m", o.max_distance_m, "m; points farther from every camera are FarPoint; 0: no limit");
+  visit("min-views", o.min_views, "views that a point needs, at least 2");
+  visit("max-error-px", o.max_error_px, "px; exhaustive-dlt: mean reprojection error that ends the search");
+  visit("ignore-distortion", o.ignore_distortion, "take every lens as a pinhole; exhaustive-dlt always does");
+  visit("max-persons", o.max_persons, "the best supported persons of the take are kept");
+  visit("association-error-px", o.association_error_px, "px; views of one person agree up to this median; 0: 1.5 % of the diagonal");
+}
+
+struct TakePoint {
+  int frame = 0, person = 0, joint_idx = 0;
+  Point point;
+};
+
+struct TakeResult {
+  std::vector<TakePoint> points;         ///< every joint of every person in every frame: by frame, person, joint
+  std::vector<CameraDiagnosis> cameras;  ///< in the rig's order
+  double sigma_px = 0;                   ///< given or estimated; 0 for exhaustive-dlt
+  int num_persons = 0;
+};
+
+/// Triangulates a take. `frames` ascend and have one list of people a camera of the rig; every person has `num_joints` joints. The
+/// result does not depend on the number of threads. Throws UsageError for an unknown method or options out of range.
+TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints,
+                           const TakeOptions& options, const RunContext& run = {});
+
+}  // namespace mvstudio::triangulate
