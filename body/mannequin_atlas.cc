@@ -171,10 +171,11 @@ void BuildAtlas(const std::vector<Tube>& tubes, BodyTemplate* body) {
     const double at = axis.Angle(center);
     const bool front = one_chart || std::abs(at) <= kPi / 2;
     const double chart_angle = front ? 0 : kPi, center_angle = WrapNear(at, chart_angle);
+    const double reach = (one_chart ? kPi : kPi / 2) + std::min(0.5, 0.014 / axis.arc_m);  // with room for a ragged seam
     body->face_part[f] = front ? axis.front_part : axis.back_part;
     for (int k = 0; k < 3; ++k) {
-      const double angle = WrapNear(axis.Angle(corners.col(k)), center_angle);
-      body->face_uv.col(3 * f + k) = Eigen::Vector2d(angle, axis.Length(corners.col(k))).cast<float>();
+      const double angle = WrapNear(axis.Angle(corners.col(k)), center_angle) - chart_angle;
+      body->face_uv.col(3 * f + k) = Eigen::Vector2d(std::clamp(angle / reach, -1.0, 1.0), axis.Length(corners.col(k))).cast<float>();
     }
   }
   NormalizeCharts(body);

@@ -89,18 +89,19 @@ double Pattern(const Cloth& cloth, uint64_t seed, double u, double v) {
   return 1.0;
 }
 
-/// Hair, eyes and mouth. u runs around the head, its front edge at `front_u`; v from the neck to the crown.
+/// Hair, eyes and mouth. u runs around the head, v from the neck to the crown.
 Rgb HeadColor(const Rgb& skin, uint64_t seed, double u, double v, bool left) {
-  const double from_front = left ? u : 1 - u;  // 0 at the nose, 1 at the back of the head
-  const double hair_line = 0.60 + 0.09 * std::cos(from_front * 3.1416) - 0.42 * std::clamp(from_front - 0.55, 0.0, 0.4) / 0.4;
+  const double from_front = (left ? u : 1 - u) - 0.046;  // 0 at the nose, 0.45 at the ear, 0.91 at the back of the head
+  auto ramp = [&](double low, double high) { return std::clamp((from_front - low) / (high - low), 0.0, 1.0); };
+  const double hair_line = 0.71 - 0.15 * ramp(0.18, 0.38) - 0.34 * ramp(0.46, 0.64);
   if (v > hair_line + 0.02 * Noise(seed, u, v, 30)) return Mix({60, 38, 22}, {110, 70, 36}, Noise(seed, u * 6, v, 14));
   auto spot = [&](double cu, double cv, double ru, double rv) {
     return std::hypot((from_front - cu) / ru, (v - cv) / rv) < 1;
   };
-  if (spot(0.19, 0.545, 0.035, 0.016)) return {40, 40, 60};
-  if (spot(0.19, 0.545, 0.075, 0.024)) return {235, 235, 235};
-  if (spot(0.19, 0.59, 0.09, 0.010)) return {80, 52, 34};
-  if (spot(0.0, 0.375, 0.16, 0.014)) return {170, 70, 70};
+  if (spot(0.085, 0.568, 0.016, 0.017)) return {40, 40, 60};
+  if (spot(0.085, 0.568, 0.038, 0.022)) return {235, 235, 235};
+  if (spot(0.090, 0.625, 0.050, 0.011)) return {80, 52, 34};
+  if (spot(0.0, 0.355, 0.065, 0.014)) return {170, 70, 70};
   return skin;
 }
 

@@ -1,6 +1,7 @@
 #include "calib/bundle.h"
 
 #include <ceres/ceres.h>
+#include <glog/logging.h>
 
 #include <algorithm>
 #include <array>
@@ -157,8 +158,18 @@ ceres::Solver::Options SolverOptions(const BundleOptions& options) {
   return solver;
 }
 
+/// Ceres reports rejected steps through glog, on stderr; here they are no news.
+void SilenceGlog() {
+  static const bool once = [] {
+    FLAGS_minloglevel = std::max(FLAGS_minloglevel, 3);
+    return true;
+  }();
+  static_cast<void>(once);
+}
+
 /// One least-squares solution with the weights as they are.
 Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, RigState* state, int* iterations) {
+  SilenceGlog();
   Blocks blocks = ToBlocks(*state);
   ceres::Problem::Options problem_options;
   problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses bend a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
-constexpr double kRejectSigmas = 4.5, kRejectFloorPx = 0.25;
+constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
 Image ToGrey(const Image& image) {
   if (image.channels == 1) return image;

@@ -42,13 +42,19 @@ CalibrationFormat DetectFormat(const std::string& path) {
 
 namespace internal {
 
+std::string Printable(std::string_view text) {
+  std::string plain(text.substr(0, 40));
+  for (char& c : plain) c = c >= ' ' && c <= '~' ? c : '?';
+  return plain;
+}
+
 double ParseNumber(std::string_view text, const Place& place) {
   const size_t first = text.find_first_not_of(" \t\r\n+"), last = text.find_last_not_of(" \t\r\n");
   if (first != std::string_view::npos) text = text.substr(first, last + 1 - first);
   double number = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
-    throw FormatError(place.path, place.where, "'" + std::string(text.substr(0, 40)) + "' is not a finite number");
+    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number");
   }
   return number;
 }

@@ -40,7 +40,9 @@ ImportedRig ReadQualisysToml(const std::string& path);
 /// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
 /// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
 struct QcaOptions {
-  /// The distortion is divided by this. 64 gives what Pose2Sim makes of the file; 1 takes the coefficients as OpenCV's.
+  /// The distortion is divided by this. 64 gives what Pose2Sim makes of the file, so that its TOML and the QCA agree. 1 takes the
+  /// coefficients as OpenCV's, dimensionless; chessboard images of one studio speak for 1 (k1 = -0.051 +- 0.012 measured, -0.047 in
+  /// the QCA, -0.0007 in the TOML). A note says so whenever the divisor is not 1 and the lens has distortion.
   double distortion_divisor = 64;
 };
 ImportedRig ReadQca(const std::string& path, const QcaOptions& options = {});

@@ -22,6 +22,9 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
 /// Rotation from a matrix that a file calls one; throws FormatError when it is farther than 1e-3 from a rotation.
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
 
+/// At most 40 characters of foreign text for a message, with '?' for whatever is not printable ASCII.
+std::string Printable(std::string_view text);
+
 /// The number `text` is, all of it; throws FormatError otherwise.
 double ParseNumber(std::string_view text, const Place& place);
 

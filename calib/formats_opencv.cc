@@ -53,10 +53,10 @@ void ReadEntries(const std::string& path, Entries* entries) {
     const size_t colon = line.find(':');
     if (colon == std::string::npos) throw FormatError(path, where, "'key: value' was expected; is the file truncated?");
     const auto [entry, is_new] = entries->insert({Normalised(line.substr(0, colon)), {}});
-    if (!is_new) throw FormatError(path, where, "the key '" + line.substr(0, colon) + "' stands twice");
+    if (!is_new) throw FormatError(path, where, "the key '" + internal::Printable(line.substr(0, colon)) + "' stands twice");
     current = &entry->second;
     current->value = Trimmed(line.substr(colon + 1));
-    current->place = {path, line.substr(0, colon)};
+    current->place = {path, internal::Printable(line.substr(0, colon))};
   }
 }
 

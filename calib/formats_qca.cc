@@ -47,7 +47,7 @@ class TagScanner {
       }
       const std::string key = Name();
       Expect('=');
-      if (!tag->attributes.emplace(key, Quoted()).second) Fail("attribute '" + key + "' stands twice");
+      if (!tag->attributes.emplace(key, Quoted()).second) Fail("attribute '" + internal::Printable(key) + "' stands twice");
     }
     return true;
   }
@@ -102,7 +102,7 @@ class TagScanner {
       }
       const size_t end = value.find(';', i);
       const auto entity = kEntities.find(value.substr(i + 1, end == std::string::npos ? 0 : end - i - 1));
-      if (entity == kEntities.end()) Fail("unknown XML entity in '" + value.substr(0, 40) + "'");
+      if (entity == kEntities.end()) Fail("unknown XML entity in '" + internal::Printable(value) + "'");
       plain += entity->second;
       i = end;
     }
@@ -132,11 +132,11 @@ std::vector<CameraElement> ReadCameraElements(const std::string& path, const std
       if (open.size() > 64) scanner.Fail("nested deeper than 64 levels");
     }
     if (tag.closes) {
-      if (open.empty() || open.back() != tag.name) scanner.Fail("</" + tag.name + "> closes nothing");
+      if (open.empty() || open.back() != tag.name) scanner.Fail("</" + internal::Printable(tag.name) + "> closes nothing");
       open.pop_back();
     }
   }
-  if (!open.empty()) scanner.Fail("<" + open.back() + "> is not closed; is the file truncated?");
+  if (!open.empty()) scanner.Fail("<" + internal::Printable(open.back()) + "> is not closed; is the file truncated?");
   return cameras;
 }
 
@@ -220,6 +220,15 @@ ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
     imported.rig.cameras.push_back(camera);
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "there is no <camera> in it");
+  const bool any_distorted = std::any_of(imported.rig.cameras.begin(), imported.rig.cameras.end(), [](const auto& camera) {
+    return camera.camera.model != geometry::LensModel::kPinhole;
+  });
+  if (any_distorted && options.distortion_divisor != 1) {
+    imported.notes.push_back({"CAL-QCADISTORTION",
+                              "the lens distortion was divided by " + std::to_string(static_cast<int>(options.distortion_divisor)) +
+                                  ", as Pose2Sim does; board images suggest that Qualisys means the coefficients as they stand",
+                              "compare both with board images: calib convert --qca-distortion-divisor 1"});
+  }
   return imported;
 }
 

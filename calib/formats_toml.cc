@@ -77,7 +77,7 @@ void Collect(const toml::table& parent, const std::string& path, const std::stri
     const std::string id(key.str());
     const bool numeric = id.find_first_not_of("0123456789") == std::string::npos;
     const std::string name = table->at_path("name").value_or(numeric ? "cam_" + id : id);
-    cameras->push_back({table, name, {path, prefix + id}});
+    cameras->push_back({table, name, {path, prefix + internal::Printable(id)}});
   }
 }
 

@@ -158,10 +158,14 @@ PixelBox BoxOfBody(const ProjectedBody& body, int width, int height, double marg
 
 Image BodyRegion(const ProjectedBody& body, int width, int height, double margin_m) {
   Image region(width, height, 1, 0);
-  const internal::PixelBox box = internal::BoxOfBody(body, width, height, margin_m);
-  for (int y = box.y0; y < box.y1; ++y) {
-    for (int x = box.x0; x < box.x1; ++x) {
-      if (internal::DistanceToBody(body, {double(x), double(y)}).outside_m < margin_m) *region.Pixel(x, y) = 255;
+  for (const BodyCapsule& limb : body.limbs) {
+    const ProjectedBody one{{limb}, {}, {}};
+    const internal::PixelBox box = internal::BoxOfBody(one, width, height, std::max(margin_m, 0.0));
+    for (int y = box.y0; y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x) {
+        uint8_t* pixel = region.Pixel(x, y);
+        if (!*pixel && internal::DistanceToBody(one, {double(x), double(y)}).outside_m < margin_m) *pixel = 255;
+      }
     }
   }
   return region;

@@ -25,6 +25,9 @@ struct PixelBox {
 /// Bounding box of the region within `margin_m` of the limbs, clipped to the image.
 PixelBox BoxOfBody(const ProjectedBody& body, int width, int height, double margin_m);
 
+/// Colour's evidence for a person at a pixel of the frame, nats, clamped to +-8.
+double PersonEvidence(const Image& rgb, int x, int y, const CameraMaskModel& model);
+
 enum class Label : int8_t { kFree = -1, kBackground = 0, kPerson = 1 };
 
 /// One cut on a grid: costs in nats, row-major.

@@ -95,6 +95,11 @@ double KnownBackgroundCost(const Eigen::Vector3d& rgb, const Eigen::Vector3d& ba
   return -std::log(kForeignShare / (256.0 * 256.0 * 256.0) + std::exp(-best));
 }
 
+double BackgroundCost(const Eigen::Vector3d& rgb, const Eigen::Vector3d& background, double sigma, bool known,
+                      const CameraMaskModel& model, double darkest) {
+  return known ? KnownBackgroundCost(rgb, background, sigma, darkest) : model.surroundings.Cost(rgb);
+}
+
 struct PixelCosts {
   double person = 0, background = 0;
 };
@@ -104,13 +109,10 @@ PixelCosts ColourCosts(const Patch& patch, int x, int y, const CameraMaskModel& 
   const cv::Vec3f& c = patch.rgb.at<cv::Vec3f>(y, x);
   const Eigen::Vector3d rgb(c[0], c[1], c[2]);
   PixelCosts costs;
+  const cv::Vec3f& b = patch.background.at<cv::Vec3f>(y, x);
   costs.person = model.person.Cost(rgb);
-  if (patch.known.at<float>(y, x) > 0.99f) {
-    const cv::Vec3f& b = patch.background.at<cv::Vec3f>(y, x);
-    costs.background = KnownBackgroundCost(rgb, Eigen::Vector3d(b[0], b[1], b[2]), patch.sigma.at<float>(y, x), options.shadow_strength);
-  } else {
-    costs.background = model.surroundings.Cost(rgb);
-  }
+  costs.background = BackgroundCost(rgb, Eigen::Vector3d(b[0], b[1], b[2]), patch.sigma.at<float>(y, x),
+                                    patch.known.at<float>(y, x) > 0.99f, model, options.shadow_strength);
   return costs;
 }
 
@@ -327,6 +329,15 @@ Image Dilated(const Image& mask, int radius_px) {
 }
 
 }  // namespace
+
+double internal::PersonEvidence(const Image& rgb, int x, int y, const CameraMaskModel& model) {
+  const size_t i = size_t(y) * rgb.width + x;
+  const uint8_t *c = rgb.Pixel(x, y), *b = model.background.colour.Pixel(x, y);
+  const Eigen::Vector3d colour(c[0], c[1], c[2]);
+  const double background =
+      BackgroundCost(colour, Eigen::Vector3d(b[0], b[1], b[2]), model.background.sigma[i], model.background.known[i] != 0, model, 0.5);
+  return std::clamp(background - model.person.Cost(colour), -8.0, 8.0);
+}
 
 BodyMask SegmentBody(const Image& rgb, const ProjectedBody& body, const CameraMaskModel& model, const MaskOptions& options) {
   MVS_CHECK(rgb.channels == 3 && rgb.width == model.background.colour.width && rgb.height == model.background.colour.height,

@@ -112,10 +112,10 @@ std::vector<Person2d> ParsePeople(const json& root, const FileContext& file) {
   for (size_t i = 0; i < root["people"].size(); ++i) {
     const json& entry = root["people"][i];
     const std::string where = "people[" + std::to_string(i) + "].pose_keypoints_2d";
-    if (!entry.is_object() || !entry.contains("pose_keypoints_2d") || !entry["pose_keypoints_2d"].is_array()) {
-      file.Fail(where, "is not there or not an array");
-    }
-    if (entry["pose_keypoints_2d"].empty()) continue;  // a face or a hand without a body
+    if (!entry.is_object()) file.Fail("people[" + std::to_string(i) + "]", "is not an object");
+    // A face or a hand without a body; Pose2Sim leaves {} where it found nobody.
+    if (!entry.contains("pose_keypoints_2d") || (entry["pose_keypoints_2d"].is_array() && entry["pose_keypoints_2d"].empty())) continue;
+    if (!entry["pose_keypoints_2d"].is_array()) file.Fail(where, "is not an array");
     people.push_back(ParsePerson(entry["pose_keypoints_2d"], where, file));
   }
   return people;

@@ -1,6 +1,7 @@
 #include "dataset/pose3d_trc.h"
 
 #include <charconv>
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 

@@ -14,6 +14,7 @@
 namespace mvstudio::geometry {
 
 /// Brown/rational distortion of normalised coordinates (a, b). `k` are the distortion parameters of `model`.
+/// The outputs must not be the inputs' own variables.
 template <class T>
 void DistortNormalized(LensModel model, const T* k, const T& a, const T& b, T* a_out, T* b_out) {
   const T zero(0);

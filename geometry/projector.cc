@@ -95,11 +95,12 @@ Projection Projector::Project(const Eigen::Vector3d& x_in_cam) const {
     return ToPixel(x / side * radius, y / side * radius);
   }
   if (!(z > 0)) return {Status::kBehindCamera, Eigen::Vector2d::Zero()};
-  double a = x / z, b = y / z;
+  const double a = x / z, b = y / z;
   if (formula_ == LensModel::kPinhole) return ToPixel(a, b);
   if (!(a * a + b * b <= valid_radius_squared_)) return {Status::kOutsideValidRadius, Eigen::Vector2d::Zero()};
-  DistortNormalized(formula_, k_.data(), a, b, &a, &b);
-  return ToPixel(a, b);
+  double distorted_a, distorted_b;
+  DistortNormalized(formula_, k_.data(), a, b, &distorted_a, &distorted_b);
+  return ToPixel(distorted_a, distorted_b);
 }
 
 Eigen::Vector2d Projector::Distort(double a, double b, Eigen::Matrix2d* jacobian) const {

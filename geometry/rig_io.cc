@@ -89,7 +89,7 @@ Json ParseChecked(const std::string& text, const std::string& path) {
     if (event == Json::parse_event_t::object_start) keys.emplace_back();
     if (event == Json::parse_event_t::object_end) keys.pop_back();
     if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second) {
-      throw FormatError(path, parsed.get<std::string>(), "this key stands twice in one object");
+      throw FormatError(path, parsed.dump(), "this key stands twice in one object");
     }
     return true;
   };

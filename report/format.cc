@@ -15,7 +15,8 @@ std::string Printf(const char* format, int precision, double value) {
 }
 
 void ReplaceAll(std::string* text, const std::string& from, const std::string& to) {
-  for (size_t at = text->find(from); at != std::string::npos; at = text->find(from, at + to.size())) text->replace(at, from.size(), to);
+  for (size_t at = text->find(from); at != std::string::npos; at = text->find(from, at + to.size()))
+    text->replace(at, from.size(), to);
 }
 
 }  // namespace
@@ -34,7 +35,11 @@ std::string FormatNumber(double value, int significant) {
   if (magnitude >= 1e7 || magnitude < 1e-4) return Printf("%.*e", std::min(significant, 3) - 1, value);
   if (value == std::floor(value) && magnitude < 1e6) return FormatFixed(value, 0);
   const int decimals = std::max(0, significant - 1 - static_cast<int>(std::floor(std::log10(magnitude))));
-  return FormatFixed(value, decimals);
+  std::string text = FormatFixed(value, decimals);
+  if (text.find('.') == std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
 }
 
 std::string FormatCount(double value) {
@@ -61,8 +66,8 @@ std::string FormatDuration(double seconds) {
 
 KeyLabel LabelOfKey(const std::string& key) {
   static const std::pair<const char*, const char*> kUnits[] = {
-      {"_per_s", "1/s"}, {"_px", "px"},   {"_mm", "mm"}, {"_cm", "cm"},         {"_deg", "\u00b0"}, {"_db", "dB"}, {"_ms", "ms"},
-      {"_mb", "MB"},     {"_hz", "Hz"},   {"_m", "m"},   {"_percent", "%"},     {"_rad", "rad"},    {"_s", "s"}};
+      {"_per_s", "1/s"}, {"_px", "px"}, {"_mm", "mm"}, {"_cm", "cm"},     {"_deg", "\u00b0"}, {"_db", "dB"}, {"_ms", "ms"},
+      {"_mb", "MB"},     {"_hz", "Hz"}, {"_m", "m"},   {"_percent", "%"}, {"_rad", "rad"},    {"_s", "s"}};
   KeyLabel result{key, ""};
   for (const auto& [suffix, unit] : kUnits) {
     const std::string end = suffix;

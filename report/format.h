@@ -8,7 +8,8 @@ namespace mvstudio::report {
 /// What is shown for a number that does not exist.
 inline constexpr char kNoNumber[] = "\u2013";
 
-/// `significant` digits without superfluous exponent ("0.2341", "1285", "3.1e-06"); kNoNumber when not finite.
+/// At most `significant` digits, no superfluous zeros or exponent ("0.2341", "6.3", "1285", "3.1e-06"); kNoNumber when not
+/// finite.
 std::string FormatNumber(double value, int significant = 4);
 std::string FormatFixed(double value, int decimals);
 /// Whole number with thin spaces between thousands.

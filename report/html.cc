@@ -28,7 +28,8 @@ size_t Utf8Length(std::string_view text, size_t at) {
 }
 
 std::string Tag(const std::string& name, const std::string& css_class, const std::string& body_html) {
-  return "<" + name + (css_class.empty() ? "" : " class=\"" + EscapeHtml(css_class) + "\"") + ">" + body_html + "</" + name + ">\n";
+  return "<" + name + (css_class.empty() ? "" : " class=\"" + EscapeHtml(css_class) + "\"") + ">" + body_html + "</" + name +
+         ">\n";
 }
 
 }  // namespace
@@ -62,10 +63,14 @@ std::string EscapeHtml(std::string_view text) {
 
 std::string_view ToString(Verdict verdict) {
   switch (verdict) {
-    case Verdict::kPass: return "pass";
-    case Verdict::kWarn: return "warn";
-    case Verdict::kFail: return "fail";
-    case Verdict::kNotRun: return "not run";
+    case Verdict::kPass:
+      return "pass";
+    case Verdict::kWarn:
+      return "warn";
+    case Verdict::kFail:
+      return "fail";
+    case Verdict::kNotRun:
+      return "not run";
   }
   return "not run";
 }
@@ -83,10 +88,13 @@ std::string BadgeHtml(Verdict verdict) {
          std::string(ToString(verdict)) + "</span>";
 }
 
-std::string ParagraphHtml(const std::string& text, const std::string& css_class) { return Tag("p", css_class, EscapeHtml(text)); }
+std::string ParagraphHtml(const std::string& text, const std::string& css_class) {
+  return Tag("p", css_class, EscapeHtml(text));
+}
 
 std::string FigureHtml(const std::string& content_html, const std::string& caption) {
-  return "<figure>" + content_html + (caption.empty() ? "" : "<figcaption>" + EscapeHtml(caption) + "</figcaption>") + "</figure>\n";
+  return "<figure>" + content_html + (caption.empty() ? "" : "<figcaption>" + EscapeHtml(caption) + "</figcaption>") +
+         "</figure>\n";
 }
 
 std::string DetailsHtml(const std::string& summary, const std::string& body_html) {
@@ -99,7 +107,9 @@ std::string GridHtml(const std::vector<std::string>& figures_html, const std::st
   return Tag("div", css_class, body);
 }
 
-void Table::AddColumn(const std::string& title, const std::string& unit, bool numeric) { columns_.push_back({title, unit, numeric}); }
+void Table::AddColumn(const std::string& title, const std::string& unit, bool numeric) {
+  columns_.push_back({title, unit, numeric});
+}
 
 void Table::AddRow(std::vector<Cell> cells, bool highlight) { rows_.push_back({std::move(cells), highlight}); }
 
@@ -117,9 +127,11 @@ std::string Table::Html() const {
     html += row.highlight ? "<tr class=\"look\">" : "<tr>";
     for (size_t i = 0; i < columns_.size(); ++i) {
       const bool numeric = columns_[i].numeric;
-      const std::string text = i < row.cells.size() ? row.cells[i].html.empty() ? EscapeHtml(row.cells[i].text) : row.cells[i].html : "";
+      const std::string text =
+          i < row.cells.size() ? row.cells[i].html.empty() ? EscapeHtml(row.cells[i].text) : row.cells[i].html : "";
       const bool strong = i < row.cells.size() && row.cells[i].strong;
-      html += std::string(numeric ? "<td class=\"num\">" : "<td>") + (strong ? "<strong>" + text + "</strong>" : text) + "</td>";
+      html +=
+          std::string(numeric ? "<td class=\"num\">" : "<td>") + (strong ? "<strong>" + text + "</strong>" : text) + "</td>";
     }
     html += "</tr>\n";
   }
@@ -133,15 +145,15 @@ std::string PageHtml(const std::string& title, const std::string& header_html, c
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>" +
-      EscapeHtml(title) + "</title>\n<style>\n" + std::string(PageStyle()) + "</style>\n</head>\n<body>\n<header>" + header_html +
-      "</header>\n<nav aria-label=\"Sections\">";
+      EscapeHtml(title) + "</title>\n<style>\n" + std::string(PageStyle()) + "</style>\n</head>\n<body>\n<header>" +
+      header_html + "</header>\n<nav aria-label=\"Sections\">";
   for (const Section& section : sections) {
     html += "<a href=\"#" + EscapeHtml(section.id) + "\">" + EscapeHtml(section.title) + "</a>";
   }
   html += "</nav>\n<main>\n";
   for (const Section& section : sections) {
-    html += "<section id=\"" + EscapeHtml(section.id) + "\">\n<h2>" + EscapeHtml(section.title) + "</h2>\n" + section.body_html +
-            "</section>\n";
+    html += "<section id=\"" + EscapeHtml(section.id) + "\">\n<h2>" + EscapeHtml(section.title) + "</h2>\n" +
+            section.body_html + "</section>\n";
   }
   return html + "</main>\n<footer>" + EscapeHtml(footer) + "</footer>\n</body>\n</html>\n";
 }

@@ -6,7 +6,8 @@
 
 namespace mvstudio::report {
 
-/// Text made safe for HTML and XML content and quoted attributes. Bytes that are not UTF-8 and control characters become U+FFFD.
+/// Text made safe for HTML and XML content and quoted attributes. Bytes that are not UTF-8 and control characters become
+/// U+FFFD.
 std::string EscapeHtml(std::string_view text);
 
 /// How a stage or a check ended. Never told by colour alone: each has its word and its sign.

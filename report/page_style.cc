@@ -3,7 +3,8 @@
 namespace mvstudio::report {
 namespace {
 
-// Series colours are those of Okabe and Ito, "Color universal design", 2008, darkened or lightened for contrast with the ground.
+// Series colours are those of Okabe and Ito, "Color universal design", 2008, darkened or lightened for contrast with the
+// ground.
 constexpr char kStyle[] = R"css(
 :root{--ground:#fff;--card:#f6f8fa;--ink:#1b2128;--muted:#57616d;--rule:#d8dee5;--grid:#e8ecf0;
 --pass:#00694c;--pass-bg:#dcf3ea;--warn:#7a4d00;--warn-bg:#fdf0d2;--fail:#a3260b;--fail-bg:#fde4dc;--look:#fff7e0;
@@ -30,10 +31,12 @@ section{padding:1.4rem 0 .6rem;border-top:1px solid var(--rule)}section:first-ch
 border:1px solid currentColor}
 .badge.pass{color:var(--pass);background:var(--pass-bg)}.badge.warn{color:var(--warn);background:var(--warn-bg)}
 .badge.fail{color:var(--fail);background:var(--fail-bg)}.badge.idle{color:var(--muted)}
-.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(13.5rem,1fr));gap:.7rem;margin:.6rem 0 1.2rem}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(14.5rem,1fr));gap:.7rem;margin:.6rem 0 1.2rem}
 .card{border:1px solid var(--rule);border-left:4px solid var(--muted);border-radius:.4rem;padding:.6rem .8rem;background:var(--card)}
 .card.pass{border-left-color:var(--pass)}.card.warn{border-left-color:var(--warn)}.card.fail{border-left-color:var(--fail)}
 .card.idle{opacity:.75}
+.pair{display:flex;flex-wrap:wrap;gap:.2rem .8rem;align-items:flex-start}
+.card h3 .badge{align-self:flex-start}
 .card h3{display:flex;justify-content:space-between;gap:.5rem;margin:0 0 .35rem;font-size:.95rem}
 .card dl{display:grid;grid-template-columns:1fr auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
 .card dd{margin:0;text-align:right;font-variant-numeric:tabular-nums;font-weight:600;white-space:nowrap}
@@ -53,7 +56,7 @@ figure{margin:.4rem 0 1.2rem;min-width:0}figcaption{font-size:.86em;margin-top:.
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
 details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
-.strip img{width:100%;image-rendering:auto}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
+.strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
 font-size:.8em;color:var(--muted)}
 svg{max-width:100%;height:auto;display:block}
 svg text{fill:var(--ink);font:12px system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}

@@ -44,7 +44,8 @@ std::string PictureHtml(std::string_view bytes, const std::string& alt) {
   if (PngSize(bytes, &width, &height)) {
     size = " width=\"" + std::to_string(width) + "\" height=\"" + std::to_string(height) + "\"";
   }
-  return "<img alt=\"" + EscapeHtml(alt) + "\"" + size + " src=\"data:" + PictureType(bytes) + ";base64," + Base64(bytes) + "\">";
+  return "<img alt=\"" + EscapeHtml(alt) + "\"" + size + " src=\"data:" + PictureType(bytes) + ";base64," + Base64(bytes) +
+         "\">";
 }
 
 }  // namespace mvstudio::report

@@ -9,12 +9,12 @@
 namespace mvstudio::report {
 
 struct ReportOptions {
-  std::string title;                ///< empty: the run folder's name
-  std::string generated_at;         ///< shown as it is; empty: left out (the library reads no clock)
-  std::string version;              ///< of the program that writes the report
-  int max_heldout_pictures = 24;    ///< of each evaluation; the rest is listed by name
-  int max_picture_mb = 8;           ///< a larger picture is named, not embedded
-  int max_pictures_total_mb = 48;   ///< all pictures together
+  std::string title;               ///< empty: the run folder's name
+  std::string generated_at;        ///< shown as it is; empty: left out (the library reads no clock)
+  std::string version;             ///< of the program that writes the report
+  int max_heldout_pictures = 24;   ///< of each evaluation; the rest is listed by name
+  int max_picture_mb = 8;          ///< a larger picture is named, not embedded
+  int max_pictures_total_mb = 48;  ///< all pictures together
 };
 
 template <class Visitor>
@@ -31,16 +31,16 @@ struct ReportNotice {
 };
 
 struct Report {
-  std::string html;   ///< one document with everything inside it
-  std::string json;   ///< schema mvstudio.report/1: the same numbers
+  std::string html;                    ///< one document with everything inside it
+  std::string json;                    ///< schema mvstudio.report/1: the same numbers
   Verdict verdict = Verdict::kNotRun;  ///< the worst of the stages
   int num_stages = 0;                  ///< results found
   std::vector<ReportNotice> warnings;  ///< files that could not be used
 };
 
 /// Reads what is below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`, `history.csv`,
-/// `provenance.jsonl` and the pictures that the results list. A file that cannot be read becomes a warning of the report. Throws
-/// IoError when the folder is missing or holds nothing to report.
+/// `provenance.jsonl` and the pictures that the results list. A file that cannot be read becomes a warning of the report.
+/// Throws IoError when the folder is missing or holds nothing to report.
 Report BuildReport(const std::string& run_folder, const ReportOptions& options = {});
 
 /// Writes `html_path` and, beside it with the extension .json, the same numbers; returns the path of the latter.

@@ -98,7 +98,9 @@ class View {
     offset_u_ = width / 2 - (low_u + high_u) / 2 * scale_;
     offset_v_ = kTitleHeight + (*height - kTitleHeight - 26) / 2 + (low_v + high_v) / 2 * scale_;
   }
-  Point operator()(const Vector3& p) const { return {offset_u_ + Dot(look_.right, p) * scale_, offset_v_ - Dot(look_.up, p) * scale_}; }
+  Point operator()(const Vector3& p) const {
+    return {offset_u_ + Dot(look_.right, p) * scale_, offset_v_ - Dot(look_.up, p) * scale_};
+  }
   double scale() const { return scale_; }
 
  private:
@@ -121,7 +123,8 @@ void DrawFloor(SvgCanvas* canvas, const View& view, int up_axis, double extent, 
     return AddScaled(AddScaled(AddScaled(p, top.right, a), top.up, b), up, floor);
   };
   std::vector<std::pair<Point, Point>> lines;
-  const double a0 = std::floor(low[0] / step), a1 = std::ceil(high[0] / step), b0 = std::floor(low[1] / step), b1 = std::ceil(high[1] / step);
+  const double a0 = std::floor(low[0] / step), a1 = std::ceil(high[0] / step), b0 = std::floor(low[1] / step),
+               b1 = std::ceil(high[1] / step);
   for (double a = a0; a <= a1; ++a) lines.emplace_back(view(place(a * step, b0 * step)), view(place(a * step, b1 * step)));
   for (double b = b0; b <= b1; ++b) lines.emplace_back(view(place(a0 * step, b * step)), view(place(a1 * step, b * step)));
   canvas->Segments(lines, "gridline");
@@ -152,7 +155,8 @@ void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, d
   canvas->Circle(centre.first, centre.second, 2.5, "f0", camera.name);
   // The name goes outwards, away from where the cameras look.
   const double away = std::max(1e-9, std::hypot(centre.first - middle.first, centre.second - middle.second));
-  const double x = centre.first + 13 * (centre.first - middle.first) / away, y = centre.second + 13 * (centre.second - middle.second) / away;
+  const double x = centre.first + 13 * (centre.first - middle.first) / away,
+               y = centre.second + 13 * (centre.second - middle.second) / away;
   canvas->Text(x, y + 4, camera.name, x < centre.first - 6 ? "end" : x > centre.first + 6 ? "start" : "middle", "x halo");
 }
 

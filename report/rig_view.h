@@ -14,14 +14,14 @@ struct ViewCamera {
   std::string name;
   Vector3 center_in_world{};
   std::array<std::array<double, 3>, 3> world_from_cam{};  ///< columns: the camera's right, down and forward in world
-  double half_width = 0.5, half_height = 0.375;            ///< half the picture at unit depth (size / 2 / focal length)
+  double half_width = 0.5, half_height = 0.375;           ///< half the picture at unit depth (size / 2 / focal length)
 };
 
 /// What stands between the cameras.
 struct ViewSubject {
-  std::vector<Vector3> cloud;                           ///< joints of all frames
-  std::vector<Vector3> path;                            ///< mean of the joints, frame after frame; a gap is a NaN
-  std::vector<std::pair<Vector3, Vector3>> bones;       ///< one pose
+  std::vector<Vector3> cloud;                      ///< joints of all frames
+  std::vector<Vector3> path;                       ///< mean of the joints, frame after frame; a gap is a NaN
+  std::vector<std::pair<Vector3, Vector3>> bones;  ///< one pose
 };
 
 /// From a quaternion (x, y, z, w) of any length and a translation, `cam_from_world`. NaN in gives NaN out.
@@ -30,7 +30,8 @@ void SetPose(const std::array<double, 4>& rotation_xyzw, const Vector3& translat
 /// Which world axis points up, judged by the cameras' own up directions: +-(index + 1); 3 is +z.
 int UpAxis(const std::vector<ViewCamera>& cameras);
 
-/// Seen from above, and from a corner above (orthographic, equal scale on all axes), with frusta, names, a floor grid and a scale bar.
+/// Seen from above, and from a corner above (orthographic, equal scale on all axes), with frusta, names, a floor grid and a
+/// scale bar.
 std::string RigTopView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 std::string RigCornerView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 

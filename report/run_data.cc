@@ -37,7 +37,8 @@ std::vector<fs::path> WantedFiles(const fs::path& root, std::vector<ReportNotice
     if (!folder && IsWanted(name) && it->is_regular_file(ignored)) files.push_back(it->path());
     it.increment(code);
     if (!code) continue;
-    warnings->push_back({"REP-FOLDER", root.string() + ": not read to its end: " + code.message(), "check the disk and the permissions"});
+    warnings->push_back(
+        {"REP-FOLDER", root.string() + ": not read to its end: " + code.message(), "check the disk and the permissions"});
     break;
   }
   std::sort(files.begin(), files.end());
@@ -97,7 +98,9 @@ class Reader {
   }
 
  private:
-  void Warn(const std::string& code, const std::string& text, const std::string& hint) { data_->warnings.push_back({code, text, hint}); }
+  void Warn(const std::string& code, const std::string& text, const std::string& hint) {
+    data_->warnings.push_back({code, text, hint});
+  }
 
   void AddStage(const std::string& relative, const std::string& folder, const std::string& text) {
     Value result = Value::Parse(text, relative);
@@ -105,7 +108,8 @@ class Reader {
     const std::string schema = result["schema"].Text();
     if (schema.rfind("mvstudio.result/", 0) != 0) throw FormatError(relative, "schema", "not a result of mvstudio");
     if (schema != "mvstudio.result/1") {
-      Warn("REP-SCHEMA", relative + ": schema '" + schema + "' is newer than this program", "update mvstudio; some numbers may be missing");
+      Warn("REP-SCHEMA", relative + ": schema '" + schema + "' is newer than this program",
+           "update mvstudio; some numbers may be missing");
     }
     Stage stage{relative, folder, NormalCommand(result, relative), std::move(result), Verdict::kNotRun};
     if (stage.command == "report") return;
@@ -140,19 +144,23 @@ class Reader {
   RunData* data_;
 };
 
-int FolderDepth(const std::string& folder) { return static_cast<int>(std::distance(fs::path(folder).begin(), fs::path(folder).end())); }
+int FolderDepth(const std::string& folder) {
+  return static_cast<int>(std::distance(fs::path(folder).begin(), fs::path(folder).end()));
+}
 
 template <class File>
 void ShallowFirst(std::vector<File>* files) {
-  std::stable_sort(files->begin(), files->end(), [](const File& a, const File& b) { return FolderDepth(a.folder) < FolderDepth(b.folder); });
+  std::stable_sort(files->begin(), files->end(),
+                   [](const File& a, const File& b) { return FolderDepth(a.folder) < FolderDepth(b.folder); });
 }
 
 }  // namespace
 
 int PipelineOrder(const std::string& command) {
-  static const char* const kOrder[] = {"synth",  "calib convert", "calibrate",     "calib refine",   "calib compare", "calib eval",
-                                       "pose2d", "mask",          "sync",          "triangulate",    "dataset import", "dataset build",
-                                       "dataset verify", "avatar train", "avatar resume", "avatar eval", "metrics",    "demo"};
+  static const char* const kOrder[] = {
+      "synth",          "calib convert", "calibrate",     "calib refine", "calib compare",  "calib eval",
+      "pose2d",         "mask",          "sync",          "triangulate",  "dataset import", "dataset build",
+      "dataset verify", "avatar train",  "avatar resume", "avatar eval",  "metrics",        "demo"};
   const auto found = std::find(std::begin(kOrder), std::end(kOrder), command);
   return static_cast<int>(found - std::begin(kOrder));
 }
@@ -179,10 +187,12 @@ RunData ScanRun(const std::string& folder) {
                    [](const JsonFile& a, const JsonFile& b) { return a.value["time"].Text() < b.value["time"].Text(); });
   ShallowFirst(&data.calibrations);
   ShallowFirst(&data.points);
-  if (data.stages.empty() && data.calibrations.empty() && data.points.empty() && data.histories.empty() && data.provenance.empty()) {
+  if (data.stages.empty() && data.calibrations.empty() && data.points.empty() && data.histories.empty() &&
+      data.provenance.empty()) {
     const std::string broken = data.warnings.empty() ? "" : " (" + data.warnings.front().text + ")";
-    throw IoError(folder, "nothing to report here" + broken +
-                              "; expected *.result.json, calibration.json, points.csv or history.csv as the other commands write them");
+    throw IoError(folder,
+                  "nothing to report here" + broken +
+                      "; expected *.result.json, calibration.json, points.csv or history.csv as the other commands write them");
   }
   return data;
 }

@@ -49,7 +49,8 @@ RunData ScanRun(const std::string& folder);
 /// Commands in the order of the pipeline; unknown ones come after all others.
 int PipelineOrder(const std::string& command);
 
-/// File of an output as a result names it: as it stands, else below the run folder or the result's own. Empty when there is none.
+/// File of an output as a result names it: as it stands, else below the run folder or the result's own. Empty when there is
+/// none.
 std::string ResolveOutput(const RunData& data, const Stage& stage, const std::string& path);
 
 }  // namespace mvstudio::report

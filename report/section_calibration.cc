@@ -40,18 +40,22 @@ std::string FocalText(double focal, double sigma) {
   return FormatFixed(focal, decimals) + " \u00b1 " + FormatFixed(sigma, decimals);
 }
 
-std::string PercentText(const Value& camera, const std::vector<std::string>& fraction_keys, const std::vector<std::string>& percent_keys) {
+std::string PercentText(const Value& camera, const std::vector<std::string>& fraction_keys,
+                        const std::vector<std::string>& percent_keys) {
   const double fraction = camera.FirstNumber(fraction_keys);
   const double percent = std::isfinite(fraction) ? 100 * fraction : camera.FirstNumber(percent_keys);
   return std::isfinite(percent) ? FormatFixed(percent, 1) : kNoNumber;
 }
 
 bool AnyNumber(const Value& cameras, const std::vector<std::string>& keys) {
-  return std::any_of(cameras.items().begin(), cameras.items().end(), [&](const Value& c) { return std::isfinite(c.FirstNumber(keys)); });
+  return std::any_of(cameras.items().begin(), cameras.items().end(),
+                     [&](const Value& c) { return std::isfinite(c.FirstNumber(keys)); });
 }
 
-const std::vector<std::string> kShownKeys = {"name", "model", "num_params", "focal_px", "focal_sigma_px", "rms_px", "holdout_rms_px",
-                                             "coverage", "coverage_fraction", "coverage_percent", "rejected", "rejected_fraction", "num_rejected"};
+const std::vector<std::string> kShownKeys = {
+    "name",           "model",    "num_params",        "focal_px",         "focal_sigma_px", "rms_px",
+    "holdout_rms_px", "coverage", "coverage_fraction", "coverage_percent", "rejected",       "rejected_fraction",
+    "num_rejected"};
 
 std::string CamerasTable(const Value& cameras, const Value& calibration) {
   const Value known = CalibrationSummary(calibration);
@@ -71,15 +75,21 @@ std::string CamerasTable(const Value& cameras, const Value& calibration) {
   const double typical = Median(rms);
   for (const Value& camera : cameras.items()) {
     const Value& file = CameraByName(known, camera["name"].Text());
-    const double sigma = std::isfinite(camera["focal_sigma_px"].Number()) ? camera["focal_sigma_px"].Number() : file["focal_sigma_px"].Number();
-    std::vector<Table::Cell> cells = {camera["name"].Text("?"), camera["model"].Text(kNoNumber), FormatNumber(camera["num_params"].Number()),
-                                      FocalText(std::isfinite(FocalOf(camera)) ? FocalOf(camera) : file["focal_px"].Number(), sigma),
-                                      FormatFixed(camera["rms_px"].Number(), 3), FormatFixed(camera["holdout_rms_px"].Number(), 3)};
+    const double sigma =
+        std::isfinite(camera["focal_sigma_px"].Number()) ? camera["focal_sigma_px"].Number() : file["focal_sigma_px"].Number();
+    std::vector<Table::Cell> cells = {
+        camera["name"].Text("?"),
+        camera["model"].Text(kNoNumber),
+        FormatNumber(camera["num_params"].Number()),
+        FocalText(std::isfinite(FocalOf(camera)) ? FocalOf(camera) : file["focal_px"].Number(), sigma),
+        FormatFixed(camera["rms_px"].Number(), 3),
+        FormatFixed(camera["holdout_rms_px"].Number(), 3)};
     if (coverage) cells.emplace_back(PercentText(camera, {"coverage", "coverage_fraction"}, {"coverage_percent"}));
     const double count = camera.FirstNumber({"num_rejected", "rejected"});
     if (rejected) {
-      cells.emplace_back(std::isfinite(camera["rejected_fraction"].Number()) ? FormatFixed(100 * camera["rejected_fraction"].Number(), 1) + "%"
-                                                                             : FormatNumber(count));
+      cells.emplace_back(std::isfinite(camera["rejected_fraction"].Number())
+                             ? FormatFixed(100 * camera["rejected_fraction"].Number(), 1) + "%"
+                             : FormatNumber(count));
     }
     table.AddRow(std::move(cells), camera["rms_px"].Number() > 1.5 * typical);
   }
@@ -98,7 +108,10 @@ std::string RmsChart(const Value& cameras) {
   }
   spec.series = {fitted};
   if (std::isfinite(Median(held_out.values))) spec.series.push_back(held_out);
-  return spec.labels.empty() ? "" : FigureHtml(BarChart(spec), "Held-out views took no part in the fit: a held-out error well above the fitted one means too many parameters or too few views.");
+  return spec.labels.empty() ? ""
+                             : FigureHtml(BarChart(spec),
+                                          "Held-out views took no part in the fit: a held-out error well above the fitted one "
+                                          "means too many parameters or too few views.");
 }
 
 std::vector<ImageArrow> ReadArrows(const Value& list) {
@@ -134,15 +147,20 @@ std::string ResidualFigures(const Value& metrics, const Value& calibration) {
       width = std::fmax(width, arrow.x);
       height = std::fmax(height, arrow.y);
     }
-    figures.push_back(FigureHtml(ResidualField(name + ": residuals on the image", width, height, arrows), ""));
-    figures.push_back(FigureHtml(ResidualCloud(name + ": residual directions", arrows), ""));
+    figures.push_back(FigureHtml("<div class=\"pair\">" + ResidualField(name + ": residuals", width, height, arrows) +
+                                     ResidualCloud("their directions", arrows) + "</div>",
+                                 ""));
   }
   if (figures.empty()) return {};
   return "<h3>Residuals</h3>\n" +
-         ParagraphHtml("Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same way mean "
-                       "that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that holds 95 %; the "
-                       "cross is their mean. A round cloud about zero is what noise alone looks like.", "muted") +
-         GridHtml(figures, "grid small");
+         ParagraphHtml(
+             "Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same "
+             "way mean "
+             "that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that holds 95 "
+             "%; the "
+             "cross is their mean. A round cloud about zero is what noise alone looks like.",
+             "muted") +
+         GridHtml(figures);
 }
 
 std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
@@ -152,20 +170,22 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
   const Value& calibration = file ? file->value : null;
   std::string html = StageHeading(stage, named);
   std::string summary;
-  const auto add = [&](const std::string& label, const std::string& text) { summary += (summary.empty() ? "" : "; ") + label + " " + text; };
+  const auto add = [&](const std::string& label, const std::string& text) {
+    summary += (summary.empty() ? "" : "; ") + label + " " + text;
+  };
   if (metrics["rms_px"].IsNumber()) add("rms", FormatWithUnit(metrics["rms_px"].Number(), "px"));
   if (metrics["holdout_rms_px"].IsNumber()) add("held-out rms", FormatWithUnit(metrics["holdout_rms_px"].Number(), "px"));
   if (metrics["baseline_mm"].IsNumber()) add("baseline", FormatWithUnit(metrics["baseline_mm"].Number(), "mm", 5));
-  if (metrics["rejected_fraction"].IsNumber()) add("rejected corners", FormatFixed(100 * metrics["rejected_fraction"].Number(), 2) + "%");
+  if (metrics["rejected_fraction"].IsNumber())
+    add("rejected corners", FormatFixed(100 * metrics["rejected_fraction"].Number(), 2) + "%");
   if (!summary.empty()) html += ParagraphHtml(summary + ".");
   const Value& cameras = metrics["cameras"];
   if (!cameras.items().empty()) {
     html += CamerasTable(cameras, calibration);
-    const std::string more = ObjectsTable("", cameras, kShownKeys);
-    if (!more.empty()) html += DetailsHtml("More about each camera", ObjectsTable("", cameras, [] {
-      std::vector<std::string> skip(kShownKeys.begin() + 1, kShownKeys.end());
-      return skip;
-    }()));
+    if (!ObjectsTable("", cameras, kShownKeys).empty()) {
+      const std::vector<std::string> all_but_name(kShownKeys.begin() + 1, kShownKeys.end());
+      html += DetailsHtml("More about each camera", ObjectsTable("", cameras, all_but_name));
+    }
     html += RmsChart(cameras);
   }
   html += ResidualFigures(metrics, calibration);
@@ -186,7 +206,8 @@ std::string FileTable(const JsonFile& file, const Value& summary) {
     table.AddRow({camera["name"].Text("?"), camera["model"].Text(kNoNumber),
                   FormatNumber(size.At(0).Number()) + " \u00d7 " + FormatNumber(size.At(1).Number()),
                   FocalText(camera["focal_px"].Number(), camera["focal_sigma_px"].Number()),
-                  FormatFixed(centre.At(0).Number(), 3) + ", " + FormatFixed(centre.At(1).Number(), 3) + ", " + FormatFixed(centre.At(2).Number(), 3)});
+                  FormatFixed(centre.At(0).Number(), 3) + ", " + FormatFixed(centre.At(1).Number(), 3) + ", " +
+                      FormatFixed(centre.At(2).Number(), 3)});
   }
   return table.Html();
 }

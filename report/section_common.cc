@@ -38,7 +38,7 @@ void AddNumbers(const std::string& prefix, const Value& object, int depth, Table
       AddNumbers(name + " \u203a ", value, depth + 1, table);
     } else if (IsScalar(value) || IsShortNumbers(value) || value.IsNull()) {
       const bool has_unit = !label.unit.empty() && !value.IsText() && !value.IsNull();
-      table->AddRow({name, value.IsNull() ? kNoNumber : ScalarText(value), has_unit ? label.unit : ""});
+      table->AddRow({name, value.IsNull() ? kNoNumber : ScalarText(value) + (has_unit ? "\u00a0" + label.unit : "")});
     }
   }
 }
@@ -68,7 +68,6 @@ std::string NumbersTable(const std::string& caption, const Value& object) {
   Table table(caption);
   table.AddColumn("quantity", "", false);
   table.AddColumn("value");
-  table.AddColumn("unit", "", false);
   AddNumbers("", object, 0, &table);
   return table.empty() ? "" : table.Html();
 }
@@ -94,8 +93,8 @@ std::string ObjectsTable(const std::string& caption, const Value& array, const s
 
 std::string StageHeading(const Stage& stage, bool always_named) {
   if (!always_named) return {};
-  return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) + " <span class=\"unit\">" + EscapeHtml(stage.file) +
-         "</span></h3>\n";
+  return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) + " <span class=\"unit\">" +
+         EscapeHtml(stage.file) + "</span></h3>\n";
 }
 
 std::string NotRun(const std::string& what, const std::string& command) {
@@ -123,7 +122,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
     const std::string content = ReadFile(path);
     if (PictureType(content).empty()) return leave_out("is neither PNG nor JPEG", "");
     context->picture_bytes += bytes;
-    std::string html = "<div class=\"strip\">";
+    std::string html = legend.empty() ? "<div>" : "<div class=\"strip\">";
     if (!legend.empty()) {
       html += "<div class=\"legend\">";
       for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";

@@ -18,10 +18,14 @@ constexpr size_t kMaxPath = 600;
 
 /// Joints by OpenPose's names that are drawn as connected; the first that exist are used.
 constexpr std::pair<const char*, const char*> kBones[] = {
-    {"Neck", "RShoulder"}, {"Neck", "LShoulder"}, {"RShoulder", "LShoulder"}, {"RShoulder", "RElbow"}, {"RElbow", "RWrist"},
-    {"LShoulder", "LElbow"}, {"LElbow", "LWrist"}, {"Neck", "MidHip"}, {"MidHip", "RHip"}, {"MidHip", "LHip"}, {"RHip", "LHip"},
-    {"RShoulder", "RHip"}, {"LShoulder", "LHip"}, {"RHip", "RKnee"}, {"RKnee", "RAnkle"}, {"LHip", "LKnee"}, {"LKnee", "LAnkle"},
-    {"RAnkle", "RBigToe"}, {"LAnkle", "LBigToe"}, {"RAnkle", "RHeel"}, {"LAnkle", "LHeel"}, {"Neck", "Nose"}, {"Nose", "Head"}};
+    {"Neck", "RShoulder"},   {"Neck", "LShoulder"}, {"RShoulder", "LShoulder"},
+    {"RShoulder", "RElbow"}, {"RElbow", "RWrist"},  {"LShoulder", "LElbow"},
+    {"LElbow", "LWrist"},    {"Neck", "MidHip"},    {"MidHip", "RHip"},
+    {"MidHip", "LHip"},      {"RHip", "LHip"},      {"RShoulder", "RHip"},
+    {"LShoulder", "LHip"},   {"RHip", "RKnee"},     {"RKnee", "RAnkle"},
+    {"LHip", "LKnee"},       {"LKnee", "LAnkle"},   {"RAnkle", "RBigToe"},
+    {"LAnkle", "LBigToe"},   {"RAnkle", "RHeel"},   {"LAnkle", "LHeel"},
+    {"Neck", "Nose"},        {"Nose", "Head"}};
 
 ViewCamera ReadCamera(const Value& camera) {
   ViewCamera view;
@@ -44,7 +48,8 @@ using FrameJoints = std::map<std::string, Vector3>;
 /// (frame, person) -> joints with status Ok.
 std::map<std::pair<int, int>, FrameJoints> ReadJoints(const TableFile& table) {
   std::map<std::pair<int, int>, FrameJoints> frames;
-  const int frame = table.Column("frame"), person = table.Column("person"), joint = table.Column("joint"), status = table.Column("status");
+  const int frame = table.Column("frame"), person = table.Column("person"), joint = table.Column("joint"),
+            status = table.Column("status");
   const int x = table.Column("x_m"), y = table.Column("y_m"), z = table.Column("z_m");
   if (joint < 0) return frames;
   for (size_t row = 0; row < table.rows.size(); ++row) {
@@ -103,14 +108,18 @@ std::string RigFigures(const Value& calibration, const CsvFile* points) {
   std::vector<ViewCamera> cameras;
   for (const Value& camera : calibration["cameras"].items()) {
     ViewCamera view = ReadCamera(camera);
-    if (std::isfinite(view.center_in_world[0] + view.center_in_world[1] + view.center_in_world[2])) cameras.push_back(std::move(view));
+    if (std::isfinite(view.center_in_world[0] + view.center_in_world[1] + view.center_in_world[2]))
+      cameras.push_back(std::move(view));
   }
   if (cameras.empty()) return {};
   const ViewSubject subject = points ? ReadSubject(points->table) : ViewSubject{};
   const std::string people =
-      subject.cloud.empty() ? "" : " Green: joints of all frames; orange: path of the hips; dark: the pose with the most joints.";
-  return GridHtml({FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each picture's field of view." + people),
-                   FigureHtml(RigCornerView(cameras, subject), "The same rig from a corner; equal scale on all axes, grid on the lowest level.")});
+      subject.cloud.empty() ? ""
+                            : " Green: joints of all frames; orange: path of the hips; dark: the pose with the most joints.";
+  return GridHtml(
+      {FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each picture's field of view." + people),
+       FigureHtml(RigCornerView(cameras, subject),
+                  "The same rig from a corner; equal scale on all axes, grid on the lowest level.")});
 }
 
 Value CalibrationSummary(const Value& calibration) {

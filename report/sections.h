@@ -9,8 +9,8 @@
 #include "report/run_data.h"
 #include "report/value.h"
 
-/// The parts of the page. Each reads the run, returns its piece of HTML, adds the same numbers to `json` and what it could not use
-/// to `warnings`.
+/// The parts of the page. Each reads the run, returns its piece of HTML, adds the same numbers to `json` and what it could not
+/// use to `warnings`.
 namespace mvstudio::report {
 
 struct SectionContext {
@@ -35,8 +35,8 @@ Verdict OverallVerdict(const RunData& data);
 
 // Helpers shared by the sections.
 
-/// All numbers, texts and flags of an object as a two-column table, nested objects with dotted names; arrays are left out. Empty
-/// string when there are none.
+/// All numbers, texts and flags of an object as a two-column table, nested objects with dotted names; arrays are left out.
+/// Empty string when there are none.
 std::string NumbersTable(const std::string& caption, const Value& object);
 /// An array of objects as a table: a column for each key whose values are numbers, texts, flags or short arrays of numbers.
 /// Keys in `skip` are left out.

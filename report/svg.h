@@ -8,7 +8,8 @@
 /// left out. Colours come from the page's style sheet (eight hues that colour-blind people tell apart).
 namespace mvstudio::report {
 
-/// Multiples of 1, 2 or 5 times a power of ten that lie in [low, high], about `target` of them. Empty when the range is not finite.
+/// Multiples of 1, 2 or 5 times a power of ten that lie in [low, high], about `target` of them. Empty when the range is not
+/// finite.
 std::vector<double> NiceTicks(double low, double high, int target = 6);
 /// Powers of ten in [low, high], and 2 and 5 times them when there are few; low > 0.
 std::vector<double> LogTicks(double low, double high);
@@ -75,22 +76,24 @@ struct ImageArrow {
   double x = 0, y = 0, dx = 0, dy = 0;
 };
 /// Residuals on the image plane, equal aspect, y down, enlarged by a round factor that the figure states.
-std::string ResidualField(const std::string& title, double image_width_px, double image_height_px, const std::vector<ImageArrow>& arrows,
-                          double width = 340);
-/// The same residuals as points (dx, dy) about zero, equal aspect, y down, with the circle that holds 95 % of them and their mean.
-std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 300);
+std::string ResidualField(const std::string& title, double image_width_px, double image_height_px,
+                          const std::vector<ImageArrow>& arrows, double width = 300);
+/// The same residuals as points (dx, dy) about zero, equal aspect, y down, with the circle that holds 95 % of them and their
+/// mean.
+std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 240);
 
 /// One small target per camera with its mean residual as an arrow, all at one scale; those above `suspect_px` stand out.
 struct NamedVector {
   std::string name;
   double dx = 0, dy = 0;
 };
-std::string VectorTargets(const std::string& title, const std::vector<NamedVector>& vectors, double suspect_px, double width = 760);
+std::string VectorTargets(const std::string& title, const std::vector<NamedVector>& vectors, double suspect_px,
+                          double width = 900);
 
 /// Rows times columns of shares in [0, 1] (NaN: nothing there), darker is more.
 struct HeatMapSpec {
   std::string title;
-  std::string column_label;                ///< what runs along x, e.g. "frame"
+  std::string column_label;  ///< what runs along x, e.g. "frame"
   std::vector<std::string> row_names;
   double first_column = 0, last_column = 0;  ///< range that the columns cover
   std::vector<std::vector<double>> rows;     ///< one vector a row, all of one length

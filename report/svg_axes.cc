@@ -45,7 +45,8 @@ std::vector<double> NiceTicks(double low, double high, int target) {
 std::vector<double> LogTicks(double low, double high) {
   std::vector<double> ticks;
   if (!std::isfinite(low) || !std::isfinite(high) || low <= 0 || low > high) return ticks;
-  const int first = static_cast<int>(std::floor(std::log10(low) - 1e-9)), last = static_cast<int>(std::ceil(std::log10(high) + 1e-9));
+  const int first = static_cast<int>(std::floor(std::log10(low) - 1e-9)),
+            last = static_cast<int>(std::ceil(std::log10(high) + 1e-9));
   const int stride = std::max(1, (last - first) / 8);
   const bool few = last - first <= 3;
   for (int power = first; power <= last; power += stride) {
@@ -108,9 +109,7 @@ double Scale::operator()(double value) const {
   return from_ + share * (to_ - from_);
 }
 
-std::string Scale::Label(double tick) const {
-  return TickLabel(tick, log_ || ticks_.size() < 2 ? 0 : ticks_[1] - ticks_[0]);
-}
+std::string Scale::Label(double tick) const { return TickLabel(tick, log_ || ticks_.size() < 2 ? 0 : ticks_[1] - ticks_[0]); }
 
 void DrawBottomAxis(SvgCanvas* canvas, const Scale& scale, const std::string& label, double left, double right, double top,
                     double bottom) {

@@ -47,7 +47,8 @@ void SvgCanvas::Line(double x1, double y1, double x2, double y2, const std::stri
            ClassAttribute(css_class) + Attribute("stroke-width", stroke_width) + "/>\n";
 }
 
-void SvgCanvas::Rect(double x, double y, double width, double height, const std::string& css_class, const std::string& tooltip) {
+void SvgCanvas::Rect(double x, double y, double width, double height, const std::string& css_class,
+                     const std::string& tooltip) {
   if (!AllFinite({x, y, width, height}) || width < 0 || height < 0) return;
   body_ += "<rect" + Attribute("x", x) + Attribute("y", y) + Attribute("width", width) + Attribute("height", height) +
            ClassAttribute(css_class) + CloseWithTooltip("rect", tooltip);
@@ -93,7 +94,8 @@ void SvgCanvas::Polygon(const std::vector<Point>& points, const std::string& css
   body_ += "<polygon points=\"" + list + "\"" + ClassAttribute(css_class) + Attribute("stroke-width", stroke_width) + "/>\n";
 }
 
-void SvgCanvas::Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class, double stroke_width) {
+void SvgCanvas::Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class,
+                         double stroke_width) {
   std::string path;
   for (const auto& [from, to] : segments) {
     if (IsFinite(from) && IsFinite(to)) path += "M" + Pair(from) + "L" + Pair(to);
@@ -129,8 +131,8 @@ void SvgCanvas::EndClip() { body_ += "</svg>\n"; }
 
 std::string SvgCanvas::Finish() const {
   return "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" aria-label=\"" + EscapeHtml(title_) + "\"" +
-         Attribute("width", width_) + Attribute("height", height_) + " viewBox=\"0 0 " + Pair({width_, height_}) + "\">\n" + body_ +
-         "</svg>\n";
+         Attribute("width", width_) + Attribute("height", height_) + " viewBox=\"0 0 " + Pair({width_, height_}) + "\">\n" +
+         body_ + "</svg>\n";
 }
 
 double TextWidth(const std::string& text) {

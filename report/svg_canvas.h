@@ -6,8 +6,8 @@
 
 namespace mvstudio::report {
 
-/// One SVG picture being drawn; y down, origin at the top left. A shape with a coordinate that is not finite is left out. Colours
-/// are the classes of the page's style sheet: s0…s7 (strokes), f0…f7 (fills), axis, gridline, frame, ref.
+/// One SVG picture being drawn; y down, origin at the top left. A shape with a coordinate that is not finite is left out.
+/// Colours are the classes of the page's style sheet: s0…s7 (strokes), f0…f7 (fills), axis, gridline, frame, ref.
 class SvgCanvas {
  public:
   using Point = std::pair<double, double>;

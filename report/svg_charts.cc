@@ -78,8 +78,9 @@ void DrawBar(SvgCanvas* canvas, const BarChartSpec& spec, size_t s, size_t i, co
   }
   if (i < series.sigma.size() && std::isfinite(series.sigma[i]) && std::isfinite(value)) {
     const double low = x(value - series.sigma[i]), high = x(value + series.sigma[i]), middle = y + height / 2;
-    canvas->Segments({{{low, middle}, {high, middle}}, {{low, middle - 3}, {low, middle + 3}}, {{high, middle - 3}, {high, middle + 3}}},
-                     "err");
+    canvas->Segments(
+        {{{low, middle}, {high, middle}}, {{low, middle - 3}, {low, middle + 3}}, {{high, middle - 3}, {high, middle + 3}}},
+        "err");
     end = std::max(end, high);
   }
   canvas->Text(std::max(end, base) + 5, y + height / 2 + 4, FormatNumber(value, 3), "start", "m x");
@@ -147,7 +148,8 @@ std::string StackedBar(const std::string& title, const std::vector<StackPart>& p
   std::vector<std::string> names;
   std::vector<int> colours;
   for (const StackPart& part : parts) {
-    names.push_back(part.name + " " + FormatCount(part.value) + " (" + FormatFixed(total > 0 ? 100 * part.value / total : 0, 1) + "%)");
+    names.push_back(part.name + " " + FormatCount(part.value) + " (" +
+                    FormatFixed(total > 0 ? 100 * part.value / total : 0, 1) + "%)");
     colours.push_back(part.colour);
   }
   const double top = kTitleHeight + 4, height = 24;
@@ -184,11 +186,15 @@ std::string Histogram(const std::string& title, const Axis& value, const std::ve
   const double origin = std::isfinite(low) ? low : 0, bin_width = (high - origin) / kBins;
   const double pixels = (right - left) / kBins;
   for (int i = 0; i < kBins; ++i) {
-    const std::string range = FormatNumber(origin + i * bin_width, 3) + (i + 1 == kBins ? " and more" : " to " + FormatNumber(origin + (i + 1) * bin_width, 3));
-    canvas.Rect(left + i * pixels + 0.5, y(counts[i]), pixels - 1, bottom - y(counts[i]), "f0", range + ": " + FormatCount(counts[i]));
+    const std::string range = FormatNumber(origin + i * bin_width, 3) +
+                              (i + 1 == kBins ? " and more" : " to " + FormatNumber(origin + (i + 1) * bin_width, 3));
+    canvas.Rect(left + i * pixels + 0.5, y(counts[i]), pixels - 1, bottom - y(counts[i]), "f0",
+                range + ": " + FormatCount(counts[i]));
   }
-  for (const double tick : NiceTicks(origin, high, 7)) {
-    canvas.Text(left + (tick - origin) / (high - origin) * (right - left), bottom + 15, FormatNumber(tick, 3), "middle", "m");
+  const std::vector<double> ticks = NiceTicks(origin, high, 7);
+  for (const double tick : ticks) {
+    const std::string text = TickLabel(tick, ticks.size() > 1 ? ticks[1] - ticks[0] : 0);
+    canvas.Text(left + (tick - origin) / (high - origin) * (right - left), bottom + 15, text, "middle", "m");
   }
   canvas.Line(left, bottom, right, bottom, "axis");
   canvas.Text((left + right) / 2, bottom + 32, value.label + " (last bin: all beyond)", "middle");
@@ -207,13 +213,17 @@ std::string HeatMap(const HeatMapSpec& spec) {
     const std::vector<double>& cells = spec.rows[r];
     const double cell = (right - left) / static_cast<double>(std::max<size_t>(1, cells.size()));
     // Four shades; runs of one shade are one rectangle.
-    const auto shade = [&](size_t i) { return std::isfinite(cells[i]) ? static_cast<int>(std::clamp(cells[i], 0.0, 1.0) * 4 + 0.5) : -1; };
+    const auto shade = [&](size_t i) {
+      return std::isfinite(cells[i]) ? static_cast<int>(std::clamp(cells[i], 0.0, 1.0) * 4 + 0.5) : -1;
+    };
     for (size_t i = 0; i < cells.size();) {
       size_t end = i + 1;
       while (end < cells.size() && shade(end) == shade(i)) ++end;
       const int level = shade(i);
       const char* const classes[] = {"f1", "h1", "h2", "h3", "h4"};
-      if (level >= 0) canvas.Rect(left + cell * static_cast<double>(i), y + 1, cell * static_cast<double>(end - i), row_height - 2, classes[level]);
+      if (level >= 0)
+        canvas.Rect(left + cell * static_cast<double>(i), y + 1, cell * static_cast<double>(end - i), row_height - 2,
+                    classes[level]);
       i = end;
     }
   }

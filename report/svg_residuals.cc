@@ -44,7 +44,8 @@ void DrawImageFrame(SvgCanvas* canvas, double left, double top, double scale, do
 }
 
 void DrawScaleKey(SvgCanvas* canvas, double x, double y, double key_px, double length) {
-  canvas->Segments({{{x, y}, {x + length, y}}, {{x, y - 4}, {x, y + 4}}, {{x + length, y - 4}, {x + length, y + 4}}}, "err", 1.5);
+  canvas->Segments({{{x, y}, {x + length, y}}, {{x, y - 4}, {x, y + 4}}, {{x + length, y - 4}, {x + length, y + 4}}}, "err",
+                   1.5);
   canvas->Text(x + length + 6, y + 4, FormatNumber(key_px) + "\u00a0px", "start", "x");
 }
 
@@ -57,7 +58,8 @@ void DrawTarget(SvgCanvas* canvas, const Target& target, const NamedVector& vect
   canvas->Circle(target.x, target.y, ring_px * target.scale, "gridline");
   canvas->Line(target.x - target.radius, target.y, target.x + target.radius, target.y, "gridline");
   canvas->Line(target.x, target.y - target.radius, target.x, target.y + target.radius, "gridline");
-  canvas->Arrow(target.x, target.y, target.x + vector.dx * target.scale, target.y + vector.dy * target.scale, suspect ? 1 : 0, 2.2);
+  canvas->Arrow(target.x, target.y, target.x + vector.dx * target.scale, target.y + vector.dy * target.scale, suspect ? 1 : 0,
+                2.2);
   canvas->Text(target.x, target.y + target.radius + 16, vector.name, "middle", suspect ? "t" : "");
   const double size = std::hypot(vector.dx, vector.dy);
   canvas->Text(target.x, target.y + target.radius + 31, FormatWithUnit(size, "px", 3), "middle", suspect ? "t" : "m");
@@ -65,8 +67,8 @@ void DrawTarget(SvgCanvas* canvas, const Target& target, const NamedVector& vect
 
 }  // namespace
 
-std::string ResidualField(const std::string& title, double image_width_px, double image_height_px, const std::vector<ImageArrow>& arrows,
-                          double width) {
+std::string ResidualField(const std::string& title, double image_width_px, double image_height_px,
+                          const std::vector<ImageArrow>& arrows, double width) {
   const std::vector<ImageArrow> kept = FiniteOnly(arrows);
   const double left = 52, top = kTitleHeight + 2;
   const bool sized = image_width_px > 0 && image_height_px > 0;
@@ -88,7 +90,7 @@ std::string ResidualField(const std::string& title, double image_width_px, doubl
   canvas.Segments(needles, "s0", 1.1);
   canvas.Dots(feet, "s1", 2.6);
   canvas.EndClip();
-  const double key_px = typical > 0 ? NiceBelow(1.2 * typical) : 1;
+  const double key_px = typical > 0 ? NiceBelow(2.2 * typical) : 1;
   const double y = top + plot_height + 50;
   DrawScaleKey(&canvas, left, y, key_px, key_px * factor * scale);
   canvas.Text(width - 14, y + 4, "enlarged \u00d7" + FormatNumber(factor), "end", "m x");
@@ -103,11 +105,13 @@ std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow
   const double circle = Quantile(Lengths(kept), 0.95);
   const double reach = circle > 0 ? 1.6 * circle : 1, scale = side / 2 / reach;
   canvas.Rect(left, top, side, side, "frame");
-  for (const double tick : NiceTicks(-reach, reach, 5)) {
+  const std::vector<double> ticks = NiceTicks(-reach, reach, 4);
+  const double step = ticks.size() > 1 ? ticks[1] - ticks[0] : 0;
+  for (const double tick : ticks) {
     canvas.Line(centre_x + tick * scale, top, centre_x + tick * scale, top + side, "gridline");
     canvas.Line(left, centre_y + tick * scale, left + side, centre_y + tick * scale, "gridline");
-    canvas.Text(centre_x + tick * scale, top + side + 15, FormatNumber(tick, 3), "middle", "m x");
-    canvas.Text(left - 5, centre_y + tick * scale + 4, FormatNumber(tick, 3), "end", "m x");
+    canvas.Text(centre_x + tick * scale, top + side + 15, TickLabel(tick, step), "middle", "m x");
+    canvas.Text(left - 5, centre_y + tick * scale + 4, TickLabel(tick, step), "end", "m x");
   }
   std::vector<SvgCanvas::Point> points;
   double mean_x = 0, mean_y = 0;
@@ -140,10 +144,12 @@ std::string VectorTargets(const std::string& title, const std::vector<NamedVecto
   const double ring = longest > 0 ? NiceBelow(longest) : 1;
   const double scale = radius / std::max(ring, longest * 1.05);
   for (size_t i = 0; i < vectors.size(); ++i) {
-    const double x = (static_cast<double>(i % columns) + 0.5) * cell, y = kTitleHeight + 6 + radius + static_cast<double>(i / columns) * cell_height;
+    const double x = (static_cast<double>(i % columns) + 0.5) * cell,
+                 y = kTitleHeight + 6 + radius + static_cast<double>(i / columns) * cell_height;
     DrawTarget(&canvas, {x, y, radius, scale}, vectors[i], ring, std::hypot(vectors[i].dx, vectors[i].dy) > suspect_px);
   }
-  canvas.Text(4, kTitleHeight + rows * cell_height + 14, "inner ring: " + FormatNumber(ring) + "\u00a0px; image axes, y down", "start", "m x");
+  canvas.Text(4, kTitleHeight + rows * cell_height + 14, "inner ring: " + FormatNumber(ring) + "\u00a0px; image axes, y down",
+              "start", "m x");
   return canvas.Finish();
 }
 

@@ -34,15 +34,19 @@ int NestingDepth(const std::string& text) {
 
 Value FromJson(const Json& json) {
   switch (json.type()) {
-    case Json::value_t::boolean: return json.get<bool>();
-    case Json::value_t::number_integer: return json.get<int64_t>();
+    case Json::value_t::boolean:
+      return json.get<bool>();
+    case Json::value_t::number_integer:
+      return json.get<int64_t>();
     case Json::value_t::number_unsigned: {
       const uint64_t number = json.get<uint64_t>();
       if (number > static_cast<uint64_t>(INT64_MAX)) return static_cast<double>(number);
       return static_cast<int64_t>(number);
     }
-    case Json::value_t::number_float: return json.get<double>();
-    case Json::value_t::string: return json.get<std::string>();
+    case Json::value_t::number_float:
+      return json.get<double>();
+    case Json::value_t::string:
+      return json.get<std::string>();
     case Json::value_t::array: {
       Value array = Value::Array();
       for (const Json& item : json) array.Append(FromJson(item));
@@ -53,16 +57,21 @@ Value FromJson(const Json& json) {
       for (const auto& [key, item] : json.items()) object.Set(key, FromJson(item));
       return object;
     }
-    default: return {};
+    default:
+      return {};
   }
 }
 
 Json ToJson(const Value& value) {
   switch (value.kind()) {
-    case Value::Kind::kBool: return value.Flag();
-    case Value::Kind::kInteger: return value.integer();
-    case Value::Kind::kNumber: return std::isfinite(value.Number()) ? Json(value.Number()) : Json();
-    case Value::Kind::kText: return value.Text();
+    case Value::Kind::kBool:
+      return value.Flag();
+    case Value::Kind::kInteger:
+      return value.integer();
+    case Value::Kind::kNumber:
+      return std::isfinite(value.Number()) ? Json(value.Number()) : Json();
+    case Value::Kind::kText:
+      return value.Text();
     case Value::Kind::kArray: {
       Json array = Json::array();
       for (const Value& item : value.items()) array.push_back(ToJson(item));
@@ -73,7 +82,8 @@ Json ToJson(const Value& value) {
       for (const auto& [key, item] : value.fields()) object[key] = ToJson(item);
       return object;
     }
-    default: return {};
+    default:
+      return {};
   }
 }
 
@@ -81,7 +91,8 @@ Json ToJson(const Value& value) {
 
 Value Value::Parse(const std::string& json_text, const std::string& path_for_messages) {
   if (NestingDepth(json_text) > kMaxDepth) {
-    throw FormatError(path_for_messages, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
+    throw FormatError(path_for_messages, "",
+                      "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
   }
   try {
     return FromJson(Json::parse(json_text));

@@ -79,6 +79,7 @@ Point TriangulateExhaustiveDlt(const geometry::Rig& rig, const std::vector<Obser
   MVS_CHECK(observations.size() <= kMaxViews, observations.size() << " views: the exhaustive search takes at most " << kMaxViews);
   const std::vector<PixelView> views = MakePixelViews(rig, observations, options.min_score);
   Point point;
+  point.num_observations = static_cast<int>(observations.size());
   if (views.size() < 2) return point;
   const Candidate best = Search(views, options);
   if (!(best.mean_error_px <= options.max_error_px)) {

@@ -19,8 +19,9 @@ void CheckOneAPerCamera(const PreparedRig& rig, const std::vector<Observation>& 
   }
 }
 
-Point ToPoint(const PreparedRig& rig, const Fit& fit) {
+Point ToPoint(const PreparedRig& rig, const Fit& fit, size_t num_observations) {
   Point point;
+  point.num_observations = static_cast<int>(num_observations);
   point.status = fit.status;
   if (fit.status != Status::kOk) return point;
   point.x_in_world = rig.origin_in_world + fit.at.x_in_local;
@@ -45,13 +46,14 @@ Point TriangulatePoint(const PreparedRig& rig, const std::vector<Observation>& o
   const size_t min_views = static_cast<size_t>(std::max(options.min_views, 2));
   if (views.size() < min_views) {
     Point point;
+    point.num_observations = static_cast<int>(observations.size());
     point.status = rejected != Status::kOk && observations.size() >= min_views ? rejected : Status::kTooFewViews;
     return point;
   }
   const Fit all = FitViews(views, options);
   const bool consistent = all.status == Status::kOk && all.worst_sigmas <= options.max_residual_sigmas;
-  if (consistent || options.method != PointMethod::kRobust) return ToPoint(rig, all);
-  return ToPoint(rig, SelectConsistent(views, all, options));
+  if (consistent || options.method != PointMethod::kRobust) return ToPoint(rig, all, observations.size());
+  return ToPoint(rig, SelectConsistent(views, all, options), observations.size());
 }
 
 }  // namespace mvstudio::triangulate

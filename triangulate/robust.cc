@@ -146,12 +146,18 @@ void Extent(const std::vector<View>& views, const Eigen::Vector3d& x_in_local, d
   }
 }
 
+/// Where a camera stands it sees nothing.
+bool AtACentre(const std::vector<View>& views, const Eigen::Vector3d& x_in_local) {
+  double nearest = 0, baseline = 0;
+  Extent(views, x_in_local, &nearest, &baseline);
+  return !(nearest > 1e-6 * baseline);
+}
+
 /// Checks of a refined point, in units of its own uncertainty.
 Status CheckGeometry(const std::vector<View>& views, const Refinement& at, const PointOptions& options) {
-  constexpr double kAtCentre = 1e-6;
   double nearest = 0, baseline = 0;
   Extent(views, at.x_in_local, &nearest, &baseline);
-  if (!(nearest > kAtCentre * baseline)) return Status::kDegenerate;
+  if (AtACentre(views, at.x_in_local)) return Status::kDegenerate;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(at.information, Eigen::EigenvaluesOnly);
   const double weakest = eigen.eigenvalues()[0];
   if (!(weakest > 1e-14 * eigen.eigenvalues()[2])) return Status::kLowParallax;
@@ -177,6 +183,7 @@ Refinement RunMethod(const std::vector<View>& views, const PointOptions& options
   const bool midpoint = options.method == PointMethod::kMidpoint;
   const LinearPoint start = midpoint ? Midpoint(views) : WeightedLinear(views);
   if (start.status != Status::kOk) return {start.status, {}, {}, 0};
+  if (AtACentre(views, start.x_in_local)) return {Status::kDegenerate, {}, {}, 0};
   if (midpoint || options.method == PointMethod::kLinear) return Evaluate(views, start.x_in_local);
   return Refine(views, start.x_in_local);
 }

@@ -129,6 +129,11 @@ TEST_F(Pose2d, DamagedContentIsRefused) {
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("nested deeper"));
 }
 
+TEST_F(Pose2d, PeopleWithoutABodyAreLeftOut) {
+  Put("1.json", "{\"people\":[{},{\"pose_keypoints_2d\":[]}," + People(51).substr(25));
+  EXPECT_EQ(Read().frames.at(1).size(), 1u);
+}
+
 TEST_F(Pose2d, WrongSkeletonNamesTheOneThatFits) {
   Put("1.json", People(75));
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("--skeleton body25 or body25b would fit"));

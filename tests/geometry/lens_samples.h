@@ -13,8 +13,8 @@ inline Camera MakeLens(LensModel model, const std::vector<double>& distortion, i
   Camera camera = MakePinhole(std::string(ToString(model)), width, height, focal);
   camera.model = model;
   Eigen::VectorXd params(NumParams(model));
-  params << focal, 1.002 * focal, 0.5 * width + 7.3, 0.5 * height - 4.9,
-      Eigen::Map<const Eigen::VectorXd>(distortion.data(), static_cast<Eigen::Index>(distortion.size()));
+  params.head<4>() << focal, 1.002 * focal, 0.5 * width + 7.3, 0.5 * height - 4.9;
+  for (size_t i = 0; i < distortion.size(); ++i) params[4 + static_cast<Eigen::Index>(i)] = distortion[i];
   camera.params = params;
   return camera;
 }

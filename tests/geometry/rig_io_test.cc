@@ -54,8 +54,12 @@ void ExpectSame(const Rig& a, const Rig& b) {
     EXPECT_TRUE(SameBits(x.cam_from_world.translation, y.cam_from_world.translation));
     ASSERT_EQ(x.params_covariance.has_value(), y.params_covariance.has_value());
     ASSERT_EQ(x.cam_from_world_covariance.has_value(), y.cam_from_world_covariance.has_value());
-    if (x.params_covariance) EXPECT_TRUE(SameBits(*x.params_covariance, *y.params_covariance));
-    if (x.cam_from_world_covariance) EXPECT_TRUE(SameBits(*x.cam_from_world_covariance, *y.cam_from_world_covariance));
+    if (x.params_covariance) {
+      EXPECT_TRUE(SameBits(*x.params_covariance, *y.params_covariance));
+    }
+    if (x.cam_from_world_covariance) {
+      EXPECT_TRUE(SameBits(*x.cam_from_world_covariance, *y.cam_from_world_covariance));
+    }
   }
 }
 

@@ -1,0 +1,92 @@
+#include "avatar/io/run_config.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/files.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr const char* kGirthNames[kNumGirthGroups] = {"trunk", "head", "arms", "legs"};
+
+Json ParseFile(const std::string& path) {
+  const std::string text = ReadFile(path);
+  constexpr size_t kMaxBytes = 16 << 20;  // a depth bomb cannot fit a config that stays small
+  if (text.size() > kMaxBytes) throw FormatError(path, "", "is larger than any configuration");
+  const auto shallow = [](int depth, Json::parse_event_t, Json&) {
+    if (depth > 16) throw std::length_error("nested too deeply");
+    return true;
+  };
+  try {
+    return Json::parse(text, shallow);
+  } catch (const std::exception& error) {
+    throw FormatError(path, "", std::string("not valid JSON (") + error.what() + "); was the training interrupted?");
+  }
+}
+
+// Member `pointer` of the file as a T.
+template <class T>
+T Get(const Json& json, const std::string& path, const std::string& pointer) {
+  const Json::json_pointer at(pointer);
+  if (!json.contains(at)) throw FormatError(path, pointer, "is missing");
+  try {
+    return json.at(at).get<T>();
+  } catch (const std::exception& error) {
+    throw FormatError(path, pointer, error.what());
+  }
+}
+
+}  // namespace
+
+void WriteRunConfig(const RunConfig& config, const std::string& path) {
+  Json girth;
+  for (int g = 0; g < kNumGirthGroups; ++g) girth[kGirthNames[g]] = config.shape.girth[g];
+  const Json json = {{"schema", kRunConfigSchema},
+                     {"dataset", config.dataset},
+                     {"crop",
+                      {{"size_px", config.pack.size_px},
+                       {"fill", config.pack.fill},
+                       {"half_extent_m", config.half_extent_m},
+                       {"person", config.pack.person}}},
+                     {"split",
+                      {{"train_cameras", config.split.train_cameras},
+                       {"train_frames", config.split.train_frames},
+                       {"holdout_cameras", config.split.holdout_cameras},
+                       {"holdout_frames", config.split.holdout_frames}}},
+                     {"template", {{"girth", girth}, {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()}}}};
+  WriteFileAtomic(path, json.dump(1) + "\n");
+}
+
+RunConfig ReadRunConfig(const std::string& path) {
+  const Json json = ParseFile(path);
+  if (!json.is_object() || Get<std::string>(json, path, "/schema") != kRunConfigSchema) {
+    throw FormatError(path, "/schema", std::string("is not ") + kRunConfigSchema);
+  }
+  RunConfig config;
+  config.dataset = Get<std::string>(json, path, "/dataset");
+  config.pack.size_px = Get<int>(json, path, "/crop/size_px");
+  config.pack.fill = Get<double>(json, path, "/crop/fill");
+  config.pack.person = Get<int>(json, path, "/crop/person");
+  config.half_extent_m = Get<double>(json, path, "/crop/half_extent_m");
+  if (!(config.half_extent_m > 0)) throw FormatError(path, "/crop/half_extent_m", "must be positive");
+  config.pack.half_extent_m = config.half_extent_m;
+  config.split.train_cameras = Get<std::vector<std::string>>(json, path, "/split/train_cameras");
+  config.split.train_frames = Get<std::vector<int>>(json, path, "/split/train_frames");
+  config.split.holdout_cameras = Get<std::vector<std::string>>(json, path, "/split/holdout_cameras");
+  config.split.holdout_frames = Get<std::vector<int>>(json, path, "/split/holdout_frames");
+  if (config.split.train_cameras.empty()) throw FormatError(path, "/split/train_cameras", "is empty");
+  if (config.split.train_frames.empty()) throw FormatError(path, "/split/train_frames", "is empty");
+  for (int g = 0; g < kNumGirthGroups; ++g) config.shape.girth[g] = Get<double>(json, path, std::string("/template/girth/") + kGirthNames[g]);
+  config.pack.shape = config.shape;
+  config.pack.fit_shape = false;
+  config.pack.cameras = config.split.train_cameras;
+  config.pack.frames = config.split.train_frames;
+  const Json::json_pointer iou("/template/iou");
+  config.template_iou = json.contains(iou) && json.at(iou).is_number() ? json.at(iou).get<double>() : std::nan("");
+  return config;
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,93 @@
+#include "report/report.h"
+
+#include <filesystem>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "report/format.h"
+#include "report/sections.h"
+
+namespace mvstudio::report {
+namespace fs = std::filesystem;
+namespace {
+
+std::string TitleOf(const std::string& run_folder, const ReportOptions& options) {
+  if (!options.title.empty()) return options.title;
+  fs::path path = fs::absolute(run_folder).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  return "Capture report: " + path.filename().string();
+}
+
+std::string Header(const std::string& title, Verdict verdict, const RunData& data, const ReportOptions& options) {
+  std::string line =
+      std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") + " in " + data.root;
+  if (!options.generated_at.empty()) line += ", written " + options.generated_at;
+  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(line, "muted");
+}
+
+Value NoticesToValue(const std::vector<ReportNotice>& notices) {
+  Value list = Value::Array();
+  for (const ReportNotice& notice : notices) {
+    list.Append(Value::Object().Set("code", notice.code).Set("text", notice.text).Set("hint", notice.hint));
+  }
+  return list;
+}
+
+Value StagesToValue(const RunData& data) {
+  Value list = Value::Array();
+  for (const Stage& stage : data.stages) {
+    Value entry = Value::Object();
+    entry.Set("file", stage.file).Set("command", stage.command).Set("verdict", std::string(ToString(stage.verdict)));
+    for (const char* key : {"version", "status", "exit", "metrics", "outputs", "warnings", "errors", "timing", "argv"}) {
+      entry.Set(key, stage.result[key]);
+    }
+    list.Append(std::move(entry));
+  }
+  return list;
+}
+
+}  // namespace
+
+Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
+  MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
+            "limits of pictures must not be negative");
+  const RunData data = ScanRun(run_folder);
+  SectionContext context{data, options, Value::Object(), {}, 0};
+  std::vector<Section> sections = {CalibrationSection(&context), TriangulationSection(&context), DatasetSection(&context),
+                                   AvatarSection(&context),      TruthSection(&context),         ProvenanceSection(&context)};
+  sections.insert(sections.begin(), VerdictSection(&context));
+  // A section without a body had nothing to say, not even that it was not run.
+  std::vector<Section> shown;
+  for (Section& section : sections) {
+    if (!section.body_html.empty()) shown.push_back(std::move(section));
+  }
+  Report report;
+  report.verdict = OverallVerdict(data);
+  report.num_stages = static_cast<int>(data.stages.size());
+  report.warnings = data.warnings;
+  report.warnings.insert(report.warnings.end(), context.warnings.begin(), context.warnings.end());
+  const std::string title = TitleOf(run_folder, options);
+  report.html = PageHtml(
+      title, Header(title, report.verdict, data, options), shown,
+      "mvstudio" + (options.version.empty() ? "" : " " + options.version) +
+          ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers stand in the .json beside this file.");
+  Value json = Value::Object();
+  json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
+  json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data));
+  for (const auto& [key, value] : context.json.fields()) json.Set(key, value);
+  json.Set("warnings", NoticesToValue(report.warnings));
+  report.json = json.Dump(1) + "\n";
+  return report;
+}
+
+std::string WriteReport(const Report& report, const std::string& html_path) {
+  const std::string json_path = fs::path(html_path).replace_extension(".json").string();
+  if (json_path == html_path)
+    throw UsageError("--out " + html_path + ": the page must not end in .json, that name is for its numbers");
+  WriteFileAtomic(json_path, report.json);
+  WriteFileAtomic(html_path, report.html);
+  return json_path;
+}
+
+}  // namespace mvstudio::report

@@ -1,0 +1,291 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <set>
+
+#include "report/format.h"
+#include "report/sections.h"
+#include "report/svg.h"
+
+namespace mvstudio::report {
+namespace {
+
+constexpr size_t kMaxCurvePoints = 400;
+
+/// Rows of one phase; long ones are averaged in equal bins.
+LineSeries Curve(const std::string& name, const std::vector<double>& x, const std::vector<double>& y) {
+  LineSeries series{name, {}, {}, false};
+  const size_t bin = (x.size() + kMaxCurvePoints - 1) / kMaxCurvePoints;
+  for (size_t begin = 0; begin < x.size(); begin += std::max<size_t>(bin, 1)) {
+    const size_t end = std::min(x.size(), begin + bin);
+    double sum_x = 0, sum_y = 0;
+    for (size_t i = begin; i < end; ++i) sum_x += x[i], sum_y += y[i];
+    series.x.push_back(sum_x / static_cast<double>(end - begin));
+    series.y.push_back(sum_y / static_cast<double>(end - begin));
+  }
+  return series;
+}
+
+std::vector<std::string> PhasesOf(const TableFile& table, int column) {
+  std::vector<std::string> phases;
+  for (const auto& row : table.rows) {
+    const std::string phase = column < 0 ? "" : row[column];
+    if (std::find(phases.begin(), phases.end(), phase) == phases.end()) phases.push_back(phase);
+  }
+  return phases;
+}
+
+bool IsScore(const std::string& column) {
+  return column.find("ssim_") != std::string::npos || column.find("psnr") != std::string::npos ||
+         column.find("iou") != std::string::npos;
+}
+
+std::string CurveFigure(const TableFile& table, int step, int phase, int column, double width) {
+  const KeyLabel label = LabelOfKey(table.columns[column]);
+  LineChartSpec spec;
+  spec.title = label.label;
+  spec.x.label = "step";
+  spec.y.label = label.label + (label.unit.empty() ? "" : " (" + label.unit + ")");
+  spec.width = width;
+  spec.height = width > 500 ? 300 : 210;
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  for (const std::string& name : PhasesOf(table, phase)) {
+    std::vector<double> x, y;
+    for (size_t row = 0; row < table.rows.size(); ++row) {
+      const double value = table.Number(row, column);
+      if ((phase >= 0 && table.rows[row][phase] != name) || !std::isfinite(value)) continue;
+      x.push_back(table.Number(row, step));
+      y.push_back(value);
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+    const bool all_zero = std::all_of(y.begin(), y.end(), [](double v) { return v == 0; });
+    if (!y.empty() && !all_zero) spec.series.push_back(Curve(name.empty() ? label.label : name, x, y));
+  }
+  if (spec.series.empty()) return {};
+  spec.y.log = low > 0 && high > 8 * low && !IsScore(table.columns[column]);
+  return FigureHtml(LineChart(spec), "");
+}
+
+std::string Curves(SectionContext* context, const CsvFile& history) {
+  const TableFile& table = history.table;
+  const int step = table.Column("step"), phase = table.Column("phase");
+  if (step < 0 || table.rows.empty()) return {};
+  std::string html = "<h3>Training <span class=\"unit\">" + EscapeHtml(history.file) + "</span></h3>\n", first;
+  std::vector<std::string> small;
+  for (int column = 0; column < static_cast<int>(table.columns.size()); ++column) {
+    const std::string& name = table.columns[column];
+    if (column == step || column == phase || name == "wall_s" || name == "lr" || small.size() >= 12) continue;
+    const bool main = first.empty() && (name == "total" || name == "loss");
+    const std::string figure = CurveFigure(table, step, phase, column, main ? 760 : 360);
+    if (figure.empty()) continue;
+    if (main) {
+      first = figure;
+    } else {
+      small.push_back(figure);
+    }
+  }
+  html += first + GridHtml(small, "grid small");
+  Value last = Value::Object();
+  for (size_t column = 0; column < table.columns.size(); ++column) {
+    const double number = table.Number(table.rows.size() - 1, static_cast<int>(column));
+    last.Set(table.columns[column], std::isfinite(number) ? Value(number) : Value(table.rows.back()[column]));
+  }
+  const double wall = last["wall_s"].Number();
+  html +=
+      ParagraphHtml(FormatCount(static_cast<double>(table.rows.size())) + " rows, last at step " +
+                        FormatNumber(last["step"].Number()) + (std::isfinite(wall) ? " after " + FormatDuration(wall) : "") +
+                        ". Mean loss terms of the steps since the row before, unweighted.",
+                    "muted");
+  Value list = context->json["training"];
+  context->json.Set(
+      "training",
+      list.Append(
+          Value::Object().Set("file", history.file).Set("rows", static_cast<int64_t>(table.rows.size())).Set("last", last)));
+  return html;
+}
+
+struct ScoreRow {
+  std::string name;
+  const Value* scores;
+  bool own;
+};
+
+bool HasScores(const Value& value) {
+  return value["ssim"].IsNumber() || value["psnr_db"].IsNumber() || value["mask_iou"].IsNumber();
+}
+
+std::vector<ScoreRow> ScoreRows(const Value& metrics) {
+  std::vector<ScoreRow> rows;
+  for (const auto& [key, value] : metrics.fields()) {
+    if (HasScores(value))
+      rows.push_back({key == "holdout" ? "this avatar, held out" : LabelOfKey(key).label, &value, key == "holdout"});
+  }
+  for (const auto& [key, value] : metrics["baselines"].fields()) {
+    if (value.IsObject()) rows.push_back({"baseline: " + LabelOfKey(key).label, &value, false});
+  }
+  return rows;
+}
+
+std::string ScoresTable(const Value& metrics) {
+  const std::vector<ScoreRow> rows = ScoreRows(metrics);
+  if (rows.empty()) return {};
+  Table table("Scores on cameras and frames that were not trained on");
+  table.AddColumn("", "", false);
+  table.AddColumn("SSIM");
+  table.AddColumn("PSNR", "dB");
+  table.AddColumn("mask IoU");
+  table.AddColumn("Fr\u00e9chet distance");
+  table.AddColumn("its floor");
+  table.AddColumn("features", "", false);
+  table.AddColumn("n");
+  table.AddColumn("d");
+  const auto best = [&](const std::string& key, bool larger) {
+    double value = std::numeric_limits<double>::quiet_NaN();
+    for (const ScoreRow& row : rows) {
+      if (!row.own && row.name.rfind("baseline", 0) != 0) continue;
+      const double candidate = row.scores->Path(key).Number();
+      if (std::isfinite(candidate) && (!std::isfinite(value) || (larger ? candidate > value : candidate < value)))
+        value = candidate;
+    }
+    return value;
+  };
+  const double ssim = best("ssim", true), psnr = best("psnr_db", true), iou = best("mask_iou", true),
+               fd = best("fd.value", false);
+  for (const ScoreRow& row : rows) {
+    const Value& s = *row.scores;
+    const auto cell = [](double value, double top, int decimals) {
+      return Table::Cell(FormatFixed(value, decimals), value == top);
+    };
+    table.AddRow({row.name,
+                  cell(s["ssim"].Number(), ssim, 4),
+                  cell(s["psnr_db"].Number(), psnr, 2),
+                  cell(s["mask_iou"].Number(), iou, 4),
+                  {FormatNumber(s.Path("fd.value").Number()), s.Path("fd.value").Number() == fd},
+                  FormatNumber(s.Path("fd.floor").Number()),
+                  s.Path("fd.features").Text(kNoNumber),
+                  FormatNumber(s.Path("fd.n").Number()),
+                  FormatNumber(s.Path("fd.d").Number())},
+                 row.own);
+  }
+  return table.Html() + ParagraphHtml(
+                            "Bold: the best of avatar and baselines. SSIM, PSNR and IoU: more is better; Fr\u00e9chet "
+                            "distance: less is better; "
+                            "compare it only at equal features, n and d, and against its floor.",
+                            "muted");
+}
+
+std::string CameraBars(const Value& per_camera) {
+  std::vector<std::string> figures;
+  const std::pair<const char*, const char*> kScores[] = {
+      {"ssim", "SSIM (no unit)"}, {"psnr_db", "PSNR (dB)"}, {"mask_iou", "mask IoU (no unit)"}};
+  for (const auto& [key, label] : kScores) {
+    BarChartSpec spec;
+    spec.title = std::string(label).substr(0, std::string(label).find(" (")) + " of each camera";
+    spec.value.label = label;
+    spec.width = 360;
+    BarSeries own{"avatar", {}, {}};
+    for (const Value& camera : per_camera.items()) {
+      spec.labels.push_back(camera["camera"].Text(camera["name"].Text("?")));
+      own.values.push_back(camera[key].Number());
+    }
+    spec.series = {own};
+    if (!std::isfinite(Median(own.values))) continue;
+    for (const auto& [name, ignored] : per_camera.At(0)["baselines"].fields()) {
+      BarSeries baseline{LabelOfKey(name).label, {}, {}};
+      for (const Value& camera : per_camera.items()) baseline.values.push_back(camera["baselines"][name][key].Number());
+      spec.series.push_back(baseline);
+    }
+    figures.push_back(FigureHtml(BarChart(spec), ""));
+  }
+  return figures.empty() ? "" : GridHtml(figures, "grid small");
+}
+
+std::set<std::string> CameraNames(const Value& metrics) {
+  std::set<std::string> names;
+  for (const char* key : {"per_camera", "cameras", "holdout_cameras"}) {
+    for (const Value& item : metrics[key].items())
+      names.insert(item.IsText() ? item.Text() : item["camera"].Text(item["name"].Text()));
+  }
+  names.erase("");
+  return names;
+}
+
+/// "camera cam_02, frame 84", from the output's own fields or its file name.
+std::string Caption(const Value& output, const std::set<std::string>& cameras) {
+  std::string camera = output["camera"].Text(), stem = std::filesystem::path(output["path"].Text()).stem().string();
+  for (const std::string& name : cameras) {
+    if (camera.empty() && stem.find(name) != std::string::npos) camera = name;
+  }
+  double frame = output["frame"].Number();
+  const size_t at = stem.find(camera);
+  std::string rest = !camera.empty() && at != std::string::npos ? stem.substr(at + camera.size()) : stem;
+  const size_t digits = rest.find_last_not_of("0123456789");
+  const std::string number = digits == std::string::npos ? rest : rest.substr(digits + 1);
+  if (!std::isfinite(frame) && !number.empty() && number.size() < 12) frame = std::stod(number);
+  if (camera.empty()) return stem;
+  return "camera " + camera + (std::isfinite(frame) ? ", frame " + FormatNumber(frame, 9) : "");
+}
+
+std::string Pictures(SectionContext* context, const Stage& stage, const std::string& role, const std::string& title,
+                     const std::vector<std::string>& legend, const char* css_class) {
+  std::vector<std::string> figures;
+  int left_out = 0;
+  for (const Value& output : stage.result["outputs"].items()) {
+    if (output["role"].Text() != role) continue;
+    if (static_cast<int>(figures.size()) >= context->options.max_heldout_pictures) {
+      ++left_out;
+      continue;
+    }
+    const std::string figure = EmbedOutput(context, stage, output, Caption(output, CameraNames(stage.metrics())), legend);
+    if (!figure.empty()) figures.push_back(figure);
+  }
+  if (figures.empty()) return {};
+  std::string html = "<h3>" + EscapeHtml(title) + "</h3>\n" + GridHtml(figures, css_class);
+  if (left_out > 0)
+    html +=
+        ParagraphHtml(std::to_string(left_out) + " more are listed in the result; --max-heldout-pictures shows more.", "muted");
+  return html;
+}
+
+std::vector<std::string> Legend(const Value& metrics) {
+  std::vector<std::string> legend;
+  for (const Value& item : metrics["picture_panels"].items()) legend.push_back(item.Text());
+  return legend.empty() ? std::vector<std::string>{"truth", "render", "error", "baseline"} : legend;
+}
+
+std::string EvalBody(SectionContext* context, const Stage& stage) {
+  const Value& metrics = stage.metrics();
+  std::string html = StageHeading(stage, true) + ScoresTable(metrics);
+  html += CameraBars(metrics["per_camera"]);
+  const std::string cameras = ObjectsTable("", metrics["per_camera"]);
+  if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
+  html += Pictures(context, stage, "heldout-picture", "Held-out pictures", Legend(metrics), "grid");
+  html += Pictures(context, stage, "texture-atlas", "Texture atlas", {}, "grid");
+  const std::string all = NumbersTable("", metrics);
+  return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
+}
+
+}  // namespace
+
+Section AvatarSection(SectionContext* context) {
+  Section section{"avatar", "Avatar", ""};
+  for (const Stage& stage : context->data.stages) {
+    if (stage.command == "avatar eval") section.body_html += EvalBody(context, stage);
+  }
+  for (const CsvFile& history : context->data.histories) section.body_html += Curves(context, history);
+  for (const Stage& stage : context->data.stages) {
+    if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
+    section.body_html += Pictures(context, stage, "texture-atlas", "Texture atlas", {}, "grid");
+    const std::string all = NumbersTable("", stage.metrics());
+    if (!all.empty()) section.body_html += DetailsHtml("All numbers of `" + stage.command + "` (" + stage.file + ")", all);
+  }
+  if (section.body_html.empty()) {
+    section.body_html = NotRun(
+        "Avatar", "mvstudio avatar train RUN/dataset --method tna --out RUN/avatar, then mvstudio avatar eval RUN/avatar");
+  }
+  return section;
+}
+
+}  // namespace mvstudio::report

@@ -1,0 +1,245 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "report/format.h"
+#include "report/sections.h"
+#include "report/svg.h"
+
+namespace mvstudio::report {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr char kCommand[] = "mvstudio triangulate --calib RUN/calibration.json --pose2d CAM=FOLDER … --out RUN/pose3d";
+
+struct JointStats {
+  std::string joint;
+  double rows = 0, ok = 0, median_rms_px = kNone, median_sigma_mm = kNone;
+};
+
+/// What a points.csv says of each joint (in the order of the file) and of each status.
+struct PointsStats {
+  std::vector<JointStats> joints;
+  std::vector<std::pair<std::string, double>> statuses;
+  std::vector<double> rms_px;
+};
+
+PointsStats Summarise(const TableFile& table) {
+  PointsStats stats;
+  const int joint = table.Column("joint"), status = table.Column("status"), rms = table.Column("rms_px"),
+            sigma = table.Column("sigma_m");
+  if (joint < 0) return stats;
+  std::map<std::string, size_t> index;
+  std::vector<std::vector<double>> joint_rms, joint_sigma;
+  for (size_t row = 0; row < table.rows.size(); ++row) {
+    const std::string& name = table.rows[row][joint];
+    const auto [place, is_new] = index.emplace(name, stats.joints.size());
+    if (is_new) {
+      stats.joints.push_back({name, 0, 0, kNone, kNone});
+      joint_rms.emplace_back();
+      joint_sigma.emplace_back();
+    }
+    const std::string state = status < 0 ? "Ok" : table.rows[row][status];
+    const auto found =
+        std::find_if(stats.statuses.begin(), stats.statuses.end(), [&](const auto& s) { return s.first == state; });
+    if (found == stats.statuses.end()) {
+      stats.statuses.emplace_back(state, 1);
+    } else {
+      ++found->second;
+    }
+    JointStats& of_joint = stats.joints[place->second];
+    ++of_joint.rows;
+    if (state != "Ok") continue;
+    ++of_joint.ok;
+    joint_rms[place->second].push_back(table.Number(row, rms));
+    joint_sigma[place->second].push_back(1e3 * table.Number(row, sigma));
+    stats.rms_px.push_back(table.Number(row, rms));
+  }
+  for (size_t i = 0; i < stats.joints.size(); ++i) {
+    stats.joints[i].median_rms_px = Median(joint_rms[i]);
+    stats.joints[i].median_sigma_mm = Median(joint_sigma[i]);
+  }
+  return stats;
+}
+
+std::string StatusBar(const std::vector<std::pair<std::string, double>>& counts) {
+  static const std::map<std::string, int> kColours = {{"Ok", 2},           {"TooFewViews", 6},  {"LowParallax", 4},
+                                                      {"Outlier", 1},      {"NotConverged", 7}, {"Degenerate", 3},
+                                                      {"BehindCamera", 5}, {"FarPoint", 0}};
+  std::vector<StackPart> parts;
+  int other = 3;
+  for (const auto& [name, count] : counts) {
+    const auto colour = kColours.find(name);
+    parts.push_back({name, count, colour != kColours.end() ? colour->second : other++});
+  }
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const StackPart& a, const StackPart& b) { return (a.name == "Ok") > (b.name == "Ok"); });
+  return parts.empty() ? ""
+                       : FigureHtml(StackedBar("Joints by status", parts),
+                                    "Only joints with status Ok have a position; every other one says why it has none.");
+}
+
+std::string JointChart(const std::string& title, const std::string& label, const std::vector<JointStats>& joints,
+                       double JointStats::*value) {
+  BarChartSpec spec;
+  spec.title = title;
+  spec.value.label = label;
+  spec.series.emplace_back();
+  for (const JointStats& joint : joints) {
+    spec.labels.push_back(joint.joint);
+    spec.series[0].values.push_back(joint.*value);
+  }
+  return FigureHtml(BarChart(spec), "");
+}
+
+std::string Presence(const TableFile& table, const std::vector<JointStats>& joints) {
+  const int frame = table.Column("frame"), joint = table.Column("joint"), status = table.Column("status");
+  const std::vector<double> frames = table.Numbers(frame);
+  const double first = Quantile(frames, 0), last = Quantile(frames, 1);
+  if (!std::isfinite(first) || last <= first || status < 0) return {};
+  const size_t columns = static_cast<size_t>(std::min(240.0, last - first + 1));
+  HeatMapSpec spec;
+  spec.title = "Joints over time";
+  spec.column_label = "frame";
+  spec.first_column = first;
+  spec.last_column = last;
+  std::map<std::string, size_t> index;
+  for (const JointStats& stats : joints) {
+    index[stats.joint] = spec.row_names.size();
+    spec.row_names.push_back(stats.joint);
+  }
+  std::vector<std::vector<double>> ok(joints.size(), std::vector<double>(columns, 0)), all = ok;
+  for (size_t row = 0; row < table.rows.size(); ++row) {
+    if (!std::isfinite(frames[row])) continue;
+    const size_t r = index[table.rows[row][joint]];
+    const size_t c =
+        std::min(columns - 1, static_cast<size_t>((frames[row] - first) / (last - first + 1) * static_cast<double>(columns)));
+    ++all[r][c];
+    if (table.rows[row][status] == "Ok") ++ok[r][c];
+  }
+  for (size_t r = 0; r < joints.size(); ++r) {
+    for (size_t c = 0; c < columns; ++c) all[r][c] = all[r][c] > 0 ? ok[r][c] / all[r][c] : kNone;
+    spec.rows.push_back(all[r]);
+  }
+  return FigureHtml(HeatMap(spec),
+                    "Blue: found, the darker the larger the share; orange: asked for and not found; empty: never asked for.");
+}
+
+/// Cameras whose residuals do not average out: a calibration that is off shows here first.
+std::string CameraTargets(const Value& cameras) {
+  std::vector<NamedVector> vectors;
+  std::vector<double> lengths;
+  for (const Value& camera : cameras.items()) {
+    const Value& mean = camera["mean_residual_px"];
+    if (!mean.IsArray()) continue;
+    vectors.push_back({camera["name"].Text("?"), mean.At(0).Number(), mean.At(1).Number()});
+    lengths.push_back(std::hypot(vectors.back().dx, vectors.back().dy));
+  }
+  if (vectors.empty()) return {};
+  const double longest = Quantile(lengths, 1);
+  const double suspect =
+      longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * Median(lengths))) : std::numeric_limits<double>::infinity();
+  std::string caption =
+      "Mean residual of each camera (observed minus projected). Noise averages out to nothing; what is left is a camera that "
+      "the calibration puts in the wrong place or with the wrong lens.";
+  for (size_t i = 0; i < vectors.size(); ++i) {
+    if (lengths[i] == longest && longest > 1)
+      caption += " Look at " + vectors[i].name + " first: off by " + FormatWithUnit(longest, "px", 3) + ".";
+  }
+  return FigureHtml(VectorTargets("Mean residual of each camera", vectors, suspect), caption);
+}
+
+/// Errors of each joint against a reference, where the result has them: {joint or name, median_mm}.
+std::string ReferenceChart(const Value& reference) {
+  BarChartSpec spec;
+  spec.title = "Error of each joint against the reference";
+  spec.value.label = "median distance (mm)";
+  spec.series.emplace_back();
+  for (const char* key : {"joints", "per_joint"}) {
+    for (const Value& joint : reference[key].items()) {
+      spec.labels.push_back(joint["joint"].Text(joint["name"].Text("?")));
+      spec.series[0].values.push_back(joint.FirstNumber({"median_mm", "error_mm", "mean_mm"}));
+    }
+    for (const auto& [name, value] : reference[key].fields()) {
+      spec.labels.push_back(name);
+      spec.series[0].values.push_back(value.IsObject() ? value.FirstNumber({"median_mm", "mean_mm"}) : value.Number());
+    }
+  }
+  return spec.labels.empty() ? "" : FigureHtml(BarChart(spec), "");
+}
+
+std::string TableBody(SectionContext* context, const CsvFile& points, bool with_statuses) {
+  const PointsStats stats = Summarise(points.table);
+  if (stats.joints.empty()) return {};
+  std::string html;
+  if (with_statuses) html += StatusBar(stats.statuses);
+  html += GridHtml(
+      {JointChart("Reprojection error of each joint", "median RMS (px)", stats.joints, &JointStats::median_rms_px),
+       JointChart("Predicted uncertainty of each joint", "median \u03c3 (mm)", stats.joints, &JointStats::median_sigma_mm)});
+  html += GridHtml(
+      {FigureHtml(Histogram("Reprojection error of all joints", {"RMS over the views (px)", false, false}, stats.rms_px), "")});
+  html += Presence(points.table, stats.joints);
+  Value joints = Value::Array(), statuses = Value::Object();
+  for (const JointStats& joint : stats.joints) {
+    joints.Append(Value::Object()
+                      .Set("joint", joint.joint)
+                      .Set("rows", static_cast<int64_t>(joint.rows))
+                      .Set("ok", static_cast<int64_t>(joint.ok))
+                      .Set("median_rms_px", joint.median_rms_px)
+                      .Set("median_sigma_mm", joint.median_sigma_mm));
+  }
+  for (const auto& [name, count] : stats.statuses) statuses.Set(name, static_cast<int64_t>(count));
+  Value list = context->json["triangulation"];
+  context->json.Set("triangulation",
+                    list.Append(Value::Object().Set("file", points.file).Set("status_counts", statuses).Set("joints", joints)));
+  return html;
+}
+
+std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile* points, bool named) {
+  const Value& metrics = stage.metrics();
+  std::string html = StageHeading(stage, named);
+  std::string summary = FormatCount(metrics["num_points"].Number()) + " joints";
+  if (metrics["median_rms_px"].IsNumber()) {
+    summary += "; reprojection RMS median " + FormatWithUnit(metrics["median_rms_px"].Number(), "px", 3) + ", mean " +
+               FormatWithUnit(metrics["mean_rms_px"].Number(), "px", 3);
+  }
+  if (metrics["points_per_s"].IsNumber()) summary += "; " + FormatCount(metrics["points_per_s"].Number()) + " joints a second";
+  html += ParagraphHtml(summary + ".");
+  std::vector<std::pair<std::string, double>> counts;
+  for (const auto& [name, count] : metrics["status_counts"].fields()) counts.emplace_back(name, count.Number());
+  html += StatusBar(counts);
+  html += CameraTargets(metrics["cameras"]);
+  html += ObjectsTable("Cameras", metrics["cameras"]);
+  for (const char* key : {"truth", "reference", "trc"}) {
+    html += NumbersTable(std::string("Against the ") + (std::string(key) == "trc" ? "reference .trc" : key), metrics[key]);
+    html += ReferenceChart(metrics[key]);
+  }
+  if (points) html += TableBody(context, *points, counts.empty());
+  const std::string all = NumbersTable("", metrics);
+  if (!all.empty()) html += DetailsHtml("All numbers", all);
+  return html;
+}
+
+}  // namespace
+
+Section TriangulationSection(SectionContext* context) {
+  const RunData& data = context->data;
+  Section section{"triangulation", "Triangulation", ""};
+  const std::vector<const Stage*> stages = data.All("triangulate");
+  const bool several = stages.size() + data.points.size() > 2 || stages.size() > 1;
+  std::vector<const CsvFile*> left;
+  for (const CsvFile& points : data.points) left.push_back(&points);
+  for (const Stage* stage : stages) {
+    const auto own = std::find_if(left.begin(), left.end(), [&](const CsvFile* p) { return p->folder == stage->folder; });
+    section.body_html += StageBody(context, *stage, own == left.end() ? nullptr : *own, several);
+    if (own != left.end()) left.erase(own);
+  }
+  for (const CsvFile* points : left) {
+    section.body_html += "<h3>" + EscapeHtml(points->file) + "</h3>\n" + TableBody(context, *points, true);
+  }
+  if (section.body_html.empty()) section.body_html = NotRun("Triangulation", kCommand);
+  return section;
+}
+
+}  // namespace mvstudio::report

@@ -1,0 +1,46 @@
+#include <cmath>
+
+#include "report/format.h"
+#include "report/sections.h"
+
+namespace mvstudio::report {
+namespace {
+
+std::string UnitText(const std::string& unit) { return unit == "deg" ? "\u00b0" : unit; }
+
+std::string ChecksTable(const Value& checks) {
+  Table table("Checks");
+  table.AddColumn("check", "", false);
+  table.AddColumn("measured");
+  table.AddColumn("bound");
+  table.AddColumn("unit", "", false);
+  table.AddColumn("", "", false);
+  for (const Value& check : checks.items()) {
+    const bool pass = check["pass"].Flag();
+    const Value& at_least = check["at_least"];
+    const std::string sign = at_least.kind() != Value::Kind::kBool ? "" : at_least.Flag() ? "\u2265 " : "\u2264 ";
+    Table::Cell badge("");
+    badge.html = BadgeHtml(pass ? Verdict::kPass : Verdict::kFail);
+    table.AddRow({check["name"].Text("?"), FormatNumber(check["value"].Number()), sign + FormatNumber(check["bound"].Number()),
+                  UnitText(check["unit"].Text()), badge},
+                 !pass);
+  }
+  return table.Html();
+}
+
+}  // namespace
+
+Section TruthSection(SectionContext* context) {
+  Section section{"truth", "Against the ground truth", ""};
+  for (const Stage& stage : context->data.stages) {
+    const Value &checks = stage.metrics()["checks"], &truth = stage.metrics()["truth"];
+    const bool own_truth = truth.IsObject() && stage.command != "triangulate";
+    if (checks.items().empty() && !own_truth) continue;
+    section.body_html += StageHeading(stage, true);
+    if (!checks.items().empty()) section.body_html += ChecksTable(checks);
+    if (own_truth) section.body_html += DetailsHtml("All comparisons with the truth", NumbersTable("", truth));
+  }
+  return section;
+}
+
+}  // namespace mvstudio::report

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "calib/board.h"
+#include "core/image.h"
+#include "geometry/rig.h"
+#include "synth/lens_rays.h"
+
+namespace mvstudio::synth {
+
+/// A printed board ready to be rendered.
+class BoardPainter {
+ public:
+  explicit BoardPainter(const calib::Board& board);
+
+  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples a pixel. Seen from behind it is
+  /// plain card.
+  void Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
+            Image* picture) const;
+
+ private:
+  struct Box {
+    int x0, y0, x1, y1;
+  };
+  Box PixelBox(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera) const;
+  float Print(double x_m, double y_m) const;
+
+  calib::Board board_;
+  Image print_;                         // grey
+  double px_per_m_;
+  Eigen::Vector2d low_m_, high_m_;      // corners of the sheet in board
+};
+
+}  // namespace mvstudio::synth

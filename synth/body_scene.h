@@ -1,0 +1,40 @@
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "body/body_template.h"
+#include "body/mesh_raster.h"
+#include "core/image.h"
+#include "geometry/rig.h"
+#include "synth/lens_rays.h"
+
+namespace mvstudio::synth {
+
+/// A posed person that rays can be shot at (Embree). Rendering is const and may be called from several threads.
+class BodyScene {
+ public:
+  /// `body` and `textures` must outlive the scene. `vertices_in_world`: (3, V).
+  BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures, const Eigen::Matrix3Xf& vertices_in_world);
+  ~BodyScene();
+  BodyScene(const BodyScene&) = delete;
+  BodyScene& operator=(const BodyScene&) = delete;
+
+  /// What the ray through the centre of a pixel meets first.
+  struct Truth {
+    std::vector<uint8_t> part;   // (H, W), 0 where the person is not
+    std::vector<uint8_t> u, v;   // (H, W), chart coordinates times 255
+  };
+
+  /// Draws the person over `picture`, `samples` x `samples` samples a pixel, and returns the truth at pixel centres.
+  Truth Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* picture) const;
+
+  /// Metres of body between the first surface and the point on the way from `origin`; 0 when nothing is in front.
+  double DepthBehindSurface(const Eigen::Vector3d& origin, const Eigen::Vector3d& x_in_world) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mvstudio::synth

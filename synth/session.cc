@@ -1,0 +1,197 @@
+#include "synth/session.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <functional>
+#include <memory>
+
+#include "core/files.h"
+#include "core/parallel.h"
+#include "dataset/image_io.h"
+#include "geometry/rig_io.h"
+#include "synth/board_view.h"
+#include "synth/body_scene.h"
+#include "synth/detections.h"
+#include "synth/lens_rays.h"
+#include "synth/motion.h"
+#include "synth/recorder.h"
+#include "synth/room.h"
+#include "synth/truth_io.h"
+
+namespace mvstudio::synth {
+namespace {
+
+constexpr int kBatch = 8;  // frames rendered before they are encoded
+
+/// Everything that stays the same during a session.
+struct Studio {
+  const SynthOptions& options;
+  const RunContext& run;
+  std::string folder;
+  geometry::Rig rig;
+  std::vector<LensRays> rays;
+  std::vector<Image> plates;
+
+  int num_cameras() const { return static_cast<int>(rig.cameras.size()); }
+  const std::string& name(int camera_idx) const { return rig.cameras[camera_idx].camera.name; }
+  std::string Path(const std::string& relative) const { return folder + "/" + relative; }
+};
+
+Studio BuildStudio(const SynthOptions& options, const std::string& folder, const RunContext& run) {
+  Studio studio{options, run, folder, MakeStudio(options, run.seed), {}, {}};
+  ProgressStage stage(run, "empty studio", studio.num_cameras());
+  const int threads = ResolveThreads(run.num_threads);
+  const Room room{options.background == "textured", run.seed};
+  for (int c = 0; c < studio.num_cameras(); ++c) {
+    studio.rays.emplace_back(studio.rig.cameras[c], threads);
+    studio.plates.push_back(RenderPlate(room, studio.rays.back(), 3, threads));
+    dataset::WriteImage(studio.plates.back(), studio.Path("raw/plate/" + studio.name(c) + ".png"));
+    stage.Advance();
+  }
+  return studio;
+}
+
+std::vector<Recorder> OpenRecorders(const Studio& studio, const std::string& relative) {
+  MakeFolder(studio.Path(relative));
+  std::vector<Recorder> recorders;
+  for (int c = 0; c < studio.num_cameras(); ++c) recorders.emplace_back(studio.Path(relative + "/" + studio.name(c)), studio.options);
+  return recorders;
+}
+
+/// Renders `count` frames in batches, all cameras of a batch in parallel, and encodes them in order. `prepare(first, last)` sets a
+/// batch up; `draw(frame, camera, picture)` renders over the empty studio.
+void Record(const Studio& studio, const std::string& relative, int count, const std::string& stage_name,
+            const std::function<void(int, int)>& prepare, const std::function<void(int, int, Image*)>& draw) {
+  std::vector<Recorder> recorders = OpenRecorders(studio, relative);
+  ProgressStage stage(studio.run, stage_name, count);
+  const int threads = ResolveThreads(studio.run.num_threads), cameras = studio.num_cameras();
+  for (int first = 0; first < count; first += kBatch) {
+    const int last = std::min(count, first + kBatch);
+    prepare(first, last);
+    std::vector<Image> pictures(static_cast<size_t>(last - first) * cameras);
+    ParallelFor(static_cast<int64_t>(pictures.size()), threads, [&](int64_t i) {
+      const int camera_idx = static_cast<int>(i % cameras), frame_idx = first + static_cast<int>(i / cameras);
+      pictures[i] = studio.plates[camera_idx];
+      draw(frame_idx, camera_idx, &pictures[i]);
+    });
+    ParallelFor(cameras, threads, [&](int64_t c) {
+      for (int f = first; f < last; ++f) recorders[c].Write(pictures[static_cast<size_t>(f - first) * cameras + c]);
+    });
+    stage.Advance(last - first);
+  }
+  for (Recorder& recorder : recorders) recorder.Close();
+}
+
+void RecordBoard(const Studio& studio) {
+  const calib::Board board = calib::ParseBoard(studio.options.board);
+  const BoardPainter painter(board);
+  std::vector<geometry::Rigid3> poses;
+  for (int f = 0; f < studio.options.board_frames; ++f) poses.push_back(BoardPose(board, f, studio.options.board_frames, studio.run.seed));
+  const int samples = studio.options.samples + 2;
+  Record(studio, "raw/board", studio.options.board_frames, "board footage", [](int, int) {},
+         [&](int frame_idx, int camera_idx, Image* picture) {
+           painter.Draw(poses[frame_idx], studio.rig.cameras[camera_idx], studio.rays[camera_idx], samples, picture);
+         });
+  WriteBoardPoses(board, poses, studio.Path("truth/board_poses.json"));
+}
+
+/// The person of one take, frame by frame, with the truth that goes with it.
+class Take {
+ public:
+  Take(const Studio& studio, std::string name)
+      : studio_(studio), name_(std::move(name)), skeleton_(body::SkeletonByName("body25")),
+        body_(body::MakeMannequin(studio.options.person_height_m)),
+        textures_(body::MannequinTextures(studio.options.texture_px, studio.run.seed)),
+        detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.take_frames)) {
+    truth_.skeleton = skeleton_.name;
+    for (int c = 0; c < studio_.num_cameras(); ++c) {
+      MakeFolder(TruthFolder("masks", c));
+      MakeFolder(TruthFolder("partuv", c));
+    }
+  }
+
+  void Prepare(int first, int last) {
+    first_ = first;
+    scenes_.clear();
+    scenes_.resize(last - first);
+    joints_.resize(last - first);
+    ParallelFor(last - first, ResolveThreads(studio_.run.num_threads), [&](int64_t i) {
+      const body::BodyPose pose = PersonPose(body_, (first + static_cast<double>(i)) / studio_.options.fps, studio_.run.seed);
+      joints_[i] = PersonJoints(body_, pose, skeleton_);
+      scenes_[i] = std::make_unique<BodyScene>(body_, textures_, body::SkinVertices(body_, pose));
+    });
+    for (int f = first; f < last; ++f) AppendTruth(f, skeleton_.joints, joints_[f - first], &truth_);
+  }
+
+  void Draw(int frame_idx, int camera_idx, Image* picture) {
+    const geometry::RigCamera& camera = studio_.rig.cameras[camera_idx];
+    const BodyScene& scene = *scenes_[frame_idx - first_];
+    const BodyScene::Truth truth = scene.Draw(camera, studio_.rays[camera_idx], studio_.options.samples, picture);
+    Image mask(picture->width, picture->height, 1), part_uv(picture->width, picture->height, 3);
+    for (size_t i = 0; i < truth.part.size(); ++i) {
+      mask.pixels[i] = truth.part[i] ? 255 : 0;
+      part_uv.pixels[3 * i] = truth.part[i], part_uv.pixels[3 * i + 1] = truth.u[i], part_uv.pixels[3 * i + 2] = truth.v[i];
+    }
+    dataset::WriteImage(mask, FramePath(TruthFolder("masks", camera_idx), frame_idx));
+    dataset::WriteImage(part_uv, FramePath(TruthFolder("partuv", camera_idx), frame_idx));
+    const uint64_t seed = studio_.run.seed * 0x100000001b3ull + static_cast<uint64_t>(frame_idx) * 4099 + camera_idx;
+    detections_[camera_idx][frame_idx] =
+        DetectJoints(scene, camera, skeleton_, joints_[frame_idx - first_], studio_.options.noise_px, seed);
+  }
+
+  void WriteJoints() const {
+    dataset::WritePose3d(truth_, studio_.Path("truth/pose3d"));
+    for (int c = 0; c < studio_.num_cameras(); ++c) {
+      dataset::Pose2dTrack track{studio_.name(c), {}};
+      for (size_t f = 0; f < detections_[c].size(); ++f) track.frames[static_cast<int>(f)] = {detections_[c][f]};
+      dataset::WriteOpenPoseFolder(track, studio_.Path("pose2d/" + name_ + "/" + studio_.name(c)));
+    }
+  }
+
+ private:
+  std::string TruthFolder(const std::string& kind, int camera_idx) const {
+    return studio_.Path("truth/" + kind + "/" + name_ + "/" + studio_.name(camera_idx));
+  }
+
+  const Studio& studio_;
+  const std::string name_;
+  const body::Skeleton& skeleton_;
+  const body::BodyTemplate body_;
+  const std::array<Image, body::kNumParts> textures_;
+  std::vector<std::vector<dataset::Person2d>> detections_;  // [camera][frame]
+  dataset::Pose3d truth_;
+  int first_ = 0;
+  std::vector<Eigen::Matrix3Xd> joints_;               // of the batch
+  std::vector<std::unique_ptr<BodyScene>> scenes_;     // of the batch
+};
+
+void RecordTake(const Studio& studio) {
+  Take take(studio, "take1");
+  Record(studio, "raw/take1", studio.options.take_frames, "person footage", [&](int first, int last) { take.Prepare(first, last); },
+         [&](int frame_idx, int camera_idx, Image* picture) { take.Draw(frame_idx, camera_idx, picture); });
+  take.WriteJoints();
+}
+
+}  // namespace
+
+SynthSummary WriteSession(const SynthOptions& options, const std::string& folder, bool overwrite, const RunContext& run) {
+  Validate(options);
+  AtomicFolder output(folder, overwrite);
+  const Studio studio = BuildStudio(options, output.work_path(), run);
+  geometry::WriteRig(studio.rig, studio.Path("truth/calibration.json"));
+  if (options.board_frames > 0) RecordBoard(studio);
+  if (options.take_frames > 0) RecordTake(studio);
+  WriteSessionToml(options, studio.rig, studio.Path("mvstudio.toml"));
+  output.Commit();
+  SynthSummary summary;
+  summary.cameras = studio.num_cameras();
+  summary.frames = options.board_frames + options.take_frames;
+  const auto [width, height] = ParseSize(options.size);
+  summary.pixels = static_cast<int64_t>(width) * height * summary.cameras * (summary.frames + 1);
+  summary.files = {"mvstudio.toml", "truth/calibration.json", "raw/plate"};
+  if (options.board_frames > 0) summary.files.insert(summary.files.end(), {"raw/board", "truth/board_poses.json"});
+  if (options.take_frames > 0) summary.files.insert(summary.files.end(), {"raw/take1", "pose2d/take1", "truth/pose3d", "truth/masks/take1", "truth/partuv/take1"});
+  return summary;
+}
+
+}  // namespace mvstudio::synth

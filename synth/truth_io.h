@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/board.h"
+#include "dataset/pose3d.h"
+#include "geometry/rig.h"
+#include "geometry/rigid3.h"
+#include "synth/studio.h"
+
+namespace mvstudio::synth {
+
+/// mvstudio.toml: units, cameras, board, takes, frame rate.
+void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, const std::string& path);
+
+/// truth/board_poses.json: world_from_board of every frame of the board footage.
+void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board, const std::string& path);
+
+/// Adds the joints (3, J) of one frame as exact rows.
+void AppendTruth(int frame_idx, const std::vector<std::string>& names, const Eigen::Matrix3Xd& joints_in_world, dataset::Pose3d* pose);
+
+}  // namespace mvstudio::synth

@@ -1,0 +1,151 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "calib/board.h"
+#include "calib/calibrate.h"
+#include "calib/view.h"
+#include "core/random.h"
+#include "core/units.h"
+#include "geometry/camera.h"
+#include "geometry/rig.h"
+
+/// Synthetic rigs, boards and pictures with known truth, for the tests of calib/.
+namespace mvstudio::calib::testing {
+
+inline geometry::Camera MakeCamera(const std::string& name, geometry::LensModel model, double focal_px = 560) {
+  geometry::Camera camera{name, model, 640, 480, Eigen::VectorXd::Zero(geometry::NumParams(model))};
+  camera.params.head<4>() << focal_px, focal_px * 1.002, 322.5, 236.25;
+  const double kDistortion[] = {-0.25, 0.09, 8e-4, -6e-4, -0.012, 0.01, -0.004, 0.002};
+  for (Eigen::Index i = 4; i < camera.params.size(); ++i) camera.params[i] = kDistortion[i - 4] * (model == geometry::LensModel::kKannalaBrandt4 ? 0.1 : 1);
+  return camera;
+}
+
+/// Looks from `eye` at `target`, image x level.
+inline geometry::Rigid3 LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
+  const Eigen::Vector3d z = (target - eye).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d r;
+  r << x.transpose(), z.cross(x).transpose(), z.transpose();
+  geometry::Rigid3 cam_from_world;
+  cam_from_world.rotation = Eigen::Quaterniond(r);
+  cam_from_world.translation = -(cam_from_world.rotation * eye);
+  return cam_from_world;
+}
+
+/// Truth: cameras on an arc and boards waved in front of them.
+struct Scene {
+  Board board;
+  RigState truth;
+  std::vector<Detection> detections;
+};
+
+struct SceneOptions {
+  int num_cameras = 2, num_frames = 20;
+  geometry::LensModel model = geometry::LensModel::kBrown4;
+  double noise_px = 0;
+  double arc_rad = 0.6;          ///< of the cameras around the volume
+  double max_tilt_rad = 0.6;     ///< of the boards; 0: parallel to the image of camera 0
+  uint64_t seed = 1;
+};
+
+/// Corners that project into the image; views with fewer than 12 corners are dropped.
+inline Detection Observe(const Scene& scene, int camera, int frame, double noise_px, Rng* rng) {
+  const geometry::Projector projector(scene.truth.cameras[camera]);
+  const Eigen::Matrix3Xd corners = CornersInBoard(scene.board);
+  Detection detection;
+  detection.camera_idx = camera;
+  detection.frame_idx = scene.truth.frames[frame];
+  std::vector<Eigen::Vector2d> points;
+  for (int i = 0; i < corners.cols(); ++i) {
+    const Eigen::Vector3d x_in_world = scene.truth.world_from_board[frame] * Eigen::Vector3d(corners.col(i));
+    const geometry::Projection projection = projector.Project(scene.truth.cam_from_world[camera] * x_in_world);
+    const Eigen::Vector2d noise(rng->Normal(), rng->Normal());
+    if (projection.status != Status::kOk || !geometry::InImage(scene.truth.cameras[camera], projection.px)) continue;
+    detection.corner_ids.push_back(i);
+    points.push_back(projection.px + noise_px * noise);
+  }
+  if (points.size() < 12) points.clear(), detection.corner_ids.clear();
+  detection.points_px.resize(2, points.size());
+  for (size_t i = 0; i < points.size(); ++i) detection.points_px.col(i) = points[i];
+  return detection;
+}
+
+inline Scene MakeScene(const SceneOptions& options) {
+  Scene scene;
+  scene.board = ParseBoard("chessboard:9x6:60mm");
+  Rng rng(options.seed);
+  for (int c = 0; c < options.num_cameras; ++c) {
+    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, 540 + 15 * c));
+    const double angle = options.num_cameras > 1 ? options.arc_rad * (c / (options.num_cameras - 1.0) - 0.5) : 0;
+    const Eigen::Vector3d eye(1.2 * std::sin(angle), -1.2 * std::cos(angle), 0.1 * c);
+    scene.truth.cam_from_world.push_back(LookAt(eye, Eigen::Vector3d::Zero()));
+  }
+  const geometry::Rigid3 world_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0]);
+  for (int f = 0; f < options.num_frames; ++f) {
+    const double t = options.max_tilt_rad;
+    geometry::Rigid3 cam0_from_board;
+    cam0_from_board.rotation = geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-t, t), rng.Uniform(-t, t), t > 0 ? rng.Uniform(-0.5, 0.5) : 0));
+    const Eigen::Vector3d center(rng.Uniform(-0.25, 0.25), rng.Uniform(-0.2, 0.2), rng.Uniform(0.9, 1.4));
+    cam0_from_board.translation = center - cam0_from_board.rotation * Eigen::Vector3d(0.24, 0.15, 0);
+    scene.truth.frames.push_back(3 * f + 1);
+    scene.truth.world_from_board.push_back(world_from_cam0 * cam0_from_board);
+  }
+  Rng noise(options.seed + 1000);
+  for (int f = 0; f < options.num_frames; ++f) {
+    for (int c = 0; c < options.num_cameras; ++c) {
+      Detection detection = Observe(scene, c, f, options.noise_px, &noise);
+      if (detection.num_corners() > 0) scene.detections.push_back(detection);
+    }
+  }
+  return scene;
+}
+
+inline CalibrateInput ToInput(const Scene& scene) {
+  CalibrateInput input;
+  input.board = scene.board;
+  for (const auto& camera : scene.truth.cameras) input.cameras.push_back({camera.name, camera.width_px, camera.height_px});
+  input.detections = scene.detections;
+  return input;
+}
+
+/// The truth in the gauge of camera 0.
+inline geometry::Rig TruthRig(const Scene& scene) {
+  geometry::Rig rig;
+  const geometry::Rigid3 world_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0]);
+  for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
+    rig.cameras.push_back({scene.truth.cameras[c], scene.truth.cam_from_world[c] * world_from_cam0, std::nullopt, std::nullopt});
+  }
+  return rig;
+}
+
+/// A picture of the board through the exact lens, `samples`^2 samples a pixel, on a grey ground, blurred by the pixel's area alone.
+inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board, int samples) {
+  constexpr int kPxPerSquare = 96;
+  constexpr double kMargin = 0.5;
+  const Image print = DrawBoard(board, kPxPerSquare, kMargin);
+  const geometry::Projector projector(camera);
+  const geometry::Rigid3 board_from_cam = geometry::Inverse(cam_from_board);
+  Image image(camera.width_px, camera.height_px, 1);
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      double sum = 0;
+      for (int s = 0; s < samples * samples; ++s) {
+        const Eigen::Vector2d px(u - 0.5 + (s % samples + 0.5) / samples, v - 0.5 + (s / samples + 0.5) / samples);
+        const Eigen::Vector3d ray = board_from_cam.rotation * projector.Unproject(px).ray_in_cam;
+        const Eigen::Vector3d x = board_from_cam.translation - ray * (board_from_cam.translation.z() / ray.z());
+        const double col = (x.x() / board.square_m + 1 + kMargin) * kPxPerSquare - 0.5, row = (x.y() / board.square_m + 1 + kMargin) * kPxPerSquare - 0.5;
+        const int i = static_cast<int>(std::lround(col)), j = static_cast<int>(std::lround(row));
+        const bool inside = i >= 0 && j >= 0 && i < print.width && j < print.height;
+        sum += inside ? 40 + 0.7 * *print.Pixel(i, j) : 128;
+      }
+      *image.Pixel(u, v) = static_cast<uint8_t>(std::lround(sum / (samples * samples)));
+    }
+  }
+  return image;
+}
+
+}  // namespace mvstudio::calib::testing

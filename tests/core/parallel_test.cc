@@ -1,0 +1,69 @@
+#include "core/parallel.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace mvstudio {
+namespace {
+
+TEST(ParallelFor, CallsEveryIndexOnce) {
+  for (const int threads : {0, 1, 2, 7, 100}) {
+    for (const int64_t count : {int64_t{0}, int64_t{1}, int64_t{5}, int64_t{10007}}) {
+      std::vector<std::atomic<int>> calls(static_cast<size_t>(count));
+      ParallelFor(count, threads, [&](int64_t i) { ++calls[static_cast<size_t>(i)]; });
+      for (const auto& n : calls) ASSERT_EQ(n, 1) << threads << " threads, " << count;
+    }
+  }
+}
+
+TEST(ParallelFor, ResultDoesNotDependOnThreads) {
+  const auto run = [](int threads) {
+    std::vector<double> out(5000);
+    ParallelFor(5000, threads, [&](int64_t i) {
+      double x = 1;
+      for (int64_t k = 0; k < i % 100; ++k) x = x * 1.0001 + 1.0 / (1.0 + static_cast<double>(i));
+      out[static_cast<size_t>(i)] = x;
+    });
+    return out;
+  };
+  EXPECT_EQ(run(1), run(2));
+  EXPECT_EQ(run(1), run(5));
+}
+
+TEST(ParallelFor, RethrowsTheFirstExceptionAfterAllStopped) {
+  for (const int threads : {1, 2, 4}) {
+    std::atomic<int> running{0};
+    try {
+      ParallelFor(1000, threads, [&](int64_t i) {
+        ++running;
+        if (i == 17) {
+          --running;
+          throw std::runtime_error("number 17");
+        }
+        --running;
+      });
+      FAIL() << "nothing was thrown";
+    } catch (const std::runtime_error& error) {
+      EXPECT_EQ(std::string(error.what()), "number 17");
+    }
+    EXPECT_EQ(running, 0);
+  }
+}
+
+TEST(ParallelFor, MayBeNested) {
+  std::atomic<int> sum{0};
+  ParallelFor(4, 2, [&](int64_t) { ParallelFor(10, 2, [&](int64_t j) { sum += static_cast<int>(j); }); });
+  EXPECT_EQ(sum, 4 * 45);
+}
+
+TEST(ResolveThreads, ZeroMeansTheMachine) {
+  EXPECT_GE(ResolveThreads(0), 1);
+  EXPECT_EQ(ResolveThreads(3), 3);
+}
+
+}  // namespace
+}  // namespace mvstudio

@@ -1,0 +1,49 @@
+#include "core/sha256.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio {
+namespace {
+
+/// Messages and digests of FIPS 180-4's examples and NIST's CAVP vectors.
+TEST(Sha256, FipsVectors) {
+  const std::pair<std::string, std::string> vectors[] = {
+      {"", "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"},
+      {"abc", "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"},
+      {"abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq", "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1"},
+      {"abcdefghbcdefghicdefghijdefghijkefghijklfghijklmghijklmnhijklmnoijklmnopjklmnopqklmnopqrlmnopqrsmnopqrstnopqrstu",
+       "cf5b16a778af8380036ce59e7b0492370b249b11e8f07a51afac45037afee9d1"},
+      {std::string(1000000, 'a'), "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"}};
+  for (const auto& [message, digest] : vectors) EXPECT_EQ(Sha256Hex(message.data(), message.size()), digest);
+}
+
+TEST(Sha256, PiecesOfAnySizeGiveTheSame) {
+  std::string message;
+  for (int i = 0; i < 1000; ++i) message += static_cast<char>(i * 37);
+  for (size_t length = 0; length < 200; ++length) {
+    const std::string expected = Sha256Hex(message.data(), length);
+    for (const size_t piece : {1, 3, 55, 63, 64, 65}) {
+      Sha256 hash;
+      for (size_t at = 0; at < length; at += piece) hash.Update(message.data() + at, std::min(piece, length - at));
+      ASSERT_EQ(hash.HexDigest(), expected) << length << " in pieces of " << piece;
+    }
+  }
+}
+
+TEST(Sha256, FileMatchesMemory) {
+  const testing::TempDir folder;
+  const std::string content(3000001, '\x7f');
+  WriteFileAtomic(folder / "big", content);
+  EXPECT_EQ(Sha256File(folder / "big"), Sha256Hex(content.data(), content.size()));
+  EXPECT_THROW(Sha256File(folder / "none"), IoError);
+}
+
+}  // namespace
+}  // namespace mvstudio
