@@ -65,6 +65,8 @@ template std::vector<std::pair<std::string, std::string>> FieldsAsText(const Tra
 template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
+int InitSteps(const TrainOptions& options) { return options.init_steps >= 0 ? options.init_steps : options.steps / 3; }
+
 void Validate(const ModelOptions& o) {
   Require(o.method == "tna" || o.method == "direct", "method", "tna or direct");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
@@ -82,7 +84,7 @@ void Validate(const ModelOptions& o) {
 
 void Validate(const TrainOptions& o) {
   Require(o.steps >= 0 && o.steps <= 100000000, "steps", "in 0..1e8");
-  Require(o.init_steps >= 0 && o.init_steps <= 100000000, "init-steps", "in 0..1e8");
+  Require(o.init_steps >= -1 && o.init_steps <= 100000000, "init-steps", "in -1..1e8");
   Require(o.batch >= 1 && o.batch <= 4096, "batch", "in 1..4096");
   Require(o.learning_rate > 0 && o.learning_rate < 1, "learning-rate", "above 0 and below 1");
   Require(o.texture_learning_rate >= 0 && o.texture_learning_rate < 1, "texture-learning-rate", "in [0, 1)");

@@ -53,7 +53,7 @@ inline ModelOptions PaperModel() {
 /// How long and how to train.
 struct TrainOptions {
   int steps = 600;
-  int init_steps = 200;
+  int init_steps = -1;
   int batch = 2;
   double learning_rate = 5e-4;
   double texture_learning_rate = 1e-2;
@@ -81,7 +81,7 @@ struct TrainOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("steps", o.steps, "end-to-end steps, after the initialisation");
-  visit("init-steps", o.init_steps, "steps that teach the network the template's part and texture coordinates first");
+  visit("init-steps", o.init_steps, "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps");
   visit("batch", o.batch, "pictures per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
@@ -117,6 +117,9 @@ extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(co
 extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(const TrainOptions&);
 extern template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 extern template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
+
+/// Initialisation steps of a method: those asked for, or a third of `steps`.
+int InitSteps(const TrainOptions& options);
 
 /// Throws UsageError naming the field that is out of range.
 void Validate(const ModelOptions& options);

@@ -123,12 +123,13 @@ struct Trainer::State {
   bool textures_ready = false;
 
   bool tna() const { return model.options.method == "tna"; }
-  int64_t total_steps() const { return int64_t{options.init_steps} + options.steps; }
-  bool InInit() const { return tna() && model.step < options.init_steps; }
+  int64_t total_steps() const { return int64_t{InitSteps(options)} + options.steps; }
+  bool InInit() const { return tna() && model.step < InitSteps(options); }
 
   void Prepare(const AvatarPack& source, const RunContext& run) {
     Validate(source);
     Validate(options);
+    options.init_steps = InitSteps(options);  // more --steps later must not move the end of the initialisation
     const int multiple = 1 << model.options.downs;
     if (source.size_px % multiple || source.size_px / multiple < 2) {
       throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
@@ -262,7 +263,7 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
     if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();
     const int64_t step = s.model.step;
     const std::string phase = s.InInit() ? "init" : "train";
-    const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == s.options.init_steps);
+    const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == InitSteps(s.options));
     const TrainBatch batch = MakeBatch(s.pack, s.model, s.options, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true,
                                        s.seed, step);
     Terms terms;
@@ -321,7 +322,7 @@ TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& p
 TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model, const TrainOptions& options,
                      const RunContext& run, const StepCallback& callback, AvatarModel* result) {
   Trainer trainer(pack, model, options, run);
-  ProgressStage stage(run, "training", int64_t{options.init_steps} + options.steps);
+  ProgressStage stage(run, "training", int64_t{InitSteps(options)} + options.steps);
   const TrainReport report = trainer.Run(
       validation,
       [&](int64_t step, const HistoryRow* row) {

@@ -133,7 +133,7 @@ void AddCameras(const Rig& rig, CommandResult* result) {
   result->metrics["num_cameras"] = rig.cameras.size();
   auto& list = result->metrics["cameras"] = nlohmann::ordered_json::array();
   for (const RigCamera& camera : rig.cameras) {
-    const Eigen::Vector3d centre = camera.CenterInWorld();
+    const Eigen::Vector3d centre = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     const double valid = geometry::ValidRadius(camera.camera);
     nlohmann::ordered_json entry = {{"name", camera.camera.name}, {"model", geometry::ToString(camera.camera.model)},
                                     {"size_px", {camera.camera.width_px, camera.camera.height_px}},
@@ -153,7 +153,7 @@ std::string Table(const Rig& rig) {
   std::string text = Format("%-12s %-10s %11s %20s %20s %28s\n", "camera", "lens", "size px", "focal px", "centre px", "position in world m");
   for (const RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
-    const Eigen::Vector3d at = camera.CenterInWorld();
+    const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     text += Format("%-12s %-10s %5d x %-5d %10.3f %9.3f %10.3f %9.3f %9.4f %8.4f %8.4f\n", c.name.c_str(),
                    std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(), at[0], at[1], at[2]);
     for (Eigen::Index i = 4; i < c.params.size(); ++i) {

@@ -50,18 +50,21 @@ std::string CurveFigure(const TableFile& table, int step, int phase, int column,
   spec.width = width;
   spec.height = width > 500 ? 300 : 210;
   double low = std::numeric_limits<double>::infinity(), high = 0;
+  int colour = -1;
   for (const std::string& name : PhasesOf(table, phase)) {
+    ++colour;  // of the phase, the same in every figure
     std::vector<double> x, y;
     for (size_t row = 0; row < table.rows.size(); ++row) {
       const double value = table.Number(row, column);
       if ((phase >= 0 && table.rows[row][phase] != name) || !std::isfinite(value)) continue;
       x.push_back(table.Number(row, step));
       y.push_back(value);
-      low = std::min(low, value);
-      high = std::max(high, value);
     }
-    const bool all_zero = std::all_of(y.begin(), y.end(), [](double v) { return v == 0; });
-    if (!y.empty() && !all_zero) spec.series.push_back(Curve(name.empty() ? label.label : name, x, y));
+    if (std::all_of(y.begin(), y.end(), [](double v) { return v == 0; })) continue;
+    low = std::min(low, *std::min_element(y.begin(), y.end()));
+    high = std::max(high, *std::max_element(y.begin(), y.end()));
+    spec.series.push_back(Curve(name.empty() ? label.label : name, x, y));
+    spec.series.back().colour = colour;
   }
   if (spec.series.empty()) return {};
   spec.y.log = low > 0 && high > 8 * low && !IsScore(table.columns[column]);
@@ -120,7 +123,11 @@ std::vector<ScoreRow> ScoreRows(const Value& metrics) {
   std::vector<ScoreRow> rows;
   for (const auto& [key, value] : metrics.fields()) {
     if (HasScores(value))
-      rows.push_back({key == "holdout" ? "this avatar, held out" : LabelOfKey(key).label, &value, key == "holdout"});
+      rows.push_back({key == "holdout" ? "this avatar, " + value["kind"].Text("held out") : LabelOfKey(key).label, &value,
+                      key == "holdout"});
+  }
+  for (const auto& [key, value] : metrics["other_splits"].fields()) {
+    if (value.IsObject()) rows.push_back({"this avatar, " + key, &value, false});
   }
   for (const auto& [key, value] : metrics["baselines"].fields()) {
     if (value.IsObject()) rows.push_back({"baseline: " + LabelOfKey(key).label, &value, false});
@@ -131,8 +138,9 @@ std::vector<ScoreRow> ScoreRows(const Value& metrics) {
 std::string ScoresTable(const Value& metrics) {
   const std::vector<ScoreRow> rows = ScoreRows(metrics);
   if (rows.empty()) return {};
-  Table table("Scores on cameras and frames that were not trained on");
+  Table table("Scores beside the baselines, on the same pictures");
   table.AddColumn("", "", false);
+  table.AddColumn("pictures");
   table.AddColumn("SSIM");
   table.AddColumn("PSNR", "dB");
   table.AddColumn("mask IoU");
@@ -212,20 +220,39 @@ std::set<std::string> CameraNames(const Value& metrics) {
   return names;
 }
 
-/// "camera cam_02, frame 84", from the output's own fields or its file name.
-std::string Caption(const Value& output, const std::set<std::string>& cameras) {
-  std::string camera = output["camera"].Text(), stem = std::filesystem::path(output["path"].Text()).stem().string();
-  for (const std::string& name : cameras) {
+/// What the result says of a picture beyond its path: the entry of metrics.pictures with the same file name.
+const Value& PictureEntry(const Value& metrics, const std::string& path) {
+  static const Value null;
+  const auto name = std::filesystem::path(path).filename();
+  for (const Value& entry : metrics["pictures"].items()) {
+    if (std::filesystem::path(entry["path"].Text()).filename() == name) return entry;
+  }
+  return null;
+}
+
+/// Trailing digits of a file name as a frame number; NaN when there are none.
+double FrameInName(const std::string& stem, const std::string& camera) {
+  const size_t at = camera.empty() ? std::string::npos : stem.find(camera);
+  const std::string rest = at == std::string::npos ? stem : stem.substr(at + camera.size());
+  const size_t before = rest.find_last_not_of("0123456789");
+  const std::string digits = before == std::string::npos ? rest : rest.substr(before + 1);
+  return digits.empty() || digits.size() > 12 ? std::numeric_limits<double>::quiet_NaN() : std::stod(digits);
+}
+
+/// "camera cam_02, frame 84, SSIM 0.93, PSNR 24.1 dB", from what the result says of the picture, else from its file name.
+std::string Caption(const Value& metrics, const Value& output) {
+  const std::string path = output["path"].Text(), stem = std::filesystem::path(path).stem().string();
+  const Value& entry = PictureEntry(metrics, path);
+  std::string camera = output["camera"].Text(entry["camera"].Text());
+  for (const std::string& name : CameraNames(metrics)) {
     if (camera.empty() && stem.find(name) != std::string::npos) camera = name;
   }
-  double frame = output["frame"].Number();
-  const size_t at = stem.find(camera);
-  std::string rest = !camera.empty() && at != std::string::npos ? stem.substr(at + camera.size()) : stem;
-  const size_t digits = rest.find_last_not_of("0123456789");
-  const std::string number = digits == std::string::npos ? rest : rest.substr(digits + 1);
-  if (!std::isfinite(frame) && !number.empty() && number.size() < 12) frame = std::stod(number);
   if (camera.empty()) return stem;
-  return "camera " + camera + (std::isfinite(frame) ? ", frame " + FormatNumber(frame, 9) : "");
+  const double frame = output["frame"].Number(entry["frame"].Number(FrameInName(stem, camera)));
+  std::string caption = "camera " + camera + (std::isfinite(frame) ? ", frame " + FormatNumber(frame, 9) : "");
+  if (entry["ssim"].IsNumber()) caption += ", SSIM " + FormatFixed(entry["ssim"].Number(), 3);
+  if (entry["psnr_db"].IsNumber()) caption += ", PSNR " + FormatFixed(entry["psnr_db"].Number(), 1) + "\u00a0dB";
+  return caption;
 }
 
 std::string Pictures(SectionContext* context, const Stage& stage, const std::string& role, const std::string& title,
@@ -238,7 +265,7 @@ std::string Pictures(SectionContext* context, const Stage& stage, const std::str
       ++left_out;
       continue;
     }
-    const std::string figure = EmbedOutput(context, stage, output, Caption(output, CameraNames(stage.metrics())), legend);
+    const std::string figure = EmbedOutput(context, stage, output, Caption(stage.metrics(), output), legend);
     if (!figure.empty()) figures.push_back(figure);
   }
   if (figures.empty()) return {};
@@ -252,12 +279,28 @@ std::string Pictures(SectionContext* context, const Stage& stage, const std::str
 std::vector<std::string> Legend(const Value& metrics) {
   std::vector<std::string> legend;
   for (const Value& item : metrics["picture_panels"].items()) legend.push_back(item.Text());
-  return legend.empty() ? std::vector<std::string>{"truth", "render", "error", "baseline"} : legend;
+  return legend.empty() ? std::vector<std::string>{"truth", "render", "error", "nearest pose"} : legend;
+}
+
+/// 95 % intervals and what the numbers mean, where the result says so.
+std::string Intervals(const Value& metrics) {
+  std::string text;
+  const Value &ssim = metrics.Path("holdout.ssim_ci95"), &psnr = metrics.Path("holdout.psnr_db_ci95");
+  if (ssim.At(0).IsNumber())
+    text += "95 % interval of the held-out SSIM " + FormatFixed(ssim.At(0).Number(), 4) + " to " +
+            FormatFixed(ssim.At(1).Number(), 4);
+  if (psnr.At(0).IsNumber()) {
+    text += (text.empty() ? "95 % interval of the held-out PSNR " : ", of the PSNR ") + FormatFixed(psnr.At(0).Number(), 2) +
+            " to " + FormatFixed(psnr.At(1).Number(), 2) + "\u00a0dB";
+  }
+  if (!text.empty()) text += ". ";
+  text += metrics["convention"].Text();
+  return text.empty() ? "" : ParagraphHtml(text, "muted");
 }
 
 std::string EvalBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
-  std::string html = StageHeading(stage, true) + ScoresTable(metrics);
+  std::string html = StageHeading(stage, true) + ScoresTable(metrics) + Intervals(metrics);
   html += CameraBars(metrics["per_camera"]);
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);

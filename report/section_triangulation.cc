@@ -128,21 +128,23 @@ std::string Presence(const TableFile& table, const std::vector<JointStats>& join
 
 /// Cameras whose residuals do not average out: a calibration that is off shows here first.
 std::string CameraTargets(const Value& cameras) {
+  const bool left_out = cameras.At(0)["mean_left_out_residual_px"].IsArray();
   std::vector<NamedVector> vectors;
   std::vector<double> lengths;
   for (const Value& camera : cameras.items()) {
-    const Value& mean = camera["mean_residual_px"];
+    const Value& mean = camera[left_out ? "mean_left_out_residual_px" : "mean_residual_px"];
     if (!mean.IsArray()) continue;
     vectors.push_back({camera["name"].Text("?"), mean.At(0).Number(), mean.At(1).Number()});
     lengths.push_back(std::hypot(vectors.back().dx, vectors.back().dy));
   }
   if (vectors.empty()) return {};
-  const double longest = Quantile(lengths, 1);
-  const double suspect =
-      longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * Median(lengths))) : std::numeric_limits<double>::infinity();
-  std::string caption =
-      "Mean residual of each camera (observed minus projected). Noise averages out to nothing; what is left is a camera that "
-      "the calibration puts in the wrong place or with the wrong lens.";
+  const double longest = Quantile(lengths, 1), none = std::numeric_limits<double>::infinity();
+  const double suspect = longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * Median(lengths))) : none;
+  std::string caption = left_out ? "Mean of detection minus projection, against the joints that the other cameras alone give."
+                                 : "Mean of detection minus projection, against the joints that all cameras give.";
+  caption +=
+      " Noise averages out to nothing; what is left is a camera that the calibration puts in the wrong place or with the wrong "
+      "lens.";
   for (size_t i = 0; i < vectors.size(); ++i) {
     if (lengths[i] == longest && longest > 1)
       caption += " Look at " + vectors[i].name + " first: off by " + FormatWithUnit(longest, "px", 3) + ".";
@@ -215,7 +217,11 @@ std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile
     html += NumbersTable(std::string("Against the ") + (std::string(key) == "trc" ? "reference .trc" : key), metrics[key]);
     html += ReferenceChart(metrics[key]);
   }
-  if (points) html += TableBody(context, *points, counts.empty());
+  if (points) {
+    html += TableBody(context, *points, counts.empty());
+  } else {
+    html += ObjectsTable("Joints", metrics["joints"]);
+  }
   const std::string all = NumbersTable("", metrics);
   if (!all.empty()) html += DetailsHtml("All numbers", all);
   return html;

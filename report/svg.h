@@ -28,6 +28,7 @@ struct LineSeries {
   std::string name;
   std::vector<double> x, y;  ///< same length
   bool dashed = false;
+  int colour = -1;  ///< palette index; -1: the series' place in the list
 };
 /// A vertical line with a name, e.g. where a training phase begins.
 struct LineMarker {

@@ -92,14 +92,18 @@ std::string LineChart(const LineChartSpec& spec) {
   SvgCanvas canvas(spec.width, spec.height, spec.title);
   DrawTitle(&canvas, spec.title);
   std::vector<std::string> names;
-  for (const LineSeries& series : spec.series) names.push_back(series.name);
+  std::vector<int> colours;
+  for (const LineSeries& series : spec.series) {
+    colours.push_back(series.colour >= 0 ? series.colour : static_cast<int>(names.size()));
+    names.push_back(series.name);
+  }
   const bool legend = names.size() > 1;
   const double right = spec.width - 12, bottom = spec.height - kAxisHeight;
-  const double top = kTitleHeight + 4 + (legend ? DrawLegend(nullptr, names, FirstColours(names.size()), 0, right, 0) : 0);
+  const double top = kTitleHeight + 4 + (legend ? DrawLegend(nullptr, names, colours, 0, right, 0) : 0);
   const Scale y(spec.y, AllY(spec), bottom, top);
   const double left = 30 + std::max(18.0, WidestLabel(y));
   const Scale x(spec.x, AllX(spec), left, right);
-  if (legend) DrawLegend(&canvas, names, FirstColours(names.size()), left, right, kTitleHeight);
+  if (legend) DrawLegend(&canvas, names, colours, left, right, kTitleHeight);
   DrawLeftAxis(&canvas, y, spec.y.label + (y.log() ? ", log" : ""), left, right, top, bottom);
   DrawBottomAxis(&canvas, x, spec.x.label, left, right, top, bottom);
   DrawMarkers(&canvas, spec.markers, x, top, bottom);
@@ -107,8 +111,8 @@ std::string LineChart(const LineChartSpec& spec) {
     const LineSeries& series = spec.series[s];
     std::vector<SvgCanvas::Point> points;
     for (size_t i = 0; i < std::min(series.x.size(), series.y.size()); ++i) points.emplace_back(x(series.x[i]), y(series.y[i]));
-    if (points.size() == 1) canvas.Dots(points, StrokeClass(static_cast<int>(s)), 5);
-    canvas.Polyline(points, StrokeClass(static_cast<int>(s)), 1.8, series.dashed);
+    if (points.size() == 1) canvas.Dots(points, StrokeClass(colours[s]), 5);
+    canvas.Polyline(points, StrokeClass(colours[s]), 1.8, series.dashed);
   }
   return canvas.Finish();
 }

@@ -45,7 +45,7 @@ Eigen::Vector3f Sample(const Image& chart, float u, float v) {
   return (1 - fy) * ((1 - fx) * at(ix, iy) + fx * at(ix + 1, iy)) + fy * ((1 - fx) * at(ix, iy + 1) + fx * at(ix + 1, iy + 1));
 }
 
-/// Pixels the person may touch: the rasterised silhouette grown by one pixel, as the first and last column of each row span.
+/// Pixels the person may touch: the rasterised silhouette grown by two pixels.
 std::vector<uint8_t> GrownSilhouette(const body::PartUvMap& map) {
   std::vector<uint8_t> grown(map.part.size(), 0);
   for (int y = 0; y < map.height; ++y) {
@@ -68,15 +68,15 @@ struct BodyScene::Impl {
   RTCScene scene = nullptr;
 
   struct Hit {
-    bool found = false;
-    int part = 0;
-    float u = 0, v = 0, distance = 0;
-    Eigen::Vector3f color = Eigen::Vector3f::Zero();
+    int face = -1;                    // -1: nothing met
+    float b = 0, c = 0, distance = 0;  // barycentric coordinates of the face's corners 1 and 2; in lengths of the direction
   };
 
   void Build();
-  RTCRayHit Shoot(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
-  Hit Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, bool shade) const;
+  void Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f* directions, int count, Hit* hits) const;
+  Eigen::Vector2f ChartUv(const Hit& hit) const;
+  Eigen::Vector3f Shade(const Hit& hit) const;
+  void Blend(const std::vector<Hit>& hits, int count, uint8_t* pixel) const;
 };
 
 void BodyScene::Impl::Build() {
@@ -96,36 +96,68 @@ void BodyScene::Impl::Build() {
   rtcCommitScene(scene);
 }
 
-RTCRayHit BodyScene::Impl::Shoot(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  RTCRayHit query{};
-  query.ray.org_x = origin[0], query.ray.org_y = origin[1], query.ray.org_z = origin[2];
-  query.ray.dir_x = direction[0], query.ray.dir_y = direction[1], query.ray.dir_z = direction[2];
-  query.ray.tfar = std::numeric_limits<float>::infinity();
-  query.ray.mask = ~0u;
-  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(scene, &context, &query);
-  return query;
+namespace {
+
+void SetRay(RTCRayHit16* query, int lane, const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) {
+  query->ray.org_x[lane] = origin[0], query->ray.org_y[lane] = origin[1], query->ray.org_z[lane] = origin[2];
+  query->ray.dir_x[lane] = direction[0], query->ray.dir_y[lane] = direction[1], query->ray.dir_z[lane] = direction[2];
+  query->ray.tnear[lane] = query->ray.time[lane] = 0;
+  query->ray.tfar[lane] = std::numeric_limits<float>::infinity();
+  query->ray.mask[lane] = ~0u;
+  query->ray.id[lane] = query->ray.flags[lane] = 0;
+  query->hit.geomID[lane] = query->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
 }
 
-BodyScene::Impl::Hit BodyScene::Impl::Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, bool shade) const {
-  const RTCRayHit query = Shoot(origin, direction);
-  Hit hit;
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-  const int face = static_cast<int>(query.hit.primID);
-  const float b = query.hit.u, c = query.hit.v, a = 1 - b - c;
-  const Eigen::Vector2f uv = a * body.face_uv.col(3 * face) + b * body.face_uv.col(3 * face + 1) + c * body.face_uv.col(3 * face + 2);
-  hit = {true, body.face_part[face], uv[0], uv[1], query.ray.tfar, Eigen::Vector3f::Zero()};
-  if (!shade) return hit;
-  const Eigen::Vector3i corner = body.faces.col(face);
-  const Eigen::Vector3f normal = (a * normals.col(corner[0]) + b * normals.col(corner[1]) + c * normals.col(corner[2])).normalized();
+}  // namespace
+
+void BodyScene::Impl::Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f* directions, int count, Hit* hits) const {
+  alignas(64) RTCRayHit16 query;
+  for (int first = 0; first < count; first += 16) {
+    const int lanes = std::min(16, count - first);
+    alignas(64) int valid[16];
+    for (int lane = 0; lane < 16; ++lane) {
+      valid[lane] = lane < lanes && !directions[first + lane].isZero() ? -1 : 0;
+      SetRay(&query, lane, origin, valid[lane] ? directions[first + lane] : Eigen::Vector3f(0, 0, 1));
+    }
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect16(valid, scene, &context, &query);
+    for (int lane = 0; lane < lanes; ++lane) {
+      Hit& hit = hits[first + lane];
+      hit.face = valid[lane] && query.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID ? static_cast<int>(query.hit.primID[lane]) : -1;
+      hit.b = query.hit.u[lane], hit.c = query.hit.v[lane], hit.distance = query.ray.tfar[lane];
+    }
+  }
+}
+
+Eigen::Vector2f BodyScene::Impl::ChartUv(const Hit& hit) const {
+  return (1 - hit.b - hit.c) * body.face_uv.col(3 * hit.face) + hit.b * body.face_uv.col(3 * hit.face + 1) +
+         hit.c * body.face_uv.col(3 * hit.face + 2);
+}
+
+Eigen::Vector3f BodyScene::Impl::Shade(const Hit& hit) const {
+  const Eigen::Vector3i corner = body.faces.col(hit.face);
+  const Eigen::Vector3f normal =
+      ((1 - hit.b - hit.c) * normals.col(corner[0]) + hit.b * normals.col(corner[1]) + hit.c * normals.col(corner[2])).normalized();
   float light = kAmbient;
   for (const Light& l : kLights) light += l.strength * std::max(0.f, normal.dot(l.to_light));
-  hit.color = light * Sample(textures[hit.part - 1], hit.u, hit.v);
-  return hit;
+  const Eigen::Vector2f uv = ChartUv(hit);
+  return light * Sample(textures[body.face_part[hit.face] - 1], uv[0], uv[1]);
+}
+
+/// Mean colour of the first `count` samples; those that met nothing keep the pixel's own.
+void BodyScene::Impl::Blend(const std::vector<Hit>& hits, int count, uint8_t* pixel) const {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  int misses = 0;
+  for (int s = 0; s < count; ++s) {
+    if (hits[s].face >= 0) {
+      sum += Shade(hits[s]);
+    } else {
+      ++misses;
+    }
+  }
+  for (int k = 0; k < 3; ++k) pixel[k] = static_cast<uint8_t>(std::clamp((sum[k] + misses * pixel[k]) / count + 0.5f, 0.f, 255.f));
 }
 
 BodyScene::BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures,
@@ -144,25 +176,24 @@ BodyScene::Truth BodyScene::Draw(const geometry::RigCamera& camera, const LensRa
   Truth truth;
   truth.part.assign(candidates.size(), 0);
   truth.u = truth.v = truth.part;
-  const float total = static_cast<float>(samples * samples);
+  const int count = samples * samples;
+  std::vector<Eigen::Vector3f> directions(count + 1);  // the last goes through the centre
+  std::vector<Impl::Hit> hits(count + 1);
   for (int y = 0; y < rays.height(); ++y) {
     for (int x = 0; x < rays.width(); ++x) {
       const size_t at = static_cast<size_t>(y) * rays.width() + x;
       if (!candidates[at]) continue;
-      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-      float hits = 0;
-      for (int s = 0; s < samples * samples; ++s) {
-        const Eigen::Vector3f ray = rays.Direction(x, y, (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
-        const Impl::Hit hit = impl_->Trace(rays.origin(), ray, true);
-        if (hit.found) sum += hit.color, ++hits;
+      for (int s = 0; s < count; ++s) {
+        directions[s] = rays.Direction(x, y, (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
       }
-      uint8_t* pixel = picture->Pixel(x, y);
-      for (int k = 0; k < 3; ++k) pixel[k] = static_cast<uint8_t>(std::clamp((sum[k] + (total - hits) * pixel[k]) / total + 0.5f, 0.f, 255.f));
-      const Impl::Hit center = impl_->Trace(rays.origin(), rays.Direction(x, y, 0, 0), false);
-      if (!center.found) continue;
-      truth.part[at] = static_cast<uint8_t>(center.part);
-      truth.u[at] = static_cast<uint8_t>(std::lround(255 * std::clamp(center.u, 0.f, 1.f)));
-      truth.v[at] = static_cast<uint8_t>(std::lround(255 * std::clamp(center.v, 0.f, 1.f)));
+      directions[count] = rays.Direction(x, y, 0, 0);
+      impl_->Trace(rays.origin(), directions.data(), count + 1, hits.data());
+      impl_->Blend(hits, count, picture->Pixel(x, y));
+      if (hits[count].face < 0) continue;
+      const Eigen::Vector2f uv = impl_->ChartUv(hits[count]).cwiseMax(0.f).cwiseMin(1.f);
+      truth.part[at] = static_cast<uint8_t>(impl_->body.face_part[hits[count].face]);
+      truth.u[at] = static_cast<uint8_t>(std::lround(255 * uv[0]));
+      truth.v[at] = static_cast<uint8_t>(std::lround(255 * uv[1]));
     }
   }
   return truth;
@@ -170,8 +201,10 @@ BodyScene::Truth BodyScene::Draw(const geometry::RigCamera& camera, const LensRa
 
 double BodyScene::DepthBehindSurface(const Eigen::Vector3d& origin, const Eigen::Vector3d& x_in_world) const {
   const Eigen::Vector3d way = x_in_world - origin;
-  const Impl::Hit hit = impl_->Trace(origin.cast<float>(), way.normalized().cast<float>(), false);
-  return hit.found ? std::max(0.0, way.norm() - hit.distance) : 0.0;
+  const Eigen::Vector3f direction = way.normalized().cast<float>();
+  Impl::Hit hit;
+  impl_->Trace(origin.cast<float>(), &direction, 1, &hit);
+  return hit.face >= 0 ? std::max(0.0, way.norm() - hit.distance) : 0.0;
 }
 
 }  // namespace mvstudio::synth

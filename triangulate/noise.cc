@@ -50,8 +50,8 @@ std::vector<std::vector<Observation>> Sample(const std::vector<std::vector<Obser
 
 double ChiSquaredMedian(int degrees_of_freedom) {
   if (degrees_of_freedom == 1) return 0.454936;
-  const double v = degrees_of_freedom;
-  return v * std::pow(1 - 2 / (9 * v), 3);
+  const double k = 0.5 * degrees_of_freedom;  // of the gamma distribution
+  return 2 * (k - 1.0 / 3 + (8.0 / 405 + (184.0 / 25515 + 2248.0 / 3444525 / k) / k) / k);
 }
 
 double EstimateNoiseScale(const PreparedRig& rig, const std::vector<std::vector<Observation>>& points, const PointOptions& options,

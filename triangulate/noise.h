@@ -6,7 +6,7 @@
 
 namespace mvstudio::triangulate {
 
-/// Median of the chi-squared distribution (Wilson and Hilferty 1931; exact to 4 digits at 1 degree of freedom).
+/// Median of the chi-squared distribution, to 2e-4 (Choi, "On the medians of gamma distributions", 1994).
 double ChiSquaredMedian(int degrees_of_freedom);
 
 /// Standard deviation of a pixel coordinate estimated from how well many points fit, where the observations' sigmas are taken as

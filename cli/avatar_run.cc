@@ -1,0 +1,103 @@
+#include "cli/avatar_run.h"
+
+#include <ATen/ATen.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "dataset/image_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr const char* kHistoryHeader = "step,phase,total,l1,ssim,gradient,mask,part,uv,logit,wall_s";
+
+/// (3, H, W) uint8 -> picture.
+Image ToImage(const at::Tensor& chw) {
+  const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
+  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), 3);
+  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
+  return image;
+}
+
+/// Rows: truth, rendering, parts, texture coordinates; one column for each of up to six pictures.
+at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pack) {
+  std::vector<int64_t> rows;
+  const int64_t count = std::min<int64_t>(pack.size(), 6);
+  for (int64_t i = 0; i < count; ++i) rows.push_back((2 * i + 1) * pack.size() / (2 * count));
+  const avatar::AvatarPack some = avatar::Select(pack, rows);
+  const avatar::Rendering r =
+      avatar::Render(model, some.joints_in_cam, some.joint_valid, some.intrinsics, some.size_px, some.size_px);
+  const at::Tensor truth = some.images.to(at::kFloat) / 255 * (some.masks > 0).unsqueeze(1);
+  const at::Tensor hue = r.part.to(at::kFloat).unsqueeze(1);
+  const at::Tensor parts = at::cat({(hue * 7).remainder(25), (hue * 11).remainder(25), (hue * 17).remainder(25)}, 1) / 24;
+  const at::Tensor uv = at::cat({r.uv, r.mask_prob.unsqueeze(1)}, 1);
+  const at::Tensor columns = at::cat({truth, r.image, parts, uv}, 2);  // (n, 3, 4 H, W)
+  return (at::cat(columns.unbind(0), 2) * 255).round().clamp(0, 255).to(at::kByte);
+}
+
+}  // namespace
+
+void AvatarRun::Prepare(bool overwrite) const {
+  if (fs::exists(checkpoint_path()) && !overwrite) {
+    throw UsageError("--out " + folder_ + " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give --overwrite");
+  }
+  for (const char* name : {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "eval"}) {
+    fs::remove_all(Path(name));
+  }
+  MakeFolder(folder_);
+}
+
+double AvatarRun::TakeUpHistory(int64_t step) {
+  if (!fs::exists(Path("history.csv"))) return 0;
+  std::istringstream lines(ReadFile(Path("history.csv")));
+  std::string line;
+  std::getline(lines, line);
+  if (line != kHistoryHeader) throw FormatError(Path("history.csv"), "line 1", "is not the header of a training history");
+  double wall_s = 0;
+  while (std::getline(lines, line)) {
+    std::istringstream in(line);
+    int64_t row_step = 0;
+    if (!(in >> row_step) || row_step > step) break;
+    std::istringstream(line.substr(line.rfind(',') + 1)) >> wall_s;
+    rows_.push_back(line);
+  }
+  return wall_s;
+}
+
+void AvatarRun::AddRow(const avatar::HistoryRow& row, double wall_s) {
+  char text[256];
+  std::snprintf(text, sizeof(text), "%lld,%s,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.2f", static_cast<long long>(row.step),
+                row.phase.c_str(), row.total, row.l1, row.ssim, row.gradient, row.mask, row.part, row.uv, row.logit, wall_s);
+  rows_.push_back(text);
+}
+
+void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const {
+  avatar::WriteTensorFile(trainer.Checkpoint(), checkpoint_path());
+  std::string history = std::string(kHistoryHeader) + "\n";
+  for (const std::string& row : rows_) history += row + "\n";
+  WriteFileAtomic(Path("history.csv"), history);
+  avatar::AvatarModel& model = trainer.model();
+  if (model.textures.defined()) dataset::WriteImage(ToImage(avatar::TextureSheet(model)), Path("textures.png"));
+  char name[32];
+  std::snprintf(name, sizeof(name), "samples/step_%06lld.png", static_cast<long long>(model.step));
+  MakeFolder(Path("samples"));
+  dataset::WriteImage(ToImage(SampleSheet(model, sample_pack)), Path(name));
+}
+
+std::vector<CommandResult::Output> AvatarRun::Outputs() const {
+  std::vector<CommandResult::Output> outputs = {{checkpoint_path(), "checkpoint"},
+                                                {Path(avatar::kRunConfigFile), "configuration"},
+                                                {Path("history.csv"), "history"}};
+  if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});
+  const std::vector<std::string> samples = Glob(Path("samples/step_*.png"));
+  if (!samples.empty()) outputs.push_back({samples.back(), "sample-picture"});
+  return outputs;
+}
+
+}  // namespace mvstudio::cli

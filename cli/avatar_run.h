@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "avatar/io/run_config.h"
+#include "avatar/train.h"
+#include "cli/command.h"
+
+namespace mvstudio::cli {
+
+/// A training run on disk: config.json, checkpoint.safetensors, history.csv, textures.png, samples/step_NNNNNN.png.
+class AvatarRun {
+ public:
+  explicit AvatarRun(const std::string& folder) : folder_(folder) {}
+
+  std::string Path(const std::string& name) const { return folder_ + "/" + name; }
+  std::string checkpoint_path() const { return Path(avatar::kCheckpointFile); }
+  /// Throws UsageError when a run is there and `overwrite` is off; else removes what an older run left.
+  void Prepare(bool overwrite) const;
+  /// Reads the rows up to `step` of an older history, to go on from there; returns the seconds it took.
+  double TakeUpHistory(int64_t step);
+
+  void AddRow(const avatar::HistoryRow& row, double wall_s);
+  /// Checkpoint, history, texture preview and sample pictures, each file atomically.
+  void Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const;
+  /// Files written so far.
+  std::vector<CommandResult::Output> Outputs() const;
+
+ private:
+  std::string folder_;
+  std::vector<std::string> rows_;
+};
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,187 @@
+#include "avatar/io/pack_builder.h"
+
+#include <ATen/ATen.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "avatar/io/run_config.h"
+#include "core/error.h"
+#include "panoptic_fixture.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+template <class E, class F>
+std::string MessageOf(F&& f) {
+  try {
+    f();
+  } catch (const E& error) {
+    return error.what();
+  } catch (const std::exception& error) {
+    return std::string("another exception: ") + error.what();
+  }
+  return "no exception";
+}
+
+class PackBuilder : public testing::Test {
+ protected:
+  PackBuilder() : folder_("pack_builder") {
+    WriteMannequinDataset(folder_.path(), 4, 6, 160);
+    data_ = dataset::OpenPanopticDataset(folder_.path());
+  }
+  TemporaryFolder folder_;
+  dataset::PanopticDataset data_;
+};
+
+TEST_F(PackBuilder, CropsHaveTheTemplateOnThePerson) {
+  PackOptions options;
+  options.size_px = 96;
+  options.fit_shape = false;
+  const PackResult result = BuildPack(data_, options, {});
+  const AvatarPack& pack = result.pack;
+  Validate(pack);
+  ASSERT_EQ(pack.size(), 24);
+  EXPECT_EQ(result.person, 0);
+  EXPECT_TRUE(result.skipped.empty());
+  EXPECT_GT(result.template_iou, 0.93) << "the same body rendered at another resolution";
+  // Colours are 10 x part, 255 u, 255 v of the same body: they must agree with the maps away from chart borders.
+  const at::Tensor person = pack.masks.gt(0).logical_and(pack.part > 0);
+  const at::Tensor same = (pack.images.select(1, 0).to(at::kFloat) / 10).round().eq(pack.part.to(at::kFloat)).logical_and(person);
+  EXPECT_GT(same.sum().item<double>() / person.sum().item<double>(), 0.85);
+  const at::Tensor du = (pack.images.select(1, 1).to(at::kFloat) / 255 - pack.uv.select(1, 0)).abs().masked_select(same);
+  EXPECT_LT(du.median().item<double>(), 0.05);
+}
+
+TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
+  PackOptions options;
+  options.size_px = 96;
+  options.template_maps = false;
+  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  EXPECT_EQ(pack.part.sum().item<int64_t>(), 0);
+  for (int64_t i = 0; i < pack.size(); ++i) {
+    const at::Tensor x = pack.joints_in_cam[i];
+    const at::Tensor px = x.slice(1, 0, 2) / x.slice(1, 2, 3) * pack.intrinsics[i].slice(0, 0, 2) + pack.intrinsics[i].slice(0, 2, 4);
+    for (const int j : {0, 2, 6, 12, 7, 13}) {  // neck, body centre, hips, knees: inside the body
+      const int64_t u = std::lround(px[j][0].item<double>()), v = std::lround(px[j][1].item<double>());
+      EXPECT_EQ(pack.masks[i][v][u].item<int>(), 255) << PictureName(pack, i) << ", joint " << j;
+    }
+    const dataset::Coco19Pose& pose = data_.poses.at(static_cast<int>(pack.frame[i].item<int64_t>())).at(0);
+    EXPECT_NEAR((x[7] - x[6]).norm().item<double>(), (pose.x_in_world.col(7) - pose.x_in_world.col(6)).norm(), 1e-5);
+  }
+}
+
+TEST_F(PackBuilder, AMetreHasOneSizeInAllCrops) {
+  PackOptions options;
+  options.size_px = 64;
+  options.template_maps = false;
+  const PackResult result = BuildPack(data_, options, {});
+  for (int64_t i = 0; i < result.pack.size(); ++i) {
+    const double depth = result.pack.joints_in_cam[i][2][2].item<double>();
+    const double px_per_m = result.pack.intrinsics[i][0].item<double>() / depth;
+    EXPECT_NEAR(px_per_m, options.fill * 32 / result.half_extent_m, 0.12 * px_per_m);
+  }
+}
+
+TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
+  const DatasetSplit split = SplitDataset(data_, -1, {"00_02"}, {4, 5});
+  EXPECT_THAT(split.train_cameras, ElementsAre("00_00", "00_01", "00_03"));
+  EXPECT_THAT(split.holdout_cameras, ElementsAre("00_02"));
+  EXPECT_THAT(split.train_frames, ElementsAre(0, 1, 2, 3));
+  EXPECT_THAT(split.holdout_frames, ElementsAre(4, 5));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_09"}, {}); }), AllOf(HasSubstr("'00_09'"), HasSubstr("00_03")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {80}); }), AllOf(HasSubstr("frame 80"), HasSubstr("0 to 5")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {0, 1, 2, 3, 4, 5}); }), HasSubstr("every frame"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_00", "00_01", "00_02", "00_03"}, {}); }), HasSubstr("every camera"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { ChoosePerson(data_, 7); }), HasSubstr("person 7"));
+}
+
+TEST_F(PackBuilder, AMissingMaskIsNamed) {
+  std::filesystem::remove(data_.MaskPath("00_01", 3));
+  PackOptions options;
+  options.size_px = 64;
+  options.fit_shape = false;
+  EXPECT_THAT(MessageOf<IoError>([&] { BuildPack(data_, options, {}); }),
+              AllOf(HasSubstr("camera 00_01, frame 3"), HasSubstr("mask"), HasSubstr(folder_.path())));
+}
+
+TEST_F(PackBuilder, APictureOfAnotherSizeIsNamed) {
+  dataset::WriteImage(Image(80, 160, 3), data_.ImagePath("00_02", 1));
+  PackOptions options;
+  options.size_px = 64;
+  options.template_maps = false;
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("80x160")));
+}
+
+TEST_F(PackBuilder, AnEmptyMaskIsSkippedAndReported) {
+  dataset::WriteImage(Image(160, 160, 1), data_.MaskPath("00_02", 1));
+  PackOptions options;
+  options.size_px = 64;
+  options.template_maps = false;
+  const PackResult result = BuildPack(data_, options, {});
+  EXPECT_EQ(result.pack.size(), 23);
+  ASSERT_EQ(result.skipped.size(), 1u);
+  EXPECT_THAT(result.skipped[0], AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("mask is empty")));
+}
+
+TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
+  PackOptions options;
+  options.size_px = 64;
+  options.fit_pictures = 4;
+  RunContext one, three;
+  one.num_threads = 1, three.num_threads = 3;
+  const PackResult a = BuildPack(data_, options, one), b = BuildPack(data_, options, three);
+  EXPECT_TRUE(at::equal(a.pack.images, b.pack.images));
+  EXPECT_TRUE(at::equal(a.pack.uv, b.pack.uv));
+  EXPECT_EQ(a.shape.girth, b.shape.girth);
+}
+
+TEST(RunConfig, SurvivesARoundTrip) {
+  const TemporaryFolder folder("run_config");
+  RunConfig config;
+  config.dataset = "/data/a b";
+  config.pack.size_px = 96, config.pack.fill = 0.9, config.pack.person = 3;
+  config.half_extent_m = 1.2345678901234567;
+  config.shape.girth = {1.1, 0.9, 1.3, 1};
+  config.template_iou = 0.83;
+  config.split = {{"00_00"}, {"00_01"}, {1, 2}, {3}};
+  const std::string path = folder.path() + "/config.json";
+  WriteRunConfig(config, path);
+  const RunConfig read = ReadRunConfig(path);
+  EXPECT_EQ(read.dataset, config.dataset);
+  EXPECT_EQ(read.half_extent_m, config.half_extent_m);
+  EXPECT_EQ(read.pack.half_extent_m, config.half_extent_m);
+  EXPECT_EQ(read.shape.girth, config.shape.girth);
+  EXPECT_EQ(read.split.holdout_cameras, config.split.holdout_cameras);
+  EXPECT_EQ(read.split.holdout_frames, config.split.holdout_frames);
+  EXPECT_EQ(read.pack.frames, config.split.train_frames);
+  EXPECT_EQ(read.pack.size_px, 96);
+  EXPECT_EQ(read.template_iou, 0.83);
+}
+
+TEST(RunConfig, DamagedFilesAreNamedWithTheirPlace) {
+  const TemporaryFolder folder("run_config_bad");
+  const std::string path = folder.path() + "/config.json";
+  RunConfig config;
+  config.half_extent_m = 1;
+  config.split = {{"00_00"}, {}, {1}, {}};
+  WriteRunConfig(config, path);
+  const std::string good = ReadFile(path);
+  WriteFileAtomic(path, good.substr(0, good.size() / 2));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadRunConfig(path); }), HasSubstr(path));
+  std::string bad = good;
+  bad.replace(bad.find("\"fill\": 0.97"), 12, "\"fill\": \"no\"");
+  WriteFileAtomic(path, bad);
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadRunConfig(path); }), HasSubstr("/crop/fill"));
+  WriteFileAtomic(path, std::string(200000, '['));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadRunConfig(path); }), HasSubstr(path));
+  EXPECT_THROW(ReadRunConfig(folder.path() + "/none.json"), IoError);
+}
+
+}  // namespace
+}  // namespace mvstudio::avatar
