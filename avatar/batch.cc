@@ -116,8 +116,7 @@ TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const Tra
   at::Tensor joints_px = ProjectPinhole(pack.intrinsics.index_select(0, rows), joints);
   if (jitter) ApplyJitter(options, pack.size_px, seed, step, batch, joints_px);
   batch.uv = batch.uv * 2 - 1;
-  batch.maps = RasterizeBones(joints_px, BoneDepth(joints, valid, model.options.relative_depth), valid, pack.size_px, pack.size_px,
-                              BoneHalfWidth(model.options.bone_half_width_px, pack.size_px), model.depth);
+  batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px);
   if (options.device != "cpu") {
     for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv}) *t = t->to(at::Device(options.device));
   }

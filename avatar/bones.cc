@@ -101,6 +101,19 @@ at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& d
   return (kBoneBackground + cover * (value - kBoneBackground)).to(at::kFloat);
 }
 
+at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height, int64_t width,
+                           double half_width_px) {
+  // A bone of constant depth 1 in the range (0, 1) is drawn as its coverage, from -1 to 1.
+  const at::Tensor ones = at::ones_like(joints_px.select(2, 0));
+  const at::Tensor cover = 0.5 * (RasterizeBones(joints_px, ones, valid, height, width, half_width_px, {0, 1}) + 1);
+  std::vector<at::Tensor> slopes;
+  for (const auto& [a, b] : kBones) {
+    const at::Tensor bone = x_in_cam.select(1, b) - x_in_cam.select(1, a);  // (B, 3)
+    slopes.push_back(bone.select(1, 2) / bone.norm(2, 1).clamp_min(1e-6));
+  }
+  return cover * at::nan_to_num(at::stack(slopes, 1)).unsqueeze(-1).unsqueeze(-1);
+}
+
 at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height, int64_t width,
                           double half_width_px, const DepthRange& range) {
   CheckInputs(joints_px, depth, valid);

@@ -38,6 +38,11 @@ at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& d
 at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height, int64_t width,
                           double half_width_px, const DepthRange& range);
 
+/// Second set of channels: the same capsules, with the share of the bone that points away from the camera, (z_b - z_a) / length, in
+/// [-1, 1]; background 0. Shows which way the body faces, where depths differ little. x_in_cam (B, 19, 3) -> (B, 18, H, W).
+at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height, int64_t width,
+                           double half_width_px);
+
 /// Half-width of a bone in a picture of `size_px`: `at_512_px` scaled, at least 1 px.
 double BoneHalfWidth(double at_512_px, int64_t size_px);
 

@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "core/check.h"
@@ -50,32 +51,33 @@ class ResBlockImpl : public nn::Module {
 };
 TORCH_MODULE(ResBlock);
 
-nn::Sequential MakeEncoder(const ModelOptions& o) {
-  nn::Sequential net;
-  net->push_back(Conv(o.inputs, o.width, o.stem_kernel, 1, false));
-  net->push_back(nn::ReLU(nn::ReLUOptions(true)));
-  for (int level = 0; level < o.downs; ++level) {
-    net->push_back(Conv(Channels(o, level), Channels(o, level + 1), 4, 2, HasBias(o)));
-    AddNormRelu(o, Channels(o, level + 1), true, net);
-  }
-  for (int i = 0; i < o.encoder_blocks; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
+nn::Sequential MakeStem(const ModelOptions& o) {
+  return nn::Sequential(Conv(o.inputs, o.width, o.stem_kernel, 1, false), nn::ReLU(nn::ReLUOptions(true)));
+}
+
+nn::Sequential MakeDown(const ModelOptions& o, int level) {
+  nn::Sequential net(Conv(Channels(o, level), Channels(o, level + 1), 4, 2, HasBias(o)));
+  AddNormRelu(o, Channels(o, level + 1), true, net);
   return net;
 }
 
-nn::Sequential MakeDecoder(const ModelOptions& o, int outputs) {
+nn::Sequential MakeBlocks(const ModelOptions& o, int count) {
   nn::Sequential net;
-  for (int i = 0; i < o.decoder_blocks; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
-  for (int level = o.downs; level > 0; --level) {
-    const int in = Channels(o, level), out = Channels(o, level - 1);
-    if (o.upsample == "transposed") {
-      net->push_back(nn::ConvTranspose2d(nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(HasBias(o))));
-    } else {
-      net->push_back(nn::Upsample(nn::UpsampleOptions().scale_factor(std::vector<double>{2, 2}).mode(torch::kNearest)));
-      net->push_back(Conv(in, out, 3, 1, HasBias(o)));
-    }
-    AddNormRelu(o, out, true, net);
+  for (int i = 0; i < count; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
+  return net;
+}
+
+/// From level + 1 to level.
+nn::Sequential MakeUp(const ModelOptions& o, int level) {
+  const int in = Channels(o, level + 1), out = Channels(o, level);
+  nn::Sequential net;
+  if (o.upsample == "transposed") {
+    net->push_back(nn::ConvTranspose2d(nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(HasBias(o))));
+  } else {
+    net->push_back(nn::Upsample(nn::UpsampleOptions().scale_factor(std::vector<double>{2, 2}).mode(torch::kNearest)));
+    net->push_back(Conv(in, out, 3, 1, HasBias(o)));
   }
-  net->push_back(Conv(o.width, outputs, o.head_kernel, 1, false));
+  AddNormRelu(o, out, true, net);
   return net;
 }
 
@@ -94,24 +96,71 @@ void InitWeights(nn::Module& module, uint64_t seed) {
   }
 }
 
+
+/// Residual blocks, then one step up a level, each followed by the encoder's features of that level when there are skips.
+class DecoderImpl : public nn::Module {
+ public:
+  DecoderImpl(const ModelOptions& o, int outputs) : skips_(o.skips) {
+    blocks_ = register_module("blocks", MakeBlocks(o, o.decoder_blocks));
+    ups_ = register_module("ups", nn::ModuleList());
+    for (int level = o.downs - 1; level >= 0; --level) ups_->push_back(MakeUp(o, level));
+    head_ = register_module("head", Conv(o.width, outputs, o.head_kernel, 1, false));
+  }
+  /// `levels`: features of the encoder from full size to the last but one.
+  at::Tensor forward(const at::Tensor& code, const std::vector<at::Tensor>& levels) {
+    at::Tensor x = blocks_->is_empty() ? code : blocks_->forward(code);
+    for (size_t i = 0; i < ups_->size(); ++i) {
+      x = ups_[i]->as<nn::Sequential>()->forward(x);
+      if (skips_) x = x + levels[ups_->size() - 1 - i];
+    }
+    return head_->forward(x);
+  }
+
+ private:
+  bool skips_;
+  nn::Sequential blocks_{nullptr};
+  nn::ModuleList ups_{nullptr};
+  nn::Conv2d head_{nullptr};
+};
+TORCH_MODULE(Decoder);
+
 }  // namespace
 
-GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed) : size_multiple_(1 << options.downs) {
+struct GeneratorImpl::Parts {
+  nn::Sequential stem{nullptr}, blocks{nullptr};
+  std::vector<nn::Sequential> downs;
+  Decoder first{nullptr}, second{nullptr};
+};
+
+GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
+    : parts_(std::make_unique<Parts>()), size_multiple_(1 << options.downs) {
   Validate(options);
   const bool direct = options.method == "direct";
-  encoder_ = register_module("encoder", MakeEncoder(options));
-  first_decoder_ = register_module(direct ? "mask_decoder" : "part_decoder", MakeDecoder(options, direct ? 1 : 25));
-  second_decoder_ = register_module(direct ? "colour_decoder" : "uv_decoder", MakeDecoder(options, direct ? 3 : 48));
+  parts_->stem = register_module("stem", MakeStem(options));
+  for (int level = 0; level < options.downs; ++level) {
+    parts_->downs.push_back(register_module("down" + std::to_string(level), MakeDown(options, level)));
+  }
+  parts_->blocks = register_module("blocks", MakeBlocks(options, options.encoder_blocks));
+  parts_->first = register_module(direct ? "mask_decoder" : "part_decoder", Decoder(options, direct ? 1 : 25));
+  parts_->second = register_module(direct ? "colour_decoder" : "uv_decoder", Decoder(options, direct ? 3 : 48));
   InitWeights(*this, seed);
 }
+
+GeneratorImpl::~GeneratorImpl() = default;
 
 std::pair<at::Tensor, at::Tensor> GeneratorImpl::forward(const at::Tensor& bone_maps) {
   MVS_CHECK(bone_maps.dim() == 4 && bone_maps.size(2) % size_multiple_ == 0 && bone_maps.size(3) % size_multiple_ == 0,
             "picture sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
   MVS_CHECK(std::min(bone_maps.size(2), bone_maps.size(3)) / size_multiple_ >= 2,
             "a picture of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
-  const at::Tensor code = encoder_->forward(bone_maps);
-  return {first_decoder_->forward(code), second_decoder_->forward(code)};
+  std::vector<at::Tensor> levels;
+  at::Tensor x = parts_->stem->forward(bone_maps);
+  for (nn::Sequential& down : parts_->downs) {
+    levels.push_back(x);
+    x = down->forward(x);
+  }
+  if (!parts_->blocks->is_empty()) x = parts_->blocks->forward(x);
+  return {parts_->first->forward(x, levels), parts_->second->forward(x, levels)};
 }
 
 int64_t NumParameters(const ModelOptions& options) {

@@ -1,25 +1,28 @@
 #pragma once
 
 #include <torch/nn/module.h>
-#include <torch/nn/modules/container/sequential.h>
 #include <torch/nn/pimpl.h>
 
+#include <memory>
 #include <utility>
 
 #include "avatar/options.h"
 
 namespace mvstudio::avatar {
 
-/// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders. From bone maps (B, inputs, H, W) it gives
+/// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders; `skips` adds the encoder's
+/// features to the decoders', which the paper's network does not. From bone maps (B, inputs, H, W) it gives
 /// for `tna`    part logits (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u then 24 v;
 /// for `direct` a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
 class GeneratorImpl : public torch::nn::Module {
  public:
   GeneratorImpl(const ModelOptions& options, uint64_t seed);
+  ~GeneratorImpl() override;
   std::pair<at::Tensor, at::Tensor> forward(const at::Tensor& bone_maps);
 
  private:
-  torch::nn::Sequential encoder_{nullptr}, first_decoder_{nullptr}, second_decoder_{nullptr};
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
   int size_multiple_ = 1;
 };
 TORCH_MODULE(Generator);

@@ -50,7 +50,9 @@ at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask) {
 }
 
 at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part) {
-  return at::nll_loss_nd(at::log_softmax(logits, 1), part);
+  const at::Tensor cost = at::nll_loss_nd(at::log_softmax(logits, 1), part, {}, at::Reduction::None);
+  const at::Tensor person = (part > 0).to(cost.dtype()), rest = 1 - person;
+  return 0.5 * ((cost * person).sum() / person.sum().clamp_min(1) + (cost * rest).sum() / rest.sum().clamp_min(1));
 }
 
 at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part) {

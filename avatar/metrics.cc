@@ -4,8 +4,10 @@
 #include <ATen/Parallel.h>
 
 #include <array>
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "core/check.h"
 #include "core/random.h"
@@ -49,27 +51,27 @@ std::array<double, kSsimWindow * kSsimWindow> GaussianWindow() {
   return w;
 }
 
-// SSIM of the window whose top-left pixel is a[0], b[0] in rows of `stride` pixels.
-double WindowSsim(const double* a, const double* b, int64_t stride, const double* w) {
-  double mean_a = 0, mean_b = 0;
-  for (int y = 0; y < kSsimWindow; ++y) {
-    for (int x = 0; x < kSsimWindow; ++x) {
-      mean_a += w[y * kSsimWindow + x] * a[y * stride + x];
-      mean_b += w[y * kSsimWindow + x] * b[y * stride + x];
+// SSIM of the `cols` windows whose top-left pixels are a[0 ..), b[0 ..) in rows of `stride` pixels. Loops over windows are innermost, so
+// that the compiler can vectorise them.
+void RowSsim(const double* a, const double* b, int64_t stride, int64_t cols, const double* w, double* out) {
+  std::vector<double> sums(5 * cols, 0.0);
+  double *mean_a = sums.data(), *mean_b = mean_a + cols, *var_a = mean_b + cols, *var_b = var_a + cols, *cov = var_b + cols;
+  for (int k = 0; k < kSsimWindow * kSsimWindow; ++k) {
+    const double *pa = a + (k / kSsimWindow) * stride + k % kSsimWindow, *pb = b + (pa - a);
+    for (int64_t c = 0; c < cols; ++c) mean_a[c] += w[k] * pa[c], mean_b[c] += w[k] * pb[c];
+  }
+  for (int k = 0; k < kSsimWindow * kSsimWindow; ++k) {
+    const double *pa = a + (k / kSsimWindow) * stride + k % kSsimWindow, *pb = b + (pa - a);
+    for (int64_t c = 0; c < cols; ++c) {
+      const double da = pa[c] - mean_a[c], db = pb[c] - mean_b[c];
+      var_a[c] += w[k] * da * da, var_b[c] += w[k] * db * db, cov[c] += w[k] * da * db;
     }
   }
-  double var_a = 0, var_b = 0, cov = 0;
-  for (int y = 0; y < kSsimWindow; ++y) {
-    for (int x = 0; x < kSsimWindow; ++x) {
-      const double weight = w[y * kSsimWindow + x], da = a[y * stride + x] - mean_a, db = b[y * stride + x] - mean_b;
-      var_a += weight * da * da;
-      var_b += weight * db * db;
-      cov += weight * da * db;
-    }
+  for (int64_t c = 0; c < cols; ++c) {
+    const double value = (2 * mean_a[c] * mean_b[c] + kC1) * (2 * cov[c] + kC2) /
+                         ((mean_a[c] * mean_a[c] + mean_b[c] * mean_b[c] + kC1) * (var_a[c] + var_b[c] + kC2));
+    out[c] = std::min(1.0, std::max(-1.0, value));
   }
-  const double value = (2 * mean_a * mean_b + kC1) * (2 * cov + kC2) /
-                       ((mean_a * mean_a + mean_b * mean_b + kC1) * (var_a + var_b + kC2));
-  return std::min(1.0, std::max(-1.0, value));
 }
 
 // Centred samples over sqrt(n - 1): their Gram matrix is the covariance.
@@ -122,7 +124,7 @@ at::Tensor SsimMap(const at::Tensor& a, const at::Tensor& b, SsimChannels channe
   at::parallel_for(0, planes * rows, 16, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const int64_t offset = (i / rows) * height * width + (i % rows) * width;
-      for (int64_t c = 0; c < cols; ++c) out[i * cols + c] = WindowSsim(px + offset + c, py + offset + c, width, window.data());
+      RowSsim(px + offset, py + offset, width, cols, window.data(), out + i * cols);
     }
   });
   return map.mean(1);

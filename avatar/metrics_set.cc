@@ -37,8 +37,10 @@ Box PersonBox(const at::Tensor& mask) {
   return box;
 }
 
-RegionScore ScoreRegion(const at::Tensor& a, const at::Tensor& b) {
-  return {Ssim(a, b).item<double>(), Ssim(a, b, SsimChannels::kLuma).item<double>(), PsnrDb(a, b).item<double>()};
+// Mean of an SSIM map (H - 10, W - 10) over the windows that lie inside the box: the SSIM of that box.
+double BoxMean(const at::Tensor& map, const Box& box) {
+  constexpr int64_t r = kSsimWindow - 1;
+  return map.slice(0, box.y0, box.y1 - r).slice(1, box.x0, box.x1 - r).mean().item<double>();
 }
 
 // Mean of an SSIM map over the mask, where the map reaches.
@@ -46,18 +48,17 @@ double MaskedMean(const at::Tensor& map, const at::Tensor& mask) {
   constexpr int64_t r = kSsimWindow / 2;
   const at::Tensor inside = mask.slice(0, r, mask.size(0) - r).slice(1, r, mask.size(1) - r);
   const double count = inside.sum().item<double>();
-  return count > 0 ? (map[0] * inside).sum().item<double>() / count : map.mean().item<double>();
+  return count > 0 ? (map * inside).sum().item<double>() / count : map.mean().item<double>();
 }
 
 PictureScore ScoreOne(const at::Tensor& truth, const at::Tensor& true_mask, const at::Tensor& image, const at::Tensor& mask) {
   const Box box = PersonBox(true_mask);
-  const auto crop = [&](const at::Tensor& x) { return x.slice(2, box.y0, box.y1).slice(3, box.x0, box.x1).contiguous(); };
+  const at::Tensor rgb = SsimMap(truth, image)[0], luma = SsimMap(truth, image, SsimChannels::kLuma)[0], inside = true_mask.to(at::kDouble);
+  const auto crop = [&](const at::Tensor& x) { return x.slice(2, box.y0, box.y1).slice(3, box.x0, box.x1); };
   PictureScore score;
-  score.bbox = ScoreRegion(crop(truth), crop(image));
-  score.full = ScoreRegion(truth, image);
-  const at::Tensor inside = true_mask.to(at::kDouble);
-  score.masked = {MaskedMean(SsimMap(truth, image), inside), MaskedMean(SsimMap(truth, image, SsimChannels::kLuma), inside),
-                  PsnrDb(truth, image, inside.unsqueeze(0)).item<double>()};
+  score.bbox = {BoxMean(rgb, box), BoxMean(luma, box), PsnrDb(crop(truth), crop(image)).item<double>()};
+  score.full = {rgb.mean().item<double>(), luma.mean().item<double>(), PsnrDb(truth, image).item<double>()};
+  score.masked = {MaskedMean(rgb, inside), MaskedMean(luma, inside), PsnrDb(truth, image, inside.unsqueeze(0)).item<double>()};
   score.mask_iou = MaskIou(inside.unsqueeze(0), mask.unsqueeze(0)).item<double>();
   return score;
 }

@@ -103,11 +103,15 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
   return model;
 }
 
-at::Tensor BoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                    int64_t height, int64_t width) {
-  CheckPoses(joints_in_cam, valid, intrinsics);
-  return RasterizeBones(ProjectPinhole(intrinsics, joints_in_cam), BoneDepth(joints_in_cam, valid, model.options.relative_depth), valid,
-                        height, width, BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width)), model.depth);
+at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& joints_px,
+                        int64_t height, int64_t width) {
+  const int64_t inputs = model.options.inputs;
+  MVS_CHECK(inputs == kNumBones || inputs == 2 * kNumBones, "a network with " << inputs << " inputs; the 19 joints give 18 or 36");
+  const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
+  const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
+  const at::Tensor bones = RasterizeBones(joints_px, depth, valid, height, width, half_width, model.depth);
+  if (inputs == kNumBones) return bones;
+  return at::cat({bones, RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width)}, 1);
 }
 
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
@@ -124,7 +128,9 @@ Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::
   torch::NoGradGuard no_grad;
   model.generator->eval();
   const at::Tensor like = model.generator->parameters()[0];
-  const at::Tensor maps = BoneMaps(model, joints_in_cam, valid, intrinsics, height, width).to(like.device());
+  CheckPoses(joints_in_cam, valid, intrinsics);
+  const at::Tensor joints_px = ProjectPinhole(intrinsics, joints_in_cam);
+  const at::Tensor maps = NetworkInput(model, joints_in_cam, valid, joints_px, height, width).to(like.device());
   const auto [first, second] = model.generator->forward(maps);
   Rendering out;
   out.image = ComposeImage(model, first, second, Background(background, like)).clamp(0, 1).to(at::kCPU).contiguous();

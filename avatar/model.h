@@ -26,9 +26,9 @@ struct AvatarModel {
 /// Fresh weights: convolutions N(0, 0.02), grey textures.
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
-/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), intrinsics (B, 4) px -> (B, 18, H, W).
-at::Tensor BoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                    int64_t height, int64_t width);
+/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), joints_px (B, 19, 2) -> (B, inputs, H, W).
+at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& joints_px,
+                        int64_t height, int64_t width);
 
 /// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1].
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,

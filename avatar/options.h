@@ -18,12 +18,13 @@ struct ModelOptions {
   int decoder_blocks = 3;
   std::string norm = "instance";
   std::string upsample = "nearest";
-  int stem_kernel = 7;
-  int head_kernel = 7;
-  int inputs = 18;
+  int stem_kernel = 5;
+  int head_kernel = 3;
+  bool skips = true;
+  int inputs = 36;
   int texture_px = 128;
   bool relative_depth = true;
-  double bone_half_width_px = 4.0;
+  double bone_half_width_px = 12.0;
 };
 
 template <class Visitor>
@@ -37,16 +38,18 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("upsample", o.upsample, "transposed (4x4 transposed convolution) or nearest (nearest neighbour, then 3x3 convolution)");
   visit("stem-kernel", o.stem_kernel, "kernel of the first convolution, odd");
   visit("head-kernel", o.head_kernel, "kernel of the last convolutions, odd; 7 is the paper's, 3 is much faster");
-  visit("inputs", o.inputs, "input channels: one per bone");
+  visit("skips", o.skips, "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
+  visit("inputs", o.inputs, "input channels: 18 bones with their depth, or 36: also the share of each bone that points away from the camera");
   visit("texture-px", o.texture_px, "edge of each of the 24 textures, texels (the paper's: 256)");
   visit("relative-depth", o.relative_depth, "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
-  visit("bone-half-width-px", o.bone_half_width_px, "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px");
+  visit("bone-half-width-px", o.bone_half_width_px, "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px (the paper: 4)");
 }
 
 /// The published network: 17,167,552 parameters with 21 inputs.
 inline ModelOptions PaperModel() {
   ModelOptions o;
   o.width = 32, o.norm = "batch", o.upsample = "transposed", o.inputs = 21, o.texture_px = 256;
+  o.skips = false, o.stem_kernel = 7, o.head_kernel = 7, o.bone_half_width_px = 4;
   return o;
 }
 
@@ -62,12 +65,12 @@ struct TrainOptions {
   double weight_l1 = 1.0;
   double weight_ssim = 0.5;
   double weight_gradient = 0.0;
-  double weight_mask = 0.2;
+  double weight_mask = 0.5;
   double weight_part = 1.0;
   double weight_uv = 4.0;
   double keep_init = 0.02;
   double weight_logit = 1e-3;
-  double foreground_weight = 3.0;
+  double foreground_weight = 10.0;
   double jitter_scale = 0.1;
   double jitter_shift = 0.05;
   double jitter_roll_deg = 5.0;

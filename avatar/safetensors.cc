@@ -256,10 +256,10 @@ std::optional<uint64_t> BytesOf(const Entry& entry, uint64_t element_size) {
   return bytes;
 }
 
-std::string SplitOffDigests(Header* header, std::map<std::string, std::string>* digests) {
+std::string SplitOffDigests(const Header& header, std::map<std::string, std::string>* digests) {
   std::string header_digest;
   const std::string prefix = kDigestPrefix;
-  for (const auto& [key, value] : header->metadata) {
+  for (const auto& [key, value] : header.metadata) {
     if (key == prefix) {
       header_digest = value;
     } else if (key.compare(0, prefix.size(), prefix) == 0) {
@@ -269,9 +269,10 @@ std::string SplitOffDigests(Header* header, std::map<std::string, std::string>* 
   return header_digest;
 }
 
-void CheckHeaderDigest(Header header, const std::string& digest, bool required, const std::string& path) {
+void CheckHeaderDigest(Header header, std::string_view text, const std::string& digest, bool required, const std::string& path) {
   if (digest.empty() && !required) return;
   if (digest.empty()) throw FormatError(path, "__metadata__", "has no digests: damaged, or not written by mvstudio");
+  if (HeaderText(header) != text) throw FormatError(path, "", "the header is not as it was written: damaged file");
   header.metadata.erase(kDigestPrefix);
   if (DigestOfHeader(header) != digest) throw FormatError(path, "__metadata__", "the header does not match its digest: damaged file");
 }
@@ -344,11 +345,12 @@ TensorFile ReadTensorFile(const std::string& path, bool require_digests) {
   if (header_size > kMaxHeaderBytes || header_size > content.size() - 8) {
     throw FormatError(path, "", "claims a header of " + std::to_string(header_size) + " bytes: not a safetensors file, or truncated");
   }
-  Header header = HeaderParser(std::string_view(content).substr(8, header_size), path).Parse();
+  const std::string_view header_text = std::string_view(content).substr(8, header_size);
+  Header header = HeaderParser(header_text, path).Parse();
   CheckRanges(header, content.size() - 8 - header_size, path);
   std::map<std::string, std::string> digests;
-  const std::string header_digest = SplitOffDigests(&header, &digests);
-  CheckHeaderDigest(header, header_digest, require_digests, path);
+  const std::string header_digest = SplitOffDigests(header, &digests);
+  CheckHeaderDigest(header, header_text, header_digest, require_digests, path);
   TensorFile file;
   const char* data = content.data() + 8 + header_size;
   for (const auto& [name, entry] : header.entries) {

@@ -135,8 +135,8 @@ struct Trainer::State {
       throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
                        " and at least " + std::to_string(2 * multiple));
     }
-    if (model.options.inputs != kNumBones) {
-      throw UsageError("--inputs must be " + std::to_string(kNumBones) + ": one channel for each bone of the 19 joints");
+    if (model.options.inputs != kNumBones && model.options.inputs != 2 * kNumBones) {
+      throw UsageError("--inputs must be 18 (depth of each bone of the 19 joints) or 36 (depth and slope)");
     }
     at::set_num_threads(ResolveThreads(run.num_threads));
     pack = source;

@@ -78,55 +78,56 @@ std::optional<LensModel> FixedModel(const CalibrateOptions& options) {
   return model;
 }
 
-/// One camera by itself: lens model and held-out error.
-void CalibrateCamera(const CalibrateInput& input, const CalibrateOptions& options, int camera_idx, Work* work, CameraReport* report) {
-  const CameraInput& camera_input = input.cameras[camera_idx];
-  const auto fixed = FixedModel(options);
-  geometry::Camera camera = geometry::MakePinhole(camera_input.name, camera_input.width_px, camera_input.height_px, camera_input.width_px);
-  camera = WithModel(camera, fixed.value_or(LensModel::kBrown4));
-  std::vector<View> views;
-  for (int v : work->view_ids[camera_idx]) views.push_back(work->views[v]);
-  BundleOptions bundle = options.bundle;
-  bundle.num_threads = 1;
-  MonoSolution& mono = work->monos[camera_idx];
-  mono = CalibrateMono(camera, views, work->frames, bundle);
-  report->holdout_rms_px = report->holdout_median_px = kNan;
-  report->model = camera.model;
-  if (mono.status != Status::kOk && mono.status != Status::kNotConverged) return;
-  Holdout holdout;
-  if (!fixed) {
-    const ModelChoice choice = ChooseModel(mono, std::max(3, options.holdout_folds), options.holdout_views);
-    report->model = choice.model;
-    report->model_reason = choice.reason;
-    if (choice.model != camera.model) mono = RefineMono(mono, choice.model, bundle);
-    for (const ModelCandidate& candidate : choice.candidates) {
-      if (candidate.model == choice.model) holdout = candidate.holdout;
-    }
-  } else {
-    report->model_reason = "given";
-  }
-  if (options.holdout_folds < 2) return;
-  if (holdout.errors_px.empty()) holdout = HoldoutError(mono, report->model, options.holdout_folds, options.holdout_views);
-  report->holdout_rms_px = holdout.rms_px;
-  report->holdout_median_px = holdout.median_px;
-}
-
+/// Each camera by itself.
 bool CalibrateCameras(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
                       CalibrateReport* report) {
-  const int num_cameras = static_cast<int>(input.cameras.size());
-  work->monos.resize(num_cameras);
-  report->cameras.resize(num_cameras);
-  work->view_ids.resize(num_cameras);
+  const LensModel model = FixedModel(options).value_or(LensModel::kBrown4);
+  work->monos.resize(input.cameras.size());
+  work->view_ids.resize(input.cameras.size());
   for (size_t v = 0; v < work->views.size(); ++v) work->view_ids[work->views[v].camera_idx].push_back(static_cast<int>(v));
-  ParallelFor(num_cameras, run.num_threads,
-              [&](int64_t c) { CalibrateCamera(input, options, static_cast<int>(c), work, &report->cameras[c]); });
-  for (int c = 0; c < num_cameras; ++c) {
-    const MonoSolution& mono = work->monos[c];
+  BundleOptions bundle = options.bundle;
+  bundle.num_threads = 1;
+  ParallelFor(static_cast<int64_t>(input.cameras.size()), run.num_threads, [&](int64_t c) {
+    const CameraInput& camera = input.cameras[c];
+    std::vector<View> views;
+    for (int v : work->view_ids[c]) views.push_back(work->views[v]);
+    const geometry::Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, camera.width_px);
+    work->monos[c] = CalibrateMono(WithModel(start, model), views, work->frames, bundle);
+  });
+  for (const MonoSolution& mono : work->monos) {
     if (mono.status == Status::kOk || mono.status == Status::kNotConverged) continue;
     Stop(mono.status, mono.message, report);
     return false;
   }
   return true;
+}
+
+/// Lens model and held-out errors.
+void ChooseLens(const CalibrateOptions& options, const RunContext& run, Work* work, CalibrateReport* report) {
+  const int64_t num_cameras = static_cast<int64_t>(work->monos.size());
+  std::vector<Holdout> holdouts(num_cameras);
+  std::string reason = "given";
+  if (!FixedModel(options)) {
+    const ModelChoice choice = ChooseModel(work->monos, std::max(3, options.holdout_folds), options.holdout_views, run.num_threads);
+    reason = choice.reason;
+    if (choice.index >= 0) holdouts = choice.candidates[choice.index].holdouts;
+    BundleOptions bundle = options.bundle;
+    bundle.num_threads = 1;
+    ParallelFor(num_cameras, run.num_threads, [&](int64_t c) {
+      if (choice.model != work->monos[c].state.cameras[0].model) work->monos[c] = RefineMono(work->monos[c], choice.model, bundle);
+    });
+  }
+  const bool missing = options.holdout_folds > 1 && holdouts[0].errors_px.empty();
+  ParallelFor(missing ? num_cameras : 0, run.num_threads, [&](int64_t c) {
+    holdouts[c] = HoldoutError(work->monos[c], work->monos[c].state.cameras[0].model, options.holdout_folds, options.holdout_views);
+  });
+  report->cameras.resize(num_cameras);
+  for (int64_t c = 0; c < num_cameras; ++c) {
+    const bool scored = !holdouts[c].errors_px.empty();
+    report->cameras[c].model_reason = reason;
+    report->cameras[c].holdout_rms_px = scored ? holdouts[c].rms_px : kNan;
+    report->cameras[c].holdout_median_px = scored ? holdouts[c].median_px : kNan;
+  }
 }
 
 /// Cameras in one frame, the gauge chosen.
@@ -299,9 +300,11 @@ void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, c
   const World world = ParseWorld(options.world, input.cameras);
   Work work;
   work.views = MakeViews(input.board, input.detections, &work.frames);
-  ProgressStage stage(run, "calibrating", 4);
+  ProgressStage stage(run, "calibrating", 5);
   if (!CalibrateCameras(input, options, run, &work, report)) return;
   stage.Advance(1, "cameras");
+  ChooseLens(options, run, &work, report);
+  stage.Advance(1, "lens model");
   if (!PlaceCameras(world, &work, report)) return;
   work.gauge = {Gauge::Kind::kCamera, world.camera};
   if (world.is_board && !UseBoardWorld(world, &work, report)) return;

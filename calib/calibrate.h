@@ -15,7 +15,7 @@
 namespace mvstudio::calib {
 
 struct CalibrateOptions {
-  std::string model = "auto";   ///< a lens model by name, or auto: the simplest that held-out boards justify, per camera
+  std::string model = "auto";   ///< a lens model by name, or auto: the simplest that held-out boards justify, for all cameras
   std::string world = "camera"; ///< camera[:NAME] (the first one without a name) or board:FRAME
   int holdout_folds = 10;       ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;       ///< at most so many views of a camera take part in it

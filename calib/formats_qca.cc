@@ -172,9 +172,9 @@ geometry::Camera ReadIntrinsics(const CameraElement& element, const std::string&
   k(1, 1) = intrinsic("focalLengthV") / kPerPixel;
   k(0, 2) = intrinsic("centerPointU") / kPerPixel - window("left");
   k(1, 2) = intrinsic("centerPointV") / kPerPixel - window("top");
-  Eigen::VectorXd distortion(5);
-  distortion << intrinsic("radialDistortion1"), intrinsic("radialDistortion2"), intrinsic("tangentalDistortion1"),
-      intrinsic("tangentalDistortion2"), intrinsic("radialDistortion3", 0);
+  const double k1 = intrinsic("radialDistortion1"), k2 = intrinsic("radialDistortion2"), k3 = intrinsic("radialDistortion3", 0);
+  const double p1 = intrinsic("tangentalDistortion1"), p2 = intrinsic("tangentalDistortion2");
+  Eigen::VectorXd distortion = (Eigen::VectorXd(5) << k1, k2, p1, p2, k3).finished();
   if (distortion[4] == 0) distortion.conservativeResize(4);
   return internal::MakeCamera(name, window("right") - window("left") + 1, window("bottom") - window("top") + 1, k,
                               distortion / divisor, false, place);

@@ -35,7 +35,7 @@ struct ConvertOptions {
 struct CompareOptions {
   ReadOptions read;
   std::string rig, reference;
-  double max_rotation_deg = 0, max_translation_mm = 0, max_focal_percent = 0;
+  double max_rotation_deg = 0, max_translation_mm = 0, max_focal_percent = 0, max_lens_px = 0;
 };
 
 struct ShowOptions {
@@ -214,7 +214,8 @@ void AddDifference(const geometry::RigDifference& difference, const CompareOptio
   const Row rows[] = {
       {"rotation_deg", RadToDeg(difference.max_rotation_rad), RadToDeg(difference.mean_rotation_rad), options.max_rotation_deg, "deg"},
       {"translation_mm", 1e3 * difference.max_translation_m, 1e3 * difference.mean_translation_m, options.max_translation_mm, "mm"},
-      {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"}};
+      {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
+      {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
   for (const Row& row : rows) {
     result->metrics[std::string("max_") + row.key] = row.value;
     if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
@@ -276,6 +277,7 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   sub->add_option("--max-rotation-deg", compare->max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")->capture_default_str();
   sub->add_option("--max-translation-mm", compare->max_translation_mm, "exit 4 when a camera differs more; 0: no limit")->capture_default_str();
   sub->add_option("--max-focal-percent", compare->max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")->capture_default_str();
+  sub->add_option("--max-lens-px", compare->max_lens_px, "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")->capture_default_str();
   AddReadOptions(sub, compare->read);
   registry.Add(sub, "calib compare", [compare](CommandContext&) { return Compare(*compare); });
 }

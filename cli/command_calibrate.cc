@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -161,6 +162,7 @@ std::string Summary(const calib::CalibrateReport& report, const std::string& pat
 
 CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
+  const auto start = std::chrono::steady_clock::now();
   const calib::Board board = calib::ParseBoard(arguments.board);
   std::vector<calib::Footage> footage = OpenAll(arguments, &result);
   if (!calib::HasUniqueNumbering(board) && footage.size() > 1) {
@@ -183,6 +185,7 @@ CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) 
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
   FillMetrics(report, found, &result.metrics);
+  result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.text = Summary(report, path);
   const bool failed = report.verdict.status == "fail";
   for (const auto& reason : report.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});

@@ -28,6 +28,7 @@ struct DemoOptions {
   std::string size = "640x480";
   std::string lens = "brown5";
   double noise_px = 1.0;
+  std::string board = "charuco:7x5:140mm:105mm";
   int board_frames = 60;
   int take_frames = 100;
   int avatar_size = 128;
@@ -43,6 +44,7 @@ void VisitFields(Visitor&& visit, DemoOptions& o) {
   visit("size", o.size, "px; size of the pictures");
   visit("lens", o.lens, "lens model the pictures are rendered through");
   visit("noise-px", o.noise_px, "px; noise of the 2D joints, per coordinate");
+  visit("board", o.board, "calibration board of the synthetic studio");
   visit("board-frames", o.board_frames, "frames of board footage");
   visit("take-frames", o.take_frames, "frames of the person's take; the last fifth is held out");
   visit("avatar-size", o.avatar_size, "px; size of the avatar's pictures");
@@ -52,6 +54,11 @@ void VisitFields(Visitor&& visit, DemoOptions& o) {
 void Shrink(DemoOptions& o) {
   o.cameras = 5, o.board_frames = 30, o.take_frames = 20, o.avatar_size = 64, o.steps = 60;
 }
+
+/// A stage that gave no result; ends the demo with that stage's exit code and reason.
+struct StageFailure {
+  CommandResult result;
+};
 
 /// A number of the demo against the bound it must keep.
 struct Check {
@@ -182,15 +189,18 @@ class Demo {
     const int exit = outcome.result.exit;
     for (const Notice& warning : outcome.result.warnings) warnings_.push_back(warning);
     if (exit != kExitOk && exit != kExitQualityGate && exit != kExitPartial) {
-      throw Error("demo: `" + line + "` ended with exit code " + std::to_string(exit) + ": " +
-                  (outcome.result.errors.empty() ? "no reason given" : outcome.result.errors.front().text));
+      CommandResult failed;
+      failed.exit = exit;
+      failed.errors = outcome.result.errors;
+      failed.errors.push_back({"DEMO-STAGE", "the demo ended at: " + line, "run that command alone to look closer"});
+      throw StageFailure{failed};
     }
     return outcome.json["metrics"];
   }
 
   Words SynthWords() const {
     return {"synth", "--out", session_, "--overwrite", "--cameras", std::to_string(o_.cameras), "--size", o_.size, "--lens", o_.lens,
-            "--noise-px", std::to_string(o_.noise_px), "--board-frames", std::to_string(o_.board_frames), "--take-frames",
+            "--noise-px", std::to_string(o_.noise_px), "--board", o_.board, "--board-frames", std::to_string(o_.board_frames), "--take-frames",
             std::to_string(o_.take_frames)};
   }
   void AddPerCamera(Words& words, const std::string& flag, const std::string& folder, const std::string& extension) const {
@@ -200,7 +210,7 @@ class Demo {
     }
   }
   Words CalibrateWords() const {
-    Words words = {"calibrate", "--board", "charuco:8x6:100mm:75mm", "--world", "board:0", "--out", o_.out};
+    Words words = {"calibrate", "--board", o_.board, "--world", "board:0", "--out", o_.out};
     AddPerCamera(words, "--camera", "raw/board", ".mp4");
     return words;
   }
@@ -265,7 +275,11 @@ CommandResult RunDemo(DemoOptions options, CommandContext& context) {
     fs::remove_all(options.out);
   }
   MakeFolder(options.out);
-  return Demo(options, context).Run();
+  try {
+    return Demo(options, context).Run();
+  } catch (const StageFailure& failure) {
+    return failure.result;
+  }
 }
 
 }  // namespace

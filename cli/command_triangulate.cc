@@ -63,7 +63,8 @@ ordered_json JointMetrics(const triangulate::TakeResult& take, const body::Skele
       sigmas_mm.push_back(1000 * std::sqrt(entry.point.covariance.trace() / 3));
       rms_px.push_back(entry.point.rms_px);
     }
-    list.push_back({{"joint", skeleton.joints[j]}, {"num", rms_px.size()}, {"sigma_mm", Median(sigmas_mm)}, {"rms_px", Median(rms_px)}});
+    list.push_back(
+        {{"joint", skeleton.joints[j]}, {"num", rms_px.size()}, {"sigma_mm", Median(sigmas_mm)}, {"rms_px", Median(rms_px)}});
   }
   return list;
 }
@@ -111,10 +112,13 @@ int AddMetrics(const triangulate::TakeResult& take, const body::Skeleton& skelet
   return static_cast<int>(rms_px.size());
 }
 
-void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks, CommandResult* result) {
+void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks,
+                       CommandResult* result) {
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {
-      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message, "recalibrate this camera, or check that its pictures have the calibrated size and were not cropped"});
+      result->warnings.push_back(
+          {"TRI-CAMERA-OFF", camera.message,
+           "recalibrate this camera, or check that its pictures have the calibrated size and were not cropped"});
     } else if (camera.scaled) {
       result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its pictures have the calibrated size"});
     }
@@ -127,10 +131,28 @@ void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<da
     const size_t with_people = static_cast<size_t>(
         std::count_if(track.frames.begin(), track.frames.end(), [](const auto& entry) { return !entry.second.empty(); }));
     if (2 * with_people >= frames.size()) continue;
-    result->warnings.push_back({"TRI-FEW-DETECTIONS",
-                                track.camera + ": people in " + std::to_string(with_people) + " of " + std::to_string(frames.size()) + " frames only",
-                                "check the detector's output for this camera and that all cameras count frames from the same instant"});
+    result->warnings.push_back(
+        {"TRI-FEW-DETECTIONS",
+         track.camera + ": people in " + std::to_string(with_people) + " of " + std::to_string(frames.size()) + " frames only",
+         "check the detector's output for this camera and that all cameras count frames from the same instant"});
   }
+}
+
+/// Detections that scatter by a noticeable part of the picture do not belong to this calibration.
+void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result) {
+  constexpr double kMaxSigmaOfDiagonal = 0.015;
+  double diagonal_px = 0;
+  for (const geometry::RigCamera& camera : rig.cameras)
+    diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
+  diagonal_px /= static_cast<double>(rig.cameras.size());
+  if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
+  char text[200];
+  std::snprintf(text, sizeof text, "views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
+                100 * take.sigma_px / diagonal_px);
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"TRI-INCONSISTENT", text,
+                            "check that each folder belongs to its camera, that all cameras count frames from the same "
+                            "instant, and the calibration"});
 }
 
 ordered_json ToJson(const dataset::Pose3dComparison& comparison) {
@@ -162,10 +184,12 @@ dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const st
   const std::vector<std::string> scenes = Glob((path / "body3DScene_*.json").string());
   if (!scenes.empty()) return ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align);
   const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
-  if (!fs::exists(table)) throw IoError(truth, "--truth is neither a points.csv nor a folder with body3DScene_*.json or points.csv");
+  if (!fs::exists(table))
+    throw IoError(truth, "--truth is neither a points.csv nor a folder with body3DScene_*.json or points.csv");
   const dataset::JointTable reference = dataset::ToTable(dataset::ReadPointsCsv(table.string()));
   const fs::path header = table.parent_path() / "pose3d.json";
-  const bool coco19 = pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
+  const bool coco19 =
+      pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
   return ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align);
 }
 
@@ -185,9 +209,11 @@ std::string Summary(const CommandResult& result) {
   const ordered_json& m = result.metrics;
   const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
   char line[300];
-  std::snprintf(line, sizeof line, "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
-                m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
-                number(m["median_sigma_mm"]), number(m["points_per_s"]));
+  std::snprintf(
+      line, sizeof line,
+      "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
+      m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
+      number(m["median_sigma_mm"]), number(m["points_per_s"]));
   std::string text = line;
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
@@ -216,14 +242,17 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   const int num_ok = AddMetrics(take, skeleton, seconds, &result);
   AddCameraWarnings(take, tracks, &result);
   AddComparisons(arguments, pose, &result);
+  CheckConsistency(take, rig, &result);
   if (num_ok == 0) {
     result.exit = kExitIllPosed;
-    result.errors.push_back({"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
-                             "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
+    result.errors.push_back(
+        {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
+         "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
   dataset::WritePose3d(pose, arguments.out);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
-    result.outputs.push_back({(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
+    result.outputs.push_back(
+        {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
   }
   result.text = Summary(result);
   return result;

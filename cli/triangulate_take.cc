@@ -24,8 +24,9 @@ bool IsPanoptic(const std::string& text) {
   std::string posed, calibrated;
   for (const dataset::Pose2dTrack& track : tracks) posed += (posed.empty() ? "" : ", ") + track.camera;
   for (const geometry::RigCamera& camera : rig.cameras) calibrated += (calibrated.empty() ? "" : ", ") + camera.camera.name;
-  throw FormatError(calib_path, "cameras", "camera " + unknown + " has 2D poses but no calibration; poses: " + posed +
-                                               "; calibrated: " + calibrated + "; use the calibration's names in --pose2d NAME=FOLDER");
+  throw FormatError(calib_path, "cameras",
+                    "camera " + unknown + " has 2D poses but no calibration; poses: " + posed + "; calibrated: " + calibrated +
+                        "; use the calibration's names in --pose2d NAME=FOLDER");
 }
 
 triangulate::DetectedPerson ToDetected(const dataset::Person2d& person) {

@@ -58,8 +58,18 @@ std::string CameraNames(const geometry::Rig& rig) {
   return names;
 }
 
+double MedianRms(const Pose3d& pose) {
+  std::vector<double> rms_px;
+  for (const JointRow& row : pose.rows) {
+    if (row.status == Status::kOk) rms_px.push_back(row.rms_px);
+  }
+  if (rms_px.empty()) return 0;
+  std::nth_element(rms_px.begin(), rms_px.begin() + rms_px.size() / 2, rms_px.end());
+  return rms_px[rms_px.size() / 2];
+}
+
 std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& rig, const std::map<int, People>& poses,
-                                const std::string& folder) {
+                                double joint_rms_px, const std::string& folder) {
   std::vector<CameraJob> jobs;
   for (const CameraFootage& footage : inputs.footage) {
     const int idx = rig.Find(footage.camera);
@@ -72,6 +82,7 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
     job.name = PanopticName(rig, idx);
     job.camera = rig.cameras[idx];
     job.poses = &poses;
+    job.joint_rms_px = joint_rms_px;
     job.folder = folder;
     jobs.push_back(job);
   }
@@ -170,10 +181,11 @@ geometry::Rig ReadAnyCalibration(const std::string& path) {
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options, const RunContext& run) {
   CheckOptions(inputs, options);
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
-  const std::map<int, People> poses = ToCoco19(ReadPose3d(inputs.pose3d));
+  const Pose3d pose = ReadPose3d(inputs.pose3d);
+  const std::map<int, People> poses = ToCoco19(pose);
   if (poses.empty()) throw FormatError(inputs.pose3d, "points.csv", "holds no frame");
   AtomicFolder folder(out, options.overwrite);
-  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, folder.work_path());
+  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   BuildReport report;

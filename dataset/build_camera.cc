@@ -114,8 +114,8 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
     decision = {rules[0], false, {}};
     reason = "without evidence: no frame has joints";
   } else {
-    decision = DecideSizeRule(rules, job.camera, samples.frames, samples.people, options.mask);
-    reason = std::string(decision.decisive ? "the joints fit it best" : "the joints do not tell the rules apart, square pixels are assumed") +
+    decision = DecideSizeRule(rules, job.camera, samples.frames, samples.people, job.joint_rms_px, options.mask);
+    reason = std::string(decision.decisive ? "which the joints fit best" : "the likeliest of the rules that the joints do not rule out") +
              " (evidence in nats: " + ScoresText(rules, decision.scores) + ")";
   }
   warnings->push_back({"DAT-SIZE", "camera " + job.footage.camera + ": " + sizes + "; taken as '" + decision.rule.name + "', " + reason +

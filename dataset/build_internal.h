@@ -19,6 +19,7 @@ struct CameraJob {
   std::string name;                        ///< Panoptic's
   geometry::RigCamera camera;              ///< as calibrated
   const std::map<int, People>* poses = nullptr;
+  double joint_rms_px = 0;                 ///< median reprojection error of the joints
   std::string folder;                      ///< of the dataset under construction
   std::function<void()> on_image;          ///< after each picture
 };

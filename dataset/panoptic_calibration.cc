@@ -5,8 +5,8 @@
 
 #include "core/check.h"
 #include "core/files.h"
-#include "dataset/json_internal.h"
 #include "dataset/panoptic.h"
+#include "dataset/panoptic_internal.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -63,7 +63,7 @@ void ReadIntrinsics(const JsonView& json, Camera* camera) {
   camera->params = distorted ? params : Eigen::VectorXd(params.head<4>());
 }
 
-RigCamera ReadCamera(const JsonView& json) {
+RigCamera ReadCamera(const JsonView& json, double* drift) {
   RigCamera camera;
   camera.camera.name = json["name"].Text();
   if (camera.camera.name.empty() || camera.camera.name.find('/') != std::string::npos || camera.camera.name[0] == '.') {
@@ -72,9 +72,8 @@ RigCamera ReadCamera(const JsonView& json) {
   ReadIntrinsics(json, &camera.camera);
   const Eigen::Matrix3d r = ReadMatrix3(json["R"]);
   if (!(r.determinant() > 0)) json["R"].Fail("is not a rotation: its determinant is " + NumberText(r.determinant()));
-  double drift = 0;
-  camera.cam_from_world.rotation = geometry::NearestRotation(r * OursFromPanoptic().transpose(), &drift);
-  if (drift > 1e-3) json["R"].Fail("is not a rotation: it is " + NumberText(drift) + " from the nearest one");
+  camera.cam_from_world.rotation = geometry::NearestRotation(r * OursFromPanoptic().transpose(), drift);
+  if (*drift > 1e-3) json["R"].Fail("is not a rotation: it is " + NumberText(*drift) + " from the nearest one");
   camera.cam_from_world.translation = ReadVector3(json["t"]) / 100.0;
   return camera;
 }
@@ -132,6 +131,8 @@ std::string CameraText(const RigCamera& camera) {
 
 }  // namespace
 
+geometry::RigCamera internal::ReadPanopticCamera(const JsonView& json, double* drift) { return ReadCamera(json, drift); }
+
 bool ParsePanopticName(const std::string& name, int* panel, int* node) {
   if (name.size() != 5 || name[2] != '_') return false;
   for (const size_t i : {0, 1, 3, 4}) {
@@ -149,7 +150,8 @@ geometry::Rig ReadPanopticCalibration(const std::string& path) {
   rig.gauge = "Panoptic file " + std::filesystem::path(path).filename().string();
   std::set<std::string> names;
   for (size_t i = 0; i < cameras.ArraySize(); ++i) {
-    rig.cameras.push_back(ReadCamera(cameras[i]));
+    double drift = 0;
+    rig.cameras.push_back(ReadCamera(cameras[i], &drift));
     const std::string& name = rig.cameras.back().camera.name;
     if (!names.insert(name).second) cameras[i]["name"].Fail("'" + name + "' is there twice");
   }

@@ -38,7 +38,8 @@ std::optional<int> FrameNumber(const std::string& file_name) {
 std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string& camera) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    throw IoError(folder, "camera " + camera + ": no such folder of OpenPose JSON files; check the path after `" + camera + "=`");
+    throw IoError(folder,
+                  "camera " + camera + ": no such folder of OpenPose JSON files; check the path after `" + camera + "=`");
   }
   std::vector<fs::path> files;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
@@ -99,7 +100,8 @@ Person2d ParsePerson(const json& numbers, const std::string& where, const FileCo
     for (size_t i = 3 * k; i < 3 * k + 3; ++i) {
       if (!numbers[i].is_number()) file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
     }
-    person.keypoints.push_back({numbers[3 * k].get<double>(), numbers[3 * k + 1].get<double>(), numbers[3 * k + 2].get<double>()});
+    person.keypoints.push_back(
+        {numbers[3 * k].get<double>(), numbers[3 * k + 1].get<double>(), numbers[3 * k + 2].get<double>()});
   }
   return person;
 }
@@ -114,7 +116,8 @@ std::vector<Person2d> ParsePeople(const json& root, const FileContext& file) {
     const std::string where = "people[" + std::to_string(i) + "].pose_keypoints_2d";
     if (!entry.is_object()) file.Fail("people[" + std::to_string(i) + "]", "is not an object");
     // A face or a hand without a body; Pose2Sim leaves {} where it found nobody.
-    if (!entry.contains("pose_keypoints_2d") || (entry["pose_keypoints_2d"].is_array() && entry["pose_keypoints_2d"].empty())) continue;
+    if (!entry.contains("pose_keypoints_2d") || (entry["pose_keypoints_2d"].is_array() && entry["pose_keypoints_2d"].empty()))
+      continue;
     if (!entry["pose_keypoints_2d"].is_array()) file.Fail(where, "is not an array");
     people.push_back(ParsePerson(entry["pose_keypoints_2d"], where, file));
   }
@@ -143,7 +146,8 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
   for (const fs::path& path : ListJsonFiles(folder, camera)) {
     const std::optional<int> frame = FrameNumber(path.filename().string());
     if (!frame) {
-      throw FormatError(path.string(), "camera " + camera, "the file name holds no frame number (at most 9 digits before _keypoints.json)");
+      throw FormatError(path.string(), "camera " + camera,
+                        "the file name holds no frame number (at most 9 digits before _keypoints.json)");
     }
     const FileContext file{path.string(), "camera " + camera + ", frame " + std::to_string(*frame), skeleton};
     if (track.frames.count(*frame)) file.Fail("", "another file of this folder has the same frame number");

@@ -90,7 +90,8 @@ class CsvReader {
       begin = end + 1;
     }
     if (static_cast<int>(fields_.size()) != num_fields_) {
-      Fail(std::to_string(fields_.size()) + " columns instead of " + std::to_string(num_fields_) + "; the file is damaged or cut off");
+      Fail(std::to_string(fields_.size()) + " columns instead of " + std::to_string(num_fields_) +
+           "; the file is damaged or cut off");
     }
     return true;
   }
@@ -111,7 +112,9 @@ class CsvReader {
 
   double NumberOr0(int column) const { return Empty(column) ? 0.0 : Number<double>(column); }
 
-  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, "line " + std::to_string(line_number_), what); }
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw FormatError(path_, "line " + std::to_string(line_number_), what);
+  }
 
  private:
   bool NextLine() {
@@ -176,7 +179,8 @@ std::string ReadSkeletonName(const std::string& path) {
 }
 
 /// Mean of the source joints; false when one of them is missing.
-bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int>& sources, Eigen::Vector3d* mean, double* sigma_m) {
+bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int>& sources, Eigen::Vector3d* mean,
+               double* sigma_m) {
   if (sources.empty()) return false;
   double variance = 0;
   mean->setZero();
@@ -197,12 +201,9 @@ void WritePose3d(const Pose3d& pose, const std::string& folder) {
   MakeFolder(folder);
   WriteFileAtomic(InFolder(folder, "points.csv"), PointsText(pose));
   WriteFileAtomic(InFolder(folder, "covariance.csv"), CovarianceText(pose));
-  const nlohmann::ordered_json header = {{"schema", kSchema},
-                                         {"skeleton", pose.skeleton},
-                                         {"points", "points.csv"},
-                                         {"covariance", "covariance.csv"},
-                                         {"unit", "m"},
-                                         {"world", "right-handed, z up"}};
+  const nlohmann::ordered_json header = {
+      {"schema", kSchema}, {"skeleton", pose.skeleton},    {"points", "points.csv"}, {"covariance", "covariance.csv"},
+      {"unit", "m"},       {"world", "right-handed, z up"}};
   WriteFileAtomic(InFolder(folder, "pose3d.json"), header.dump(1) + "\n");
 }
 

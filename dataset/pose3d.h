@@ -16,22 +16,22 @@ namespace mvstudio::dataset {
 struct JointRow {
   int frame = 0;
   int person = 0;
-  std::string joint;       ///< OpenPose's name
+  std::string joint;  ///< OpenPose's name
   Status status = Status::kTooFewViews;
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres; meaningful only when status is kOk
   int num_views = 0;
   double rms_px = 0;
-  double sigma_m = 0;      ///< sqrt(trace(covariance) / 3)
+  double sigma_m = 0;                         ///< sqrt(trace(covariance) / 3)
   std::optional<Eigen::Matrix3d> covariance;  ///< m^2; kept in covariance.csv beside it (frame,person,joint,xx,xy,xz,yy,yz,zz)
 };
 
 struct Pose3d {
-  std::string skeleton;  ///< name, kept in pose3d.json beside the table
+  std::string skeleton;        ///< name, kept in pose3d.json beside the table
   std::vector<JointRow> rows;  ///< sorted by frame, person, joint in skeleton order
 };
 
-/// `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates are empty unless
-/// status is Ok. Round trip is exact.
+/// `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates are empty
+/// unless status is Ok. Round trip is exact.
 void WritePose3d(const Pose3d& pose, const std::string& folder);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
@@ -41,7 +41,8 @@ std::vector<JointRow> ReadPointsCsv(const std::string& path);
 struct Coco19Pose {
   Eigen::Matrix<double, 3, 19> x_in_world = Eigen::Matrix<double, 3, 19>::Zero();  ///< metres
   std::array<bool, 19> valid{};
-  std::array<double, 19> confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) when it comes from triangulation, the file's own otherwise
+  std::array<double, 19>
+      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) when it comes from triangulation, the file's own otherwise
 };
 
 /// frame -> person -> pose; missing joints stay missing.

@@ -1,7 +1,7 @@
 #include "dataset/pose3d_trc.h"
 
-#include <charconv>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <sstream>
 
@@ -65,7 +65,8 @@ Pose3d ReadTrc(const std::string& path) {
     const std::vector<std::string> cells = SplitTabs(line);
     if (cells.empty() || cells[0].empty()) continue;
     const double frame = ParseNumber(cells[0]);
-    if (!std::isfinite(frame)) throw FormatError(path, "line " + std::to_string(number), "`" + cells[0] + "` is not a frame number");
+    if (!std::isfinite(frame))
+      throw FormatError(path, "line " + std::to_string(number), "`" + cells[0] + "` is not a frame number");
     for (size_t m = 0; m < markers.size(); ++m) {
       Eigen::Vector3d in_file;
       for (size_t k = 0; k < 3; ++k) {

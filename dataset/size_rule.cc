@@ -33,6 +33,46 @@ double FrameScore(const Image& frame, const ProjectedBody& body, const CameraMas
   return num_inside > 0 && num_rim > 0 ? inside / num_inside - rim / num_rim : 0;
 }
 
+struct RuleEvidence {
+  std::vector<ProjectedBody> bodies;  ///< by frame
+  std::vector<double> scores;         ///< by frame
+};
+
+std::vector<ProjectedBody> BodiesUnder(const SizeRule& rule, const geometry::RigCamera& camera, const Image& frame,
+                                       const std::vector<std::map<int, Coco19Pose>>& people, const MaskOptions& options) {
+  const geometry::RigCamera seen = ApplySizeRule(camera, rule, frame.width, frame.height);
+  std::vector<ProjectedBody> bodies;
+  for (const auto& p : people) bodies.push_back(ProjectBody(p, seen, options));
+  return bodies;
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum / static_cast<double>(values.size());
+}
+
+/// True when `other` lies below `best` by 3 standard errors of the paired differences.
+bool IsWorse(const std::vector<double>& best, const std::vector<double>& other) {
+  const double n = static_cast<double>(best.size()), mean = Mean(best) - Mean(other);
+  if (n < 3) return false;
+  double squares = 0;
+  for (size_t f = 0; f < best.size(); ++f) squares += std::pow(best[f] - other[f] - mean, 2);
+  return mean > 3 * std::sqrt(squares / (n - 1) / n);
+}
+
+/// Root mean square distance of the ends of the bones.
+double JointDistancePx(const std::vector<ProjectedBody>& a, const std::vector<ProjectedBody>& b) {
+  double squares = 0, count = 0;
+  for (size_t f = 0; f < a.size(); ++f) {
+    for (size_t i = 0; i < std::min(a[f].bones.size(), b[f].bones.size()); ++i) {
+      squares += (a[f].bones[i].first - b[f].bones[i].first).squaredNorm();
+      count += 1;
+    }
+  }
+  return count > 0 ? std::sqrt(squares / count) : 0;
+}
+
 }  // namespace
 
 std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int width, int height) {
@@ -64,38 +104,26 @@ geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeR
 }
 
 SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera, const std::vector<Image>& frames,
-                            const std::vector<std::map<int, Coco19Pose>>& people, const MaskOptions& options) {
+                            const std::vector<std::map<int, Coco19Pose>>& people, double joint_rms_px, const MaskOptions& options) {
   MVS_CHECK(!rules.empty() && !frames.empty() && frames.size() == people.size(), "nothing to decide with");
   if (rules.size() == 1) return {rules[0], true, {0}};
-  const int w = frames[0].width, h = frames[0].height;
-  const auto bodies_under = [&](const SizeRule& rule) {
-    std::vector<ProjectedBody> bodies;
-    for (const auto& p : people) bodies.push_back(ProjectBody(p, ApplySizeRule(camera, rule, w, h), options));
-    return bodies;
-  };
-  const CameraMaskModel model = LearnCamera(frames, bodies_under(rules[0]), nullptr, options);
-  std::vector<std::vector<double>> scores;
+  std::vector<RuleEvidence> evidence;
+  for (const SizeRule& rule : rules) evidence.push_back({BodiesUnder(rule, camera, frames[0], people, options), {}});
+  const CameraMaskModel model = LearnCamera(frames, evidence[0].bodies, nullptr, options);
   SizeDecision decision;
-  for (const SizeRule& rule : rules) {
-    std::vector<double> by_frame;
-    const auto bodies = bodies_under(rule);
-    for (size_t f = 0; f < frames.size(); ++f) by_frame.push_back(FrameScore(frames[f], bodies[f], model));
-    double sum = 0;
-    for (const double s : by_frame) sum += s;
-    decision.scores.push_back(sum / double(by_frame.size()));
-    scores.push_back(by_frame);
+  for (RuleEvidence& e : evidence) {
+    for (size_t f = 0; f < frames.size(); ++f) e.scores.push_back(FrameScore(frames[f], e.bodies[f], model));
+    decision.scores.push_back(Mean(e.scores));
   }
   const size_t best = std::max_element(decision.scores.begin(), decision.scores.end()) - decision.scores.begin();
+  std::vector<size_t> left;
   for (size_t r = 0; r < rules.size(); ++r) {
-    if (r == best) continue;
-    const double mean = decision.scores[best] - decision.scores[r];
-    double squares = 0;
-    for (size_t f = 0; f < frames.size(); ++f) squares += std::pow(scores[best][f] - scores[r][f] - mean, 2);
-    const double n = double(frames.size());
-    const double error = n > 1 ? std::sqrt(squares / (n - 1) / n) : mean;
-    if (mean < 3 * error) decision.decisive = false;
+    const bool worse = IsWorse(evidence[best].scores, evidence[r].scores);
+    const bool apart = JointDistancePx(evidence[best].bodies, evidence[r].bodies) > 2 * joint_rms_px;
+    if (r == best || !worse || !apart) left.push_back(r);
   }
-  decision.rule = decision.decisive ? rules[best] : rules[0];
+  decision.decisive = left.size() == 1;
+  decision.rule = rules[left[0]];
   return decision;
 }
 

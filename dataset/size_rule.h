@@ -28,14 +28,15 @@ geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeR
 
 struct SizeDecision {
   SizeRule rule;
-  bool decisive = true;        ///< the evidence separates the best rule from the others by 3 standard errors
+  bool decisive = true;        ///< no other rule is left
   std::vector<double> scores;  ///< one a rule in the order given: mean evidence in nats, larger is better
 };
 
 /// Chooses the rule under which the projected limbs cover what looks like people best: the mean over frames of (evidence for a person
-/// inside the limbs) - (evidence in a rim around them). When that does not separate the rules, "fill" is taken: cameras and converters
-/// that change the width keep pixels square. `people[i]` belongs to `frames[i]`.
+/// inside the limbs) - (evidence in a rim around them). A rule is ruled out when its evidence is 3 standard errors below the best and
+/// its joints lie farther from the best rule's than twice `joint_rms_px`, the reprojection error of the joints: a rig that is off by as
+/// much as the rules differ proves nothing. Of the rules that are left the first is taken. `people[i]` belongs to `frames[i]`.
 SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera, const std::vector<Image>& frames,
-                            const std::vector<std::map<int, Coco19Pose>>& people, const MaskOptions& options);
+                            const std::vector<std::map<int, Coco19Pose>>& people, double joint_rms_px, const MaskOptions& options);
 
 }  // namespace mvstudio::dataset

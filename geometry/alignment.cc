@@ -12,7 +12,10 @@
 namespace mvstudio::geometry {
 namespace {
 
-/// True when the centred points (3, N) lie on one line (or in one point) up to rounding of coordinates as large as `magnitude`.
+/// Frobenius norm without overflow. (Eigen's own stableNorm is for vectors.)
+double StableNorm(const Eigen::Matrix3Xd& points) { return Eigen::Map<const Eigen::VectorXd>(points.data(), points.size()).stableNorm(); }
+
+/// True when the centred points (3, N), scaled to unit norm, lie on one line up to rounding of coordinates as large as `magnitude`.
 bool Collinear(const Eigen::Matrix3Xd& centred, double magnitude) {
   const Eigen::MatrixXd tall = centred.transpose();
   const Eigen::MatrixXd upper = Eigen::HouseholderQR<Eigen::MatrixXd>(tall).matrixQR().topRows<3>().triangularView<Eigen::Upper>();
@@ -48,6 +51,24 @@ double FocalDifference(const Camera& camera, const Camera& reference) {
   return std::max(std::abs(camera.fx() - reference.fx()) / reference.fx(), std::abs(camera.fy() - reference.fy()) / reference.fy());
 }
 
+/// Over a grid of 17 x 17 pixels of the reference's image; infinity where only one lens sees the ray.
+double LensDifference(const Camera& camera, const Camera& reference) {
+  constexpr int kSteps = 16;
+  const Projector projector(camera), reference_projector(reference);
+  double largest = 0;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const Eigen::Vector2d px((reference.width_px - 1.0) * i / kSteps, (reference.height_px - 1.0) * j / kSteps);
+      const Unprojection ray = reference_projector.Unproject(px);
+      if (ray.status != Status::kOk) continue;
+      const Projection other = projector.Project(ray.ray_in_cam);
+      const double distance = other.status == Status::kOk ? (other.px - px).norm() : std::numeric_limits<double>::infinity();
+      largest = std::max(largest, distance);
+    }
+  }
+  return largest;
+}
+
 }  // namespace
 
 Alignment AlignPoints(const Eigen::Matrix3Xd& x_in_a, const Eigen::Matrix3Xd& x_in_b, bool with_scale) {
@@ -58,12 +79,13 @@ Alignment AlignPoints(const Eigen::Matrix3Xd& x_in_a, const Eigen::Matrix3Xd& x_
   if (result.status != Status::kOk) return result;
   const Eigen::Vector3d mean_a = x_in_a.rowwise().mean(), mean_b = x_in_b.rowwise().mean();
   const Eigen::Matrix3Xd a = x_in_a.colwise() - mean_a, b = x_in_b.colwise() - mean_b;
-  if (Collinear(a, x_in_a.lpNorm<Eigen::Infinity>()) || Collinear(b, x_in_b.lpNorm<Eigen::Infinity>())) {
+  // Scaled to unit size first, so that neither tiny nor huge coordinates leave the range of squares.
+  const double size_a = StableNorm(a), size_b = StableNorm(b);
+  if (size_a == 0 || size_b == 0 || Collinear(a / size_a, x_in_a.lpNorm<Eigen::Infinity>() / size_a) ||
+      Collinear(b / size_b, x_in_b.lpNorm<Eigen::Infinity>() / size_b)) {
     result.status = Status::kDegenerate;
     return result;
   }
-  // Scaled to unit size first, so that neither tiny nor huge coordinates leave the range of squares.
-  const double size_a = a.stableNorm(), size_b = b.stableNorm();
   const Eigen::Matrix3d cross = (b / size_b) * (a / size_a).transpose();
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign(1, 1, svd.matrixU().determinant() * svd.matrixV().determinant() > 0 ? 1 : -1);
@@ -71,8 +93,8 @@ Alignment AlignPoints(const Eigen::Matrix3Xd& x_in_a, const Eigen::Matrix3Xd& x_
   if (with_scale) result.scale = svd.singularValues().dot(sign) * size_b / size_a;
   result.b_from_a.rotation = Eigen::Quaterniond(rotation).normalized();
   result.b_from_a.translation = mean_b - result.scale * (result.b_from_a.rotation * mean_a);
-  result.rms = (b - result.scale * (result.b_from_a.rotation.toRotationMatrix() * a)).norm() /
-               std::sqrt(static_cast<double>(a.cols()));
+  const Eigen::Matrix3Xd residuals = b - result.scale * (result.b_from_a.rotation.toRotationMatrix() * a);
+  result.rms = StableNorm(residuals) / std::sqrt(static_cast<double>(a.cols()));
   return result;
 }
 
@@ -107,6 +129,7 @@ RigDifference CompareRigs(const Rig& rig, const Rig& reference) {
     difference.mean_translation_m += shift / count;
     difference.max_focal_relative =
         std::max(difference.max_focal_relative, FocalDifference(cameras[i]->camera, references[i]->camera));
+    difference.max_lens_px = std::max(difference.max_lens_px, LensDifference(cameras[i]->camera, references[i]->camera));
   }
   return difference;
 }

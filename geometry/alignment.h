@@ -24,6 +24,7 @@ struct RigDifference {
   double max_rotation_rad = 0, mean_rotation_rad = 0;    ///< of each camera, after alignment
   double max_translation_m = 0, mean_translation_m = 0;  ///< of each camera centre, after alignment
   double max_focal_relative = 0;                         ///< |f - f_ref| / f_ref over fx and fy
+  double max_lens_px = 0;  ///< distance of the two pixels that one ray in cam has through both lenses, over the reference's image
   Rigid3 reference_from_rig;
 };
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/check.h"
+
 namespace mvstudio::report {
 namespace {
 
@@ -111,7 +113,11 @@ void Table::AddColumn(const std::string& title, const std::string& unit, bool nu
   columns_.push_back({title, unit, numeric});
 }
 
-void Table::AddRow(std::vector<Cell> cells, bool highlight) { rows_.push_back({std::move(cells), highlight}); }
+void Table::AddRow(std::vector<Cell> cells, bool highlight) {
+  MVS_CHECK(cells.size() == columns_.size(), cells.size()
+                                                 << " cells for " << columns_.size() << " columns of '" << caption_ << "'");
+  rows_.push_back({std::move(cells), highlight});
+}
 
 std::string Table::Html() const {
   std::string html = "<div class=\"scroll\"><table>";
@@ -127,11 +133,10 @@ std::string Table::Html() const {
     html += row.highlight ? "<tr class=\"look\">" : "<tr>";
     for (size_t i = 0; i < columns_.size(); ++i) {
       const bool numeric = columns_[i].numeric;
-      const std::string text =
-          i < row.cells.size() ? row.cells[i].html.empty() ? EscapeHtml(row.cells[i].text) : row.cells[i].html : "";
-      const bool strong = i < row.cells.size() && row.cells[i].strong;
-      html +=
-          std::string(numeric ? "<td class=\"num\">" : "<td>") + (strong ? "<strong>" + text + "</strong>" : text) + "</td>";
+      const Cell& cell = row.cells[i];
+      const std::string text = cell.html.empty() ? EscapeHtml(cell.text) : cell.html;
+      html += std::string(numeric ? "<td class=\"num\">" : "<td>") + (cell.strong ? "<strong>" + text + "</strong>" : text) +
+              "</td>";
     }
     html += "</tr>\n";
   }

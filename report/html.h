@@ -37,7 +37,7 @@ class Table {
     Cell(const char* text_) : text(text_) {}
     Cell(std::string text_, bool strong_ = false) : text(std::move(text_)), strong(strong_) {}
   };
-  /// Missing cells at the end stay empty. `highlight` draws the row as one to look at.
+  /// One cell a column. `highlight` draws the row as one to look at.
   void AddRow(std::vector<Cell> cells, bool highlight = false);
   bool empty() const { return rows_.empty(); }
   std::string Html() const;

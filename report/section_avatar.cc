@@ -167,6 +167,7 @@ std::string ScoresTable(const Value& metrics) {
       return Table::Cell(FormatFixed(value, decimals), value == top);
     };
     table.AddRow({row.name,
+                  FormatNumber(s["n"].Number()),
                   cell(s["ssim"].Number(), ssim, 4),
                   cell(s["psnr_db"].Number(), psnr, 2),
                   cell(s["mask_iou"].Number(), iou, 4),

@@ -28,7 +28,7 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
   for (const auto& [key, value] : metrics.fields()) {
     if (value.IsArray() && value.At(0).IsObject() && key != "findings" && key != "problems" && key != "issues" &&
         key != "errors") {
-      html += ObjectsTable(LabelOfKey(key).label, value);
+      html += ObjectsTable(key == "cameras" ? "Cameras" : LabelOfKey(key).label, value);
     }
     if (!value.IsObject()) continue;
     for (const auto& [inner_key, inner] : value.fields()) {

@@ -96,7 +96,7 @@ struct HeatMapSpec {
   std::string title;
   std::string column_label;  ///< what runs along x, e.g. "frame"
   std::vector<std::string> row_names;
-  double first_column = 0, last_column = 0;  ///< range that the columns cover
+  double first_column = 0, last_column = 0;  ///< whole numbers that the columns cover
   std::vector<std::vector<double>> rows;     ///< one vector a row, all of one length
   double width = 760;
 };

@@ -45,8 +45,8 @@ std::vector<double> NiceTicks(double low, double high, int target) {
 std::vector<double> LogTicks(double low, double high) {
   std::vector<double> ticks;
   if (!std::isfinite(low) || !std::isfinite(high) || low <= 0 || low > high) return ticks;
-  const int first = static_cast<int>(std::floor(std::log10(low) - 1e-9)),
-            last = static_cast<int>(std::ceil(std::log10(high) + 1e-9));
+  const int first = static_cast<int>(std::floor(std::log10(low) + 1e-9)),
+            last = static_cast<int>(std::ceil(std::log10(high) - 1e-9));
   const int stride = std::max(1, (last - first) / 8);
   const bool few = last - first <= 3;
   for (int power = first; power <= last; power += stride) {

@@ -232,8 +232,8 @@ std::string HeatMap(const HeatMapSpec& spec) {
     }
   }
   for (const double tick : NiceTicks(spec.first_column, spec.last_column, 8)) {
-    const double span = spec.last_column - spec.first_column;
-    const double at = span > 0 ? left + (tick - spec.first_column) / span * (right - left) : (left + right) / 2;
+    // The label stands under the middle of its column.
+    const double at = left + (tick - spec.first_column + 0.5) / (spec.last_column - spec.first_column + 1) * (right - left);
     canvas.Text(at, bottom + 15, FormatNumber(tick), "middle", "m");
   }
   canvas.Text((left + right) / 2, bottom + 32, spec.column_label, "middle");

@@ -6,7 +6,7 @@ namespace mvstudio::synth {
 
 dataset::Person2d DetectJoints(const BodyScene& scene, const geometry::RigCamera& camera, const body::Skeleton& skeleton,
                                const Eigen::Matrix3Xd& joints_in_world, double noise_px, uint64_t seed) {
-  constexpr double kFaceDepth = 0.06, kLimbDepth = 0.16;  // m of body that may cover a joint that is still visible
+  constexpr double kFaceDepth = 0.05, kLimbDepth = 0.16;  // m of body that may cover a joint that is still visible
   const geometry::Projector projector(camera.camera);
   const Eigen::Vector3d eye = camera.CenterInWorld();
   Rng rng(seed);

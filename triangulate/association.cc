@@ -109,7 +109,8 @@ Cluster Collect(const PreparedRig& rig, const std::vector<Candidate>& candidates
   return cluster;
 }
 
-std::optional<Cluster> BestCluster(const PreparedRig& rig, const std::vector<Candidate>& candidates, const AssociationOptions& options) {
+std::optional<Cluster> BestCluster(const PreparedRig& rig, const std::vector<Candidate>& candidates,
+                                   const AssociationOptions& options) {
   std::optional<Cluster> best;
   double best_error = 0;
   for (size_t i = 0; i < candidates.size(); ++i) {

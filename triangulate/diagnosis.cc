@@ -105,11 +105,12 @@ std::string Format(const char* format, const std::string& name, double a, double
 
 std::string Message(const CameraDiagnosis& camera) {
   if (camera.off) {
-    return Format("%s: detections are off by (%+.1f, %+.1f) px on average: its calibration or its image size is wrong", camera.name,
-                  camera.mean_residual_px.x(), camera.mean_residual_px.y());
+    return Format("%s: detections are off by (%+.1f, %+.1f) px on average: its calibration or its image size is wrong",
+                  camera.name, camera.mean_residual_px.x(), camera.mean_residual_px.y());
   }
-  return Format("%s: detections are scaled by (%.4f, %.4f) about the principal point: its focal length or its image size is wrong",
-                camera.name, camera.image_scale.x(), camera.image_scale.y());
+  return Format(
+      "%s: detections are scaled by (%.4f, %.4f) about the principal point: its focal length or its image size is wrong",
+      camera.name, camera.image_scale.x(), camera.image_scale.y());
 }
 
 CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {
@@ -122,7 +123,8 @@ CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {
   Eigen::Vector2d left_out_sigma;
   RobustMean(samples.left_out_residuals_px, &result.mean_left_out_residual_px, &left_out_sigma);
   // The joints of one frame err together (a detector's habit, a blurred picture): a frame is one sample.
-  const double per_frame = std::sqrt(static_cast<double>(samples.residuals_px.size()) / static_cast<double>(samples.frames.size()));
+  const double per_frame =
+      std::sqrt(static_cast<double>(samples.residuals_px.size()) / static_cast<double>(samples.frames.size()));
   result.mean_error_px = result.sigma_residual_px / std::sqrt(static_cast<double>(samples.frames.size()));
   result.off = result.mean_residual_px.norm() > std::max(kMinShiftPx, kMinSigmas * result.mean_error_px.norm());
   const Eigen::Vector2d half_size(0.5 * camera.projector.camera().width_px, 0.5 * camera.projector.camera().height_px);
@@ -131,7 +133,8 @@ CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {
     FitScale(samples, k, left_out_sigma[k], &slope, &slope_error);
     result.image_scale[k] = 1 + slope;
     result.image_scale_error[k] = slope_error * per_frame;
-    if (std::abs(slope) * half_size[k] > kMinShiftPx && std::abs(slope) > kMinSigmas * result.image_scale_error[k]) result.scaled = true;
+    if (std::abs(slope) * half_size[k] > kMinShiftPx && std::abs(slope) > kMinSigmas * result.image_scale_error[k])
+      result.scaled = true;
   }
   if (result.off || result.scaled) result.message = Message(result);
   return result;

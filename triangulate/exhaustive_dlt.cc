@@ -22,7 +22,8 @@ struct Candidate {
   unsigned mask = 0;
 };
 
-std::vector<PixelView> MakePixelViews(const geometry::Rig& rig, const std::vector<Observation>& observations, double min_score) {
+std::vector<PixelView> MakePixelViews(const geometry::Rig& rig, const std::vector<Observation>& observations,
+                                      double min_score) {
   std::vector<PixelView> views;
   for (size_t i = 0; i < observations.size(); ++i) {
     const Observation& seen = observations[i];
@@ -76,7 +77,8 @@ Candidate Search(const std::vector<PixelView>& views, const ExhaustiveDltOptions
 Point TriangulateExhaustiveDlt(const geometry::Rig& rig, const std::vector<Observation>& observations,
                                const ExhaustiveDltOptions& options) {
   constexpr size_t kMaxViews = 20;
-  MVS_CHECK(observations.size() <= kMaxViews, observations.size() << " views: the exhaustive search takes at most " << kMaxViews);
+  MVS_CHECK(observations.size() <= kMaxViews, observations.size()
+                                                  << " views: the exhaustive search takes at most " << kMaxViews);
   const std::vector<PixelView> views = MakePixelViews(rig, observations, options.min_score);
   Point point;
   point.num_observations = static_cast<int>(observations.size());

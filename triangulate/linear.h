@@ -10,23 +10,24 @@
 namespace mvstudio::triangulate {
 
 struct LinearPoint {
-  Status status = Status::kOk;  ///< kTooFewViews, or kDegenerate when the rays do not determine a point (parallel, or one centre)
+  Status status =
+      Status::kOk;  ///< kTooFewViews, or kDegenerate when the rays do not determine a point (parallel, or one centre)
   Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
 };
 
 /// The point with the least sum of squared distances from the rays (taken as whole lines).
 LinearPoint Midpoint(const std::vector<View>& views);
 
-/// Inhomogeneous least squares with each ray weighted by one over its distance and angular noise, found by one reweighting of the
-/// midpoint: near the maximum-likelihood point. Compare Henry and Christian, "Absolute triangulation algorithms for space
+/// Inhomogeneous least squares with each ray weighted by one over its distance and angular noise, found by one reweighting of
+/// the midpoint: near the maximum-likelihood point. Compare Henry and Christian, "Absolute triangulation algorithms for space
 /// exploration", 2022 (LOST).
 LinearPoint WeightedLinear(const std::vector<View>& views);
 
 /// Midpoint of the common perpendicular of two rays; negative depths are possible.
 LinearPoint TwoViewMidpoint(const View& a, const View& b);
 
-/// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise. Rays at 0 and
-/// at 180 degrees count the same.
+/// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise. Rays at
+/// 0 and at 180 degrees count the same.
 double ParallaxSignificance(const std::vector<View>& views);
 
 }  // namespace mvstudio::triangulate

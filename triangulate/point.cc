@@ -14,7 +14,8 @@ void CheckOneAPerCamera(const PreparedRig& rig, const std::vector<Observation>& 
   std::vector<bool> seen(rig.cameras.size(), false);
   for (const Observation& observation : observations) {
     const size_t camera = static_cast<size_t>(observation.camera_idx);
-    MVS_CHECK(camera < seen.size() && !seen[camera], "camera " << observation.camera_idx << " is unknown or observes the point twice");
+    MVS_CHECK(camera < seen.size() && !seen[camera],
+              "camera " << observation.camera_idx << " is unknown or observes the point twice");
     seen[camera] = true;
   }
 }

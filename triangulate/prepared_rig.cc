@@ -26,8 +26,8 @@ PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
     const Eigen::Matrix3d rotation = camera.cam_from_world.rotation.toRotationMatrix();
     const Eigen::Vector3d translation = rotation * prepared.origin_in_world + camera.cam_from_world.translation;
     const double rounding = 1e-15 * (camera.cam_from_world.translation.norm() + prepared.origin_in_world.norm());
-    prepared.cameras.push_back({lens.name, geometry::Projector(lens), rotation, translation, -rotation.transpose() * translation,
-                                std::sqrt(lens.fx() * lens.fy()), rounding});
+    prepared.cameras.push_back({lens.name, geometry::Projector(lens), rotation, translation,
+                                -rotation.transpose() * translation, std::sqrt(lens.fx() * lens.fy()), rounding});
   }
   return prepared;
 }

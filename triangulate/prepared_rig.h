@@ -18,7 +18,7 @@ struct PreparedCamera {
   Eigen::Vector3d cam_from_local_translation;  // metres
   Eigen::Vector3d center_in_local;             // metres
   double focal_px = 0;
-  double rounding_m = 0;                       // error of the centre from the size of the numbers alone
+  double rounding_m = 0;  // error of the centre from the size of the numbers alone
 
   Eigen::Vector3d ToCam(const Eigen::Vector3d& x_in_local) const {
     return cam_from_local_rotation * x_in_local + cam_from_local_translation;

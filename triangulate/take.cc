@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <functional>
 
 #include "core/check.h"
 #include "core/parallel.h"
@@ -58,7 +58,8 @@ AssociationOptions ToAssociationOptions(const TakeOptions& o) {
 }
 
 /// What the cameras saw of one joint; sigmas are relative to that of a detection with score 1.
-std::vector<Observation> Observe(const DetectedFrame& frame, const std::vector<int>& choice, int joint_idx, const TakeOptions& options) {
+std::vector<Observation> Observe(const DetectedFrame& frame, const std::vector<int>& choice, int joint_idx,
+                                 const TakeOptions& options) {
   std::vector<Observation> observations;
   for (size_t c = 0; c < choice.size(); ++c) {
     if (choice[c] < 0) continue;
@@ -76,8 +77,9 @@ double MeanDiagonalPx(const geometry::Rig& rig) {
   return sum / static_cast<double>(rig.cameras.size());
 }
 
-void ResolveSigma(const geometry::Rig& rig, const PreparedRig& prepared, const TakeOptions& options, const PointOptions& point_options,
-                  int num_threads, std::vector<std::vector<Observation>>* observations, double* sigma_px) {
+void ResolveSigma(const geometry::Rig& rig, const PreparedRig& prepared, const TakeOptions& options,
+                  const PointOptions& point_options, int num_threads, std::vector<std::vector<Observation>>* observations,
+                  double* sigma_px) {
   *sigma_px = options.sigma_px;
   if (options.method == kExhaustiveDlt) return;
   if (options.sigma_px == 0) {
@@ -90,7 +92,8 @@ void ResolveSigma(const geometry::Rig& rig, const PreparedRig& prepared, const T
 
 void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints) {
   for (const DetectedFrame& frame : frames) {
-    MVS_CHECK(frame.people.size() == rig.cameras.size(), "frame " << frame.frame << " lists " << frame.people.size() << " cameras");
+    MVS_CHECK(frame.people.size() == rig.cameras.size(),
+              "frame " << frame.frame << " lists " << frame.people.size() << " cameras");
     for (const auto& people : frame.people) {
       for (const DetectedPerson& person : people) {
         MVS_CHECK(static_cast<int>(person.size()) == num_joints, "frame " << frame.frame << ": " << person.size() << " joints");
@@ -99,44 +102,73 @@ void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& fra
   }
 }
 
+/// Everything that is to be triangulated: one set of observations for each of the result's points.
+struct Problems {
+  std::vector<TakePoint> points;
+  std::vector<std::vector<Observation>> observations;
+  int num_persons = 0;
+};
+
+Problems Collect(const std::vector<DetectedFrame>& frames, const std::vector<std::vector<std::vector<int>>>& assignment,
+                 int num_joints, const TakeOptions& options) {
+  Problems problems;
+  for (size_t f = 0; f < frames.size(); ++f) {
+    for (size_t p = 0; p < assignment[f].size(); ++p) {
+      for (int j = 0; j < num_joints; ++j) {
+        problems.observations.push_back(Observe(frames[f], assignment[f][p], j, options));
+        problems.points.push_back({frames[f].frame, static_cast<int>(p), j, {}});
+      }
+    }
+    problems.num_persons = std::max(problems.num_persons, static_cast<int>(assignment[f].size()));
+  }
+  return problems;
+}
+
+/// Calls `solve(i)` for every point, in blocks that are worth a thread's while.
+void ForEachPoint(size_t num_points, const RunContext& run, const std::function<Point(int64_t)>& solve,
+                  std::vector<TakePoint>* points) {
+  constexpr int64_t kBlock = 64;
+  const int64_t count = static_cast<int64_t>(num_points);
+  ParallelFor((count + kBlock - 1) / kBlock, run.num_threads, [&](int64_t block) {
+    for (int64_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) (*points)[i].point = solve(i);
+  });
+}
+
+std::vector<CameraDiagnosis> Diagnose(const PreparedRig& prepared, const Problems& problems) {
+  std::vector<DiagnosedPoint> diagnosed;
+  for (size_t i = 0; i < problems.points.size(); ++i) {
+    diagnosed.push_back({problems.points[i].frame, &problems.points[i].point, &problems.observations[i]});
+  }
+  return DiagnoseCameras(prepared, diagnosed);
+}
+
 }  // namespace
 
 TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints,
                            const TakeOptions& options, const RunContext& run) {
   CheckOptions(rig, options);
   CheckFrames(rig, frames, num_joints);
+  ProgressStage stage(run, "triangulate", 3);
   const bool dlt = options.method == kExhaustiveDlt;
   const PreparedRig prepared = Prepare(rig, options.ignore_distortion || dlt);
-  const auto assignment = AssociateTake(prepared, frames, ToAssociationOptions(options), run);
+  Problems problems = Collect(frames, AssociateTake(prepared, frames, ToAssociationOptions(options), run), num_joints, options);
+  stage.Advance();
 
   TakeResult result;
-  std::vector<std::vector<Observation>> observations;
-  for (size_t f = 0; f < frames.size(); ++f) {
-    for (size_t p = 0; p < assignment[f].size(); ++p) {
-      for (int j = 0; j < num_joints; ++j) {
-        observations.push_back(Observe(frames[f], assignment[f][p], j, options));
-        result.points.push_back({frames[f].frame, static_cast<int>(p), j, {}});
-      }
-    }
-    result.num_persons = std::max(result.num_persons, static_cast<int>(assignment[f].size()));
-  }
   const PointOptions point_options = ToPointOptions(options);
-  ResolveSigma(rig, prepared, options, point_options, run.num_threads, &observations, &result.sigma_px);
+  ResolveSigma(rig, prepared, options, point_options, run.num_threads, &problems.observations, &result.sigma_px);
+  stage.Advance();
 
-  constexpr int64_t kBlock = 64;
-  const int64_t count = static_cast<int64_t>(observations.size());
-  ProgressStage stage(run, "triangulate", 1);
-  ParallelFor((count + kBlock - 1) / kBlock, run.num_threads, [&](int64_t block) {
-    for (int64_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
-      PointOptions own = point_options;
-      own.seed = run.seed + static_cast<uint64_t>(i);
-      result.points[i].point = dlt ? TriangulateExhaustiveDlt(rig, observations[i], {options.max_error_px, options.min_score, 2})
-                                   : TriangulatePoint(prepared, observations[i], own);
-    }
-  });
-  std::vector<DiagnosedPoint> diagnosed;
-  for (int64_t i = 0; i < count; ++i) diagnosed.push_back({result.points[i].frame, &result.points[i].point, &observations[i]});
-  result.cameras = DiagnoseCameras(prepared, diagnosed);
+  const auto solve = [&](int64_t i) {
+    if (dlt) return TriangulateExhaustiveDlt(rig, problems.observations[i], {options.max_error_px, options.min_score, 2});
+    PointOptions own = point_options;
+    own.seed = run.seed + static_cast<uint64_t>(i);
+    return TriangulatePoint(prepared, problems.observations[i], own);
+  };
+  ForEachPoint(problems.points.size(), run, solve, &problems.points);
+  result.cameras = Diagnose(prepared, problems);
+  result.num_persons = problems.num_persons;
+  result.points = std::move(problems.points);
   stage.Advance();
   return result;
 }

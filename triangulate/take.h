@@ -13,9 +13,10 @@
 namespace mvstudio::triangulate {
 
 struct TakeOptions {
-  std::string method = "auto";      ///< auto: robust; all-views, linear, midpoint: faster, outliers included; exhaustive-dlt: Pose2Sim's
-  double sigma_px = 0;              ///< of a detection with score 1; 0: estimated from the take
-  double min_score = 0.3;           ///< detections below are left out
+  std::string method =
+      "auto";              ///< auto: robust; all-views, linear, midpoint: faster, outliers included; exhaustive-dlt: Pose2Sim's
+  double sigma_px = 0;     ///< of a detection with score 1; 0: estimated from the take
+  double min_score = 0.3;  ///< detections below are left out
   double score_power = 0.5;         ///< sigma grows as score to minus this power
   double max_residual_sigmas = 4;   ///< see PointOptions
   double min_parallax_sigmas = 5;   ///< see PointOptions
@@ -29,7 +30,8 @@ struct TakeOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, TakeOptions& o) {
-  visit("method", o.method, "auto | all-views | linear | midpoint | exhaustive-dlt; auto chooses views and gives the most likely point, "
+  visit("method", o.method,
+        "auto | all-views | linear | midpoint | exhaustive-dlt; auto chooses views and gives the most likely point, "
         "all-views, linear and midpoint trust every detection, exhaustive-dlt is Pose2Sim's");
   visit("sigma-px", o.sigma_px, "px; standard deviation of a detection with score 1; 0 estimates it from the take");
   visit("min-score", o.min_score, "0..1; detections with a lower score are left out");
@@ -41,7 +43,8 @@ void VisitFields(Visitor&& visit, TakeOptions& o) {
   visit("max-error-px", o.max_error_px, "px; exhaustive-dlt: mean reprojection error that ends the search");
   visit("ignore-distortion", o.ignore_distortion, "take every lens as a pinhole; exhaustive-dlt always does");
   visit("max-persons", o.max_persons, "the best supported persons of the take are kept");
-  visit("association-error-px", o.association_error_px, "px; views of one person agree up to this median; 0: 1.5 % of the diagonal");
+  visit("association-error-px", o.association_error_px,
+        "px; views of one person agree up to this median; 0: 1.5 % of the diagonal");
 }
 
 struct TakePoint {
@@ -56,8 +59,8 @@ struct TakeResult {
   int num_persons = 0;
 };
 
-/// Triangulates a take. `frames` ascend and have one list of people a camera of the rig; every person has `num_joints` joints. The
-/// result does not depend on the number of threads. Throws UsageError for an unknown method or options out of range.
+/// Triangulates a take. `frames` ascend and have one list of people a camera of the rig; every person has `num_joints` joints.
+/// The result does not depend on the number of threads. Throws UsageError for an unknown method or options out of range.
 TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints,
                            const TakeOptions& options, const RunContext& run = {});
 

@@ -13,7 +13,9 @@ struct Track {
   std::map<size_t, size_t> clusters;
   int64_t support = 0;
 
-  double MeanSupport() const { return static_cast<double>(support) / static_cast<double>(std::max<size_t>(clusters.size(), 1)); }
+  double MeanSupport() const {
+    return static_cast<double>(support) / static_cast<double>(std::max<size_t>(clusters.size(), 1));
+  }
 };
 
 /// Mean distance of the joints that both know, metres; infinity when there are none.
@@ -72,7 +74,8 @@ std::vector<Track> LinkTracks(const std::vector<TrackFrame>& frames, const Assoc
 }
 
 bool Overlap(const Track& a, const Track& b) {
-  return std::any_of(a.clusters.begin(), a.clusters.end(), [&b](const auto& entry) { return b.clusters.count(entry.first) > 0; });
+  return std::any_of(a.clusters.begin(), a.clusters.end(),
+                     [&b](const auto& entry) { return b.clusters.count(entry.first) > 0; });
 }
 
 std::vector<Track> MergeTracks(const std::vector<Track>& tracks, size_t max_persons) {

@@ -18,12 +18,12 @@ struct Observation {
 /// A triangulated point. Position, covariance and residuals are to be read only when `status` is kOk.
 struct Point {
   Status status = Status::kTooFewViews;
-  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();    ///< metres
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();    ///< m^2, from the observations' sigmas; the rig counts as exact
-  int num_observations = 0;  ///< that were offered
-  std::vector<int> used;     ///< indices of the observations that carry the point, ascending
-  double rms_px = 0;         ///< sqrt(mean |r|^2) over `used`
-  double chi_squared = 0;    ///< sum |r|^2 / sigma^2 over `used`; 2 |used| - 3 degrees of freedom
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, from the observations' sigmas; the rig counts as exact
+  int num_observations = 0;                              ///< that were offered
+  std::vector<int> used;                                 ///< indices of the observations that carry the point, ascending
+  double rms_px = 0;                                     ///< sqrt(mean |r|^2) over `used`
+  double chi_squared = 0;                                ///< sum |r|^2 / sigma^2 over `used`; 2 |used| - 3 degrees of freedom
 };
 
 }  // namespace mvstudio::triangulate

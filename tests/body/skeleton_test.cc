@@ -15,7 +15,8 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST(Skeleton, SizesAreThoseOfTheFormats) {
-  const std::pair<const char*, size_t> sizes[] = {{"body25", 25}, {"body25b", 25}, {"coco17", 17}, {"coco18", 18}, {"coco19", 19}};
+  const std::pair<const char*, size_t> sizes[] = {
+      {"body25", 25}, {"body25b", 25}, {"coco17", 17}, {"coco18", 18}, {"coco19", 19}};
   for (const auto& [name, size] : sizes) {
     const Skeleton& skeleton = SkeletonByName(name);
     EXPECT_EQ(skeleton.joints.size(), size) << name;
@@ -80,7 +81,7 @@ TEST(Coco19From, TakesOwnJointsOrMeans) {
   EXPECT_THAT(from25[2], ElementsAre(8));
   EXPECT_THAT(from25[3], ElementsAre(5));
   const auto from25b = Coco19From(SkeletonByName("body25b"));
-  EXPECT_THAT(from25b[0], ElementsAre(5, 6));    // its Neck is the upper neck
+  EXPECT_THAT(from25b[0], ElementsAre(5, 6));  // its Neck is the upper neck
   EXPECT_THAT(from25b[2], ElementsAre(11, 12));
   const auto from17 = Coco19From(SkeletonByName("coco17"));
   EXPECT_THAT(from17[0], ElementsAre(5, 6));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "core/error.h"
@@ -100,6 +101,7 @@ T: !!opencv-matrix
 ImportedRig Read(CalibrationFormat format, const std::string& text) {
   static const TempDir folder;  // one for all: thousands of damaged files go through it
   const std::string path = folder / "file.txt";
+  std::filesystem::remove(path);  // a file that is truncated instead is flushed to the disk on closing by some file systems
   std::ofstream(path, std::ios::binary) << text;  // not WriteFileAtomic: thousands of files need no flush to the disk
   if (format == CalibrationFormat::kQualisysToml) return ReadQualisysToml(path);
   if (format == CalibrationFormat::kQca) return ReadQca(path);

@@ -122,28 +122,47 @@ inline geometry::Rig TruthRig(const Scene& scene) {
   return rig;
 }
 
-/// A picture of the board through the exact lens, `samples`^2 samples a pixel, on a grey ground, blurred by the pixel's area alone.
+/// Position on the board's plane of the point seen at a pixel, metres.
+inline Eigen::Vector2d OnBoardPlane(const geometry::Projector& projector, const geometry::Rigid3& board_from_cam, double u, double v) {
+  const Eigen::Vector3d ray = board_from_cam.rotation * projector.Unproject({u, v}).ray_in_cam;
+  return (board_from_cam.translation - ray * (board_from_cam.translation.z() / ray.z())).head<2>();
+}
+
+/// A picture of the board through the exact lens on a grey ground, `samples`^2 samples a pixel: exact rays at the pixel's corners,
+/// bilinear in between.
 inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board, int samples) {
   constexpr int kPxPerSquare = 96;
   constexpr double kMargin = 0.5;
   const Image print = DrawBoard(board, kPxPerSquare, kMargin);
   const geometry::Projector projector(camera);
   const geometry::Rigid3 board_from_cam = geometry::Inverse(cam_from_board);
-  Image image(camera.width_px, camera.height_px, 1);
-  for (int v = 0; v < image.height; ++v) {
-    for (int u = 0; u < image.width; ++u) {
+  Eigen::AlignedBox2d box;
+  for (double x : {-1.5, board.cols / 2.0, board.cols + 0.5}) {
+    for (double y : {-1.5, board.rows / 2.0, board.rows + 0.5}) {
+      box.extend(projector.Project(cam_from_board * Eigen::Vector3d(x * board.square_m, y * board.square_m, 0)).px);
+    }
+  }
+  const int u0 = std::max(0, static_cast<int>(box.min().x()) - 8), u1 = std::min(camera.width_px - 1, static_cast<int>(box.max().x()) + 8);
+  const int v0 = std::max(0, static_cast<int>(box.min().y()) - 8), v1 = std::min(camera.height_px - 1, static_cast<int>(box.max().y()) + 8);
+  Image image(camera.width_px, camera.height_px, 1, 128);
+  std::vector<Eigen::Vector2d> above, below;
+  for (int v = v0; v <= v1 + 1; ++v) {
+    below.clear();
+    for (int u = u0; u <= u1 + 1; ++u) below.push_back(OnBoardPlane(projector, board_from_cam, u - 0.5, v - 0.5));
+    for (int u = u0; v > v0 && u <= u1; ++u) {
+      const int k = u - u0;
       double sum = 0;
       for (int s = 0; s < samples * samples; ++s) {
-        const Eigen::Vector2d px(u - 0.5 + (s % samples + 0.5) / samples, v - 0.5 + (s / samples + 0.5) / samples);
-        const Eigen::Vector3d ray = board_from_cam.rotation * projector.Unproject(px).ray_in_cam;
-        const Eigen::Vector3d x = board_from_cam.translation - ray * (board_from_cam.translation.z() / ray.z());
-        const double col = (x.x() / board.square_m + 1 + kMargin) * kPxPerSquare - 0.5, row = (x.y() / board.square_m + 1 + kMargin) * kPxPerSquare - 0.5;
-        const int i = static_cast<int>(std::lround(col)), j = static_cast<int>(std::lround(row));
+        const double a = (s % samples + 0.5) / samples, b = (s / samples + 0.5) / samples;
+        const Eigen::Vector2d x = (1 - b) * ((1 - a) * above[k] + a * above[k + 1]) + b * ((1 - a) * below[k] + a * below[k + 1]);
+        const Eigen::Vector2d at = (x / board.square_m).array() * kPxPerSquare + (1 + kMargin) * kPxPerSquare - 0.5;
+        const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y()));
         const bool inside = i >= 0 && j >= 0 && i < print.width && j < print.height;
         sum += inside ? 40 + 0.7 * *print.Pixel(i, j) : 128;
       }
-      *image.Pixel(u, v) = static_cast<uint8_t>(std::lround(sum / (samples * samples)));
+      *image.Pixel(u, v - 1) = static_cast<uint8_t>(std::lround(sum / (samples * samples)));
     }
+    std::swap(above, below);
   }
   return image;
 }

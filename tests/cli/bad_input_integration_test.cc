@@ -120,7 +120,7 @@ TEST_F(BadInput, PictureSizeThatContradictsTheCalibration) {
 }
 
 TEST_F(BadInput, BoardNeverSeen) {
-  std::vector<std::string> words = {"calibrate", "--board", "charuco:8x6:100mm:75mm", "--out", work_ / "run"};
+  std::vector<std::string> words = {"calibrate", "--board", "charuco:7x5:140mm:105mm", "--out", work_ / "run"};
   for (const char* camera : {"cam_01", "cam_02"}) {
     words.insert(words.end(), {"--camera", std::string(camera) + "=" + session_ + "/raw/take1/" + camera + ".mp4"});
   }

@@ -9,6 +9,7 @@
 #include "core/files.h"
 #include "core/image.h"
 #include "core/random.h"
+#include "dataset/pose3d.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/test_data.h"
 
@@ -35,6 +36,21 @@ inline Image SmoothImage(int width, int height, double phase) {
     }
   }
   return image;
+}
+
+/// A person who stands at (x, 0, 0), arms a little spread, 1.75 m tall.
+inline Coco19Pose StandingPerson(double x_m) {
+  const double joints[19][3] = {{0, 0, 1.45},       {0, -0.1, 1.6},    {0, 0, 0.95},        {0.18, 0, 1.42},    {0.34, 0, 1.2},
+                                {0.48, 0, 1.0},     {0.1, 0, 0.93},    {0.14, 0, 0.5},      {0.16, 0, 0.1},     {-0.18, 0, 1.42},
+                                {-0.34, 0, 1.2},    {-0.48, 0, 1.0},   {-0.1, 0, 0.93},     {-0.14, 0, 0.5},    {-0.16, 0, 0.1},
+                                {0.03, -0.1, 1.64}, {0.07, 0, 1.62},   {-0.03, -0.1, 1.64}, {-0.07, 0, 1.62}};
+  Coco19Pose pose;
+  for (int j = 0; j < 19; ++j) {
+    pose.x_in_world.col(j) << joints[j][0] + x_m, joints[j][1], joints[j][2];
+    pose.valid[j] = true;
+    pose.confidence[j] = 1;
+  }
+  return pose;
 }
 
 inline double MeanAbsDifference(const Image& a, const Image& b) {

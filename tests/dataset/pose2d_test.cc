@@ -156,9 +156,10 @@ TEST_F(Pose2d, MutationsNeverCrash) {
   const std::string whole = People(51);
   Rng rng(7);
   int refused = 0;
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < 100; ++trial) {
     std::string mutated = whole;
-    for (int k = 0; k < 3; ++k) mutated[static_cast<size_t>(rng.Index(static_cast<int64_t>(whole.size())))] = static_cast<char>(rng.Index(256));
+    for (int k = 0; k < 3; ++k)
+      mutated[static_cast<size_t>(rng.Index(static_cast<int64_t>(whole.size())))] = static_cast<char>(rng.Index(256));
     Put("1.json", mutated);
     try {
       for (const Person2d& person : Read().frames.at(1)) EXPECT_EQ(person.keypoints.size(), 17u);
@@ -166,7 +167,7 @@ TEST_F(Pose2d, MutationsNeverCrash) {
       ++refused;
     }
   }
-  EXPECT_GT(refused, 100);
+  EXPECT_GT(refused, 30);
 }
 
 TEST_F(Pose2d, ReadsRealFilesOfPose2Sim) {

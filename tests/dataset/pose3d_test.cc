@@ -131,8 +131,9 @@ TEST_F(Pose3dFile, NonFinitePointIsTheCallersMistake) {
 }
 
 TEST(ToCoco19, TakesOwnJointsAndMeans) {
-  Pose3d pose{"body25b", {OkRow("LShoulder", {1, 0, 0}, 0.01), OkRow("RShoulder", {3, 2, 0}, 0.01), OkRow("Neck", {9, 9, 9}),
-                          OkRow("LHip", {0, 0, 1}), OkRow("Nose", {0, 0, 2}, 0.05)}};
+  Pose3d pose{"body25b",
+              {OkRow("LShoulder", {1, 0, 0}, 0.01), OkRow("RShoulder", {3, 2, 0}, 0.01), OkRow("Neck", {9, 9, 9}),
+               OkRow("LHip", {0, 0, 1}), OkRow("Nose", {0, 0, 2}, 0.05)}};
   pose.rows.push_back(OkRow("RHip", {5, 5, 5}));
   pose.rows.back().status = Status::kOutlier;
   const Coco19Pose coco = ToCoco19(pose).at(0).at(0);
@@ -141,7 +142,7 @@ TEST(ToCoco19, TakesOwnJointsAndMeans) {
   EXPECT_NEAR(coco.confidence[0], std::exp(-0.01 / std::sqrt(2.0) / 0.05), 1e-15);
   ASSERT_TRUE(coco.valid[1]);
   EXPECT_NEAR(coco.confidence[1], std::exp(-1.0), 1e-15);
-  EXPECT_FALSE(coco.valid[2]);   // one hip is missing: no BodyCenter
+  EXPECT_FALSE(coco.valid[2]);  // one hip is missing: no BodyCenter
   EXPECT_TRUE(coco.valid[6]);
   EXPECT_FALSE(coco.valid[12]);  // an outlier
   EXPECT_EQ(coco.confidence[12], 0);

@@ -104,6 +104,7 @@ TEST(AlignPoints, SurvivesExtremeUnits) {
     const Alignment result = AlignPoints(a * unit, Moved({kTruth.rotation, Eigen::Vector3d::Zero()}, 1, a * unit));
     ASSERT_EQ(result.status, Status::kOk) << unit;
     EXPECT_LT(RotationAngle(result.b_from_a.rotation, kTruth.rotation), 1e-13);
+    EXPECT_LT(result.rms / unit, 1e-14);
   }
 }
 
@@ -164,6 +165,25 @@ TEST(CompareRigs, FindsTheOneCameraThatMoved) {
   const RigDifference difference = CompareRigs(rig, reference);
   EXPECT_NEAR(difference.max_rotation_rad, 0.01, 1e-3);
   EXPECT_LT(difference.mean_rotation_rad, 1.5e-3);
+}
+
+TEST(CompareRigs, LensDifferenceIsThatOfTheSameRay) {
+  Rng rng(10);
+  const Rig reference = RandomRig(rng, 3);
+  Rig rig = reference;
+  EXPECT_LT(CompareRigs(rig, reference).max_lens_px, 1e-9);
+  rig.cameras[1].camera.params[2] += 3;
+  rig.cameras[1].camera.params[3] -= 4;
+  EXPECT_NEAR(CompareRigs(rig, reference).max_lens_px, 5, 1e-9);
+  // A k1 moves the corner of a pinhole by f k1 r^3.
+  rig = reference;
+  Camera& camera = rig.cameras[2].camera;
+  camera.model = LensModel::kBrown1;
+  camera.params = (Eigen::VectorXd(5) << camera.params, -0.01).finished();
+  const double radius = std::hypot(camera.cx(), camera.cy()) / camera.fx();
+  EXPECT_NEAR(CompareRigs(rig, reference).max_lens_px, 0.01 * camera.fx() * std::pow(radius, 3), 1e-9);
+  camera.params[4] = -2;  // the corners lie beyond the fold
+  EXPECT_TRUE(std::isinf(CompareRigs(rig, reference).max_lens_px));
 }
 
 TEST(CompareRigs, NeedsTheSameCameras) {

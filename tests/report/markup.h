@@ -7,8 +7,8 @@
 
 namespace mvstudio::report {
 
-/// A tiny XML checker: tags nest and close, attributes are quoted and not repeated, text has no bare '<' or '&', entities are known.
-/// Returns "" for a well-formed element, else what is wrong and where.
+/// A tiny XML checker: tags nest and close, attributes are quoted and not repeated, text has no bare '<' or '&', entities are
+/// known. Returns "" for a well-formed element, else what is wrong and where.
 class MarkupChecker {
  public:
   explicit MarkupChecker(const std::string& text) : text_(text) {}
@@ -46,7 +46,9 @@ class MarkupChecker {
 
   std::string ReadName() {
     const size_t begin = at_;
-    while (at_ < text_.size() && (std::isalnum(static_cast<unsigned char>(text_[at_])) || text_[at_] == '-' || text_[at_] == ':')) ++at_;
+    while (at_ < text_.size() &&
+           (std::isalnum(static_cast<unsigned char>(text_[at_])) || text_[at_] == '-' || text_[at_] == ':'))
+      ++at_;
     return text_.substr(begin, at_ - begin);
   }
 

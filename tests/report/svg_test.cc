@@ -36,7 +36,8 @@ std::vector<double> Attributes(const std::string& svg, const std::string& elemen
 TEST(NiceTicks, AreRoundAndInside) {
   EXPECT_THAT(NiceTicks(0, 10, 5), ElementsAre(0, 2, 4, 6, 8, 10));
   EXPECT_THAT(NiceTicks(-1, 1, 4), ElementsAre(DoubleEq(-1), DoubleEq(-0.5), DoubleEq(0), DoubleEq(0.5), DoubleEq(1)));
-  EXPECT_THAT(NiceTicks(0.03, 0.11, 4), ElementsAre(DoubleNear(0.04, 1e-12), DoubleNear(0.06, 1e-12), DoubleNear(0.08, 1e-12), DoubleNear(0.1, 1e-12)));
+  EXPECT_THAT(NiceTicks(0.03, 0.11, 4),
+              ElementsAre(DoubleNear(0.04, 1e-12), DoubleNear(0.06, 1e-12), DoubleNear(0.08, 1e-12), DoubleNear(0.1, 1e-12)));
 }
 
 TEST(NiceTicks, NeverMinusZero) {
@@ -65,7 +66,8 @@ TEST(NiceTicks, DegenerateRangesEnd) {
 }
 
 TEST(LogTicks, PowersAndTheirParts) {
-  EXPECT_THAT(LogTicks(0.1, 10), ElementsAre(DoubleNear(0.1, 1e-15), DoubleNear(0.2, 1e-15), DoubleNear(0.5, 1e-15), 1, 2, 5, 10));
+  EXPECT_THAT(LogTicks(0.1, 10),
+              ElementsAre(DoubleNear(0.1, 1e-15), DoubleNear(0.2, 1e-15), DoubleNear(0.5, 1e-15), 1, 2, 5, 10));
   EXPECT_THAT(LogTicks(1e-6, 1e2), ElementsAre(1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10, 100));
   EXPECT_THAT(LogTicks(0, 1), IsEmpty());
   EXPECT_THAT(LogTicks(-1, 1), IsEmpty());
@@ -198,7 +200,8 @@ TEST(ResidualField, NeedleHasTheStatedEnlargement) {
 }
 
 TEST(ResidualField, NothingOrZeroOrNan) {
-  for (const std::vector<ImageArrow>& arrows : {std::vector<ImageArrow>{}, {{1, 1, 0, 0}}, {{kNan, 1, 1, 1}}, {{1, 1, kInf, 0}}}) {
+  for (const std::vector<ImageArrow>& arrows :
+       {std::vector<ImageArrow>{}, {{1, 1, 0, 0}}, {{kNan, 1, 1, 1}}, {{1, 1, kInf, 0}}}) {
     for (const double width : {640.0, 0.0, kNan}) {
       EXPECT_EQ(CheckMarkup(ResidualField("r", width, 480, arrows)), "");
       EXPECT_EQ(CheckMarkup(ResidualCloud("r", arrows)), "");
@@ -212,9 +215,11 @@ TEST(VectorTargets, ArrowPointsWhereTheVectorPoints) {
   EXPECT_THAT(svg, HasSubstr("left&lt;"));
   EXPECT_THAT(svg, HasSubstr("4\u00a0px"));
   std::smatch line;
-  ASSERT_TRUE(std::regex_search(svg, line, std::regex("<line x1=\"([0-9.]+)\" y1=\"([0-9.]+)\" x2=\"([0-9.]+)\" y2=\"([0-9.]+)\" class=\"s1\"")));
+  ASSERT_TRUE(std::regex_search(
+      svg, line, std::regex("<line x1=\"([0-9.]+)\" y1=\"([0-9.]+)\" x2=\"([0-9.]+)\" y2=\"([0-9.]+)\" class=\"s1\"")));
   EXPECT_LT(std::stod(line[3]), std::stod(line[1]));  // the suspect one goes left
-  ASSERT_TRUE(std::regex_search(svg, line, std::regex("<line x1=\"([0-9.]+)\" y1=\"([0-9.]+)\" x2=\"([0-9.]+)\" y2=\"([0-9.]+)\" class=\"s0\"")));
+  ASSERT_TRUE(std::regex_search(
+      svg, line, std::regex("<line x1=\"([0-9.]+)\" y1=\"([0-9.]+)\" x2=\"([0-9.]+)\" y2=\"([0-9.]+)\" class=\"s0\"")));
   EXPECT_GT(std::stod(line[4]), std::stod(line[2]));  // y down
 }
 

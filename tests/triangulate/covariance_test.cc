@@ -1,5 +1,6 @@
-#include <Eigen/LU>
 #include <gtest/gtest.h>
+
+#include <Eigen/LU>
 
 #include "tests/triangulate/support.h"
 #include "triangulate/noise.h"
@@ -56,7 +57,8 @@ TEST(Covariance, CoversAtEveryParallax) {
 TEST(Covariance, CoversForManyCamerasAndLevelsOfNoise) {
   for (const int num_cameras : {3, 4, 8}) {
     for (const double noise_px : {0.01, 1.0, 5.0}) {
-      ExpectHonest(Measure(MakeRing(num_cameras), noise_px, 23), std::to_string(num_cameras) + " cameras, " + std::to_string(noise_px));
+      ExpectHonest(Measure(MakeRing(num_cameras), noise_px, 23),
+                   std::to_string(num_cameras) + " cameras, " + std::to_string(noise_px));
     }
   }
 }
@@ -111,9 +113,7 @@ TEST(Noise, IsFoundFromTheResiduals) {
   }
 }
 
-TEST(Noise, FallsBackWithoutPoints) {
-  EXPECT_EQ(EstimateNoiseScale(Prepare(MakeRing(3)), {}, {}, 8, 2.5, 1), 2.5);
-}
+TEST(Noise, FallsBackWithoutPoints) { EXPECT_EQ(EstimateNoiseScale(Prepare(MakeRing(3)), {}, {}, 8, 2.5, 1), 2.5); }
 
 }  // namespace
 }  // namespace mvstudio::triangulate

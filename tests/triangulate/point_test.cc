@@ -39,7 +39,8 @@ TEST(TriangulatePoint, RecoversNoiseFreePoints) {
 TEST(TriangulatePoint, AllMethodsRecoverNoiseFreePoints) {
   const geometry::Rig rig = MakeRing(6);
   const Eigen::Vector3d truth(0.3, -0.2, 0.5);
-  for (const PointMethod method : {PointMethod::kRobust, PointMethod::kAllViews, PointMethod::kLinear, PointMethod::kMidpoint}) {
+  for (const PointMethod method :
+       {PointMethod::kRobust, PointMethod::kAllViews, PointMethod::kLinear, PointMethod::kMidpoint}) {
     PointOptions options;
     options.method = method;
     const Point point = Triangulate(rig, Observe(rig, truth), options);
@@ -92,8 +93,8 @@ TEST(TriangulatePoint, DoesNotDependOnTheOrderOfCamerasOrOnUnits) {
 // With sigma = 1 px at f = 1000 px the parallax is known to sqrt(2) mrad: five of these are 0.405 degrees.
 TEST(TriangulatePoint, ParallaxSweep) {
   const double threshold = 5 * std::sqrt(2.0) / 1000;
-  for (const double deg : {0.0, 1e-6, 1e-3, 0.01, 0.1, 0.3, 0.39, 0.42, 0.6, 1.0, 10.0, 60.0, 90.0, 150.0, 179.0, 179.4, 179.58,
-                           179.61, 179.9, 179.99, 180.0}) {
+  for (const double deg : {0.0,  1e-6, 1e-3,  0.01,  0.1,   0.3,    0.39,   0.42,  0.6,    1.0,  10.0,
+                           60.0, 90.0, 150.0, 179.0, 179.4, 179.58, 179.61, 179.9, 179.99, 180.0}) {
     const geometry::Rig rig = TwoCameras(DegToRad(deg));
     const Point point = Triangulate(rig, Observe(rig, Eigen::Vector3d::Zero()));
     if (deg == 0) {
@@ -119,7 +120,8 @@ TEST(TriangulatePoint, OneCentreIsDegenerate) {
   for (const double offset : {0.0, 1.0, 1e5}) {
     const Eigen::Vector3d center = offset * Eigen::Vector3d(0.3, 0.4, -0.5);
     geometry::Rig rig;
-    for (const double y : {-0.2, 0.0, 0.3}) rig.cameras.push_back(LookAt("c" + std::to_string(y), center, center + Eigen::Vector3d(1, y, y)));
+    for (const double y : {-0.2, 0.0, 0.3})
+      rig.cameras.push_back(LookAt("c" + std::to_string(y), center, center + Eigen::Vector3d(1, y, y)));
     std::vector<Observation> observations = Observe(rig, center + Eigen::Vector3d(4, 0.1, 0.2));
     EXPECT_EQ(Triangulate(rig, observations).status, Status::kDegenerate) << offset;
     for (Observation& seen : observations) seen.px += 20 * Eigen::Vector2d(rng.Normal(), rng.Normal());

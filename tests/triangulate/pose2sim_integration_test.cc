@@ -10,7 +10,8 @@
 #include "tests/triangulate/support.h"
 #include "triangulate/take.h"
 
-/// Real recordings of Pose2Sim's demo session against the .trc files that program wrote (a peer's output, not independent truth).
+/// Real recordings of Pose2Sim's demo session against the .trc files that program wrote (a peer's output, not independent
+/// truth).
 namespace mvstudio::triangulate {
 namespace {
 
@@ -131,7 +132,8 @@ TEST_F(Pose2Sim, PicksThePersonAmongPassersBy) {
 TEST_F(Pose2Sim, NamesTheCamerasThatAreOff) {
   TakeResult take;
   Compare(Balancing(), {}, &take);
-  // Means over the views that Pose2Sim kept, measured with another program: (+8.9, +0.4), (-3.4, -2.6), (+8.5, +9.5), (+1.9, -2.1).
+  // Means over the views that Pose2Sim kept, measured with another program: (+8.9, +0.4), (-3.4, -2.6), (+8.5, +9.5), (+1.9,
+  // -2.1).
   EXPECT_TRUE(take.cameras[0].off);
   EXPECT_TRUE(take.cameras[2].off);
   EXPECT_NEAR(take.cameras[0].mean_residual_px.x(), 8.9, 5);

@@ -1,6 +1,6 @@
-#include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 
 #include "tests/triangulate/support.h"
@@ -105,7 +105,8 @@ TEST(RobustSelection, AmbiguousPairsAreRefused) {
   // Three cameras in one plane with the point: moving the middle one's pixel along the plane keeps every pair consistent.
   geometry::Rig rig;
   for (const double deg : {-30.0, 0.0, 30.0}) {
-    rig.cameras.push_back(LookAt("c" + std::to_string(deg), 3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0), {0, 0, 0}));
+    rig.cameras.push_back(
+        LookAt("c" + std::to_string(deg), 3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0), {0, 0, 0}));
   }
   std::vector<Observation> observations = Observe(rig, {0, 0, 0});
   observations[1].px.x() += 80;

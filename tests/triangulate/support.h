@@ -46,7 +46,8 @@ inline geometry::Rig MakeRing(int num_cameras, double radius_m = 3, const Eigen:
 }
 
 inline Eigen::Vector3d RandomPoint(Rng* rng, double half_size_m = 0.6) {
-  return {rng->Uniform(-half_size_m, half_size_m), rng->Uniform(-half_size_m, half_size_m), rng->Uniform(-half_size_m, half_size_m)};
+  return {rng->Uniform(-half_size_m, half_size_m), rng->Uniform(-half_size_m, half_size_m),
+          rng->Uniform(-half_size_m, half_size_m)};
 }
 
 /// What every camera sees of a point, with Gaussian noise. Cameras that cannot see it are left out.

@@ -28,7 +28,8 @@ std::vector<std::vector<Eigen::Vector3d>> MakeMotion(const Eigen::Vector3d& midd
   return motion;
 }
 
-DetectedPerson Detect(const geometry::RigCamera& camera, const std::vector<Eigen::Vector3d>& joints, double noise_px, Rng* rng) {
+DetectedPerson Detect(const geometry::RigCamera& camera, const std::vector<Eigen::Vector3d>& joints, double noise_px,
+                      Rng* rng) {
   DetectedPerson person;
   for (const Eigen::Vector3d& joint : joints) {
     const auto projection = geometry::Project(camera.camera, camera.cam_from_world * joint);
@@ -39,8 +40,8 @@ DetectedPerson Detect(const geometry::RigCamera& camera, const std::vector<Eigen
   return person;
 }
 
-std::vector<DetectedFrame> DetectAll(const geometry::Rig& rig, const std::vector<std::vector<Eigen::Vector3d>>& motion, double noise_px,
-                                     uint64_t seed) {
+std::vector<DetectedFrame> DetectAll(const geometry::Rig& rig, const std::vector<std::vector<Eigen::Vector3d>>& motion,
+                                     double noise_px, uint64_t seed) {
   Rng rng(seed);
   std::vector<DetectedFrame> frames;
   for (int f = 0; f < kFrames; ++f) {
@@ -169,7 +170,9 @@ TEST(TriangulateTake, EmptyAndHopelessInput) {
 
 TEST(TriangulateTake, OptionsAreChecked) {
   const geometry::Rig rig = MakeRing(3);
-  const auto expect_usage_error = [&rig](const TakeOptions& options) { EXPECT_THROW(TriangulateTake(rig, {}, kJoints, options), UsageError); };
+  const auto expect_usage_error = [&rig](const TakeOptions& options) {
+    EXPECT_THROW(TriangulateTake(rig, {}, kJoints, options), UsageError);
+  };
   TakeOptions options;
   options.method = "best";
   expect_usage_error(options);
@@ -192,7 +195,8 @@ TEST(Diagnosis, NamesTheShiftedCamera) {
       for (Keypoint& key : frame.people[3][0]) key.px += shift;
     }
     const TakeResult take = TriangulateTake(rig, shifted, kJoints, {});
-    for (size_t c = 0; c < take.cameras.size(); ++c) EXPECT_EQ(take.cameras[c].off, c == 3) << c << " " << take.cameras[c].message;
+    for (size_t c = 0; c < take.cameras.size(); ++c)
+      EXPECT_EQ(take.cameras[c].off, c == 3) << c << " " << take.cameras[c].message;
     EXPECT_THAT(take.cameras[3].message, HasSubstr("cam_3: detections are off by"));
     EXPECT_LT((take.cameras[3].mean_left_out_residual_px - shift).norm(), 0.2 * shift.norm());
   }
@@ -206,7 +210,8 @@ TEST(Diagnosis, NamesTheScaledCamera) {
     for (Keypoint& key : frame.people[5][0]) key.px.x() = scale * (key.px.x() + 0.5) - 0.5;
   }
   const TakeResult take = TriangulateTake(rig, frames, kJoints, {});
-  for (size_t c = 0; c < take.cameras.size(); ++c) EXPECT_EQ(take.cameras[c].off || take.cameras[c].scaled, c == 5) << take.cameras[c].message;
+  for (size_t c = 0; c < take.cameras.size(); ++c)
+    EXPECT_EQ(take.cameras[c].off || take.cameras[c].scaled, c == 5) << take.cameras[c].message;
   EXPECT_NEAR(take.cameras[5].image_scale.x(), scale, 0.0015);
   EXPECT_NEAR(take.cameras[5].image_scale.y(), 1, 0.0015);
 }

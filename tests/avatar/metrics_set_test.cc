@@ -1,0 +1,106 @@
+#include "avatar/metrics_set.h"
+
+#include <ATen/ATen.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "core/random.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+at::Tensor Picture(int64_t n, int64_t size, uint64_t seed) {
+  Rng rng(seed);
+  at::Tensor x = at::empty({n, 3, size, size}, at::kDouble);
+  for (int64_t i = 0; i < x.numel(); ++i) x.data_ptr<double>()[i] = rng.Uniform();
+  return x;
+}
+
+TEST(ScorePictures, TheBoxIsTheMaskPlusFivePercent) {
+  const at::Tensor a = Picture(1, 64, 1), b = Picture(1, 64, 2);
+  at::Tensor mask = at::zeros({1, 64, 64}, at::kByte);
+  mask.slice(1, 10, 50).slice(2, 20, 40).fill_(255);  // 20 wide, 40 high: margin 2
+  const PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble) / 255)[0];
+  const auto box = [](const at::Tensor& x) { return x.slice(2, 8, 52).slice(3, 18, 42).contiguous(); };
+  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)).item<double>(), 1e-13);
+  EXPECT_NEAR(score.bbox.ssim_luma, Ssim(box(a), box(b), SsimChannels::kLuma).item<double>(), 1e-13);
+  EXPECT_NEAR(score.bbox.psnr_db, PsnrDb(box(a), box(b)).item<double>(), 1e-12);
+  EXPECT_NEAR(score.full.ssim, Ssim(a, b).item<double>(), 1e-13);
+  const auto inside = [](const at::Tensor& x) { return x.slice(2, 10, 50).slice(3, 20, 40).contiguous(); };
+  EXPECT_NEAR(score.masked.psnr_db, PsnrDb(inside(a), inside(b)).item<double>(), 1e-12);
+  const at::Tensor map = SsimMap(a, b)[0].slice(0, 5, 45).slice(1, 15, 35);
+  EXPECT_NEAR(score.masked.ssim, map.mean().item<double>(), 1e-13);
+  EXPECT_EQ(score.mask_iou, 1.0);
+}
+
+TEST(ScorePictures, SmallAndCornerMasksStillFillAWindow) {
+  const at::Tensor a = Picture(1, 32, 3), b = Picture(1, 32, 4);
+  at::Tensor mask = at::zeros({1, 32, 32}, at::kByte);
+  mask[0][31][0] = 255;
+  const PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble))[0];
+  const auto box = [](const at::Tensor& x) { return x.slice(2, 21, 32).slice(3, 0, 11).contiguous(); };
+  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)).item<double>(), 1e-13);
+  EXPECT_THROW(ScorePictures(a, at::zeros_like(mask), b, mask), ContractViolation);
+  EXPECT_THROW(ScorePictures(a, mask, b, mask.slice(1, 0, 20)), ContractViolation);
+}
+
+TEST(ScorePictures, MeansAndEqualPictures) {
+  const at::Tensor a = Picture(2, 32, 5);
+  at::Tensor b = a.clone();
+  b[1] = (b[1] - 0.5) * 0.9 + 0.5;
+  const at::Tensor mask = at::ones({2, 32, 32}, at::kByte);
+  const auto scores = ScorePictures(a, mask, b, mask.to(at::kDouble));
+  const MeanScore mean = Mean(scores);
+  EXPECT_EQ(mean.n, 2);
+  EXPECT_EQ(mean.psnr_infinite, 1);
+  EXPECT_NEAR(mean.bbox.psnr_db, scores[1].bbox.psnr_db, 1e-12);
+  EXPECT_NEAR(mean.bbox.ssim, (1 + scores[1].bbox.ssim) / 2, 1e-12);
+  EXPECT_THROW(Mean({}), ContractViolation);
+}
+
+TEST(EightBit, IsWhatAFileGivesBack) {
+  const at::Tensor x = at::tensor({0.0, 0.5, 0.001, 1.2, -3.0}, at::kFloat);
+  const at::Tensor y = EightBit(x) * 255;
+  const double expected[] = {0, 128, 0, 255, 0};
+  for (int i = 0; i < 5; ++i) EXPECT_NEAR(y[i].item<double>(), expected[i], 1e-9);
+}
+
+TEST(BlockBootstrap, CoversTheMeanOfIndependentFrames) {
+  Rng rng(6);
+  int covered = 0;
+  const int trials = 200;
+  for (int t = 0; t < trials; ++t) {
+    std::vector<double> values;
+    std::vector<int64_t> frames;
+    for (int f = 0; f < 64; ++f) {
+      const double value = rng.Normal();
+      for (int camera = 0; camera < 3; ++camera) values.push_back(value), frames.push_back(f);  // cameras add nothing new
+    }
+    const Interval interval = BlockBootstrap(values, frames, t);
+    EXPECT_LT(interval.low, interval.high);
+    covered += interval.low <= 0 && 0 <= interval.high;
+  }
+  EXPECT_NEAR(covered / static_cast<double>(trials), 0.95, 0.09);
+  const Interval one = BlockBootstrap({0.5}, {3}, 1);
+  EXPECT_EQ(one.low, 0.5);
+  EXPECT_EQ(one.high, 0.5);
+}
+
+TEST(CompareSets, IsZeroForEqualSetsAndNeedsFour) {
+  const at::Tensor x = Picture(6, 32, 7);
+  const auto distance = CompareSets(x, x, 1);
+  ASSERT_TRUE(distance.has_value());
+  EXPECT_LE(distance->fd, 1e-10);
+  EXPECT_GT(distance->floor, distance->fd);
+  EXPECT_EQ(distance->n, 6);
+  EXPECT_EQ(distance->d, 240);
+  EXPECT_EQ(distance->features, "gabor-stats-v1");
+  EXPECT_FALSE(CompareSets(x.slice(0, 0, 3), x.slice(0, 0, 3), 1).has_value());
+  EXPECT_FALSE(CompareSets(x.slice(2, 0, 20), x.slice(2, 0, 20), 1).has_value());
+}
+
+}  // namespace
+}  // namespace mvstudio::avatar

@@ -1,0 +1,202 @@
+#include "dataset/verify.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "dataset/image_io.h"
+#include "dataset/panoptic.h"
+#include "tests/dataset/dataset_test_util.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// A sound dataset: two cameras, three frames, one standing person, masks that are a box around the joints.
+class VerifyTest : public ::testing::Test {
+ protected:
+  VerifyTest() {
+    geometry::Rig rig;
+    for (int c = 0; c < 2; ++c) {
+      geometry::RigCamera camera;
+      camera.camera = geometry::MakePinhole("00_0" + std::to_string(c), 80, 60, 70);
+      Eigen::Matrix3d axes;  // looks along +y from y = -4 m
+      axes << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+      camera.cam_from_world.rotation = Eigen::Quaterniond(axes);
+      camera.cam_from_world.translation = Eigen::Vector3d(0.1 * c, 1.0, 4.0);
+      rig.cameras.push_back(camera);
+    }
+    WritePanopticCalibration(rig, Path("calibration_t.json"), "test");
+    Coco19Pose pose;
+    for (int j = 0; j < 19; ++j) {
+      pose.x_in_world.col(j) << 0.02 * (j - 9), 0, 1.5 - 0.05 * j;
+      pose.valid[j] = true;
+      pose.confidence[j] = 0.9;
+    }
+    pose.x_in_world.col(0) << 0, 0, 1.5;
+    pose.x_in_world.col(2) << 0, 0, 1.0;
+    for (int frame = 5; frame < 8; ++frame) {
+      WriteBody3dScene({{0, pose}}, 33.0 * frame, Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"));
+      for (const std::string c : {"00_00", "00_01"}) {
+        const std::string name = c + "/" + c + "_0000000" + std::to_string(frame);
+        WriteImage(SmoothImage(80, 60, frame), Path("hdImgs/" + name + ".jpg"));
+        Image mask(80, 60, 1);
+        for (int y = 15; y < 50; ++y) std::fill_n(mask.Pixel(25, y), 32, uint8_t{255});
+        WriteImage(mask, Path("masks/" + name + ".png"));
+      }
+    }
+  }
+  std::string Path(const std::string& name) const { return folder_ / name; }
+  std::string Image0(int frame) const { return Path("hdImgs/00_00/00_00_0000000" + std::to_string(frame) + ".jpg"); }
+  std::string Mask0(int frame) const { return Path("masks/00_00/00_00_0000000" + std::to_string(frame) + ".png"); }
+  std::string Scene(int frame) const { return Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"); }
+  void EditJson(const std::string& path, const std::function<void(json&)>& change) const {
+    json value = json::parse(ReadFile(path));
+    change(value);
+    WriteFileAtomic(path, value.dump());
+  }
+  /// Number of findings with the code; every other finding is a failure.
+  int Only(const std::string& code) const {
+    int count = 0;
+    for (const Finding& f : VerifyDataset(folder_.path()).findings) {
+      count += f.code == code;
+      EXPECT_EQ(f.code, code) << f.path << ": " << f.text;
+    }
+    return count;
+  }
+
+  mvstudio::testing::TempDir folder_;
+};
+
+TEST_F(VerifyTest, SoundDatasetHasNoFinding) {
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(Only("none"), 0);
+  EXPECT_EQ(report.cameras, 2);
+  EXPECT_EQ(report.frames, 3);
+  EXPECT_EQ(report.pictures, 6);
+  EXPECT_EQ(report.masks, 6);
+}
+
+TEST_F(VerifyTest, EveryFaultyCameraIsListed) {
+  EditJson(Path("calibration_t.json"), [](json& c) {
+    c["cameras"][0]["R"][0][0] = 2.5;
+    c["cameras"][1].erase("distCoef");
+  });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(std::count_if(report.findings.begin(), report.findings.end(), [](const Finding& f) { return f.code == "DAT-CALIB"; }), 2);
+  EXPECT_GE(report.num_errors(), 2);
+}
+
+TEST_F(VerifyTest, MirroredAxesAreFound) {
+  EditJson(Path("calibration_t.json"), [](json& c) {
+    for (auto& row : c["cameras"][0]["R"]) row[2] = -row[2].get<double>();
+  });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.findings.at(0).code, "DAT-CALIB");
+  EXPECT_NE(report.findings.at(0).text.find("determinant"), std::string::npos);
+}
+
+TEST_F(VerifyTest, PictureOfAnotherSize) {
+  WriteImage(SmoothImage(82, 60, 0), Image0(6));
+  EXPECT_EQ(Only("DAT-SIZE"), 1);
+}
+
+TEST_F(VerifyTest, MissingPicture) {
+  fs::remove(Image0(6));
+  EXPECT_EQ(Only("DAT-IMAGE-MISSING"), 1);
+}
+
+TEST_F(VerifyTest, DamagedPicture) {
+  Truncate(Image0(6), Path("cut"), 0.7);
+  fs::rename(Path("cut"), Image0(6));
+  EXPECT_EQ(Only("DAT-IMAGE"), 1);
+}
+
+TEST_F(VerifyTest, MissingMask) {
+  fs::remove(Mask0(7));
+  EXPECT_EQ(Only("DAT-MASK-MISSING"), 1);
+}
+
+TEST_F(VerifyTest, GreyMask) {
+  WriteImage(Image(80, 60, 1, 200), Mask0(5));
+  EXPECT_EQ(Only("DAT-MASK-BINARY"), 1);
+}
+
+TEST_F(VerifyTest, MaskOfAnotherSize) {
+  WriteImage(Image(40, 30, 1, 255), Mask0(5));
+  EXPECT_EQ(Only("DAT-MASK-SIZE"), 1);
+}
+
+TEST_F(VerifyTest, EmptyMask) {
+  WriteImage(Image(80, 60, 1, 0), Mask0(5));
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 0);
+  EXPECT_EQ(report.findings.at(0).code, "DAT-MASK-EMPTY");
+}
+
+TEST_F(VerifyTest, JointsOffTheMasks) {
+  for (int frame = 5; frame < 8; ++frame) {
+    Image mask(80, 60, 1);
+    for (int y = 0; y < 10; ++y) std::fill_n(mask.Pixel(0, y), 10, uint8_t{255});
+    WriteImage(mask, Mask0(frame));
+  }
+  EXPECT_EQ(Only("DAT-COVER"), 1);
+}
+
+TEST_F(VerifyTest, DuplicatedPerson) {
+  EditJson(Scene(6), [](json& s) { s["bodies"].push_back(s["bodies"][0]); });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.findings.at(0).code, "DAT-ID");
+}
+
+TEST_F(VerifyTest, BrokenPose) {
+  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][7] = nullptr; });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.findings.at(0).code, "DAT-POSE");
+  EXPECT_NE(report.findings.at(0).text.find("joints19[7]"), std::string::npos);
+}
+
+TEST_F(VerifyTest, TimeThatGoesBack) {
+  EditJson(Scene(6), [](json& s) { s["univTime"] = 1.0; });
+  EXPECT_EQ(Only("DAT-TIME"), 1);
+}
+
+TEST_F(VerifyTest, MissingFrame) {
+  fs::remove(Scene(6));
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 0);
+  EXPECT_EQ(report.findings.at(0).code, "DAT-GAP");
+}
+
+TEST_F(VerifyTest, MetresInsteadOfCentimetres) {
+  for (int frame = 5; frame < 8; ++frame) {
+    EditJson(Scene(frame), [](json& s) {
+      for (size_t i = 0; i < 76; ++i) {
+        if (i % 4 != 3) s["bodies"][0]["joints19"][i] = s["bodies"][0]["joints19"][i].get<double>() / 100;
+      }
+    });
+  }
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.findings.at(0).code, "DAT-UNITS");
+}
+
+TEST_F(VerifyTest, StrangeNames) {
+  WriteFileAtomic(Path("hdImgs/00_00/thumbs.db"), "x");
+  EXPECT_EQ(Only("DAT-NAME"), 1);
+  fs::remove(Path("hdImgs/00_00/thumbs.db"));
+  fs::rename(Path("hdImgs/00_01"), Path("hdImgs/00_07"));
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_GE(report.num_errors(), 1);
+}
+
+TEST_F(VerifyTest, NoDatasetAtAll) {
+  EXPECT_THROW(VerifyDataset(Path("none")), IoError);
+  EXPECT_THROW(VerifyDataset(Path("hdImgs")), IoError);
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset

@@ -1,0 +1,390 @@
+#include "report/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <regex>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "tests/report/markup.h"
+
+namespace mvstudio::report {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using testing::AllOf;
+using testing::Contains;
+using testing::Field;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+constexpr char kHostile[] = "<script>alert(\"x\")</script>&'";
+
+Json Result(const std::string& command, const Json& metrics) {
+  return {{"schema", "mvstudio.result/1"},
+          {"command", command},
+          {"version", "0.1.0"},
+          {"status", "ok"},
+          {"exit", 0},
+          {"metrics", metrics},
+          {"outputs", Json::array()},
+          {"warnings", Json::array()},
+          {"errors", Json::array()},
+          {"timing", {{"wall_s", 1.5}, {"peak_rss_mb", 10.0}}},
+          {"argv", {"mvstudio", command}}};
+}
+
+/// A run folder of its own for each test, removed afterwards.
+class ReportTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    run_ = (fs::temp_directory_path() / ("mvstudio-report-" + std::to_string(getpid()) + "-" + info->name())).string();
+    fs::remove_all(run_);
+    MakeFolder(run_);
+  }
+  void TearDown() override { fs::remove_all(run_); }
+
+  void Save(const std::string& file, const Json& json) { WriteFileAtomic(run_ + "/" + file, json.dump(1)); }
+  void SaveText(const std::string& file, const std::string& text) { WriteFileAtomic(run_ + "/" + file, text); }
+
+  Report Build(const ReportOptions& options = {}) {
+    Report report = BuildReport(run_, options);
+    json_ = Json::parse(report.json);
+    return report;
+  }
+  const Json& StageOf(const std::string& command) {
+    for (const Json& stage : json_["stages"]) {
+      if (stage["command"] == command) return stage;
+    }
+    ADD_FAILURE() << "no stage " << command;
+    return json_;
+  }
+
+  void SaveCalibration(const std::string& file, const std::string& name = "left") {
+    Json cameras = Json::array();
+    for (int i = 0; i < 2; ++i) {
+      Json covariance = Json::array();
+      for (int r = 0; r < 4; ++r) covariance.push_back({r == 0 ? 0.04 : 0, 0, 0, 0});
+      cameras.push_back({{"name", i == 0 ? name : "right"},
+                         {"model", "pinhole"},
+                         {"size_px", {640, 480}},
+                         {"intrinsics", {{"fx", 530.25}, {"fy", 531}, {"cx", 320}, {"cy", 240}}},
+                         {"cam_from_world", {{"rotation_xyzw", {0, 0, 0, 1}}, {"translation", {-0.083 * i, 0, 0}}}},
+                         {"intrinsics_covariance", covariance}});
+    }
+    Save(file, {{"schema", "mvstudio.calibration/1"}, {"unit", "m"}, {"gauge", "left"}, {"cameras", cameras}});
+  }
+  void SaveCalibrate(const std::string& name = "left") {
+    const Json camera = {{"name", name},           {"model", "brown5"}, {"num_params", 9},          {"focal_px", 535.125},
+                         {"focal_sigma_px", 0.31}, {"rms_px", 0.2125},  {"holdout_rms_px", 0.2375}, {"coverage", 0.75},
+                         {"num_rejected", 3}};
+    Json other = camera;
+    other["name"] = "right", other["rms_px"] = nullptr, other["holdout_rms_px"] = nullptr;
+    Json result = Result(
+        "calibrate",
+        {{"rms_px", 0.2525},
+         {"holdout_rms_px", 0.2625},
+         {"baseline_mm", 83.12345678901234},
+         {"cameras", {camera, other}},
+         {"residuals", {{name, {{100, 50, 0.1, -0.2}, {500, 400, -0.1, 0.1}, {1, 2, nullptr, 3}}}, {"right", Json::array()}}}});
+    result["status"] = "warn";
+    result["warnings"] = {{{"code", "CAL-LOWCOV"},
+                           {"text", "camera " + name + " saw the board in few places"},
+                           {"hint", "show it <everywhere>"}}};
+    Save("calibrate.result.json", result);
+  }
+  void SaveTriangulation() {
+    std::string csv = "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n";
+    for (int frame = 0; frame < 4; ++frame) {
+      csv += std::to_string(frame) + ",0,MidHip,Ok,0.1,0.2," + std::to_string(1 + 0.1 * frame) + ",2," +
+             std::to_string(0.5 + frame) + ",0.004\n";
+      csv += std::to_string(frame) + ",0,Neck,Ok,0.1,0.2,1.5,2,1.25,0.002\n";
+      csv += std::to_string(frame) + ",0,Nose,LowParallax,,,,2,,\n";
+    }
+    SaveText("pose3d/points.csv", csv);
+    Save("pose3d/triangulate.result.json", Result("triangulate", {{"num_points", 12},
+                                                                  {"status_counts", {{"Ok", 8}, {"LowParallax", 4}}},
+                                                                  {"mean_rms_px", 1.5},
+                                                                  {"median_rms_px", 1.25},
+                                                                  {"cameras",
+                                                                   {{{"name", "left"}, {"mean_residual_px", {4.0, -3.0}}},
+                                                                    {{"name", "right"}, {"mean_residual_px", {0.1, 0.0}}}}},
+                                                                  {"points_per_s", 1234.5},
+                                                                  {"trc", {{"median_mm", 7.5}}}}));
+  }
+  void SaveAvatar() {
+    SaveText("avatar/history.csv",
+             "step,phase,total,ssim,wall_s\n1,init,2.0,0,1\n2,init,nan,0,2\n3,train,0.1,0.5,3\n4,validation,0.2,0.6,4\n");
+    // A whole PNG of one pixel.
+    const unsigned char png[] = {0x89, 'P',  'N',  'G',  13,  10,  26,  10,   0,    0,    0,    13,  'I',  'H',  'D',  'R',  0,
+                                 0,    0,    1,    0,    0,   0,   1,   8,    0,    0,    0,    0,   0x3a, 0x7e, 0x9b, 0x55, 0,
+                                 0,    0,    10,   'I',  'D', 'A', 'T', 0x78, 0x9c, 0x63, 0x60, 0,   0,    0,    2,    0,    1,
+                                 0x48, 0xaf, 0xa4, 0x71, 0,   0,   0,   0,    'I',  'E',  'N',  'D', 0xae, 0x42, 0x60, 0x82};
+    SaveText("avatar/eval/left_00000084.png", std::string(reinterpret_cast<const char*>(png), sizeof(png)));
+    const Json fd = {{"value", 3.5}, {"features", "random"}, {"n", 8}, {"d", 64}, {"floor", 0.5}};
+    Json result = Result(
+        "avatar eval", {{"holdout", {{"n", 8}, {"ssim", 0.9125}, {"psnr_db", 24.5}, {"mask_iou", 0.95}, {"fd", fd}}},
+                        {"baselines", {{"mean_image", {{"ssim", 0.8}, {"psnr_db", 20.5}, {"mask_iou", 0.7}, {"fd", nullptr}}}}},
+                        {"per_camera", {{{"name", "left"}, {"ssim", 0.9125}, {"psnr_db", 24.5}, {"mask_iou", nullptr}}}}});
+    result["outputs"] = {{{"path", "/somewhere/else/avatar/eval/left_00000084.png"}, {"role", "heldout-picture"}},
+                         {{"path", "gone.png"}, {"role", "texture-atlas"}}};
+    Save("avatar/avatar_eval.result.json", result);
+  }
+  void SaveWholeRun() {
+    SaveCalibration("calibration.json");
+    SaveCalibrate();
+    SaveTriangulation();
+    SaveAvatar();
+    Save("dataset/dataset_verify.result.json",
+         Result("dataset verify", {{"frames", 4}, {"findings", {{{"camera", "left"}, {"frame", 2}, {"text", "no mask"}}}}}));
+    SaveText(
+        "provenance.jsonl",
+        R"({"time":"2026-01-02T03:04:05Z","command":"calibrate","version":"0.1.0","argv":["mvstudio","calibrate","--camera","a=b c"],"exit":0,"wall_s":2})"
+        "\n");
+  }
+
+  std::string run_;
+  Json json_;
+};
+
+/// Each <svg> of a page, nested ones inside their outermost.
+std::vector<std::string> Figures(const std::string& html) {
+  std::vector<std::string> figures;
+  for (size_t at = html.find("<svg"); at != std::string::npos; at = html.find("<svg", at)) {
+    const size_t begin = at;
+    int depth = 0;
+    do {
+      const size_t open = html.find("<svg", at), close = html.find("</svg>", at);
+      if (close == std::string::npos) return figures;
+      const bool opens = open < close;
+      depth += opens ? 1 : -1;
+      at = opens ? open + 4 : close + 6;
+    } while (depth > 0);
+    figures.push_back(html.substr(begin, at - begin));
+  }
+  return figures;
+}
+
+void ExpectOffline(const std::string& html) {
+  const std::string plain = std::regex_replace(html, std::regex(" xmlns=\"http://www.w3.org/2000/svg\""), "");
+  for (const char* outside :
+       {"http://", "https://", "src=\"//", "@import", "url(", "<script", "<link", "<iframe", "javascript:"}) {
+    EXPECT_THAT(plain, Not(HasSubstr(outside)));
+  }
+}
+
+TEST_F(ReportTest, NumbersInJsonAreThoseOfTheInputs) {
+  SaveWholeRun();
+  const Report report = Build();
+  EXPECT_EQ(json_["schema"], "mvstudio.report/1");
+  EXPECT_EQ(json_["verdict"], "warn");
+  EXPECT_EQ(report.num_stages, 4);
+  EXPECT_EQ(StageOf("calibrate")["metrics"]["baseline_mm"].get<double>(), 83.12345678901234);
+  EXPECT_EQ(StageOf("calibrate")["metrics"]["cameras"][1]["rms_px"], nullptr);
+  EXPECT_EQ(StageOf("avatar eval")["metrics"]["holdout"]["fd"]["value"], 3.5);
+  EXPECT_EQ(json_["calibration"]["cameras"][0]["focal_px"], 530.25);
+  EXPECT_DOUBLE_EQ(json_["calibration"]["cameras"][0]["focal_sigma_px"].get<double>(), 0.2);
+  EXPECT_DOUBLE_EQ(json_["calibration"]["cameras"][1]["center_in_world_m"][0].get<double>(), 0.083);
+  const Json& joints = json_["triangulation"][0]["joints"];
+  EXPECT_EQ(joints[0]["joint"], "MidHip");
+  EXPECT_DOUBLE_EQ(joints[0]["median_rms_px"].get<double>(), 2.0);
+  EXPECT_DOUBLE_EQ(joints[0]["median_sigma_mm"].get<double>(), 4.0);
+  EXPECT_EQ(joints[2]["ok"], 0);
+  EXPECT_EQ(joints[2]["median_rms_px"], nullptr);
+  EXPECT_EQ(json_["triangulation"][0]["status_counts"]["LowParallax"], 4);
+  EXPECT_EQ(json_["training"][0]["last"]["total"], 0.2);
+  EXPECT_EQ(json_["provenance"][0]["argv"][3], "a=b c");
+}
+
+TEST_F(ReportTest, PageShowsTheRun) {
+  SaveWholeRun();
+  const Report report = Build();
+  for (const char* text : {"83.123", "535.12 ± 0.31", "camera left saw the board in few places", "show it &lt;everywhere&gt;",
+                           "Look at left first: off by 5", "LowParallax 4", "0.9125", "camera left, frame 84",
+                           "&#39;a=b c&#39;", "no mask", "7.5", "data:image/png;base64,iVBOR"}) {
+    EXPECT_THAT(report.html, HasSubstr(text));
+  }
+  ExpectOffline(report.html);
+}
+
+TEST_F(ReportTest, ScoresStandUnderTheirHeadings) {
+  SaveAvatar();
+  const std::string html = Build().html;
+  const size_t begin = html.find("Scores beside the baselines"), end = html.find("</table>", begin);
+  const std::string table = std::regex_replace(html.substr(begin, end - begin), std::regex("(<[^>]*>| |\n)+"), "|");
+  EXPECT_THAT(table, HasSubstr("|pictures|SSIM|PSNR|dB|mask|IoU|Fréchet|distance|its|floor|features|n|d|"));
+  EXPECT_THAT(table, HasSubstr("|this|avatar,|held|out|8|0.9125|24.50|0.9500|3.5|0.5|random|8|64|"));
+}
+
+TEST_F(ReportTest, EveryFigureIsWellFormedAndLabelled) {
+  SaveWholeRun();
+  const Report report = Build();
+  const std::vector<std::string> figures = Figures(report.html);
+  EXPECT_GE(figures.size(), 12u);
+  for (const std::string& figure : figures) {
+    EXPECT_EQ(CheckMarkup(figure), "");
+    EXPECT_THAT(figure, HasSubstr("aria-label=\""));
+    EXPECT_THAT(figure, Not(testing::ContainsRegex("=\"-?(nan|inf)")));
+  }
+}
+
+TEST_F(ReportTest, AMovedRunStillShowsItsPicturesAndAMissingOneIsNamed) {
+  SaveWholeRun();
+  const Report report = Build();
+  EXPECT_THAT(report.warnings,
+              Contains(AllOf(Field(&ReportNotice::code, "REP-PICTURE"), Field(&ReportNotice::text, HasSubstr("gone.png")))));
+  ASSERT_EQ(report.warnings.size(), 1u);
+  EXPECT_THAT(report.html, HasSubstr("gone.png"));
+}
+
+TEST_F(ReportTest, HostileNamesAreEscapedEverywhere) {
+  SaveCalibration("calibration.json", kHostile);
+  SaveCalibrate(kHostile);
+  SaveText("points.csv",
+           std::string(
+               "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n0,0,<script>j,</svg><script>,1,2,3,2,1,1\n") +
+               "0,0,<script>j,Ok,1,2,3,2,1,1\n1,0,<script>j,Ok,1,2,3,2,1,1\n");
+  SaveText("history.csv", "step,phase,<script>\n1,<script>,3\n2,<script>,4\n");
+  Json result = Result(
+      kHostile,
+      {{kHostile, 1}, {"nested", {{kHostile, kHostile}}}, {"checks", {{{"name", kHostile}, {"value", 1}, {"pass", false}}}}});
+  result["argv"] = {kHostile};
+  result["errors"] = {{{"code", kHostile}, {"text", kHostile}, {"hint", kHostile}}};
+  Save("x/x.result.json", result);
+  result["command"] = "avatar eval";
+  result["metrics"]["holdout"] = {{"ssim", 0.5}, {"kind", kHostile}, {"fd", {{"features", kHostile}}}};
+  result["metrics"]["per_camera"] = {{{"name", kHostile}, {"ssim", 0.5}, {kHostile, 1}}};
+  result["outputs"] = {{{"path", std::string(kHostile) + ".png"}, {"role", "heldout-picture"}}};
+  Save("y/y.result.json", result);
+  ReportOptions options;
+  options.title = kHostile;
+  options.generated_at = kHostile;
+  options.version = kHostile;
+  const Report report = Build(options);
+  EXPECT_THAT(report.html, Not(HasSubstr("<script")));
+  EXPECT_THAT(report.html, Not(HasSubstr("alert(\"")));
+  for (const std::string& figure : Figures(report.html)) EXPECT_EQ(CheckMarkup(figure), "");
+}
+
+TEST_F(ReportTest, BrokenFilesBecomeWarningsThatNameThem) {
+  SaveCalibrate();
+  SaveText("a/broken.result.json", "{\"schema\": \"mvstudio.result/1\", \"met");
+  SaveText("b/deep.result.json", std::string(200000, '['));
+  SaveText("c/list.result.json", "[1, 2]");
+  SaveText("d/foreign.result.json", "{\"schema\": \"other/1\"}");
+  SaveText("calibration.json", "{\"cameras\": 3}");
+  SaveText("pose3d/points.csv", "frame,joint\n1\n2,Nose\n");
+  SaveText("avatar/history.csv", "");
+  SaveText("provenance.jsonl", "{\"time\":\"1\",\"argv\":[\"x\"]}\nnot json\n");
+  const Report report = Build();
+  EXPECT_EQ(report.num_stages, 1);
+  for (const char* name : {"a/broken.result.json", "b/deep.result.json", "c/list.result.json", "d/foreign.result.json",
+                           "calibration.json", "pose3d/points.csv: line 2", "avatar/history.csv", "provenance.jsonl: line 2"}) {
+    EXPECT_THAT(report.warnings, Contains(Field(&ReportNotice::text, HasSubstr(name))));
+    EXPECT_THAT(report.html, HasSubstr(name));
+  }
+  EXPECT_EQ(report.warnings.size(), 8u);
+  EXPECT_EQ(json_["warnings"].size(), 8u);
+}
+
+TEST_F(ReportTest, ValuesOfTheWrongKindDoNotMatter) {
+  for (const char* command :
+       {"calibrate", "triangulate", "dataset build", "dataset verify", "avatar train", "avatar eval", "demo"}) {
+    const Json odd = {{"cameras", "none"},
+                      {"residuals", {{"a", 3}, {"b", {1, 2}}, {"c", {{"x"}}}}},
+                      {"rms_px", "0.2"},
+                      {"holdout", {1, 2}},
+                      {"baselines", 7},
+                      {"per_camera", {{"name", 3}}},
+                      {"status_counts", {{"Ok", nullptr}, {"Bad", -3}}},
+                      {"checks", {1, "x", nullptr}},
+                      {"truth", {{"joints", {1, "a", nullptr}}}},
+                      {"findings", {1, {{"a", 1}}}}};
+    Json result = Result(command, odd);
+    result["warnings"] = "none";
+    result["outputs"] = {3, {{"path", 4}}, {{"role", "heldout-picture"}}};
+    Save(std::string(command) + ".result.json", result);
+  }
+  Save("calibration.json",
+       {{"cameras", {1, {{"name", 2}, {"size_px", {"a"}}}, {{"cam_from_world", {{"rotation_xyzw", {0, 0, 0, 0}}}}}}}});
+  const Report report = Build();
+  EXPECT_EQ(report.num_stages, 7);
+  for (const std::string& figure : Figures(report.html)) EXPECT_EQ(CheckMarkup(figure), "");
+}
+
+TEST_F(ReportTest, ASingleResultSaysWhatWasNotRun) {
+  SaveCalibrate();
+  const Report report = Build();
+  EXPECT_EQ(report.verdict, Verdict::kWarn);
+  EXPECT_THAT(report.html,
+              AllOf(HasSubstr("Triangulation: not run"), HasSubstr("Avatar: not run"), HasSubstr("Dataset: not run")));
+}
+
+TEST_F(ReportTest, AMissedCheckFailsTheRun) {
+  Save("demo.result.json",
+       Result(
+           "demo",
+           {{"truth", {{"joints_median_mm", 4.75}}},
+            {"checks",
+             {{{"name", "joints"}, {"value", 4.75}, {"bound", 4.5}, {"unit", "mm"}, {"at_least", false}, {"pass", false}}}}}));
+  const Report report = Build();
+  EXPECT_EQ(report.verdict, Verdict::kFail);
+  EXPECT_THAT(report.html, AllOf(HasSubstr("0 of 1"), HasSubstr("≤ 4.5")));
+}
+
+TEST_F(ReportTest, TheRunsOwnReportAndTheTruthAreNotStages) {
+  SaveCalibrate();
+  Save("report.result.json", Result("report", Json::object()));
+  SaveCalibration("session/truth/calibration.json", "true");
+  SaveCalibration("calibration.json", "own");
+  SaveCalibration("a/b/c/d/e/calibration.json", "too deep");
+  const Report report = Build();
+  EXPECT_EQ(report.num_stages, 1);
+  EXPECT_EQ(json_["calibration"]["cameras"][0]["name"], "own");
+  EXPECT_THAT(report.html, Not(HasSubstr("too deep")));
+  EXPECT_THAT(report.html, Not(HasSubstr("Other calibration files")));
+}
+
+TEST_F(ReportTest, PicturesBeyondTheLimitAreNamed) {
+  SaveAvatar();
+  ReportOptions options;
+  options.max_pictures_total_mb = 0;
+  const Report report = Build(options);
+  EXPECT_THAT(report.html, Not(HasSubstr("data:image/png")));
+  EXPECT_THAT(report.warnings, Contains(Field(&ReportNotice::text, HasSubstr("left_00000084.png"))));
+}
+
+TEST_F(ReportTest, NothingToReport) {
+  EXPECT_THROW(BuildReport(run_ + "/missing"), IoError);
+  EXPECT_THROW(BuildReport(run_), IoError);
+  SaveText("notes.txt", "x");
+  SaveText("only.result.json", "{");
+  try {
+    BuildReport(run_);
+    FAIL();
+  } catch (const IoError& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr("nothing to report"), HasSubstr("only.result.json"), HasSubstr("expected *.result.json")));
+  }
+}
+
+TEST_F(ReportTest, WritesBothFilesAndTheSameBytesAgain) {
+  SaveWholeRun();
+  const Report report = BuildReport(run_);
+  EXPECT_EQ(WriteReport(report, run_ + "/report.html"), run_ + "/report.json");
+  EXPECT_EQ(ReadFile(run_ + "/report.html"), report.html);
+  EXPECT_EQ(ReadFile(run_ + "/report.json"), report.json);
+  EXPECT_EQ(BuildReport(run_).html, report.html);
+  EXPECT_THROW(WriteReport(report, run_ + "/x.json"), UsageError);
+}
+
+}  // namespace
+}  // namespace mvstudio::report

@@ -1,0 +1,159 @@
+#include "synth/session.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <unistd.h>
+
+#include <filesystem>
+#include <map>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "dataset/image_io.h"
+#include "dataset/pose2d.h"
+#include "dataset/pose3d.h"
+#include "dataset/video_io.h"
+#include "geometry/rig_io.h"
+
+namespace mvstudio::synth {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SessionTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = (fs::temp_directory_path() / ("mvstudio_synth_" + std::to_string(::getpid()))).string();
+    fs::remove_all(root_);
+    fs::create_directories(root_);
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  static SynthOptions Small() {
+    SynthOptions options;
+    options.cameras = 3;
+    options.size = "160x120";
+    options.board_frames = 3;
+    options.take_frames = 10;
+    options.samples = 2;
+    options.texture_px = 32;
+    return options;
+  }
+  std::string Write(const std::string& name, const SynthOptions& options, uint64_t seed, int threads) {
+    RunContext run;
+    run.seed = seed;
+    run.num_threads = threads;
+    WriteSession(options, root_ + "/" + name, false, run);
+    return root_ + "/" + name;
+  }
+  /// Relative path -> content of every file.
+  static std::map<std::string, std::string> Contents(const std::string& folder) {
+    std::map<std::string, std::string> contents;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.is_regular_file()) contents[fs::relative(entry.path(), folder).string()] = ReadFile(entry.path().string());
+    }
+    return contents;
+  }
+  std::string root_;
+};
+
+TEST_F(SessionTest, SameSeedSameBytesWhateverTheThreads) {
+  SynthOptions options = Small();
+  options.format = "png";
+  const auto one = Contents(Write("one", options, 5, 1)), two = Contents(Write("two", options, 5, 3)), other = Contents(Write("other", options, 6, 2));
+  ASSERT_EQ(one.size(), two.size());
+  for (const auto& [path, content] : one) EXPECT_TRUE(two.at(path) == content) << path;
+  EXPECT_NE(one.at("raw/take1/cam_01/00000004.png"), other.at("raw/take1/cam_01/00000004.png"));
+  EXPECT_NE(one.at("truth/calibration.json"), other.at("truth/calibration.json"));
+}
+
+TEST_F(SessionTest, VideosDoNotDependOnTheThreadsEither) {
+  const SynthOptions options = Small();
+  EXPECT_EQ(ReadFile(Write("one", options, 5, 1) + "/raw/take1/cam_02.mp4"), ReadFile(Write("two", options, 5, 4) + "/raw/take1/cam_02.mp4"));
+}
+
+TEST_F(SessionTest, LayoutIsCompleteAndMasksEqualParts) {
+  const std::string folder = Write("s", Small(), 1, 0);
+  const geometry::Rig rig = geometry::ReadRig(folder + "/truth/calibration.json");
+  ASSERT_EQ(rig.cameras.size(), 3u);
+  const dataset::Pose3d truth = dataset::ReadPose3d(folder + "/truth/pose3d");
+  EXPECT_EQ(truth.skeleton, "body25");
+  EXPECT_EQ(truth.rows.size(), 250u);
+  for (const char* file : {"mvstudio.toml", "truth/board_poses.json"}) EXPECT_TRUE(fs::exists(folder + "/" + file)) << file;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const std::string& name = camera.camera.name;
+    dataset::VideoReader video(folder + "/raw/take1/" + name + ".mp4");
+    EXPECT_EQ(video.info().width, 160);
+    int frames = 0;
+    while (video.Next()) ++frames;
+    EXPECT_EQ(frames, 10);
+    EXPECT_TRUE(fs::exists(folder + "/raw/board/" + name + ".mp4"));
+    EXPECT_EQ(dataset::ReadImage(folder + "/raw/plate/" + name + ".png").width, 160);
+    for (int f : {0, 9}) {
+      const std::string frame = "/take1/" + name + "/0000000" + std::to_string(f) + ".png";
+      const Image mask = dataset::ReadImage(folder + "/truth/masks" + frame, true), part = dataset::ReadImage(folder + "/truth/partuv" + frame);
+      int area = 0;
+      for (size_t i = 0; i < mask.pixels.size(); ++i) {
+        EXPECT_EQ(mask.pixels[i], part.pixels[3 * i] > 0 ? 255 : 0);
+        EXPECT_LE(part.pixels[3 * i], 24);
+        area += mask.pixels[i] > 0;
+      }
+      EXPECT_GT(area, 500);
+    }
+  }
+}
+
+TEST_F(SessionTest, Joints2dAreProjectionsOfTheTruthPlusNoise) {
+  SynthOptions options = Small();
+  options.noise_px = 0;
+  const std::string folder = Write("s", options, 1, 0);
+  const geometry::Rig rig = geometry::ReadRig(folder + "/truth/calibration.json");
+  const dataset::Pose3d truth = dataset::ReadPose3d(folder + "/truth/pose3d");
+  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  int seen = 0;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const auto track = dataset::ReadOpenPoseFolder(folder + "/pose2d/take1/" + camera.camera.name, camera.camera.name, skeleton);
+    for (const dataset::JointRow& row : truth.rows) {
+      const dataset::Keypoint2d& point = track.frames.at(row.frame).at(0).keypoints[skeleton.Find(row.joint)];
+      if (point.score == 0) continue;
+      ++seen;
+      const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * row.x_in_world).px;
+      EXPECT_LT((px - Eigen::Vector2d(point.x_px, point.y_px)).norm(), 1e-6);
+    }
+  }
+  EXPECT_GT(seen, 500);
+}
+
+TEST_F(SessionTest, AnExistingSessionIsKeptUnlessOverwritten) {
+  SynthOptions options = Small();
+  options.board_frames = 0;
+  options.take_frames = 1;
+  const std::string folder = Write("s", options, 1, 0);
+  const std::string before = ReadFile(folder + "/truth/calibration.json");
+  RunContext run;
+  run.seed = 2;
+  EXPECT_THROW(WriteSession(options, folder, false, run), UsageError);
+  EXPECT_EQ(ReadFile(folder + "/truth/calibration.json"), before);
+  const SynthSummary summary = WriteSession(options, folder, true, run);
+  EXPECT_NE(ReadFile(folder + "/truth/calibration.json"), before);
+  EXPECT_EQ(summary.cameras, 3);
+  EXPECT_FALSE(fs::exists(folder + "/raw/board"));
+}
+
+/// Cancels at the first opportunity.
+class Impatient : public ProgressSink {
+ public:
+  bool Cancelled() const override { return true; }
+};
+
+TEST_F(SessionTest, ACancelledRunLeavesNothing) {
+  Impatient impatient;
+  RunContext run;
+  run.progress = &impatient;
+  EXPECT_THROW(WriteSession(Small(), root_ + "/s", false, run), CancelledError);
+  EXPECT_TRUE(fs::is_empty(root_));
+}
+
+}  // namespace
+}  // namespace mvstudio::synth
