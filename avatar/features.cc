@@ -1,6 +1,7 @@
 #include "avatar/features.h"
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 
 #include <cmath>
 #include <vector>
@@ -14,7 +15,6 @@ namespace {
 constexpr int kOctaves = 4;
 constexpr int kOrientations = 6;
 constexpr int kKernelPx = 9;
-constexpr int kBatch = 16;
 constexpr double kFloor = 1e-3;  // a quarter of a grey level: keeps the logarithm of empty regions finite
 
 // (12, 1, 9, 9): even filters of the 6 orientations, then odd ones; zero mean, unit L1 norm.
@@ -84,7 +84,7 @@ at::Tensor LogMeanStd(const at::Tensor& m) {
   return at::cat({(mean + kFloor).log().flatten(1), (deviation + kFloor).log().flatten(1)}, 1);
 }
 
-at::Tensor BatchFeatures(const at::Tensor& rgb, const at::Tensor& bank) {
+at::Tensor Features(const at::Tensor& rgb, const at::Tensor& bank) {
   at::Tensor x = Opponent(rgb), finer;
   const at::Tensor marginals =
       at::cat({x.mean({2, 3}), (x - x.mean({2, 3}, true)).square().mean({2, 3}).sqrt()}, 1);
@@ -107,13 +107,15 @@ at::Tensor GaborFeatures(const at::Tensor& pictures) {
   MVS_CHECK(pictures.defined() && pictures.dim() == 4 && pictures.size(1) == 3, "pictures must be (N, 3, H, W)");
   MVS_CHECK(pictures.size(0) > 0 && pictures.size(2) >= kGaborFeatureMinPx && pictures.size(3) >= kGaborFeatureMinPx,
             "pictures must be at least 32x32, are " << pictures.sizes());
-  const at::NoGradGuard no_grad;
   const at::Tensor x = pictures.detach().to(at::kCPU, at::kDouble);
   MVS_CHECK(at::isfinite(x).all().item<bool>(), "pictures hold NaN or infinity");
   const at::Tensor bank = GaborBank();
-  std::vector<at::Tensor> parts;
-  for (int64_t i = 0; i < x.size(0); i += kBatch) parts.push_back(BatchFeatures(x.slice(0, i, i + kBatch), bank));
-  return at::cat(parts, 0);
+  std::vector<at::Tensor> rows(x.size(0));
+  at::parallel_for(0, x.size(0), 1, [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
+    const at::NoGradGuard no_grad;
+    for (int64_t i = begin; i < end; ++i) rows[i] = Features(x.slice(0, i, i + 1), bank);
+  });
+  return at::cat(rows, 0);
 }
 
 }  // namespace mvstudio::avatar

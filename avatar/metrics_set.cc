@@ -1,6 +1,7 @@
 #include "avatar/metrics_set.h"
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 
 #include <algorithm>
 #include <cmath>
@@ -85,10 +86,12 @@ std::vector<PictureScore> ScorePictures(const at::Tensor& truth, const at::Tenso
   MVS_CHECK(true_mask.dim() == 3 && true_mask.sizes() == mask.sizes() && true_mask.size(0) == truth.size(0) &&
                 true_mask.size(1) == truth.size(2) && true_mask.size(2) == truth.size(3),
             "masks of sizes " << true_mask.sizes() << " and " << mask.sizes() << " for pictures of " << truth.sizes());
-  std::vector<PictureScore> scores;
-  for (int64_t i = 0; i < truth.size(0); ++i) {
-    scores.push_back(ScoreOne(truth.slice(0, i, i + 1), true_mask[i].ne(0), image.slice(0, i, i + 1), mask[i]));
-  }
+  std::vector<PictureScore> scores(truth.size(0));
+  at::parallel_for(0, truth.size(0), 1, [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
+    for (int64_t i = begin; i < end; ++i) {
+      scores[i] = ScoreOne(truth.slice(0, i, i + 1), true_mask[i].ne(0), image.slice(0, i, i + 1), mask[i]);
+    }
+  });
   return scores;
 }
 

@@ -23,7 +23,7 @@ struct AvatarModel {
   at::Tensor seen;         ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
 };
 
-/// Fresh weights: convolutions N(0, 0.02), grey textures.
+/// Fresh weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where options leave it open).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
 /// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), joints_px (B, 19, 2) -> (B, inputs, H, W).
@@ -37,11 +37,12 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
 struct Rendering {
   at::Tensor image;      ///< (B, 3, H, W) float32 in [0, 1], RGB
   at::Tensor mask_prob;  ///< (B, H, W) float32, probability of the person
-  at::Tensor part;       ///< (B, H, W) uint8, most likely part, 0 background; all 1 on the person for `direct`
+  at::Tensor part;       ///< (B, H, W) uint8, most likely part where mask_prob > 0.5, else 0; all 1 on the person for `direct`
   at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
 };
 
-/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1].
+/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1] and a haze of
+/// less than 5 % person is background.
 /// H and W must be multiples of 2^downs. Throws ContractViolation for shapes and for poses that are not finite.
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
                  int64_t height, int64_t width, const at::Tensor& background = {});

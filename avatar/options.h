@@ -22,7 +22,7 @@ struct ModelOptions {
   int head_kernel = 3;
   bool skips = true;
   int inputs = 36;
-  int texture_px = 128;
+  int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
 };
@@ -40,7 +40,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("head-kernel", o.head_kernel, "kernel of the last convolutions, odd; 7 is the paper's, 3 is much faster");
   visit("skips", o.skips, "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
   visit("inputs", o.inputs, "input channels: 18 bones with their depth, or 36: also the share of each bone that points away from the camera");
-  visit("texture-px", o.texture_px, "edge of each of the 24 textures, texels (the paper's: 256)");
+  visit("texture-px", o.texture_px, "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 at 512 px)");
   visit("relative-depth", o.relative_depth, "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
   visit("bone-half-width-px", o.bone_half_width_px, "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px (the paper: 4)");
 }
@@ -58,7 +58,7 @@ struct TrainOptions {
   int steps = 600;
   int init_steps = -1;
   int batch = 2;
-  double learning_rate = 5e-4;
+  double learning_rate = 1e-3;
   double texture_learning_rate = 1e-2;
   double decay_share = 0.4;
   double clip_norm = 1.0;
@@ -68,7 +68,7 @@ struct TrainOptions {
   double weight_mask = 0.5;
   double weight_part = 1.0;
   double weight_uv = 4.0;
-  double keep_init = 0.02;
+  double keep_init = 0.2;
   double weight_logit = 1e-3;
   double foreground_weight = 10.0;
   double jitter_scale = 0.1;

@@ -1,7 +1,7 @@
-#include "core/check.h"
 #include "body/body_template.h"
 #include "body/mannequin_atlas.h"
 #include "body/mannequin_shape.h"
+#include "core/check.h"
 
 namespace mvstudio::body {
 namespace {
@@ -16,10 +16,15 @@ Eigen::Vector3d Mirror(const Eigen::Vector3d& x) { return {-x[0], x[1], x[2]}; }
 
 void AddBones(BodyTemplate* body) {
   const MannequinJoints j;
-  const BoneRow center[] = {{"pelvis", -1, j.body_center, j.hip}, {"spine", kPelvis, j.spine, j.chest}, {"chest", kSpine, j.chest, j.neck},
-                            {"neck", kChest, j.neck, j.head}, {"head", kNeck, j.head, j.crown}};
-  const BoneRow arm[] = {{"clavicle", kChest, j.clavicle, j.shoulder}, {"upper_arm", -1, j.shoulder, j.elbow},
-                         {"forearm", -1, j.elbow, j.wrist}, {"hand", -1, j.wrist, j.hand_tip}};
+  const BoneRow center[] = {{"pelvis", -1, j.body_center, j.hip},
+                            {"spine", kPelvis, j.spine, j.chest},
+                            {"chest", kSpine, j.chest, j.neck},
+                            {"neck", kChest, j.neck, j.head},
+                            {"head", kNeck, j.head, j.crown}};
+  const BoneRow arm[] = {{"clavicle", kChest, j.clavicle, j.shoulder},
+                         {"upper_arm", -1, j.shoulder, j.elbow},
+                         {"forearm", -1, j.elbow, j.wrist},
+                         {"hand", -1, j.wrist, j.hand_tip}};
   const BoneRow leg[] = {{"thigh", kPelvis, j.hip, j.knee}, {"shin", -1, j.knee, j.ankle}, {"foot", -1, j.ankle, j.toe_tip}};
   std::vector<BoneRow> rows(std::begin(center), std::end(center));
   std::vector<std::string> names = {"pelvis", "spine", "chest", "neck", "head"};
@@ -62,9 +67,9 @@ void AddJoints(BodyTemplate* body) {
   body->coco19.col(16) = j.ear;
   body->coco19.col(17) = Mirror(j.eye);
   body->coco19.col(18) = Mirror(j.ear);
-  body->coco19_bone = {kNeck,          kHeadBone,     kPelvis,    kUpperArmBoneL, kForearmBoneL, kHandBoneL, kThighBoneL,
-                       kShinBoneL,     kFootBoneL,    kUpperArmBoneR, kForearmBoneR, kHandBoneR, kThighBoneR, kShinBoneR,
-                       kFootBoneR,     kHeadBone,     kHeadBone,  kHeadBone,      kHeadBone};
+  body->coco19_bone = {kNeck,      kHeadBone,  kPelvis,        kUpperArmBoneL, kForearmBoneL, kHandBoneL,  kThighBoneL,
+                       kShinBoneL, kFootBoneL, kUpperArmBoneR, kForearmBoneR,  kHandBoneR,    kThighBoneR, kShinBoneR,
+                       kFootBoneR, kHeadBone,  kHeadBone,      kHeadBone,      kHeadBone};
 }
 
 }  // namespace

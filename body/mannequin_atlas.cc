@@ -10,7 +10,8 @@
 namespace mvstudio::body {
 namespace {
 
-/// Cylindrical chart coordinates of a region: `angle` around the axis from `front`, `length` along it, going over the ends as an arc.
+/// Cylindrical chart coordinates of a region: `angle` around the axis from `front`, `length` along it, going over the ends as
+/// an arc.
 struct RegionAxis {
   Eigen::Vector3d begin, end, front;
   int front_part, back_part;  // the same when the region is one chart
@@ -36,7 +37,9 @@ Eigen::Vector3d Mirror(const Eigen::Vector3d& x) { return {-x[0], x[1], x[2]}; }
 std::array<RegionAxis, kNumRegions> RegionAxes() {
   const MannequinJoints j;
   const Eigen::Vector3d front(0, -1, 0), left(1, 0, 0), out(1, 0, 1);
-  auto inset = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b, double m) { return Eigen::Vector3d(b + m * (a - b).normalized()); };
+  auto inset = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b, double m) {
+    return Eigen::Vector3d(b + m * (a - b).normalized());
+  };
   std::array<RegionAxis, kNumRegions> axes;
   axes[kTorso] = {{0, 0, 0.90}, {0, 0.006, 1.35}, front, 2, 1, 0.13};
   axes[kHead] = {{0, 0.006, 1.46}, {0, 0.006, 1.655}, left, 24, 23, 0.085};
@@ -66,8 +69,8 @@ int NearestRegion(const std::vector<Tube>& tubes, const Eigen::Vector3d& x) {
 }
 
 /// Charts that share their range of v, so that patterns go on across their seams.
-constexpr int kTwins[][4] = {{1, 2, 1, 2}, {3, 4, 3, 4}, {5, 6, 5, 6}, {7, 8, 9, 10}, {11, 12, 13, 14}, {15, 16, 17, 18},
-                             {19, 20, 21, 22}, {23, 24, 23, 24}};
+constexpr int kTwins[][4] = {{1, 2, 1, 2},     {3, 4, 3, 4},     {5, 6, 5, 6},     {7, 8, 9, 10},
+                             {11, 12, 13, 14}, {15, 16, 17, 18}, {19, 20, 21, 22}, {23, 24, 23, 24}};
 
 /// Scales every chart into [0, 1] x [0, 1].
 void NormalizeCharts(BodyTemplate* body) {
@@ -97,8 +100,8 @@ double SmoothStep(double low, double high, double x) {
 }
 
 bool Adjacent(int a, int b) {
-  static constexpr int kParent[kNumRegions] = {-1, kTorso, kTorso, kUpperArmL, kForearmL, kTorso, kUpperArmR,
-                                               kForearmR, kTorso, kThighL, kShinL, kTorso, kThighR, kShinR};
+  static constexpr int kParent[kNumRegions] = {-1,        kTorso, kTorso,  kUpperArmL, kForearmL, kTorso,  kUpperArmR,
+                                               kForearmR, kTorso, kThighL, kShinL,     kTorso,    kThighR, kShinR};
   return a == b || kParent[a] == b || kParent[b] == a;
 }
 
@@ -106,9 +109,9 @@ using Weights = Eigen::Matrix<double, kNumMannequinBones, 1>;
 
 /// Splits a region's weight over the bones inside the region.
 void SpreadRegion(int region, double weight, const Eigen::Vector3d& x, Weights* w) {
-  static constexpr MannequinBone kBone[kNumRegions] = {kChest, kHeadBone, kUpperArmBoneL, kForearmBoneL, kHandBoneL, kUpperArmBoneR,
-                                                       kForearmBoneR, kHandBoneR, kThighBoneL, kShinBoneL, kFootBoneL, kThighBoneR,
-                                                       kShinBoneR, kFootBoneR};
+  static constexpr MannequinBone kBone[kNumRegions] = {kChest,         kHeadBone,     kUpperArmBoneL, kForearmBoneL, kHandBoneL,
+                                                       kUpperArmBoneR, kForearmBoneR, kHandBoneR,     kThighBoneL,   kShinBoneL,
+                                                       kFootBoneL,     kThighBoneR,   kShinBoneR,     kFootBoneR};
   if (region == kHead) {
     const double head = SmoothStep(1.47, 1.57, x[2] + 0.25 * std::max(0.0, -x[1] - 0.03));
     (*w)[kHeadBone] += weight * head;
@@ -175,7 +178,8 @@ void BuildAtlas(const std::vector<Tube>& tubes, BodyTemplate* body) {
     body->face_part[f] = front ? axis.front_part : axis.back_part;
     for (int k = 0; k < 3; ++k) {
       const double angle = WrapNear(axis.Angle(corners.col(k)), center_angle) - chart_angle;
-      body->face_uv.col(3 * f + k) = Eigen::Vector2d(std::clamp(angle / reach, -1.0, 1.0), axis.Length(corners.col(k))).cast<float>();
+      body->face_uv.col(3 * f + k) =
+          Eigen::Vector2d(std::clamp(angle / reach, -1.0, 1.0), axis.Length(corners.col(k))).cast<float>();
     }
   }
   NormalizeCharts(body);

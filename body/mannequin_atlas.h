@@ -10,8 +10,27 @@
 namespace mvstudio::body {
 
 /// Bones of the mannequin, in this order.
-enum MannequinBone { kPelvis, kSpine, kChest, kNeck, kHeadBone, kClavicleL, kUpperArmBoneL, kForearmBoneL, kHandBoneL, kClavicleR,
-                     kUpperArmBoneR, kForearmBoneR, kHandBoneR, kThighBoneL, kShinBoneL, kFootBoneL, kThighBoneR, kShinBoneR, kFootBoneR };
+enum MannequinBone {
+  kPelvis,
+  kSpine,
+  kChest,
+  kNeck,
+  kHeadBone,
+  kClavicleL,
+  kUpperArmBoneL,
+  kForearmBoneL,
+  kHandBoneL,
+  kClavicleR,
+  kUpperArmBoneR,
+  kForearmBoneR,
+  kHandBoneR,
+  kThighBoneL,
+  kShinBoneL,
+  kFootBoneL,
+  kThighBoneR,
+  kShinBoneR,
+  kFootBoneR
+};
 inline constexpr int kNumMannequinBones = 19;
 
 /// Fills face_part and face_uv.

@@ -41,44 +41,108 @@ void AddPair(const Tube& left, Region right_region, std::vector<Tube>* tubes) {
 
 void AddTrunk(std::vector<Tube>* tubes) {
   const Eigen::Vector3d x = Eigen::Vector3d::UnitX();
-  tubes->push_back({kTorso, {0, 0, 0.86}, {0, 0, 1.40}, x,
-                    {{0, 0.152, 0.106, 0.010}, {0.13, 0.169, 0.118, 0.010}, {0.30, 0.162, 0.113, -0.002}, {0.48, 0.150, 0.107, -0.008},
-                     {0.70, 0.162, 0.117, -0.006}, {0.87, 0.168, 0.116, 0.001}, {1, 0.136, 0.088, 0.010}}, 0.05, 0.05});
-  tubes->push_back({kTorso, {0, 0.006, 1.405}, {0, 0.012, 1.475}, x, {{0, 0.082, 0.066, 0}, {1, 0.060, 0.056, 0}}, 0.03, 0.012});
-  AddPair({kTorso, {0.04, 0.006, 1.400}, {0.160, 0.010, 1.392}, Eigen::Vector3d::UnitY(),
-           {{0, 0.064, 0.058, 0}, {1, 0.062, 0.056, 0}}, 0.04, 0.03}, kTorso, tubes);
-  AddPair({kTorso, {0.01, 0.016, 1.465}, {0.145, 0.012, 1.420}, Eigen::Vector3d::UnitY(),
-           {{0, 0.042, 0.034, 0}, {1, 0.036, 0.028, 0}}, 0.02, 0.02}, kTorso, tubes);
+  tubes->push_back({kTorso,
+                    {0, 0, 0.86},
+                    {0, 0, 1.40},
+                    x,
+                    {{0, 0.152, 0.106, 0.010},
+                     {0.13, 0.169, 0.118, 0.010},
+                     {0.30, 0.162, 0.113, -0.002},
+                     {0.48, 0.150, 0.107, -0.008},
+                     {0.70, 0.162, 0.117, -0.006},
+                     {0.87, 0.168, 0.116, 0.001},
+                     {1, 0.136, 0.088, 0.010}},
+                    0.05,
+                    0.05});
+  tubes->push_back(
+      {kTorso, {0, 0.006, 1.405}, {0, 0.012, 1.475}, x, {{0, 0.082, 0.066, 0}, {1, 0.060, 0.056, 0}}, 0.03, 0.012});
+  AddPair({kTorso,
+           {0.04, 0.006, 1.400},
+           {0.160, 0.010, 1.392},
+           Eigen::Vector3d::UnitY(),
+           {{0, 0.064, 0.058, 0}, {1, 0.062, 0.056, 0}},
+           0.04,
+           0.03},
+          kTorso, tubes);
+  AddPair({kTorso,
+           {0.01, 0.016, 1.465},
+           {0.145, 0.012, 1.420},
+           Eigen::Vector3d::UnitY(),
+           {{0, 0.042, 0.034, 0}, {1, 0.036, 0.028, 0}},
+           0.02,
+           0.02},
+          kTorso, tubes);
   tubes->push_back({kHead, {0, 0.016, 1.40}, {0, 0.004, 1.55}, x, {{0, 0.056, 0.056, 0}, {1, 0.053, 0.057, 0}}, 0.02, 0.02});
-  tubes->push_back({kHead, {0, 0.002, 1.585}, {0, 0.006, 1.655}, x, {{0, 0.069, 0.095, 0}, {1, 0.079, 0.103, 0}}, 0.072, 0.096});
-  tubes->push_back({kHead, {0, -0.032, 1.560}, {0, -0.046, 1.545}, x, {{0, 0.050, 0.040, 0}, {1, 0.040, 0.036, 0}}, 0.03, 0.02});
-  tubes->push_back({kHead, {0, -0.084, 1.636}, {0, -0.100, 1.597}, x, {{0, 0.010, 0.010, 0}, {1, 0.015, 0.013, 0}}, 0.012, 0.009});
-  AddPair({kHead, {0.066, 0.004, 1.592}, {0.068, 0.010, 1.632}, x, {{0, 0.011, 0.017, 0}, {1, 0.013, 0.022, 0}}, 0.014, 0.014}, kHead, tubes);
+  tubes->push_back(
+      {kHead, {0, 0.002, 1.585}, {0, 0.006, 1.655}, x, {{0, 0.069, 0.095, 0}, {1, 0.079, 0.103, 0}}, 0.072, 0.096});
+  tubes->push_back(
+      {kHead, {0, -0.032, 1.560}, {0, -0.046, 1.545}, x, {{0, 0.050, 0.040, 0}, {1, 0.040, 0.036, 0}}, 0.03, 0.02});
+  tubes->push_back(
+      {kHead, {0, -0.084, 1.636}, {0, -0.100, 1.597}, x, {{0, 0.010, 0.010, 0}, {1, 0.015, 0.013, 0}}, 0.012, 0.009});
+  AddPair({kHead, {0.066, 0.004, 1.592}, {0.068, 0.010, 1.632}, x, {{0, 0.011, 0.017, 0}, {1, 0.013, 0.022, 0}}, 0.014, 0.014},
+          kHead, tubes);
 }
 
 void AddArms(const MannequinJoints& j, std::vector<Tube>* tubes) {
   const Eigen::Vector3d y = Eigen::Vector3d::UnitY();
-  AddPair({kUpperArmL, j.shoulder, j.elbow, y,
-           {{0, 0.060, 0.058, 0}, {0.35, 0.056, 0.053, 0}, {0.75, 0.049, 0.047, 0}, {1, 0.046, 0.044, 0}}, 0.045, 0.03}, kUpperArmR, tubes);
-  AddPair({kForearmL, j.elbow, j.wrist, y,
-           {{0, 0.043, 0.041, 0}, {0.28, 0.044, 0.040, 0}, {0.75, 0.035, 0.031, 0}, {1, 0.032, 0.027, 0}}, 0.03, 0.015}, kForearmR, tubes);
+  AddPair({kUpperArmL,
+           j.shoulder,
+           j.elbow,
+           y,
+           {{0, 0.060, 0.058, 0}, {0.35, 0.056, 0.053, 0}, {0.75, 0.049, 0.047, 0}, {1, 0.046, 0.044, 0}},
+           0.045,
+           0.03},
+          kUpperArmR, tubes);
+  AddPair({kForearmL,
+           j.elbow,
+           j.wrist,
+           y,
+           {{0, 0.043, 0.041, 0}, {0.28, 0.044, 0.040, 0}, {0.75, 0.035, 0.031, 0}, {1, 0.032, 0.027, 0}},
+           0.03,
+           0.015},
+          kForearmR, tubes);
   const Eigen::Vector3d along = (j.hand_tip - j.wrist).normalized();
-  AddPair({kHandL, j.wrist, j.hand_tip - 0.012 * along, y,
-           {{0, 0.028, 0.022, 0}, {0.3, 0.040, 0.021, 0}, {0.55, 0.042, 0.020, 0}, {0.8, 0.037, 0.018, 0}, {1, 0.028, 0.016, 0}}, 0.02, 0.016},
-          kHandR, tubes);
+  AddPair(
+      {kHandL,
+       j.wrist,
+       j.hand_tip - 0.012 * along,
+       y,
+       {{0, 0.028, 0.022, 0}, {0.3, 0.040, 0.021, 0}, {0.55, 0.042, 0.020, 0}, {0.8, 0.037, 0.018, 0}, {1, 0.028, 0.016, 0}},
+       0.02,
+       0.016},
+      kHandR, tubes);
   const Eigen::Vector3d thumb = j.wrist + 0.03 * along - 0.022 * y;
-  AddPair({kHandL, thumb, thumb + 0.045 * along - 0.028 * y, y, {{0, 0.018, 0.017, 0}, {1, 0.015, 0.015, 0}}, 0.014, 0.014}, kHandR, tubes);
+  AddPair({kHandL, thumb, thumb + 0.045 * along - 0.028 * y, y, {{0, 0.018, 0.017, 0}, {1, 0.015, 0.015, 0}}, 0.014, 0.014},
+          kHandR, tubes);
 }
 
 void AddLegs(const MannequinJoints& j, std::vector<Tube>* tubes) {
   const Eigen::Vector3d x = Eigen::Vector3d::UnitX();
-  AddPair({kThighL, j.hip - Eigen::Vector3d(0, 0, 0.02), j.knee, x,
-           {{0, 0.086, 0.104, -0.012}, {0.3, 0.083, 0.097, -0.004}, {0.7, 0.072, 0.080, 0}, {1, 0.064, 0.068, 0}}, 0.04, 0.04}, kThighR, tubes);
-  AddPair({kShinL, j.knee, j.ankle + Eigen::Vector3d(0, 0, 0.015), x,
-           {{0, 0.064, 0.068, 0}, {0.3, 0.065, 0.071, -0.010}, {0.7, 0.060, 0.065, -0.004}, {1, 0.060, 0.067, 0}}, 0.04, 0.012}, kShinR, tubes);
+  AddPair({kThighL,
+           j.hip - Eigen::Vector3d(0, 0, 0.02),
+           j.knee,
+           x,
+           {{0, 0.086, 0.104, -0.012}, {0.3, 0.083, 0.097, -0.004}, {0.7, 0.072, 0.080, 0}, {1, 0.064, 0.068, 0}},
+           0.04,
+           0.04},
+          kThighR, tubes);
+  AddPair({kShinL,
+           j.knee,
+           j.ankle + Eigen::Vector3d(0, 0, 0.015),
+           x,
+           {{0, 0.064, 0.068, 0}, {0.3, 0.065, 0.071, -0.010}, {0.7, 0.060, 0.065, -0.004}, {1, 0.060, 0.067, 0}},
+           0.04,
+           0.012},
+          kShinR, tubes);
   const Eigen::Vector3d heel(j.ankle[0] - 0.002, j.ankle[1] + 0.032, 0.046);
-  AddPair({kFootL, heel, j.toe_tip, x,
-           {{0, 0.040, 0.048, 0}, {0.3, 0.041, 0.054, 0}, {0.7, 0.051, 0.040, 0}, {1, 0.038, 0.028, 0}}, 0.032, 0.030}, kFootR, tubes);
+  AddPair({kFootL,
+           heel,
+           j.toe_tip,
+           x,
+           {{0, 0.040, 0.048, 0}, {0.3, 0.041, 0.054, 0}, {0.7, 0.051, 0.040, 0}, {1, 0.038, 0.028, 0}},
+           0.032,
+           0.030},
+          kFootR, tubes);
 }
 
 }  // namespace
@@ -123,12 +187,15 @@ TriangleMesh MeshTubes(const std::vector<Tube>& tubes, double step_m) {
   for (const Tube& tube : tubes) {
     double reach = kFar;
     for (const auto& s : tube.sections) reach = std::max({reach, kFar + s.rx, kFar + s.ry});
-    const Eigen::Vector3d low = tube.begin.cwiseMin(tube.end).array() - reach, high = tube.begin.cwiseMax(tube.end).array() + reach;
+    const Eigen::Vector3d low = tube.begin.cwiseMin(tube.end).array() - reach,
+                          high = tube.begin.cwiseMax(tube.end).array() + reach;
     const Eigen::Vector3i first = ((low - grid.origin) / step_m).cast<int>().cwiseMax(0);
-    const Eigen::Vector3i last = ((high - grid.origin) / step_m).cast<int>().cwiseMin(grid.size.array().matrix() - Eigen::Vector3i::Ones());
+    const Eigen::Vector3i last =
+        ((high - grid.origin) / step_m).cast<int>().cwiseMin(grid.size.array().matrix() - Eigen::Vector3i::Ones());
     for (int z = first[2]; z <= last[2]; ++z) {
       for (int y = first[1]; y <= last[1]; ++y) {
-        for (int x = first[0]; x <= last[0]; ++x) sums[grid.Index(x, y, z)] += std::exp(-tube.Value(grid.Node(x, y, z)) / kBlend);
+        for (int x = first[0]; x <= last[0]; ++x)
+          sums[grid.Index(x, y, z)] += std::exp(-tube.Value(grid.Node(x, y, z)) / kBlend);
       }
     }
   }

@@ -65,26 +65,32 @@ struct Cloth {
 
 /// Clothing of parts 1..24: patterned shirt with lettering, checked trousers, plain skin, hair.
 constexpr Cloth kCloths[kNumParts] = {
-    {Style::kGlyphs, 0.58, 0.65, 0.80, 7},  {Style::kGlyphs, 0.02, 0.60, 0.85, 7},  {Style::kSkin, 0.06, 0.42, 0.80, 6},
-    {Style::kSkin, 0.08, 0.42, 0.86, 6},    {Style::kShoe, 0.95, 0.60, 0.60, 6},    {Style::kShoe, 0.45, 0.60, 0.55, 6},
-    {Style::kChecks, 0.72, 0.45, 0.72, 9},  {Style::kChecks, 0.52, 0.45, 0.70, 9},  {Style::kStripes, 0.78, 0.40, 0.78, 12},
+    {Style::kGlyphs, 0.58, 0.65, 0.80, 7},   {Style::kGlyphs, 0.02, 0.60, 0.85, 7},   {Style::kSkin, 0.06, 0.42, 0.80, 6},
+    {Style::kSkin, 0.08, 0.42, 0.86, 6},     {Style::kShoe, 0.95, 0.60, 0.60, 6},     {Style::kShoe, 0.45, 0.60, 0.55, 6},
+    {Style::kChecks, 0.72, 0.45, 0.72, 9},   {Style::kChecks, 0.52, 0.45, 0.70, 9},   {Style::kStripes, 0.78, 0.40, 0.78, 12},
     {Style::kStripes, 0.48, 0.45, 0.76, 12}, {Style::kDiamonds, 0.68, 0.50, 0.66, 9}, {Style::kDiamonds, 0.55, 0.50, 0.62, 9},
-    {Style::kChecks, 0.83, 0.35, 0.72, 8},  {Style::kChecks, 0.42, 0.38, 0.70, 8},  {Style::kStripes, 0.12, 0.70, 0.90, 9},
-    {Style::kStripes, 0.30, 0.55, 0.75, 9}, {Style::kDiamonds, 0.10, 0.70, 0.92, 7}, {Style::kDiamonds, 0.34, 0.55, 0.78, 7},
-    {Style::kSkin, 0.05, 0.40, 0.84, 8},    {Style::kSkin, 0.07, 0.44, 0.82, 8},    {Style::kChecks, 0.15, 0.55, 0.88, 8},
-    {Style::kChecks, 0.27, 0.55, 0.80, 8},  {Style::kHead, 0.055, 0.42, 0.85, 8},   {Style::kHead, 0.065, 0.42, 0.85, 8}};
+    {Style::kChecks, 0.83, 0.35, 0.72, 8},   {Style::kChecks, 0.42, 0.38, 0.70, 8},   {Style::kStripes, 0.12, 0.70, 0.90, 9},
+    {Style::kStripes, 0.30, 0.55, 0.75, 9},  {Style::kDiamonds, 0.10, 0.70, 0.92, 7}, {Style::kDiamonds, 0.34, 0.55, 0.78, 7},
+    {Style::kSkin, 0.05, 0.40, 0.84, 8},     {Style::kSkin, 0.07, 0.44, 0.82, 8},     {Style::kChecks, 0.15, 0.55, 0.88, 8},
+    {Style::kChecks, 0.27, 0.55, 0.80, 8},   {Style::kHead, 0.055, 0.42, 0.85, 8},    {Style::kHead, 0.065, 0.42, 0.85, 8}};
 
 double Pattern(const Cloth& cloth, uint64_t seed, double u, double v) {
   const double n = cloth.count;
   auto parity = [](double x) { return static_cast<int64_t>(std::floor(x)) & 1; };
   switch (cloth.style) {
-    case Style::kChecks: return (parity(u * n) ^ parity(v * n)) ? 0.62 : 1.0;
-    case Style::kStripes: return parity(v * n) ? 0.58 : (parity(u * n * 2) ? 0.92 : 1.0);
-    case Style::kGlyphs: return Glyph(seed, u, v, cloth.count) ? 0.30 : 1.0;
-    case Style::kDiamonds: return (parity((u + v) * n) ^ parity((u - v) * n + 64)) ? 0.66 : 1.0;
-    case Style::kShoe: return v > 0.5 ? 1.0 : (parity(u * n * 2) ? 0.7 : 1.0);
+    case Style::kChecks:
+      return (parity(u * n) ^ parity(v * n)) ? 0.62 : 1.0;
+    case Style::kStripes:
+      return parity(v * n) ? 0.58 : (parity(u * n * 2) ? 0.92 : 1.0);
+    case Style::kGlyphs:
+      return Glyph(seed, u, v, cloth.count) ? 0.30 : 1.0;
+    case Style::kDiamonds:
+      return (parity((u + v) * n) ^ parity((u - v) * n + 64)) ? 0.66 : 1.0;
+    case Style::kShoe:
+      return v > 0.5 ? 1.0 : (parity(u * n * 2) ? 0.7 : 1.0);
     case Style::kSkin:
-    case Style::kHead: return 1.0;
+    case Style::kHead:
+      return 1.0;
   }
   return 1.0;
 }
@@ -95,9 +101,7 @@ Rgb HeadColor(const Rgb& skin, uint64_t seed, double u, double v, bool left) {
   auto ramp = [&](double low, double high) { return std::clamp((from_front - low) / (high - low), 0.0, 1.0); };
   const double hair_line = 0.71 - 0.15 * ramp(0.18, 0.38) - 0.34 * ramp(0.46, 0.64);
   if (v > hair_line + 0.02 * Noise(seed, u, v, 30)) return Mix({60, 38, 22}, {110, 70, 36}, Noise(seed, u * 6, v, 14));
-  auto spot = [&](double cu, double cv, double ru, double rv) {
-    return std::hypot((from_front - cu) / ru, (v - cv) / rv) < 1;
-  };
+  auto spot = [&](double cu, double cv, double ru, double rv) { return std::hypot((from_front - cu) / ru, (v - cv) / rv) < 1; };
   if (spot(0.085, 0.568, 0.016, 0.017)) return {40, 40, 60};
   if (spot(0.085, 0.568, 0.038, 0.022)) return {235, 235, 235};
   if (spot(0.090, 0.625, 0.050, 0.011)) return {80, 52, 34};

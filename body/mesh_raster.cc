@@ -41,11 +41,14 @@ void RasterizeFace(const ScreenVertex* v[3], const Eigen::Vector2f uv[3], uint8_
   const auto [low_x, high_x] = std::minmax({v[0]->x, v[1]->x, v[2]->x});
   const auto [low_y, high_y] = std::minmax({v[0]->y, v[1]->y, v[2]->y});
   if (high_x < 0 || high_y < 0 || low_x > map->width - 1 || low_y > map->height - 1) return;
-  const int x0 = static_cast<int>(std::ceil(std::max(low_x, 0.0))), x1 = static_cast<int>(std::floor(std::min(high_x, map->width - 1.0)));
-  const int y0 = static_cast<int>(std::ceil(std::max(low_y, 0.0))), y1 = static_cast<int>(std::floor(std::min(high_y, map->height - 1.0)));
+  const int x0 = static_cast<int>(std::ceil(std::max(low_x, 0.0))),
+            x1 = static_cast<int>(std::floor(std::min(high_x, map->width - 1.0)));
+  const int y0 = static_cast<int>(std::ceil(std::max(low_y, 0.0))),
+            y1 = static_cast<int>(std::floor(std::min(high_y, map->height - 1.0)));
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
-      const double w0 = Edge(*v[1], *v[2], x, y) / area, w1 = Edge(*v[2], *v[0], x, y) / area, w2 = Edge(*v[0], *v[1], x, y) / area;
+      const double w0 = Edge(*v[1], *v[2], x, y) / area, w1 = Edge(*v[2], *v[0], x, y) / area,
+                   w2 = Edge(*v[0], *v[1], x, y) / area;
       if (w0 < 0 || w1 < 0 || w2 < 0) continue;
       const double p0 = w0 * v[0]->inv_z, p1 = w1 * v[1]->inv_z, p2 = w2 * v[2]->inv_z, sum = p0 + p1 + p2;
       const float depth = static_cast<float>(1 / sum);
@@ -53,7 +56,8 @@ void RasterizeFace(const ScreenVertex* v[3], const Eigen::Vector2f uv[3], uint8_
       if (depth >= map->depth_m[at]) continue;
       map->depth_m[at] = depth;
       map->part[at] = part;
-      const Eigen::Vector2f value = static_cast<float>(p0 / sum) * uv[0] + static_cast<float>(p1 / sum) * uv[1] + static_cast<float>(p2 / sum) * uv[2];
+      const Eigen::Vector2f value =
+          static_cast<float>(p0 / sum) * uv[0] + static_cast<float>(p1 / sum) * uv[1] + static_cast<float>(p2 / sum) * uv[2];
       map->u[at] = std::clamp(value[0], 0.f, 1.f);
       map->v[at] = std::clamp(value[1], 0.f, 1.f);
     }
@@ -62,9 +66,10 @@ void RasterizeFace(const ScreenVertex* v[3], const Eigen::Vector2f uv[3], uint8_
 
 }  // namespace
 
-PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera) {
-  MVS_CHECK(vertices_in_world.cols() == body.vertices.cols(),
-            vertices_in_world.cols() << " posed vertices for a body of " << body.vertices.cols());
+PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
+                        const geometry::RigCamera& camera) {
+  MVS_CHECK(vertices_in_world.cols() == body.vertices.cols(), vertices_in_world.cols()
+                                                                  << " posed vertices for a body of " << body.vertices.cols());
   PartUvMap map;
   map.width = camera.camera.width_px;
   map.height = camera.camera.height_px;

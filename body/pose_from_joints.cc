@@ -15,8 +15,27 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 // Panoptic's joints.
-enum Joint { kNeckJ, kNose, kCenter, kShoulderL, kElbowL, kWristL, kHipL, kKneeL, kAnkleL, kShoulderR, kElbowR, kWristR, kHipR, kKneeR,
-             kAnkleR, kEyeL, kEarL, kEyeR, kEarR };
+enum Joint {
+  kNeckJ,
+  kNose,
+  kCenter,
+  kShoulderL,
+  kElbowL,
+  kWristL,
+  kHipL,
+  kKneeL,
+  kAnkleL,
+  kShoulderR,
+  kElbowR,
+  kWristR,
+  kHipR,
+  kKneeR,
+  kAnkleR,
+  kEyeL,
+  kEarL,
+  kEyeR,
+  kEarR
+};
 constexpr int kFace[] = {kNose, kEyeL, kEarL, kEyeR, kEarR};
 
 struct Joints {
@@ -45,8 +64,9 @@ void MirrorPair(int left, int right, int middle, Joints* joints) {
 
 /// Median over the limb bones that have both ends of measured over rest length.
 double MedianScale(const BodyTemplate& body, const Joints& joints) {
-  static constexpr int kBones[][2] = {{kNeckJ, kCenter}, {kShoulderL, kElbowL}, {kElbowL, kWristL}, {kHipL, kKneeL}, {kKneeL, kAnkleL},
-                                      {kShoulderR, kElbowR}, {kElbowR, kWristR}, {kHipR, kKneeR}, {kKneeR, kAnkleR}};
+  static constexpr int kBones[][2] = {{kNeckJ, kCenter},  {kShoulderL, kElbowL}, {kElbowL, kWristL},
+                                      {kHipL, kKneeL},    {kKneeL, kAnkleL},     {kShoulderR, kElbowR},
+                                      {kElbowR, kWristR}, {kHipR, kKneeR},       {kKneeR, kAnkleR}};
   std::vector<double> ratios;
   for (const auto& bone : kBones) {
     if (!joints.has[bone[0]] || !joints.has[bone[1]]) continue;
@@ -200,7 +220,8 @@ class Poser {
 
   void Arm(bool left) {
     const std::string side = left ? "l_" : "r_";
-    const int clavicle = Bone(side + "clavicle"), upper = Bone(side + "upper_arm"), fore = Bone(side + "forearm"), hand = Bone(side + "hand");
+    const int clavicle = Bone(side + "clavicle"), upper = Bone(side + "upper_arm"), fore = Bone(side + "forearm"),
+              hand = Bone(side + "hand");
     const int offset = left ? 0 : kShoulderR - kShoulderL;
     const Quaterniond chest = Rotation(Bone("chest"));
     const Vector3d shoulder = joints_.x.col(kShoulderL + offset);
@@ -233,7 +254,8 @@ class Poser {
     const Vector3d knee = LimbJoint(thigh, pelvis, hip, kKneeL + offset, kAnkleL + offset);
     Point(thigh, pelvis, hip, knee);
     const Vector3d ankle = LimbJoint(shin, Rotation(thigh), knee, kAnkleL + offset, -1);
-    if ((ankle - knee).norm() > 1e-6) Place(thigh, AlignKnee(thigh, Rotation(thigh), ankle - knee), hip, pose_.bone_stretch[thigh]);
+    if ((ankle - knee).norm() > 1e-6)
+      Place(thigh, AlignKnee(thigh, Rotation(thigh), ankle - knee), hip, pose_.bone_stretch[thigh]);
     Point(shin, Rotation(thigh), knee, ankle);
     Place(foot, Rotation(shin), ankle, girth_);
   }
@@ -246,7 +268,8 @@ class Poser {
 
 }  // namespace
 
-bool PoseFromJoints(const BodyTemplate& body, const Eigen::Matrix3Xd& coco19_in_world, const std::array<bool, 19>& valid, BodyPose* pose) {
+bool PoseFromJoints(const BodyTemplate& body, const Eigen::Matrix3Xd& coco19_in_world, const std::array<bool, 19>& valid,
+                    BodyPose* pose) {
   MVS_CHECK(coco19_in_world.cols() == 19, coco19_in_world.cols() << " joints instead of 19");
   Joints joints{coco19_in_world, valid};
   for (int j = 0; j < 19; ++j) {

@@ -184,14 +184,16 @@ std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey,
   return guesses;
 }
 
-std::vector<CornerGuess> SearchCharuco(const Board& board, const Image& grey, int* num_markers) {
+CharucoSearch SearchCharuco(const Board& board, const Image& grey) {
   const size_t expected = MarkerSquares(board).size();
   MarkerMap found;
   FindMarkers(board, Wrap(grey), 1, &found);
   if (2 * found.size() < expected) FindMarkers(board, Wrap(grey), 2, &found);
-  const std::vector<Marker> markers = AgreeingMarkers(PlaceMarkers(board, found));
-  *num_markers = static_cast<int>(markers.size());
-  std::vector<CornerGuess> guesses;
+  const std::vector<Marker> placed = PlaceMarkers(board, found);
+  const std::vector<Marker> markers = AgreeingMarkers(placed);
+  CharucoSearch result;
+  result.num_markers = static_cast<int>(placed.size());
+  result.num_agreeing = static_cast<int>(markers.size());
   for (int i = 0; i < board.num_corners(); ++i) {
     const int col = i % board.cols, row = i / board.cols;
     if (!HasMarkerBeside(markers, col, row)) continue;
@@ -199,9 +201,9 @@ std::vector<CornerGuess> SearchCharuco(const Board& board, const Image& grey, in
     const auto homography = LocalHomography(markers, at);
     if (!homography) continue;
     const auto step = [&](double x, double y) { return MapPoint(*homography, at + Eigen::Vector2d(x, y)); };
-    guesses.push_back({i, step(0, 0), step(0.5, 0) - step(-0.5, 0), step(0, 0.5) - step(0, -0.5)});
+    result.guesses.push_back({i, step(0, 0), step(0.5, 0) - step(-0.5, 0), step(0, 0.5) - step(0, -0.5)});
   }
-  return guesses;
+  return result;
 }
 
 }  // namespace mvstudio::calib

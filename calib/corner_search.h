@@ -12,8 +12,14 @@ namespace mvstudio::calib {
 /// OpenCV's sector-based search.
 std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey, bool exact);
 
+struct CharucoSearch {
+  std::vector<CornerGuess> guesses;
+  int num_markers = 0;   ///< found, with an id of the board
+  int num_agreeing = 0;  ///< of those, where the others put them
+};
+
 /// First guesses of the ChArUco corners next to detected markers, by a homography of the marker corners around each (OpenCV 4.6's
-/// own interpolation is not used). `num_markers`: markers that agree with the board.
-std::vector<CornerGuess> SearchCharuco(const Board& board, const Image& grey, int* num_markers);
+/// own interpolation is not used).
+CharucoSearch SearchCharuco(const Board& board, const Image& grey);
 
 }  // namespace mvstudio::calib

@@ -16,6 +16,8 @@ namespace {
 
 constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses bend a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
+constexpr double kMinAgreeing = 0.6;
+constexpr char kMarkersMisplaced[] = "the markers do not lie as on the board (wrong size, or the layout: try with or without legacy)";
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
 Image ToGrey(const Image& image) {
@@ -125,15 +127,19 @@ BoardDetection DetectBoard(const Board& board, const Image& image, const DetectO
   }
   const Image grey = ToGrey(image);
   const bool charuco = board.kind == Board::Kind::kCharuco;
-  int num_markers = 0;
-  const std::vector<CornerGuess> guesses =
-      charuco ? SearchCharuco(board, grey, &num_markers) : SearchChessboard(board, grey, options.detector == "exact");
-  if (guesses.empty()) return Failed(Status::kTooFewViews, charuco ? "no marker of the board found" : "no chessboard found");
+  CharucoSearch search;
+  if (charuco) {
+    search = SearchCharuco(board, grey);
+    if (search.num_agreeing < kMinAgreeing * search.num_markers) return Failed(Status::kDegenerate, kMarkersMisplaced);
+  } else {
+    search.guesses = SearchChessboard(board, grey, options.detector == "exact");
+  }
+  if (search.guesses.empty()) return Failed(Status::kTooFewViews, charuco ? "no marker of the board found" : "no chessboard found");
 
   RefineOptions refine;
   refine.max_misfit = options.max_misfit;
   Located located;
-  Locate(board, grey, guesses, refine, &located);
+  Locate(board, grey, search.guesses, refine, &located);
   if (located.ids.size() >= 6) {
     const auto plane = PlaneToImage::Fit(located.OnBoardPoints(board), located.Px());
     if (plane) Locate(board, grey, GuessMissing(board, grey, located, *plane), refine, &located);

@@ -37,7 +37,9 @@ CalibrationFormat DetectFormat(const std::string& path) {
   if (std::filesystem::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return CalibrationFormat::kQualisysToml;
   }
-  throw FormatError(path, "", "not a calibration that is known here; name its format with --from (qualisys, qca, panoptic, opencv, mvstudio)");
+  throw FormatError(
+      path, "",
+      "not a calibration that is known here; name its format with --from (qualisys, qca, panoptic, opencv, mvstudio)");
 }
 
 namespace internal {
@@ -62,8 +64,9 @@ double ParseNumber(std::string_view text, const Place& place) {
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place) {
   const double error = (matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).norm();
   if (!(error < 2e-3) || !(matrix.determinant() > 0)) {
-    throw FormatError(place.path, place.where, "not a rotation: |R R^T - I| = " + std::to_string(error) + ", determinant " +
-                                                   std::to_string(matrix.determinant()));
+    throw FormatError(
+        place.path, place.where,
+        "not a rotation: |R R^T - I| = " + std::to_string(error) + ", determinant " + std::to_string(matrix.determinant()));
   }
   return geometry::NearestRotation(matrix);
 }
@@ -76,7 +79,8 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
   if (!is_size(width_px) || !is_size(height_px)) {
     fail("image size " + std::to_string(width_px) + " x " + std::to_string(height_px) + " px is out of range");
   }
-  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1) fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
+  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
+    fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
   if (k(0, 1) != 0) fail("the camera matrix has skew " + std::to_string(k(0, 1)) + ", which no lens model here has");
   if (!(k(0, 0) > 0) || !(k(1, 1) > 0)) fail("a focal length is not positive");
   geometry::Camera camera;
@@ -84,15 +88,24 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
   camera.width_px = static_cast<int>(width_px);
   camera.height_px = static_cast<int>(height_px);
   const Eigen::Index count = distortion.size();
-  if (fisheye && count == 4) camera.model = LensModel::kKannalaBrandt4;
-  else if (fisheye) fail("a fisheye lens has 4 distortion coefficients, these are " + std::to_string(count));
-  else if (distortion.isZero(0)) camera.model = LensModel::kPinhole;
-  else if (count == 1) camera.model = LensModel::kBrown1;
-  else if (count == 2) camera.model = LensModel::kBrown2;
-  else if (count == 4) camera.model = LensModel::kBrown4;
-  else if (count == 5) camera.model = LensModel::kBrown5;
-  else if (count == 8) camera.model = LensModel::kRational8;
-  else fail("no lens model has " + std::to_string(count) + " distortion coefficients (0, 1, 2, 4, 5 and 8 are known)");
+  if (fisheye && count == 4)
+    camera.model = LensModel::kKannalaBrandt4;
+  else if (fisheye)
+    fail("a fisheye lens has 4 distortion coefficients, these are " + std::to_string(count));
+  else if (distortion.isZero(0))
+    camera.model = LensModel::kPinhole;
+  else if (count == 1)
+    camera.model = LensModel::kBrown1;
+  else if (count == 2)
+    camera.model = LensModel::kBrown2;
+  else if (count == 4)
+    camera.model = LensModel::kBrown4;
+  else if (count == 5)
+    camera.model = LensModel::kBrown5;
+  else if (count == 8)
+    camera.model = LensModel::kRational8;
+  else
+    fail("no lens model has " + std::to_string(count) + " distortion coefficients (0, 1, 2, 4, 5 and 8 are known)");
   camera.params.resize(geometry::NumParams(camera.model));
   camera.params.head<4>() << k(0, 0), k(1, 1), k(0, 2), k(1, 2);
   camera.params.tail(camera.params.size() - 4) = distortion.head(camera.params.size() - 4);

@@ -14,8 +14,9 @@ struct Place {
   std::string path, where;
 };
 
-/// A camera from a 3x3 matrix and a distortion vector in OpenCV's order; all-zero distortion becomes a pinhole. Throws FormatError
-/// for skew, a matrix that is no camera matrix, a size out of range, or a number of coefficients that no lens model has.
+/// A camera from a 3x3 matrix and a distortion vector in OpenCV's order; all-zero distortion becomes a pinhole. Throws
+/// FormatError for skew, a matrix that is no camera matrix, a size out of range, or a number of coefficients that no lens model
+/// has.
 geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
                             const Eigen::VectorXd& distortion, bool fisheye, const Place& place);
 

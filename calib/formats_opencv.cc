@@ -65,7 +65,8 @@ int BlockInteger(const Entry& entry, const std::string& key) {
   const size_t at = entry.block.find(key + ":");
   const size_t start = at == std::string::npos ? at : at + key.size() + 1;
   const size_t end = start == std::string::npos ? start : entry.block.find('\n', start);
-  if (end == std::string::npos) throw FormatError(entry.place.path, entry.place.where, "'" + key + "' is missing in this matrix");
+  if (end == std::string::npos)
+    throw FormatError(entry.place.path, entry.place.where, "'" + key + "' is missing in this matrix");
   const double number = internal::ParseNumber(entry.block.substr(start, end - start), entry.place);
   if (!(number >= 0 && number <= 10000) || number != std::floor(number)) {
     throw FormatError(entry.place.path, entry.place.where, "'" + key + "' is out of range");
@@ -78,7 +79,8 @@ Eigen::MatrixXd ReadMatrix(const Entry& entry) {
   if (entry.value.compare(0, 15, "!!opencv-matrix") != 0) fail("an !!opencv-matrix was expected");
   const int rows = BlockInteger(entry, "rows"), cols = BlockInteger(entry, "cols");
   const size_t open = entry.block.find('['), close = entry.block.find(']');
-  if (open == std::string::npos || close == std::string::npos || close < open) fail("the numbers in [ ] are incomplete; is the file truncated?");
+  if (open == std::string::npos || close == std::string::npos || close < open)
+    fail("the numbers in [ ] are incomplete; is the file truncated?");
   std::vector<double> numbers;
   std::istringstream data(entry.block.substr(open + 1, close - open - 1));
   for (std::string item; std::getline(data, item, ',');) {
@@ -106,7 +108,8 @@ const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*
 
 Eigen::Matrix3d ReadMatrix3(const Entry& entry) {
   const Eigen::MatrixXd matrix = ReadMatrix(entry);
-  if (matrix.rows() != 3 || matrix.cols() != 3) throw FormatError(entry.place.path, entry.place.where, "a 3x3 matrix was expected");
+  if (matrix.rows() != 3 || matrix.cols() != 3)
+    throw FormatError(entry.place.path, entry.place.where, "a 3x3 matrix was expected");
   return matrix;
 }
 
@@ -141,7 +144,8 @@ geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, 
   const Entry* fisheye = Find(entries, "fisheyemodel");
   const bool is_fisheye = fisheye && fisheye->value != "0";
   geometry::RigCamera camera;
-  camera.camera = internal::MakeCamera(name, size[0], size[1], ReadMatrix3(matrix), ReadDistortion(distortion), is_fisheye, matrix.place);
+  camera.camera =
+      internal::MakeCamera(name, size[0], size[1], ReadMatrix3(matrix), ReadDistortion(distortion), is_fisheye, matrix.place);
   return camera;
 }
 
@@ -163,8 +167,9 @@ void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const OpenCv
   const Entry *rotation = Find(entries, "r"), *translation = Find(entries, "t");
   if (rotation && translation) {
     rig.cameras[1].cam_from_world = ReadStereo(*rotation, *translation, options.metres_per_unit);
-    imported->notes.push_back({"CAL-UNIT", "the file names no unit; T is taken as " + std::to_string(options.metres_per_unit) + " m per unit",
-                               "pass --unit mm, cm or m: that of the board's squares"});
+    imported->notes.push_back(
+        {"CAL-UNIT", "the file names no unit; T is taken as " + std::to_string(options.metres_per_unit) + " m per unit",
+         "pass --unit mm, cm or m: that of the board's squares"});
   } else {
     imported->notes.push_back({"CAL-NOPOSE", "the file has no R and T: both cameras stand at the origin",
                                "give the file with R and T as well: calib convert intrinsics.yml extrinsics.yml"});
@@ -185,7 +190,8 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const OpenCvOp
   } else if (single) {
     imported.rig.gauge = "camera camera";
     const Entry* distortion = FindFirst(entries, {"distortioncoefficients", "distcoeffs", "d"});
-    imported.rig.cameras.push_back(ReadCamera(entries, "camera", *single, distortion, ReadSize(entries, paths.front(), options)));
+    imported.rig.cameras.push_back(
+        ReadCamera(entries, "camera", *single, distortion, ReadSize(entries, paths.front(), options)));
   } else {
     throw FormatError(paths.front(), "", "no calibration in it: neither camera_matrix nor M1 and M2");
   }

@@ -21,7 +21,8 @@ struct Tag {
   bool opens = false, closes = false;
 };
 
-/// Walks over the tags of an XML text. Knows no entities beyond the five of XML, no DTD and no CDATA, which QCA files do not use.
+/// Walks over the tags of an XML text. Knows no entities beyond the five of XML, no DTD and no CDATA, which QCA files do not
+/// use.
 class TagScanner {
  public:
   TagScanner(const std::string& path, const std::string& text) : path_(path), text_(text) {}
@@ -30,10 +31,14 @@ class TagScanner {
     while (true) {
       position_ = text_.find('<', position_);
       if (position_ == std::string::npos) return false;
-      if (text_.compare(position_, 4, "<!--") == 0) SkipPast("-->");
-      else if (text_.compare(position_, 2, "<?") == 0) SkipPast("?>");
-      else if (text_.compare(position_, 2, "<!") == 0) Fail("document type definitions are not read");
-      else break;
+      if (text_.compare(position_, 4, "<!--") == 0)
+        SkipPast("-->");
+      else if (text_.compare(position_, 2, "<?") == 0)
+        SkipPast("?>");
+      else if (text_.compare(position_, 2, "<!") == 0)
+        Fail("document type definitions are not read");
+      else
+        break;
     }
     ++position_;
     *tag = Tag();
@@ -53,7 +58,8 @@ class TagScanner {
   }
 
   std::string Where() const {
-    const auto line = 1 + std::count(text_.begin(), text_.begin() + static_cast<std::ptrdiff_t>(std::min(position_, text_.size())), '\n');
+    const auto line =
+        1 + std::count(text_.begin(), text_.begin() + static_cast<std::ptrdiff_t>(std::min(position_, text_.size())), '\n');
     return "line " + std::to_string(line);
   }
   [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, Where(), what); }
@@ -93,7 +99,8 @@ class TagScanner {
     return Unescape(value);
   }
   std::string Unescape(const std::string& value) const {
-    static const std::map<std::string, char> kEntities = {{"amp", '&'}, {"lt", '<'}, {"gt", '>'}, {"quot", '"'}, {"apos", '\''}};
+    static const std::map<std::string, char> kEntities = {
+        {"amp", '&'}, {"lt", '<'}, {"gt", '>'}, {"quot", '"'}, {"apos", '\''}};
     std::string plain;
     for (size_t i = 0; i < value.size(); ++i) {
       if (value[i] != '&') {
@@ -126,8 +133,10 @@ std::vector<CameraElement> ReadCameraElements(const std::string& path, const std
   std::vector<std::string> open;
   for (Tag tag; scanner.Next(&tag);) {
     if (tag.opens) {
-      if (tag.name == "camera") cameras.push_back({tag.attributes, {}});
-      else if (!open.empty() && open.back() == "camera") cameras.back().children[tag.name] = tag.attributes;
+      if (tag.name == "camera")
+        cameras.push_back({tag.attributes, {}});
+      else if (!open.empty() && open.back() == "camera")
+        cameras.back().children[tag.name] = tag.attributes;
       open.push_back(tag.name);
       if (open.size() > 64) scanner.Fail("nested deeper than 64 levels");
     }
@@ -211,8 +220,10 @@ ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
     if (name.empty()) throw FormatError(path, place.where, "attribute 'serial' is missing");
     if (imported.rig.Find(name) >= 0) throw FormatError(path, place.where, "the serial '" + name + "' is used twice");
     if (!turned.empty() && internal::ParseNumber(turned, place) != 0) {
-      imported.notes.push_back({"CAL-VIEWROTATION", "camera " + name + " is shown rotated by " + turned + " degrees in QTM; its calibration is for the sensor as it is",
-                                "use its footage unrotated"});
+      imported.notes.push_back(
+          {"CAL-VIEWROTATION",
+           "camera " + name + " is shown rotated by " + turned + " degrees in QTM; its calibration is for the sensor as it is",
+           "use its footage unrotated"});
     }
     geometry::RigCamera camera;
     camera.camera = ReadIntrinsics(elements[i], name, place, options.distortion_divisor);
@@ -225,7 +236,8 @@ ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
   });
   if (any_distorted && options.distortion_divisor != 1) {
     imported.notes.push_back({"CAL-QCADISTORTION",
-                              "the lens distortion was divided by " + std::to_string(static_cast<int>(options.distortion_divisor)) +
+                              "the lens distortion was divided by " +
+                                  std::to_string(static_cast<int>(options.distortion_divisor)) +
                                   ", as Pose2Sim does; board images suggest that Qualisys means the coefficients as they stand",
                               "compare both with board images: calib convert --qca-distortion-divisor 1"});
   }

@@ -1,6 +1,7 @@
+#include <toml++/toml.h>
+
 #include <algorithm>
 #include <cmath>
-#include <toml++/toml.h>
 
 #include "calib/formats.h"
 #include "calib/formats_internal.h"
@@ -66,7 +67,8 @@ toml::table Parse(const std::string& path) {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {
     const auto at = error.source().begin;
-    throw FormatError(path, "line " + std::to_string(at.line) + ", column " + std::to_string(at.column), std::string(error.description()));
+    throw FormatError(path, "line " + std::to_string(at.line) + ", column " + std::to_string(at.column),
+                      std::string(error.description()));
   }
 }
 
@@ -95,8 +97,8 @@ geometry::RigCamera ReadCamera(const CameraTable& table) {
   geometry::RigCamera camera;
   const Eigen::VectorXd size = table.Vector("size", 2);
   const Eigen::VectorXd distortion = table.Vector("distortions", table.Array("distortions"));
-  camera.camera =
-      internal::MakeCamera(table.name, size[0], size[1], table.Matrix("matrix"), distortion, table.Flag("fisheye"), table.place);
+  camera.camera = internal::MakeCamera(table.name, size[0], size[1], table.Matrix("matrix"), distortion, table.Flag("fisheye"),
+                                       table.place);
   const toml::array& rotation = table.Array("rotation");
   if (!rotation.empty() && rotation[0].is_array()) {
     camera.cam_from_world.rotation = internal::MakeRotation(table.Matrix("rotation"), table.At("rotation"));
@@ -115,7 +117,8 @@ ImportedRig ReadQualisysToml(const std::string& path) {
   imported.rig.gauge = "as imported";
   for (const CameraTable& table : CamerasInFileOrder(root, path)) {
     if (table.Flag("ignore")) {
-      imported.notes.push_back({"CAL-IGNORED", "camera " + table.name + " is left out: the file says ignore = true", "remove that line to use it"});
+      imported.notes.push_back(
+          {"CAL-IGNORED", "camera " + table.name + " is left out: the file says ignore = true", "remove that line to use it"});
       continue;
     }
     if (imported.rig.Find(table.name) >= 0) Fail(table.place, "the camera name '" + table.name + "' is used twice");

@@ -51,7 +51,8 @@ std::string Format(const char* format, Values... values) {
 }
 
 void AddReadOptions(CLI::App* sub, ReadOptions& options) {
-  sub->add_option("--from", options.from, "format of the input: auto, mvstudio, panoptic, qualisys (TOML of Pose2Sim, Caliscope), qca, opencv")
+  sub->add_option("--from", options.from,
+                  "format of the input: auto, mvstudio, panoptic, qualisys (TOML of Pose2Sim, Caliscope), qca, opencv")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "mvstudio", "panoptic", "qualisys", "qca", "opencv"}));
   sub->add_option("--size", options.size, "WIDTHxHEIGHT px; opencv: image size when the file does not give it");
@@ -117,7 +118,9 @@ void RenameForPanoptic(Rig* rig, CommandResult* result) {
   const bool fits = std::all_of(rig->cameras.begin(), rig->cameras.end(),
                                 [](const RigCamera& camera) { return IsPanopticName(camera.camera.name); });
   if (fits) return;
-  if (rig->cameras.size() > 100) throw UsageError("Panoptic's file names hold at most 100 cameras of one panel, here are " + std::to_string(rig->cameras.size()));
+  if (rig->cameras.size() > 100)
+    throw UsageError("Panoptic's file names hold at most 100 cameras of one panel, here are " +
+                     std::to_string(rig->cameras.size()));
   std::string mapping;
   for (size_t i = 0; i < rig->cameras.size(); ++i) {
     const std::string name = Format("00_%02d", static_cast<int>(i));
@@ -135,7 +138,8 @@ void AddCameras(const Rig& rig, CommandResult* result) {
   for (const RigCamera& camera : rig.cameras) {
     const Eigen::Vector3d centre = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     const double valid = geometry::ValidRadius(camera.camera);
-    nlohmann::ordered_json entry = {{"name", camera.camera.name}, {"model", geometry::ToString(camera.camera.model)},
+    nlohmann::ordered_json entry = {{"name", camera.camera.name},
+                                    {"model", geometry::ToString(camera.camera.model)},
                                     {"size_px", {camera.camera.width_px, camera.camera.height_px}},
                                     {"focal_px", {camera.camera.fx(), camera.camera.fy()}},
                                     {"center_px", {camera.camera.cx(), camera.camera.cy()}},
@@ -150,12 +154,14 @@ void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result
 }
 
 std::string Table(const Rig& rig) {
-  std::string text = Format("%-12s %-10s %11s %20s %20s %28s\n", "camera", "lens", "size px", "focal px", "centre px", "position in world m");
+  std::string text =
+      Format("%-12s %-10s %11s %20s %20s %28s\n", "camera", "lens", "size px", "focal px", "centre px", "position in world m");
   for (const RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     text += Format("%-12s %-10s %5d x %-5d %10.3f %9.3f %10.3f %9.3f %9.4f %8.4f %8.4f\n", c.name.c_str(),
-                   std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(), at[0], at[1], at[2]);
+                   std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(),
+                   at[0], at[1], at[2]);
     for (Eigen::Index i = 4; i < c.params.size(); ++i) {
       text += (i == 4 ? "             " : " ") + geometry::ParamNames(c.model)[i] + Format("=%.6g", c.params[i]);
     }
@@ -198,10 +204,14 @@ void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResu
   std::string missing;
   std::vector<RigCamera> kept;
   for (const RigCamera& camera : rig->cameras) {
-    if (other.Find(camera.camera.name) >= 0) kept.push_back(camera);
-    else missing += (missing.empty() ? "" : ", ") + camera.camera.name;
+    if (other.Find(camera.camera.name) >= 0)
+      kept.push_back(camera);
+    else
+      missing += (missing.empty() ? "" : ", ") + camera.camera.name;
   }
-  if (!missing.empty()) result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing, "rename cameras with calib convert --rename"});
+  if (!missing.empty())
+    result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
+                                "rename cameras with calib convert --rename"});
   rig->cameras = kept;
 }
 
@@ -211,15 +221,17 @@ void AddDifference(const geometry::RigDifference& difference, const CompareOptio
     double value, mean, limit;
     const char* unit;
   };
-  const Row rows[] = {
-      {"rotation_deg", RadToDeg(difference.max_rotation_rad), RadToDeg(difference.mean_rotation_rad), options.max_rotation_deg, "deg"},
-      {"translation_mm", 1e3 * difference.max_translation_m, 1e3 * difference.mean_translation_m, options.max_translation_mm, "mm"},
-      {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
-      {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
+  const Row rows[] = {{"rotation_deg", RadToDeg(difference.max_rotation_rad), RadToDeg(difference.mean_rotation_rad),
+                       options.max_rotation_deg, "deg"},
+                      {"translation_mm", 1e3 * difference.max_translation_m, 1e3 * difference.mean_translation_m,
+                       options.max_translation_mm, "mm"},
+                      {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
+                      {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
   for (const Row& row : rows) {
     result->metrics[std::string("max_") + row.key] = row.value;
     if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
-    result->text += Format("%-15s max %.6g %s", row.key, row.value, row.unit) + (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
+    result->text += Format("%-15s max %.6g %s", row.key, row.value, row.unit) +
+                    (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
     if (row.limit > 0 && row.value > row.limit) {
       result->exit = kExitQualityGate;
       result->warnings.push_back({"CAL-DIFFERS", Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), ""});
@@ -235,7 +247,8 @@ CommandResult Compare(const CompareOptions& options) {
   AddNotes(reference.notes, &result);
   KeepCommon(reference.rig, options.rig, &rig.rig, &result);
   KeepCommon(rig.rig, options.reference, &reference.rig, &result);
-  if (rig.rig.cameras.empty()) throw UsageError(options.rig + " and " + options.reference + ": no camera name is in both; use calib convert --rename");
+  if (rig.rig.cameras.empty())
+    throw UsageError(options.rig + " and " + options.reference + ": no camera name is in both; use calib convert --rename");
   const geometry::RigDifference difference = geometry::CompareRigs(rig.rig, reference.rig);
   result.metrics["status"] = ToString(difference.status);
   result.metrics["num_cameras"] = rig.rig.cameras.size();
@@ -258,7 +271,9 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   const auto convert = std::make_shared<ConvertOptions>();
   CLI::App* sub = calib->add_subcommand("convert", "Read any known calibration and write ours or Panoptic's");
   sub->add_option("IN", convert->in, "calibration file (opencv: several)")->required();
-  sub->add_option("--to", convert->to, "mvstudio or panoptic")->capture_default_str()->check(CLI::IsMember({"mvstudio", "panoptic"}));
+  sub->add_option("--to", convert->to, "mvstudio or panoptic")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"mvstudio", "panoptic"}));
   sub->add_option("--out", convert->out, "file to write")->required();
   sub->add_option("--rename", convert->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();
   AddReadOptions(sub, convert->read);
@@ -274,10 +289,15 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   sub = calib->add_subcommand("compare", "Difference of two calibrations after the rigid motion that aligns them best");
   sub->add_option("A", compare->rig, "calibration")->required();
   sub->add_option("B", compare->reference, "reference calibration")->required();
-  sub->add_option("--max-rotation-deg", compare->max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")->capture_default_str();
-  sub->add_option("--max-translation-mm", compare->max_translation_mm, "exit 4 when a camera differs more; 0: no limit")->capture_default_str();
-  sub->add_option("--max-focal-percent", compare->max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")->capture_default_str();
-  sub->add_option("--max-lens-px", compare->max_lens_px, "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")->capture_default_str();
+  sub->add_option("--max-rotation-deg", compare->max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")
+      ->capture_default_str();
+  sub->add_option("--max-translation-mm", compare->max_translation_mm, "exit 4 when a camera differs more; 0: no limit")
+      ->capture_default_str();
+  sub->add_option("--max-focal-percent", compare->max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")
+      ->capture_default_str();
+  sub->add_option("--max-lens-px", compare->max_lens_px,
+                  "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")
+      ->capture_default_str();
   AddReadOptions(sub, compare->read);
   registry.Add(sub, "calib compare", [compare](CommandContext&) { return Compare(*compare); });
 }

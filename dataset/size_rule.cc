@@ -82,8 +82,8 @@ std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int
   const int cut_x = calibrated_width - width, cut_y = calibrated_height - height;
   const double uniform = cut_x != 0 ? fx : fy;
   const SizeRule fill{"fill", uniform, uniform, 0.5 * (width - uniform * calibrated_width), 0.5 * (height - uniform * calibrated_height)};
-  return {fill, {"stretch", fx, fy, 0, 0}, Crop("crop-right", cut_x, cut_y, 0), Crop("crop-centre", cut_x, cut_y, 0.5),
-          Crop("crop-left", cut_x, cut_y, 1)};
+  return {fill, Crop("crop-right", cut_x, cut_y, 0), Crop("crop-centre", cut_x, cut_y, 0.5), Crop("crop-left", cut_x, cut_y, 1),
+          {"stretch", fx, fy, 0, 0}};
 }
 
 geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeRule& rule, int width, int height) {

@@ -20,7 +20,7 @@ struct SizeRule {
 /// The rules that lead from the calibrated size to the footage's. Only "same" when they are equal. Empty when the sizes differ by more
 /// than 2 % along an axis: then the footage is something else. The crops keep pixels and cut (or pad) columns and rows; "stretch"
 /// scales the axes each by its own factor; "fill" scales both by the width's factor (or the height's, when only that changed) and cuts
-/// or pads the other axis about its centre.
+/// or pads the other axis about its centre. Likeliest first: cameras and converters keep pixels square.
 std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int width, int height);
 
 /// The camera as the footage sees it: size, focal lengths and principal point follow the rule, and so does their covariance.

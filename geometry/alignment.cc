@@ -13,14 +13,19 @@ namespace mvstudio::geometry {
 namespace {
 
 /// Frobenius norm without overflow. (Eigen's own stableNorm is for vectors.)
-double StableNorm(const Eigen::Matrix3Xd& points) { return Eigen::Map<const Eigen::VectorXd>(points.data(), points.size()).stableNorm(); }
+double StableNorm(const Eigen::Matrix3Xd& points) {
+  return Eigen::Map<const Eigen::VectorXd>(points.data(), points.size()).stableNorm();
+}
 
-/// True when the centred points (3, N), scaled to unit norm, lie on one line up to rounding of coordinates as large as `magnitude`.
+/// True when the centred points (3, N), scaled to unit norm, lie on one line up to rounding of coordinates as large as
+/// `magnitude`.
 bool Collinear(const Eigen::Matrix3Xd& centred, double magnitude) {
   const Eigen::MatrixXd tall = centred.transpose();
-  const Eigen::MatrixXd upper = Eigen::HouseholderQR<Eigen::MatrixXd>(tall).matrixQR().topRows<3>().triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd upper =
+      Eigen::HouseholderQR<Eigen::MatrixXd>(tall).matrixQR().topRows<3>().triangularView<Eigen::Upper>();
   const Eigen::Vector3d size = Eigen::JacobiSVD<Eigen::Matrix3d>(Eigen::Matrix3d(upper)).singularValues();
-  const double rounding = 8 * std::numeric_limits<double>::epsilon() * magnitude * std::sqrt(static_cast<double>(centred.cols()));
+  const double rounding =
+      8 * std::numeric_limits<double>::epsilon() * magnitude * std::sqrt(static_cast<double>(centred.cols()));
   return size[1] <= std::max(1e-9 * size[0], rounding);
 }
 
@@ -48,7 +53,8 @@ double Lever(const std::vector<const RigCamera*>& cameras) {
 }
 
 double FocalDifference(const Camera& camera, const Camera& reference) {
-  return std::max(std::abs(camera.fx() - reference.fx()) / reference.fx(), std::abs(camera.fy() - reference.fy()) / reference.fy());
+  return std::max(std::abs(camera.fx() - reference.fx()) / reference.fx(),
+                  std::abs(camera.fy() - reference.fy()) / reference.fy());
 }
 
 /// Over a grid of 17 x 17 pixels of the reference's image; infinity where only one lens sees the ray.
@@ -74,8 +80,10 @@ double LensDifference(const Camera& camera, const Camera& reference) {
 Alignment AlignPoints(const Eigen::Matrix3Xd& x_in_a, const Eigen::Matrix3Xd& x_in_b, bool with_scale) {
   MVS_CHECK(x_in_a.cols() == x_in_b.cols(), x_in_a.cols() << " points in a, " << x_in_b.cols() << " in b");
   Alignment result;
-  if (!x_in_a.allFinite() || !x_in_b.allFinite()) result.status = Status::kNonFiniteInput;
-  else if (x_in_a.cols() < 3) result.status = Status::kTooFewViews;
+  if (!x_in_a.allFinite() || !x_in_b.allFinite())
+    result.status = Status::kNonFiniteInput;
+  else if (x_in_a.cols() < 3)
+    result.status = Status::kTooFewViews;
   if (result.status != Status::kOk) return result;
   const Eigen::Vector3d mean_a = x_in_a.rowwise().mean(), mean_b = x_in_b.rowwise().mean();
   const Eigen::Matrix3Xd a = x_in_a.colwise() - mean_a, b = x_in_b.colwise() - mean_b;

@@ -47,8 +47,8 @@ void Validate(const Camera& camera) {
   const std::string who = "camera '" + camera.name + "': ";
   MVS_CHECK(camera.width_px > 0 && camera.height_px > 0, who << "image size " << camera.width_px << "x" << camera.height_px);
   MVS_CHECK(camera.params.size() == NumParams(camera.model), who << camera.params.size() << " parameters given, "
-                                                                  << ToString(camera.model) << " has "
-                                                                  << NumParams(camera.model));
+                                                                 << ToString(camera.model) << " has "
+                                                                 << NumParams(camera.model));
   MVS_CHECK(camera.params.allFinite(), who << "a parameter is NaN or infinite: " << camera.params.transpose());
   MVS_CHECK(camera.fx() > 0 && camera.fy() > 0, who << "focal lengths " << camera.fx() << ", " << camera.fy() << " px");
 }

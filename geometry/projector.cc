@@ -71,8 +71,7 @@ Projector::Projector(const Camera& camera) : camera_(camera), formula_(FormulaOf
   for (int i = 0; i < NumDistortionParams(camera.model); ++i) k_[i] = camera.params[4 + i];
   valid_radius_ = FirstFold(formula_, k_);
   valid_radius_squared_ = valid_radius_ * valid_radius_;
-  max_distorted_radius_ =
-      std::isinf(valid_radius_) ? valid_radius_ : EvaluateRadial(formula_, k_, valid_radius_).value;
+  max_distorted_radius_ = std::isinf(valid_radius_) ? valid_radius_ : EvaluateRadial(formula_, k_, valid_radius_).value;
 }
 
 Projection Projector::ToPixel(double a, double b) const {
@@ -179,8 +178,8 @@ Unprojection Projector::UnprojectPerspective(const Eigen::Vector2d& px) const {
   return {Status::kOk, Eigen::Vector3d(ab[0], ab[1], 1).stableNormalized()};
 }
 
-/// Newton's method on both coordinates; every step is halved until the residual falls. True when the residual ends below its limit
-/// on the sheet that holds the image centre (positive Jacobian determinant).
+/// Newton's method on both coordinates; every step is halved until the residual falls. True when the residual ends below its
+/// limit on the sheet that holds the image centre (positive Jacobian determinant).
 bool Projector::RefineUndistorted(const Eigen::Vector2d& px, Eigen::Vector2d* ab) const {
   const double limit = ResidualLimit(px, cx_, cy_);
   Eigen::Matrix2d jacobian;

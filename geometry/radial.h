@@ -18,8 +18,8 @@ struct RadialValue {
 /// r_d and its derivative at `radius`. `model` is kPinhole, kBrown5, kRational8 or kKannalaBrandt4.
 RadialValue EvaluateRadial(LensModel model, const Distortion& k, double radius);
 
-/// The largest radius such that r_d is increasing and finite on [0, radius]: the first positive root of the derivative's numerator
-/// or of the denominator. Infinity when there is none; at most pi for kannala4.
+/// The largest radius such that r_d is increasing and finite on [0, radius]: the first positive root of the derivative's
+/// numerator or of the denominator. Infinity when there is none; at most pi for kannala4.
 double FirstFold(LensModel model, const Distortion& k);
 
 /// Solves r_d(r) = target for r in [0, fold], where r_d increases: Newton's method inside a shrinking bracket. Needs

@@ -97,8 +97,8 @@ Json ParseChecked(const std::string& text, const std::string& path) {
     return Json::parse(text, check);
   } catch (const Json::parse_error& error) {
     const bool truncated = error.byte > text.size();
-    throw FormatError(path, "byte " + std::to_string(error.byte), truncated ? "the JSON ends too early; is the file truncated?"
-                                                                             : "this is not valid JSON");
+    throw FormatError(path, "byte " + std::to_string(error.byte),
+                      truncated ? "the JSON ends too early; is the file truncated?" : "this is not valid JSON");
   } catch (const Json::exception&) {
     throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
   }
@@ -140,8 +140,8 @@ void ReadIntrinsics(const Node& node, Camera* camera) {
 }
 
 RigCamera ReadCamera(const Node& node) {
-  node.RequireObject({"name", "model", "size_px", "intrinsics", "cam_from_world", "intrinsics_covariance",
-                      "cam_from_world_covariance"});
+  node.RequireObject(
+      {"name", "model", "size_px", "intrinsics", "cam_from_world", "intrinsics_covariance", "cam_from_world_covariance"});
   RigCamera camera;
   camera.camera.name = node.At("name").Text();
   if (camera.camera.name.empty()) node.At("name").Fail("a camera needs a name");
@@ -243,8 +243,8 @@ Rig RigFromJsonText(const std::string& text, const std::string& path_for_message
 std::string RigToJsonText(const Rig& rig) {
   ValidateForWriting(rig);
   try {
-    std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() + ",\n  \"unit\": \"m\",\n  \"gauge\": " +
-                       Json(rig.gauge).dump() + ",\n  \"cameras\": [\n";
+    std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() +
+                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n  \"cameras\": [\n";
     for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
     return text + "\n  ]\n}\n";
   } catch (const Json::exception& error) {

@@ -56,7 +56,8 @@ Eigen::Quaterniond NearestRotation(const Eigen::Matrix3d& matrix, double* drift)
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Matrix3d rotation = svd.matrixU() * svd.matrixV().transpose();
   const bool proper = rotation.determinant() > 0 && svd.singularValues()[2] > 1e-14 * svd.singularValues()[0];
-  MVS_CHECK(proper, "determinant " << matrix.determinant() << " is not positive: no rotation but a reflection or a singular matrix");
+  MVS_CHECK(proper,
+            "determinant " << matrix.determinant() << " is not positive: no rotation but a reflection or a singular matrix");
   if (drift) *drift = (matrix - rotation).norm();
   return Eigen::Quaterniond(rotation).normalized();
 }

@@ -66,12 +66,14 @@ std::string FormatDuration(double seconds) {
 
 KeyLabel LabelOfKey(const std::string& key) {
   static const std::pair<const char*, const char*> kUnits[] = {
-      {"_per_s", "1/s"}, {"_px", "px"}, {"_mm", "mm"}, {"_cm", "cm"},     {"_deg", "\u00b0"}, {"_db", "dB"}, {"_ms", "ms"},
-      {"_mb", "MB"},     {"_hz", "Hz"}, {"_m", "m"},   {"_percent", "%"}, {"_rad", "rad"},    {"_s", "s"}};
+      {"_px", "px"}, {"_mm", "mm"}, {"_cm", "cm"}, {"_deg", "\u00b0"}, {"_db", "dB"},   {"_ms", "ms"},
+      {"_mb", "MB"}, {"_hz", "Hz"}, {"_m", "m"},   {"_percent", "%"},  {"_rad", "rad"}, {"_s", "s"}};
   KeyLabel result{key, ""};
+  const bool is_rate = key.size() > 6 && key.compare(key.size() - 6, 6, "_per_s") == 0;
+  if (is_rate) result.label += "econd";
   for (const auto& [suffix, unit] : kUnits) {
     const std::string end = suffix;
-    if (key.size() <= end.size() || key.compare(key.size() - end.size(), end.size(), end) != 0) continue;
+    if (is_rate || key.size() <= end.size() || key.compare(key.size() - end.size(), end.size(), end) != 0) continue;
     result = {key.substr(0, key.size() - end.size()), unit};
     break;
   }

@@ -47,7 +47,7 @@ border:1px solid currentColor}
 code{font:.86em ui-monospace,"DejaVu Sans Mono",Consolas,monospace;overflow-wrap:anywhere}
 .scroll{overflow-x:auto;margin:.4rem 0 1.1rem}
 table{border-collapse:collapse;font-size:.92em;font-variant-numeric:tabular-nums}
-caption{text-align:left;font-weight:600;padding-bottom:.35rem}
+caption{text-align:left;white-space:nowrap;font-weight:600;padding-bottom:.35rem}
 th,td{padding:.26rem .7rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
 thead th{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}

@@ -86,15 +86,16 @@ double Extent(const std::vector<ViewCamera>& cameras, const ViewSubject& subject
 /// World to canvas with equal scale both ways.
 class View {
  public:
-  View(const Look& look, const std::vector<Vector3>& content, double width, double* height) : look_(look) {
+  /// `margin`: canvas px left free at the sides, for the names.
+  View(const Look& look, const std::vector<Vector3>& content, double width, double margin, double* height) : look_(look) {
     double low_u = 1e300, high_u = -1e300, low_v = 1e300, high_v = -1e300;
     for (const Vector3& p : content) {
       const double u = Dot(look.right, p), v = Dot(look.up, p);
       low_u = std::min(low_u, u), high_u = std::max(high_u, u), low_v = std::min(low_v, v), high_v = std::max(high_v, v);
     }
-    const double margin = 46, side = std::max({high_u - low_u, (high_v - low_v) / 1.1, 1e-9});
+    const double side = std::max({high_u - low_u, (high_v - low_v) / 1.1, 1e-9});
     scale_ = (width - 2 * margin) / side;
-    *height = kTitleHeight + std::max(140.0, (high_v - low_v) * scale_ + 2 * margin) + 26;
+    *height = kTitleHeight + std::max(140.0, (high_v - low_v) * scale_ + 70) + 26;
     offset_u_ = width / 2 - (low_u + high_u) / 2 * scale_;
     offset_v_ = kTitleHeight + (*height - kTitleHeight - 26) / 2 + (low_v + high_v) / 2 * scale_;
   }
@@ -108,7 +109,10 @@ class View {
   double scale_ = 1, offset_u_ = 0, offset_v_ = 0;
 };
 
-void DrawFloor(SvgCanvas* canvas, const View& view, int up_axis, double extent, const std::vector<Vector3>& content) {
+using Segment3 = std::pair<Vector3, Vector3>;
+
+/// A grid of round spacing below `content`, in world.
+std::vector<Segment3> FloorLines(int up_axis, double extent, const std::vector<Vector3>& content) {
   const Vector3 up = SignedAxis(up_axis);
   const Look top = TopLook(up_axis);
   double floor = 1e300, low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
@@ -118,16 +122,23 @@ void DrawFloor(SvgCanvas* canvas, const View& view, int up_axis, double extent, 
     for (int i = 0; i < 2; ++i) low[i] = std::min(low[i], at[i]), high[i] = std::max(high[i], at[i]);
   }
   const double step = NiceBelow(extent / 4);
+  const double a0 = std::floor(low[0] / step), b0 = std::floor(low[1] / step);
+  const double columns = std::ceil(high[0] / step) - a0, rows = std::ceil(high[1] / step) - b0;
+  std::vector<Segment3> lines;
+  if (!(columns >= 0 && columns < 100 && rows >= 0 && rows < 100)) return lines;  // a rig too far from the origin for its size
   const auto place = [&](double a, double b) {
-    Vector3 p{};
-    return AddScaled(AddScaled(AddScaled(p, top.right, a), top.up, b), up, floor);
+    return AddScaled(AddScaled(AddScaled(Vector3{}, top.right, (a0 + a) * step), top.up, (b0 + b) * step), up, floor);
   };
-  std::vector<std::pair<Point, Point>> lines;
-  const double a0 = std::floor(low[0] / step), a1 = std::ceil(high[0] / step), b0 = std::floor(low[1] / step),
-               b1 = std::ceil(high[1] / step);
-  for (double a = a0; a <= a1; ++a) lines.emplace_back(view(place(a * step, b0 * step)), view(place(a * step, b1 * step)));
-  for (double b = b0; b <= b1; ++b) lines.emplace_back(view(place(a0 * step, b * step)), view(place(a1 * step, b * step)));
-  canvas->Segments(lines, "gridline");
+  for (int a = 0; a <= static_cast<int>(columns); ++a) lines.emplace_back(place(a, 0), place(a, rows));
+  for (int b = 0; b <= static_cast<int>(rows); ++b) lines.emplace_back(place(0, b), place(columns, b));
+  return lines;
+}
+
+void DrawLines(SvgCanvas* canvas, const View& view, const std::vector<Segment3>& lines, const std::string& css_class,
+               double width) {
+  std::vector<std::pair<Point, Point>> segments;
+  for (const auto& [a, b] : lines) segments.emplace_back(view(a), view(b));
+  canvas->Segments(segments, css_class, width);
 }
 
 void DrawSubject(SvgCanvas* canvas, const View& view, const ViewSubject& subject) {
@@ -136,9 +147,7 @@ void DrawSubject(SvgCanvas* canvas, const View& view, const ViewSubject& subject
   canvas->Dots(dots, "s2 faint", 2);
   for (const Vector3& p : subject.path) path.push_back(view(p));
   canvas->Polyline(path, "s1", 1.6);
-  std::vector<std::pair<Point, Point>> bones;
-  for (const auto& [a, b] : subject.bones) bones.emplace_back(view(a), view(b));
-  canvas->Segments(bones, "err", 2);
+  DrawLines(canvas, view, subject.bones, "err", 2);
 }
 
 void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, double depth, Point middle) {
@@ -163,7 +172,7 @@ void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, d
 void DrawScaleBar(SvgCanvas* canvas, const View& view, double extent, const Look& look) {
   const double length = NiceBelow(extent / 3), y = canvas->height() - 12, end = 12 + length * view.scale();
   canvas->Segments({{{12, y}, {end, y}}, {{12, y - 4}, {12, y + 4}}, {{end, y - 4}, {end, y + 4}}}, "err", 1.5);
-  canvas->Text(end + 7, y + 4, FormatWithUnit(length, "m"), "start", "x");
+  canvas->Text(end + 7, y + 4, length < 0.1 ? FormatWithUnit(1e3 * length, "mm") : FormatWithUnit(length, "m"), "start", "x");
   if (look.right_name.empty()) return;
   const double x = canvas->width() - 62, base = canvas->height() - 18;
   canvas->Segments({{{x, base}, {x + 24, base}}, {{x, base}, {x, base - 24}}}, "axis");
@@ -171,7 +180,7 @@ void DrawScaleBar(SvgCanvas* canvas, const View& view, double extent, const Look
   canvas->Text(x, base - 28, look.up_name, "middle", "x");
 }
 
-std::string DrawRig(const std::vector<ViewCamera>& all, const ViewSubject& subject, const Look& look, int up_axis, bool floor,
+std::string DrawRig(const std::vector<ViewCamera>& all, const ViewSubject& subject, const Look& look, int up_axis,
                     const std::string& title, double width) {
   std::vector<ViewCamera> cameras;
   for (const ViewCamera& c : all) {
@@ -185,11 +194,14 @@ std::string DrawRig(const std::vector<ViewCamera>& all, const ViewSubject& subje
   }
   content.insert(content.end(), subject.cloud.begin(), subject.cloud.end());
   if (content.empty()) content.push_back({0, 0, 0});
-  double height = 0;
-  const View view(look, content, width, &height);
+  const std::vector<Segment3> floor = FloorLines(up_axis, extent, content);
+  for (const auto& [a, b] : floor) content.insert(content.end(), {a, b});
+  double margin = 24, height = 0;
+  for (const ViewCamera& c : cameras) margin = std::max(margin, std::min(width / 4, 14 + TextWidth(c.name)));
+  const View view(look, content, width, margin, &height);
   SvgCanvas canvas(width, height, title);
   canvas.Text(2, 14, title, "start", "t");
-  if (floor) DrawFloor(&canvas, view, up_axis, extent, content);
+  DrawLines(&canvas, view, floor, "gridline", 1);
   DrawSubject(&canvas, view, subject);
   Vector3 middle{};
   for (const ViewCamera& c : cameras) middle = AddScaled(middle, c.center_in_world, 1.0 / static_cast<double>(cameras.size()));
@@ -234,12 +246,12 @@ int UpAxis(const std::vector<ViewCamera>& cameras) {
 
 std::string RigTopView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width) {
   const int up = UpAxis(cameras);
-  return DrawRig(cameras, subject, TopLook(up), up, true, "From above (world " + AxisName(up) + " is up)", width);
+  return DrawRig(cameras, subject, TopLook(up), up, "From above (world " + AxisName(up) + " is up)", width);
 }
 
 std::string RigCornerView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width) {
   const int up = UpAxis(cameras);
-  return DrawRig(cameras, subject, CornerLook(up), up, true, "From a corner above, orthographic", width);
+  return DrawRig(cameras, subject, CornerLook(up), up, "From a corner above, orthographic", width);
 }
 
 }  // namespace mvstudio::report

@@ -55,13 +55,22 @@ std::string NormalCommand(const Value& result, const std::string& file) {
   return command;
 }
 
-Verdict StageVerdict(const Value& result) {
+Verdict StatusVerdict(const Value& result) {
   const std::string status = result["status"].Text();
   if (status == "ok") return result["warnings"].items().empty() ? Verdict::kPass : Verdict::kWarn;
   if (status == "warn" || status == "partial") return Verdict::kWarn;
   if (status == "fail" || status == "error") return Verdict::kFail;
   const double exit = result["exit"].Number();
   return exit == 0 ? Verdict::kPass : Verdict::kFail;
+}
+
+/// A missed check that the command itself did not hold against the run is a warning.
+Verdict StageVerdict(const Value& result) {
+  Verdict verdict = StatusVerdict(result);
+  for (const Value& check : result.Path("metrics.checks").items()) {
+    if (check["pass"].kind() == Value::Kind::kBool && !check["pass"].Flag()) verdict = Worse(verdict, Verdict::kWarn);
+  }
+  return verdict;
 }
 
 bool IsGroundTruth(const std::string& relative) {

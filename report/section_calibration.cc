@@ -206,8 +206,8 @@ std::string FileTable(const JsonFile& file, const Value& summary) {
     table.AddRow({camera["name"].Text("?"), camera["model"].Text(kNoNumber),
                   FormatNumber(size.At(0).Number()) + " \u00d7 " + FormatNumber(size.At(1).Number()),
                   FocalText(camera["focal_px"].Number(), camera["focal_sigma_px"].Number()),
-                  FormatFixed(centre.At(0).Number(), 3) + ", " + FormatFixed(centre.At(1).Number(), 3) + ", " +
-                      FormatFixed(centre.At(2).Number(), 3)});
+                  FormatFixed(centre.At(0).Number(), 4) + ", " + FormatFixed(centre.At(1).Number(), 4) + ", " +
+                      FormatFixed(centre.At(2).Number(), 4)});
   }
   return table.Html();
 }

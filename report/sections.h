@@ -30,7 +30,7 @@ Section ProvenanceSection(SectionContext* context);
 /// Written last, shown first: it also tells the warnings of the other sections.
 Section VerdictSection(SectionContext* context);
 
-/// Worst of the stages' verdicts and of their checks.
+/// Worst of the stages' verdicts; a file that could not be read is a warning.
 Verdict OverallVerdict(const RunData& data);
 
 // Helpers shared by the sections.

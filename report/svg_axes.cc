@@ -80,7 +80,8 @@ double NiceBelow(double value) {
 Scale::Scale(const Axis& axis, const std::vector<double>& values, double from, double to) : from_(from), to_(to) {
   std::tie(low_, high_) = FiniteRange(values);
   log_ = axis.log && low_ > 0;
-  const int target = std::clamp(static_cast<int>(std::fabs(to - from) / 62), 2, 8);
+  const double spacing = to < from ? 38 : 70;  // labels stand above each other on a vertical axis
+  const int target = std::clamp(static_cast<int>(std::fabs(to - from) / spacing), 2, 8);
   if (log_) {
     low_ *= 0.9;
     high_ *= 1.1;

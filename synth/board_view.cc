@@ -51,12 +51,12 @@ BoardPainter::Box BoardPainter::PixelBox(const geometry::Rigid3& world_from_boar
   if (failed == 4 * kSteps) return {0, 0, -1, -1};
   if (failed > 0) return {0, 0, width - 1, height - 1};
   auto clamp = [](double v, int n) { return static_cast<int>(std::clamp(v, -10.0, n + 10.0)); };
-  return {std::max(0, clamp(low[0], width) - 2), std::max(0, clamp(low[1], height) - 2), std::min(width - 1, clamp(high[0], width) + 2),
-          std::min(height - 1, clamp(high[1], height) + 2)};
+  return {std::max(0, clamp(low[0], width) - 2), std::max(0, clamp(low[1], height) - 2),
+          std::min(width - 1, clamp(high[0], width) + 2), std::min(height - 1, clamp(high[1], height) + 2)};
 }
 
-void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
-                        Image* picture) const {
+void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays,
+                        int samples, Image* picture) const {
   const Eigen::Matrix3d board_from_world = world_from_board.rotation.toRotationMatrix().transpose();
   const Eigen::Vector3d eye = board_from_world * (camera.CenterInWorld() - world_from_board.translation);
   const bool printed_side = eye[2] < 0;
@@ -68,7 +68,8 @@ void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry
       float sum = 0;
       int hits = 0;
       for (int s = 0; s < samples * samples; ++s) {
-        const Eigen::Vector3f ray = rays.Direction(x, y, (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
+        const Eigen::Vector3f ray =
+            rays.Direction(x, y, (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
         const Eigen::Vector3d direction = board_from_world * ray.cast<double>();
         const double depth = -eye[2] / direction[2];
         if (!(depth > 0) || !std::isfinite(depth)) continue;

@@ -12,8 +12,8 @@ class BoardPainter {
  public:
   explicit BoardPainter(const calib::Board& board);
 
-  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples a pixel. Seen from behind it is
-  /// plain card.
+  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples a pixel. Seen from behind it
+  /// is plain card.
   void Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
             Image* picture) const;
 
@@ -25,9 +25,9 @@ class BoardPainter {
   float Print(double x_m, double y_m) const;
 
   calib::Board board_;
-  Image print_;                         // grey
+  Image print_;  // grey
   double px_per_m_;
-  Eigen::Vector2d low_m_, high_m_;      // corners of the sheet in board
+  Eigen::Vector2d low_m_, high_m_;  // corners of the sheet in board
 };
 
 }  // namespace mvstudio::synth

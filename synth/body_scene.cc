@@ -20,7 +20,8 @@ struct Light {
 };
 
 constexpr float kAmbient = 0.46f;
-const Light kLights[] = {{Eigen::Vector3f(0.50f, -0.55f, 0.67f), 0.36f}, {Eigen::Vector3f(-0.77f, 0.26f, 0.58f), 0.26f},
+const Light kLights[] = {{Eigen::Vector3f(0.50f, -0.55f, 0.67f), 0.36f},
+                         {Eigen::Vector3f(-0.77f, 0.26f, 0.58f), 0.26f},
                          {Eigen::Vector3f(0.30f, 0.85f, 0.43f), 0.22f}};
 
 /// One Embree device for the process: single-threaded builds, so that nothing depends on timing.
@@ -52,7 +53,8 @@ std::vector<uint8_t> GrownSilhouette(const body::PartUvMap& map) {
     for (int x = 0; x < map.width; ++x) {
       if (!map.part[static_cast<size_t>(y) * map.width + x]) continue;
       for (int v = std::max(0, y - 2); v <= std::min(map.height - 1, y + 2); ++v) {
-        for (int u = std::max(0, x - 2); u <= std::min(map.width - 1, x + 2); ++u) grown[static_cast<size_t>(v) * map.width + u] = 1;
+        for (int u = std::max(0, x - 2); u <= std::min(map.width - 1, x + 2); ++u)
+          grown[static_cast<size_t>(v) * map.width + u] = 1;
       }
     }
   }
@@ -68,7 +70,7 @@ struct BodyScene::Impl {
   RTCScene scene = nullptr;
 
   struct Hit {
-    int face = -1;                    // -1: nothing met
+    int face = -1;                     // -1: nothing met
     float b = 0, c = 0, distance = 0;  // barycentric coordinates of the face's corners 1 and 2; in lengths of the direction
   };
 
@@ -83,8 +85,8 @@ void BodyScene::Impl::Build() {
   scene = rtcNewScene(SharedDevice());
   rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
   RTCGeometry geometry = rtcNewGeometry(SharedDevice(), RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* points = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
-                                                             static_cast<size_t>(vertices.cols())));
+  auto* points = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                             3 * sizeof(float), static_cast<size_t>(vertices.cols())));
   auto* indices = static_cast<unsigned*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                                                  3 * sizeof(unsigned), static_cast<size_t>(body.faces.cols())));
   if (!points || !indices) throw ResourceError("Embree has no memory for the person's mesh");
@@ -125,7 +127,8 @@ void BodyScene::Impl::Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f
     rtcIntersect16(valid, scene, &context, &query);
     for (int lane = 0; lane < lanes; ++lane) {
       Hit& hit = hits[first + lane];
-      hit.face = valid[lane] && query.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID ? static_cast<int>(query.hit.primID[lane]) : -1;
+      hit.face =
+          valid[lane] && query.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID ? static_cast<int>(query.hit.primID[lane]) : -1;
       hit.b = query.hit.u[lane], hit.c = query.hit.v[lane], hit.distance = query.ray.tfar[lane];
     }
   }
@@ -139,7 +142,8 @@ Eigen::Vector2f BodyScene::Impl::ChartUv(const Hit& hit) const {
 Eigen::Vector3f BodyScene::Impl::Shade(const Hit& hit) const {
   const Eigen::Vector3i corner = body.faces.col(hit.face);
   const Eigen::Vector3f normal =
-      ((1 - hit.b - hit.c) * normals.col(corner[0]) + hit.b * normals.col(corner[1]) + hit.c * normals.col(corner[2])).normalized();
+      ((1 - hit.b - hit.c) * normals.col(corner[0]) + hit.b * normals.col(corner[1]) + hit.c * normals.col(corner[2]))
+          .normalized();
   float light = kAmbient;
   for (const Light& l : kLights) light += l.strength * std::max(0.f, normal.dot(l.to_light));
   const Eigen::Vector2f uv = ChartUv(hit);
@@ -157,12 +161,14 @@ void BodyScene::Impl::Blend(const std::vector<Hit>& hits, int count, uint8_t* pi
       ++misses;
     }
   }
-  for (int k = 0; k < 3; ++k) pixel[k] = static_cast<uint8_t>(std::clamp((sum[k] + misses * pixel[k]) / count + 0.5f, 0.f, 255.f));
+  for (int k = 0; k < 3; ++k)
+    pixel[k] = static_cast<uint8_t>(std::clamp((sum[k] + misses * pixel[k]) / count + 0.5f, 0.f, 255.f));
 }
 
 BodyScene::BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures,
                      const Eigen::Matrix3Xf& vertices_in_world) {
-  MVS_CHECK(vertices_in_world.cols() == body.vertices.cols(), vertices_in_world.cols() << " vertices for a body of " << body.vertices.cols());
+  MVS_CHECK(vertices_in_world.cols() == body.vertices.cols(), vertices_in_world.cols()
+                                                                  << " vertices for a body of " << body.vertices.cols());
   impl_.reset(new Impl{body, textures, vertices_in_world, body::VertexNormals(vertices_in_world, body.faces)});
   impl_->Build();
 }

@@ -15,15 +15,16 @@ namespace mvstudio::synth {
 class BodyScene {
  public:
   /// `body` and `textures` must outlive the scene. `vertices_in_world`: (3, V).
-  BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures, const Eigen::Matrix3Xf& vertices_in_world);
+  BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures,
+            const Eigen::Matrix3Xf& vertices_in_world);
   ~BodyScene();
   BodyScene(const BodyScene&) = delete;
   BodyScene& operator=(const BodyScene&) = delete;
 
   /// What the ray through the centre of a pixel meets first.
   struct Truth {
-    std::vector<uint8_t> part;   // (H, W), 0 where the person is not
-    std::vector<uint8_t> u, v;   // (H, W), chart coordinates times 255
+    std::vector<uint8_t> part;  // (H, W), 0 where the person is not
+    std::vector<uint8_t> u, v;  // (H, W), chart coordinates times 255
   };
 
   /// Draws the person over `picture`, `samples` x `samples` samples a pixel, and returns the truth at pixel centres.

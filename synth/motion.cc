@@ -60,7 +60,8 @@ void PoseTrunk(const body::BodyTemplate& body, const Signals& s, double t, Turns
 void PoseArm(const body::BodyTemplate& body, const Signals& s, double t, bool left, Turns* turns) {
   const int channel = left ? 10 : 20;
   const double sign = left ? 1 : -1;
-  const double raise = 0.72 + 0.58 * s(channel, t), swing = 0.40 + 0.85 * s(channel + 1, t), bend = 0.85 + 0.80 * s(channel + 2, t);
+  const double raise = 0.72 + 0.58 * s(channel, t), swing = 0.40 + 0.85 * s(channel + 1, t),
+               bend = 0.85 + 0.80 * s(channel + 2, t);
   const Vector3d elbow_axis = Vector3d(-1, 0, -sign).normalized();
   const std::string side = left ? "l_" : "r_";
   (*turns)[Bone(body, side + "upper_arm")] = TurnX(-swing) * TurnY(sign * (kPi / 4 - raise));

@@ -10,9 +10,9 @@
 
 namespace mvstudio::synth {
 
-/// Where the board is in frame `frame_idx` of `num_frames`: world_from_board. Frame 0: flat on the floor, printed side up, corner 0 at
-/// the world's origin, rows along -y. Afterwards it is carried through the volume facing all directions, two turns in all, tilted
-/// between upright and 55 degrees up.
+/// Where the board is in frame `frame_idx` of `num_frames`: world_from_board. Frame 0: flat on the floor, printed side up,
+/// corner 0 at the world's origin, rows along -y. Afterwards it is carried through the volume facing all directions, two turns
+/// in all, tilted between upright and 55 degrees up.
 geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_frames, uint64_t seed);
 
 /// The person at `time_s`: walks on the spot and about, turns, bends and waves; sums of sinusoids whose frequencies share no

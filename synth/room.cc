@@ -9,11 +9,12 @@
 namespace mvstudio::synth {
 namespace {
 
-constexpr float kWallRadius = 6;    // m
+constexpr float kWallRadius = 6;     // m
 constexpr float kWallHeight = 4.5f;  // m
 
 float Hash(uint64_t seed, int x, int y) {
-  return static_cast<float>(Rng(seed ^ (static_cast<uint64_t>(static_cast<uint32_t>(x)) << 32) ^ static_cast<uint32_t>(y)).Uniform());
+  return static_cast<float>(
+      Rng(seed ^ (static_cast<uint64_t>(static_cast<uint32_t>(x)) << 32) ^ static_cast<uint32_t>(y)).Uniform());
 }
 
 float Noise(uint64_t seed, float x, float y) {
@@ -36,7 +37,8 @@ Eigen::Vector3f FloorColor(uint64_t seed, float x, float y) {
 
 Eigen::Vector3f WallColor(uint64_t seed, float angle, float z) {
   const float along = angle * kWallRadius;
-  const float light = 0.94f + 0.03f * z + 0.10f * (Noise(seed + 3, along * 1.5f, z * 1.5f) - 0.5f) + 0.05f * (Noise(seed + 4, along * 9, z * 9) - 0.5f);
+  const float light = 0.94f + 0.03f * z + 0.10f * (Noise(seed + 3, along * 1.5f, z * 1.5f) - 0.5f) +
+                      0.05f * (Noise(seed + 4, along * 9, z * 9) - 0.5f);
   const int panel = static_cast<int>(std::floor(along / 1.2f));
   const Eigen::Vector3f tint(Hash(seed + 5, panel, 0) - 0.5f, Hash(seed + 5, panel, 1) - 0.5f, Hash(seed + 5, panel, 2) - 0.5f);
   const bool frame = along / 1.2f - panel < 0.02f || z < 0.1f;

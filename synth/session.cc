@@ -54,12 +54,13 @@ Studio BuildStudio(const SynthOptions& options, const std::string& folder, const
 std::vector<Recorder> OpenRecorders(const Studio& studio, const std::string& relative) {
   MakeFolder(studio.Path(relative));
   std::vector<Recorder> recorders;
-  for (int c = 0; c < studio.num_cameras(); ++c) recorders.emplace_back(studio.Path(relative + "/" + studio.name(c)), studio.options);
+  for (int c = 0; c < studio.num_cameras(); ++c)
+    recorders.emplace_back(studio.Path(relative + "/" + studio.name(c)), studio.options);
   return recorders;
 }
 
-/// Renders `count` frames in batches, all cameras of a batch in parallel, and encodes them in order. `prepare(first, last)` sets a
-/// batch up; `draw(frame, camera, picture)` renders over the empty studio.
+/// Renders `count` frames in batches, all cameras of a batch in parallel, and encodes them in order. `prepare(first, last)`
+/// sets a batch up; `draw(frame, camera, picture)` renders over the empty studio.
 void Record(const Studio& studio, const std::string& relative, int count, const std::string& stage_name,
             const std::function<void(int, int)>& prepare, const std::function<void(int, int, Image*)>& draw) {
   std::vector<Recorder> recorders = OpenRecorders(studio, relative);
@@ -86,12 +87,14 @@ void RecordBoard(const Studio& studio) {
   const calib::Board board = calib::ParseBoard(studio.options.board);
   const BoardPainter painter(board);
   std::vector<geometry::Rigid3> poses;
-  for (int f = 0; f < studio.options.board_frames; ++f) poses.push_back(BoardPose(board, f, studio.options.board_frames, studio.run.seed));
+  for (int f = 0; f < studio.options.board_frames; ++f)
+    poses.push_back(BoardPose(board, f, studio.options.board_frames, studio.run.seed));
   const int samples = studio.options.samples + 2;
-  Record(studio, "raw/board", studio.options.board_frames, "board footage", [](int, int) {},
-         [&](int frame_idx, int camera_idx, Image* picture) {
-           painter.Draw(poses[frame_idx], studio.rig.cameras[camera_idx], studio.rays[camera_idx], samples, picture);
-         });
+  Record(
+      studio, "raw/board", studio.options.board_frames, "board footage", [](int, int) {},
+      [&](int frame_idx, int camera_idx, Image* picture) {
+        painter.Draw(poses[frame_idx], studio.rig.cameras[camera_idx], studio.rays[camera_idx], samples, picture);
+      });
   WriteBoardPoses(board, poses, studio.Path("truth/board_poses.json"));
 }
 
@@ -99,7 +102,9 @@ void RecordBoard(const Studio& studio) {
 class Take {
  public:
   Take(const Studio& studio, std::string name)
-      : studio_(studio), name_(std::move(name)), skeleton_(body::SkeletonByName("body25")),
+      : studio_(studio),
+        name_(std::move(name)),
+        skeleton_(body::SkeletonByName("body25")),
         body_(body::MakeMannequin(studio.options.person_height_m)),
         textures_(body::MannequinTextures(studio.options.texture_px, studio.run.seed)),
         detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.take_frames)) {
@@ -161,14 +166,16 @@ class Take {
   std::vector<std::vector<dataset::Person2d>> detections_;  // [camera][frame]
   dataset::Pose3d truth_;
   int first_ = 0;
-  std::vector<Eigen::Matrix3Xd> joints_;               // of the batch
-  std::vector<std::unique_ptr<BodyScene>> scenes_;     // of the batch
+  std::vector<Eigen::Matrix3Xd> joints_;            // of the batch
+  std::vector<std::unique_ptr<BodyScene>> scenes_;  // of the batch
 };
 
 void RecordTake(const Studio& studio) {
   Take take(studio, "take1");
-  Record(studio, "raw/take1", studio.options.take_frames, "person footage", [&](int first, int last) { take.Prepare(first, last); },
-         [&](int frame_idx, int camera_idx, Image* picture) { take.Draw(frame_idx, camera_idx, picture); });
+  Record(
+      studio, "raw/take1", studio.options.take_frames, "person footage",
+      [&](int first, int last) { take.Prepare(first, last); },
+      [&](int frame_idx, int camera_idx, Image* picture) { take.Draw(frame_idx, camera_idx, picture); });
   take.WriteJoints();
 }
 
@@ -190,7 +197,9 @@ SynthSummary WriteSession(const SynthOptions& options, const std::string& folder
   summary.pixels = static_cast<int64_t>(width) * height * summary.cameras * (summary.frames + 1);
   summary.files = {"mvstudio.toml", "truth/calibration.json", "raw/plate"};
   if (options.board_frames > 0) summary.files.insert(summary.files.end(), {"raw/board", "truth/board_poses.json"});
-  if (options.take_frames > 0) summary.files.insert(summary.files.end(), {"raw/take1", "pose2d/take1", "truth/pose3d", "truth/masks/take1", "truth/partuv/take1"});
+  if (options.take_frames > 0)
+    summary.files.insert(summary.files.end(),
+                         {"raw/take1", "pose2d/take1", "truth/pose3d", "truth/masks/take1", "truth/partuv/take1"});
   return summary;
 }
 

@@ -12,7 +12,7 @@
 namespace mvstudio::synth {
 namespace {
 
-constexpr double kSubjectHeight = 2.4;   // m, fills the picture's height at the centre
+constexpr double kSubjectHeight = 2.4;     // m, fills the picture's height at the centre
 constexpr double kRingAlternation = 0.65;  // m
 
 void Require(bool condition, const std::string& option, const std::string& expected) {
@@ -103,8 +103,8 @@ geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {
     entry.camera = geometry::MakePinhole(name, width, height, own_focal);
     entry.camera.model = model;
     Eigen::VectorXd params(geometry::NumParams(model));
-    params.head<4>() << own_focal, own_focal * (1 + 0.001 * rng.Uniform(-1, 1)), entry.camera.cx() + 0.008 * width * rng.Uniform(-1, 1),
-        entry.camera.cy() + 0.008 * width * rng.Uniform(-1, 1);
+    params.head<4>() << own_focal, own_focal * (1 + 0.001 * rng.Uniform(-1, 1)),
+        entry.camera.cx() + 0.008 * width * rng.Uniform(-1, 1), entry.camera.cy() + 0.008 * width * rng.Uniform(-1, 1);
     params.tail(params.size() - 4) = Distortion(model, rng);
     entry.camera.params = params;
     const Eigen::Vector3d eye = CameraPlace(options, i, rng);

@@ -11,12 +11,15 @@ void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, con
   std::ostringstream out;
   out << "schema = \"mvstudio.session/1\"\nunits = \"m\"\nsource = \"synthetic studio\"\ncameras = [";
   for (size_t i = 0; i < rig.cameras.size(); ++i) out << (i ? ", " : "") << '"' << rig.cameras[i].camera.name << '"';
-  out << "]\nboard = \"" << options.board << "\"\nfps_hz = " << options.fps << "\ntakes = [" << (options.take_frames > 0 ? "\"take1\"" : "") << "]\n";
+  out << "]\nboard = \"" << options.board << "\"\nfps_hz = " << options.fps << "\ntakes = ["
+      << (options.take_frames > 0 ? "\"take1\"" : "") << "]\n";
   WriteFileAtomic(path, out.str());
 }
 
-void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board, const std::string& path) {
-  nlohmann::ordered_json root = {{"schema", "mvstudio.board_poses/1"}, {"board", calib::ToString(board)}, {"frames", nlohmann::ordered_json::array()}};
+void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board,
+                     const std::string& path) {
+  nlohmann::ordered_json root = {
+      {"schema", "mvstudio.board_poses/1"}, {"board", calib::ToString(board)}, {"frames", nlohmann::ordered_json::array()}};
   for (size_t i = 0; i < world_from_board.size(); ++i) {
     const geometry::Rigid3& pose = world_from_board[i];
     const Eigen::Vector4d q = pose.rotation.coeffs();
@@ -28,7 +31,8 @@ void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigi
   WriteFileAtomic(path, root.dump(1) + "\n");
 }
 
-void AppendTruth(int frame_idx, const std::vector<std::string>& names, const Eigen::Matrix3Xd& joints_in_world, dataset::Pose3d* pose) {
+void AppendTruth(int frame_idx, const std::vector<std::string>& names, const Eigen::Matrix3Xd& joints_in_world,
+                 dataset::Pose3d* pose) {
   for (size_t j = 0; j < names.size(); ++j) {
     dataset::JointRow row;
     row.frame = frame_idx;

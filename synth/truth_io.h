@@ -18,6 +18,7 @@ void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, con
 void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board, const std::string& path);
 
 /// Adds the joints (3, J) of one frame as exact rows.
-void AppendTruth(int frame_idx, const std::vector<std::string>& names, const Eigen::Matrix3Xd& joints_in_world, dataset::Pose3d* pose);
+void AppendTruth(int frame_idx, const std::vector<std::string>& names, const Eigen::Matrix3Xd& joints_in_world,
+                 dataset::Pose3d* pose);
 
 }  // namespace mvstudio::synth

@@ -104,16 +104,23 @@ FolderComparison CompareFolders(const std::string& reference, const std::string&
   }
   if (names.empty()) throw IoError(other, "no picture has the name of one in " + reference);
   std::vector<Pair> pairs(names.size());
-  ProgressStage stage(run, "comparing pictures", static_cast<int64_t>(names.size()));
+  const auto count = static_cast<int64_t>(names.size());
+  ProgressStage stage(run, "comparing pictures", count);
+  constexpr int64_t kChunk = 32;
+  for (int64_t first = 0; first < count; first += kChunk) {
+    const int64_t last = std::min(count, first + kChunk);
+    at::parallel_for(first, last, 1, [&](int64_t begin, int64_t end) {  // one pair a thread: what is called inside runs serially
+      for (int64_t i = begin; i < end; ++i) pairs[i] = ComparePair(names[i], in_a.at(names[i]), in_b.at(names[i]));
+    });
+    stage.Advance(last - first);
+  }
   std::vector<double> psnr;
-  for (size_t i = 0; i < names.size(); ++i) {
-    pairs[i] = ComparePair(names[i], in_a.at(names[i]), in_b.at(names[i]));
-    const RegionScore& score = pairs[i].picture.score;
-    result.pictures.push_back(pairs[i].picture);
-    result.mean.ssim += score.ssim / static_cast<double>(names.size());
-    result.mean.ssim_luma += score.ssim_luma / static_cast<double>(names.size());
+  for (const Pair& pair : pairs) {
+    const RegionScore& score = pair.picture.score;
+    result.pictures.push_back(pair.picture);
+    result.mean.ssim += score.ssim / static_cast<double>(count);
+    result.mean.ssim_luma += score.ssim_luma / static_cast<double>(count);
     psnr.push_back(score.psnr_db);
-    stage.Advance();
   }
   const PsnrSummary mean = MeanPsnr(psnr);
   result.mean.psnr_db = mean.mean_db, result.psnr_infinite = mean.num_infinite;

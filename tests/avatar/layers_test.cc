@@ -102,6 +102,18 @@ TEST(Bones, RelativeDepthIsMeasuredFromTheBodyCentre) {
   EXPECT_FLOAT_EQ(depth[1][5].item<float>(), 0.0f);
 }
 
+TEST(Bones, SlopeIsTheShareOfTheBoneThatPointsAway) {
+  Pose pose;
+  pose.Set(0, 4, 8, 0), pose.Set(1, 12, 8, 0);
+  at::Tensor x_in_cam = at::zeros({1, 19, 3}, at::kFloat);
+  x_in_cam[0][1][0] = 0.3, x_in_cam[0][1][2] = -0.4;  // towards the camera: -4 / 5
+  const at::Tensor maps = RasterizeSlopes(pose.px, x_in_cam, pose.valid, 16, 16, 1.0);
+  EXPECT_EQ(maps.sizes(), at::IntArrayRef({1, 18, 16, 16}));
+  EXPECT_NEAR(maps[0][0][8][8].item<double>(), -0.8, 1e-6);
+  EXPECT_EQ(maps[0][0][0][0].item<double>(), 0.0);
+  EXPECT_EQ(maps.slice(1, 1).abs().max().item<double>(), 0.0);
+}
+
 /// One part everywhere at one coordinate.
 at::Tensor SampleAt(const at::Tensor& textures, int64_t part, double u, double v, double background_prob = 0) {
   at::Tensor prob = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});

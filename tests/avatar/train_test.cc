@@ -103,12 +103,12 @@ TEST(Train, LearnsAFewPicturesByHeart) {
   for (const char* method : {"tna", "direct"}) {
     ModelOptions model = TinyModel();
     model.method = method;
-    TrainOptions options = TinyTraining(60, 120);
+    TrainOptions options = TinyTraining(40, 60);
     options.jitter_scale = options.jitter_shift = options.jitter_roll_deg = 0;
     AvatarModel trained;
     const TrainReport report = TrainTna(pack, nullptr, model, options, OneThread(), nullptr, &trained);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
-    EXPECT_EQ(trained.step, 180);
+    EXPECT_EQ(trained.step, 100);
     const Rendering r = Render(trained, pack.joints_in_cam, pack.joint_valid, pack.intrinsics, 32, 32);
     const at::Tensor truth = pack.images.to(at::kFloat) / 255, mask = pack.masks > 0;
     const double error = (r.image - truth).abs().mean().item<double>(), black = truth.mean().item<double>();

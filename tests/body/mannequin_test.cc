@@ -95,7 +95,8 @@ TEST(Mannequin, AllChartsAreUsedOnTheRightSideOfTheBody) {
   }
   for (int part = 1; part <= kNumParts; ++part) EXPECT_GT(count[part], 40) << "part " << part;
   auto mean = [&](int part) { return Eigen::Vector3d(sum[part] / count[part]); };
-  for (auto [back, front] : {std::pair(1, 2), {7, 9}, {8, 10}, {11, 13}, {12, 14}}) EXPECT_GT(mean(back)[1], mean(front)[1] + 0.03);
+  for (auto [back, front] : {std::pair(1, 2), {7, 9}, {8, 10}, {11, 13}, {12, 14}})
+    EXPECT_GT(mean(back)[1], mean(front)[1] + 0.03);
   for (int left : {4, 5, 8, 10, 12, 14, 15, 17, 19, 21, 24}) EXPECT_GT(mean(left)[0], 0.02) << left;
   for (int right : {3, 6, 7, 9, 11, 13, 16, 18, 20, 22, 23}) EXPECT_LT(mean(right)[0], -0.02) << right;
   for (auto [in, out] : {std::pair(15, 17), {16, 18}, {19, 21}, {20, 22}}) EXPECT_LT(mean(in)[2], mean(out)[2]);

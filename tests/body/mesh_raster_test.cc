@@ -86,9 +86,9 @@ TEST(RasterizeBody, SharedEdgesLeaveNoHoles) {
 }
 
 TEST(RasterizeBody, FacesBehindTheCameraAndOutsideThePictureAreSkipped) {
-  const BodyTemplate body = Triangles({Corners({-1, -1, -2}, {1, -1, 2}, {0, 1, 2}), Corners({50, 0, 2}, {51, 0, 2}, {50, 1, 2}),
-                                       Corners({0, 0, 2}, {0, 0, 2}, {1, 1, 2}),
-                                       Corners({NAN, 0, 2}, {0, 0, 2}, {1, 1, 2})});
+  const BodyTemplate body =
+      Triangles({Corners({-1, -1, -2}, {1, -1, 2}, {0, 1, 2}), Corners({50, 0, 2}, {51, 0, 2}, {50, 1, 2}),
+                 Corners({0, 0, 2}, {0, 0, 2}, {1, 1, 2}), Corners({NAN, 0, 2}, {0, 0, 2}, {1, 1, 2})});
   const PartUvMap map = RasterizeBody(body, body.vertices, Camera());
   for (uint8_t part : map.part) EXPECT_EQ(part, 0);
 }
@@ -99,7 +99,8 @@ TEST(RasterizeBody, GoesThroughTheLens) {
   camera.camera.params.conservativeResize(9);
   camera.camera.params.tail<5>() << -0.2, 0.05, 0.001, -0.001, 0;
   const Eigen::Vector3f at(0.5f, 0.3f, 1.f);
-  const BodyTemplate body = Triangles({Corners(at + Eigen::Vector3f(-.02f, -.02f, 0), at + Eigen::Vector3f(.02f, -.02f, 0), at + Eigen::Vector3f(0, .03f, 0))});
+  const BodyTemplate body = Triangles(
+      {Corners(at + Eigen::Vector3f(-.02f, -.02f, 0), at + Eigen::Vector3f(.02f, -.02f, 0), at + Eigen::Vector3f(0, .03f, 0))});
   const PartUvMap map = RasterizeBody(body, body.vertices, camera);
   const geometry::Projection expected = geometry::Project(camera.camera, at.cast<double>());
   EXPECT_EQ(map.part[std::lround(expected.px[1]) * 200 + std::lround(expected.px[0])], 1);

@@ -1,6 +1,6 @@
-#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <limits>
 
 #include "body/body_template.h"
@@ -32,7 +32,8 @@ BodyPose RandomPose(const BodyTemplate& body, Rng& rng) {
 
 TEST(PoseFromAngles, IdentityKeepsTheRestPose) {
   const BodyTemplate& body = Mannequin();
-  const BodyPose pose = PoseFromAngles(body, {}, std::vector<Eigen::Quaterniond>(body.bone_names.size(), Eigen::Quaterniond::Identity()));
+  const BodyPose pose =
+      PoseFromAngles(body, {}, std::vector<Eigen::Quaterniond>(body.bone_names.size(), Eigen::Quaterniond::Identity()));
   EXPECT_LT((SkinVertices(body, pose) - body.vertices).cwiseAbs().maxCoeff(), 1e-6);
   EXPECT_LT((PosedCoco19(body, pose) - body.coco19).cwiseAbs().maxCoeff(), 1e-12);
 }

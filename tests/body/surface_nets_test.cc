@@ -1,8 +1,8 @@
 #include "body/surface_nets.h"
 
-#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <map>
 
@@ -17,7 +17,8 @@ ScalarGrid SphereGrid(double radius, double step) {
   grid.values.resize(grid.size.prod());
   for (int z = 0; z < grid.size[2]; ++z)
     for (int y = 0; y < grid.size[1]; ++y)
-      for (int x = 0; x < grid.size[0]; ++x) grid.values[grid.Index(x, y, z)] = static_cast<float>(grid.Node(x, y, z).norm() - radius);
+      for (int x = 0; x < grid.size[0]; ++x)
+        grid.values[grid.Index(x, y, z)] = static_cast<float>(grid.Node(x, y, z).norm() - radius);
   return grid;
 }
 

@@ -281,7 +281,8 @@ TEST(Formats, AreDetectedByTheirContent) {
   EXPECT_THROW(detect("f", "hello"), FormatError);
   EXPECT_THROW(detect("g", " \n"), FormatError);
   EXPECT_THROW(DetectFormat(folder / "none"), IoError);
-  for (const auto format : {CalibrationFormat::kMvstudio, CalibrationFormat::kPanoptic, CalibrationFormat::kQualisysToml, CalibrationFormat::kQca, CalibrationFormat::kOpenCvYaml}) {
+  for (const auto format : {CalibrationFormat::kMvstudio, CalibrationFormat::kPanoptic, CalibrationFormat::kQualisysToml,
+                            CalibrationFormat::kQca, CalibrationFormat::kOpenCvYaml}) {
     EXPECT_EQ(CalibrationFormatFromString(ToString(format)), format);
   }
 }

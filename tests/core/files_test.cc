@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <csignal>
 #include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
@@ -114,7 +114,8 @@ TEST(AppendLine, AddsWholeLines) {
 
 TEST(Glob, SortsAndFindsNothingQuietly) {
   const TempDir folder;
-  for (const char* name : {"cam2/b.png", "cam1/b.png", "cam1/a.png", "cam1/a.txt", "other/a.png"}) WriteFileAtomic(folder / name, "");
+  for (const char* name : {"cam2/b.png", "cam1/b.png", "cam1/a.png", "cam1/a.txt", "other/a.png"})
+    WriteFileAtomic(folder / name, "");
   const std::vector<std::string> expected = {folder / "cam1/a.png", folder / "cam1/b.png", folder / "cam2/b.png"};
   EXPECT_EQ(Glob(folder / "cam?/*.png"), expected);
   EXPECT_TRUE(Glob(folder / "*.jpg").empty());

@@ -12,7 +12,8 @@ constexpr int kCount = 1000000;
 TEST(Rng, IsSplitMix64) {
   // First outputs of Vigna's reference splitmix64.c for the seed 1234567.
   Rng rng(1234567);
-  for (const uint64_t expected : {6457827717110365317ull, 3203168211198807973ull, 9817491932198370423ull, 4593380528125082431ull, 16408922859458223821ull}) {
+  for (const uint64_t expected : {6457827717110365317ull, 3203168211198807973ull, 9817491932198370423ull,
+                                  4593380528125082431ull, 16408922859458223821ull}) {
     EXPECT_EQ(rng.Next(), expected);
   }
 }

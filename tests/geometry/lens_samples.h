@@ -9,7 +9,8 @@
 /// Lenses shared by the tests of geometry/, and the projection formula in long double as their oracle.
 namespace mvstudio::geometry::testing {
 
-inline Camera MakeLens(LensModel model, const std::vector<double>& distortion, int width = 1280, int height = 960, double focal = 900) {
+inline Camera MakeLens(LensModel model, const std::vector<double>& distortion, int width = 1280, int height = 960,
+                       double focal = 900) {
   Camera camera = MakePinhole(std::string(ToString(model)), width, height, focal);
   camera.model = model;
   Eigen::VectorXd params(NumParams(model));

@@ -42,7 +42,9 @@ long double RadialLong(const Camera& camera, long double radius) {
 
 TEST(ValidRadius, IsTheFoldOfThePolynomial) {
   const Camera camera = MakeLens(LensModel::kBrown5, {-0.35, 0.15, 0, 0, -0.03});
-  const auto slope = [](long double s) { return 1 + s * (3 * (long double)-0.35 + s * (5 * (long double)0.15 + s * 7 * (long double)-0.03)); };
+  const auto slope = [](long double s) {
+    return 1 + s * (3 * (long double)-0.35 + s * (5 * (long double)0.15 + s * 7 * (long double)-0.03));
+  };
   const long double oracle = std::sqrt(Root(slope, 0, 3));
   EXPECT_NEAR(ValidRadius(camera), static_cast<double>(oracle), 4e-15);
 }
@@ -83,7 +85,8 @@ TEST(ValidRadius, RandomLensesIncreaseUpToItAndNoFurther) {
     }
     if (!(fold < 50) || fold == kPi) continue;
     ++folding;
-    const long double before = RadialLong(camera, fold * (1 - 1e-7L)), at = RadialLong(camera, fold), after = RadialLong(camera, fold * (1 + 1e-6L));
+    const long double before = RadialLong(camera, fold * (1 - 1e-7L)), at = RadialLong(camera, fold),
+                      after = RadialLong(camera, fold * (1 + 1e-6L));
     // Beyond a fold the function falls; beyond a pole it jumps to the other sign.
     ASSERT_GE(at, before) << "lens " << i;
     ASSERT_LT(after, at) << "lens " << i << " goes on rising beyond " << fold;
@@ -98,7 +101,8 @@ TEST(Projector, RefusesToProjectBeyondTheFold) {
     if (std::isinf(fold) || fold == kPi) continue;
     for (const double phi : {0.0, 0.7, 2.1, 4.0}) {
       EXPECT_EQ(projector.Project(Direction(camera.model, fold * (1 - 1e-9), phi)).status, Status::kOk) << camera.name;
-      EXPECT_EQ(projector.Project(Direction(camera.model, fold * (1 + 1e-9), phi)).status, Status::kOutsideValidRadius) << camera.name;
+      EXPECT_EQ(projector.Project(Direction(camera.model, fold * (1 + 1e-9), phi)).status, Status::kOutsideValidRadius)
+          << camera.name;
     }
   }
 }
@@ -106,7 +110,8 @@ TEST(Projector, RefusesToProjectBeyondTheFold) {
 TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
   for (const Camera& camera : testing::ExtremeLenses()) {
     const Projector projector(camera);
-    const bool radial_only = camera.params.size() < 8 || camera.model == LensModel::kKannalaBrandt4 || camera.params.segment<2>(6).isZero(0);
+    const bool radial_only =
+        camera.params.size() < 8 || camera.model == LensModel::kKannalaBrandt4 || camera.params.segment<2>(6).isZero(0);
     const double fold = projector.valid_radius();
     const long double reach = std::isinf(fold) ? kInfinity : RadialLong(camera, fold);
     int solved = 0;
@@ -115,13 +120,15 @@ TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
         const Unprojection result = projector.Unproject({u, v});
         const long double radius = std::hypot((u - camera.cx()) / camera.fx(), (v - camera.cy()) / camera.fy());
         if (radial_only) {
-          ASSERT_EQ(result.status, radius <= reach ? Status::kOk : Status::kOutsideValidRadius) << camera.name << " " << u << " " << v;
+          ASSERT_EQ(result.status, radius <= reach ? Status::kOk : Status::kOutsideValidRadius)
+              << camera.name << " " << u << " " << v;
         } else if (radius < 0.9L * reach) {
           ASSERT_EQ(result.status, Status::kOk) << camera.name << " " << u << " " << v;
         }
         if (result.status != Status::kOk) continue;
         ++solved;
-        ASSERT_LT((ProjectLong(camera, result.ray_in_cam) - Vector2ld(u, v)).norm(), 1e-9L) << camera.name << " " << u << " " << v;
+        ASSERT_LT((ProjectLong(camera, result.ray_in_cam) - Vector2ld(u, v)).norm(), 1e-9L)
+            << camera.name << " " << u << " " << v;
       }
     }
     EXPECT_GT(solved, 80) << camera.name;
@@ -136,13 +143,17 @@ TEST(Projector, AgreesWithNewtonInLongDouble) {
     for (int i = 1; i <= 60; ++i) {
       const double radius = fold * i / 64;
       const Eigen::Vector2d px = projector.Project(Direction(camera.model, radius, 0)).px;
-      if (camera.params.size() > 7 && camera.model != LensModel::kKannalaBrandt4 && !camera.params.segment<2>(6).isZero(0)) continue;
+      if (camera.params.size() > 7 && camera.model != LensModel::kKannalaBrandt4 && !camera.params.segment<2>(6).isZero(0))
+        continue;
       const long double target = (static_cast<long double>(px[0]) - camera.cx()) / camera.fx();
-      const long double oracle = Root([&](long double r) { return target - RadialLong(camera, r); }, 0, projector.valid_radius() < 10 ? projector.valid_radius() : 10.0L);
+      const long double oracle = Root([&](long double r) { return target - RadialLong(camera, r); }, 0,
+                                      projector.valid_radius() < 10 ? projector.valid_radius() : 10.0L);
       const Eigen::Vector3d ray = projector.Unproject(px).ray_in_cam;
-      const double found = camera.model == LensModel::kKannalaBrandt4 ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
+      const double found =
+          camera.model == LensModel::kKannalaBrandt4 ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
       const long double slope = (RadialLong(camera, oracle + 1e-7L) - RadialLong(camera, oracle - 1e-7L)) / 2e-7L;
-      ASSERT_NEAR(found, static_cast<double>(oracle), 1e-14 / std::min(1.0, static_cast<double>(slope))) << camera.name << " " << radius;
+      ASSERT_NEAR(found, static_cast<double>(oracle), 1e-14 / std::min(1.0, static_cast<double>(slope)))
+          << camera.name << " " << radius;
     }
   }
 }
@@ -172,7 +183,8 @@ TEST(Projector, PerspectiveLensesRefusePointsBehind) {
     for (const double z : {0.0, -0.0, -1e-300, -1.0}) EXPECT_EQ(projector.Project({0.1, 0, z}).status, Status::kBehindCamera);
     EXPECT_EQ(projector.ProjectWithJacobians({0, 0, -1}).status, Status::kBehindCamera);
     // So flat that the pixel would overflow.
-    EXPECT_EQ(projector.Project({1, 1, std::numeric_limits<double>::denorm_min()}).status, Status::kOutsideValidRadius) << camera.name;
+    EXPECT_EQ(projector.Project({1, 1, std::numeric_limits<double>::denorm_min()}).status, Status::kOutsideValidRadius)
+        << camera.name;
   }
 }
 
@@ -204,7 +216,8 @@ TEST(Projector, HugePixelsGiveAStatusOrAnExactRay) {
         if (result.status != Status::kOk || size > 1e15) continue;
         const Vector2ld back = ProjectLong(camera, result.ray_in_cam);
         // Rays of unit length near 90 degrees carry size^2 roundings of their own in the pixel.
-        EXPECT_LT((back - px.cast<long double>()).norm(), 1e-9 + 1e-15 * size * (1 + size / camera.fx())) << camera.name << " " << size;
+        EXPECT_LT((back - px.cast<long double>()).norm(), 1e-9 + 1e-15 * size * (1 + size / camera.fx()))
+            << camera.name << " " << size;
       }
     }
   }

@@ -1,9 +1,8 @@
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cmath>
 
 #include "core/random.h"
 #include "core/units.h"
@@ -77,22 +76,33 @@ TEST(Projector, JacobiansAgreeWithFiniteDifferences) {
     const Projector projector(camera);
     const double reach = std::min(0.9 * projector.valid_radius(), camera.model == LensModel::kKannalaBrandt4 ? 2.5 : 0.8);
     for (int i = 0; i < 40; ++i) {
-      const Eigen::Vector3d x = Direction(camera.model, rng.Uniform(0.01, reach), rng.Uniform(0, 2 * kPi)) * rng.Uniform(0.5, 8);
+      const Eigen::Vector3d x =
+          Direction(camera.model, rng.Uniform(0.01, reach), rng.Uniform(0, 2 * kPi)) * rng.Uniform(0.5, 8);
       const ProjectionWithJacobians result = projector.ProjectWithJacobians(x);
       ASSERT_EQ(result.status, Status::kOk) << camera.name;
       ASSERT_EQ(result.px, projector.Project(x).px);
       const VectorXld params = camera.params.cast<long double>();
       const Vector3ld x_long = x.cast<long double>();
       for (int j = 0; j < 3; ++j) {
-        const auto f = [&](long double value) { Vector3ld y = x_long; y[j] = value; return ProjectLong(camera.model, params, y); };
+        const auto f = [&](long double value) {
+          Vector3ld y = x_long;
+          y[j] = value;
+          return ProjectLong(camera.model, params, y);
+        };
         const Vector2ld oracle = Derivative(f, x_long[j], 1e-4L * x_long.norm());
-        ASSERT_LT((oracle - result.d_px_d_x.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm())) << camera.name << " x" << j;
+        ASSERT_LT((oracle - result.d_px_d_x.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm()))
+            << camera.name << " x" << j;
       }
       ASSERT_EQ(result.d_px_d_params.cols(), camera.params.size());
       for (int j = 0; j < camera.params.size(); ++j) {
-        const auto f = [&](long double value) { VectorXld p = params; p[j] = value; return ProjectLong(camera.model, p, x_long); };
+        const auto f = [&](long double value) {
+          VectorXld p = params;
+          p[j] = value;
+          return ProjectLong(camera.model, p, x_long);
+        };
         const Vector2ld oracle = Derivative(f, params[j], 1e-5L * (1 + std::abs(params[j])));
-        ASSERT_LT((oracle - result.d_px_d_params.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm())) << camera.name << " p" << j;
+        ASSERT_LT((oracle - result.d_px_d_params.col(j).cast<long double>()).norm(), 1e-8L * (1 + oracle.norm()))
+            << camera.name << " p" << j;
       }
     }
   }
@@ -121,7 +131,9 @@ TEST(Projector, InverseFunctionTheorem) {
       const auto slope = [&](double step) {
         Eigen::Vector2d up = px, down = px;
         up[j] += step, down[j] -= step;
-        return Eigen::Vector2d((projector.Unproject(up).ray_in_cam.hnormalized() - projector.Unproject(down).ray_in_cam.hnormalized()) / (2 * step));
+        return Eigen::Vector2d(
+            (projector.Unproject(up).ray_in_cam.hnormalized() - projector.Unproject(down).ray_in_cam.hnormalized()) /
+            (2 * step));
       };
       numeric.col(j) = (4 * slope(h / 2) - slope(h)) / 3;
     }

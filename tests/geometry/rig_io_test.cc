@@ -136,12 +136,21 @@ TEST(RigIo, ErrorsNameThePlace) {
   expect(Edited([](auto& j) { j["cameras"][1]["size_px"][0] = 0; }), "cameras[1].size_px[0]");
   expect(Edited([](auto& j) { j["cameras"][1]["size_px"][1] = 1e300; }), "cameras[1].size_px[1]");
   expect(Edited([](auto& j) { j["cameras"][1]["size_px"] = {1, 2, 3}; }), "cameras[1].size_px");
-  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 0}; }), "cameras[2].cam_from_world.rotation_xyzw");
-  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 1e-160}; }), "cameras[2].cam_from_world.rotation_xyzw");
-  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["translation"][2] = nullptr; }), "cameras[2].cam_from_world.translation[2]");
+  expect(Edited([](auto& j) {
+           j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 0};
+         }),
+         "cameras[2].cam_from_world.rotation_xyzw");
+  expect(Edited([](auto& j) {
+           j["cameras"][2]["cam_from_world"]["rotation_xyzw"] = {0, 0, 0, 1e-160};
+         }),
+         "cameras[2].cam_from_world.rotation_xyzw");
+  expect(Edited([](auto& j) { j["cameras"][2]["cam_from_world"]["translation"][2] = nullptr; }),
+         "cameras[2].cam_from_world.translation[2]");
   expect(Edited([](auto& j) { j["cameras"][1]["intrinsics_covariance"][0][0] = -1; }), "cameras[1].intrinsics_covariance");
-  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"][0][1] = 1; }), "cameras[1].cam_from_world_covariance");
-  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"].erase(0); }), "cameras[1].cam_from_world_covariance");
+  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"][0][1] = 1; }),
+         "cameras[1].cam_from_world_covariance");
+  expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"].erase(0); }),
+         "cameras[1].cam_from_world_covariance");
 }
 
 TEST(RigIo, HostileTexts) {
@@ -159,7 +168,8 @@ TEST(RigIo, HostileTexts) {
     return changed.replace(at, changed.find(',', at) - at, number);
   };
   EXPECT_EQ(Complaint(with("640")), "accepted");
-  for (const char* number : {"NaN", "Infinity", "-inf", "1e400", "0x12", "", "1,5", "--1"}) EXPECT_NE(Complaint(with(number)), "accepted") << number;
+  for (const char* number : {"NaN", "Infinity", "-inf", "1e400", "0x12", "", "1,5", "--1"})
+    EXPECT_NE(Complaint(with(number)), "accepted") << number;
 }
 
 TEST(RigIo, UnknownKeysAreIgnoredWithAWarning) {
@@ -172,7 +182,9 @@ TEST(RigIo, UnknownKeysAreIgnoredWithAWarning) {
 }
 
 TEST(RigIo, RoundedRotationsArePutBackOnTheSphere) {
-  const std::string text = Edited([](auto& j) { j["cameras"][0]["cam_from_world"]["rotation_xyzw"] = {0.5, 0.5, 0.5, 0.5001}; });
+  const std::string text = Edited([](auto& j) {
+    j["cameras"][0]["cam_from_world"]["rotation_xyzw"] = {0.5, 0.5, 0.5, 0.5001};
+  });
   EXPECT_NEAR(RigFromJsonText(text, "t").cameras[0].cam_from_world.rotation.norm(), 1, 1e-15);
 }
 

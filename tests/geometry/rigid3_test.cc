@@ -48,7 +48,8 @@ TEST(Rotation, ExpAgreesWithTheAxisAngleMatrix) {
 TEST(Rotation, AngleIsAccurateForTinyDifferences) {
   const Eigen::Quaterniond a = RotationExp({0.3, -1.2, 0.7});
   EXPECT_EQ(RotationAngle(a, a), 0);
-  for (const double angle : {1e-12, 1e-6, 1.0, 3.1}) EXPECT_NEAR(RotationAngle(RotationExp({0, angle, 0}) * a, a), angle, 1e-15 * 4);
+  for (const double angle : {1e-12, 1e-6, 1.0, 3.1})
+    EXPECT_NEAR(RotationAngle(RotationExp({0, angle, 0}) * a, a), angle, 1e-15 * 4);
   EXPECT_EQ(RotationAngle(a, Eigen::Quaterniond(-a.coeffs())), 0) << "q and -q are the same rotation";
 }
 
@@ -78,7 +79,10 @@ TEST(Rigid3, PerturbsOnTheLeft) {
   Vector6d delta;
   delta << 1e-3, -2e-3, 3e-3, 0.1, 0.2, -0.3;
   const Rigid3 moved = Perturb(delta, b_from_a);
-  EXPECT_LT((moved.rotation.toRotationMatrix() - RotationExp(delta.head<3>()).toRotationMatrix() * b_from_a.rotation.toRotationMatrix()).norm(), 1e-15 * 10);
+  EXPECT_LT((moved.rotation.toRotationMatrix() -
+             RotationExp(delta.head<3>()).toRotationMatrix() * b_from_a.rotation.toRotationMatrix())
+                .norm(),
+            1e-15 * 10);
   EXPECT_EQ(moved.translation, b_from_a.translation + delta.tail<3>());
 }
 

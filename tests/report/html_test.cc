@@ -98,7 +98,8 @@ TEST(LabelOfKey, UnitFromTheSuffix) {
   EXPECT_EQ(LabelOfKey("holdout_rms_px").label, "held-out rms");
   EXPECT_EQ(LabelOfKey("holdout_rms_px").unit, "px");
   EXPECT_EQ(LabelOfKey("psnr_db").unit, "dB");
-  EXPECT_EQ(LabelOfKey("points_per_s").unit, "1/s");
+  EXPECT_EQ(LabelOfKey("points_per_s").label, "points per second");
+  EXPECT_EQ(LabelOfKey("points_per_s").unit, "");
   EXPECT_EQ(LabelOfKey("num_params").label, "params");
   EXPECT_EQ(LabelOfKey("_px").label, " px");
 }

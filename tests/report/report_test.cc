@@ -328,16 +328,17 @@ TEST_F(ReportTest, ASingleResultSaysWhatWasNotRun) {
               AllOf(HasSubstr("Triangulation: not run"), HasSubstr("Avatar: not run"), HasSubstr("Dataset: not run")));
 }
 
-TEST_F(ReportTest, AMissedCheckFailsTheRun) {
-  Save("demo.result.json",
-       Result(
-           "demo",
-           {{"truth", {{"joints_median_mm", 4.75}}},
-            {"checks",
-             {{{"name", "joints"}, {"value", 4.75}, {"bound", 4.5}, {"unit", "mm"}, {"at_least", false}, {"pass", false}}}}}));
+TEST_F(ReportTest, AMissedCheckIsAsBadAsTheCommandSays) {
+  Json check = {{"name", "joints"}, {"value", 4.75}, {"bound", 4.5}, {"unit", "mm"}, {"at_least", false}, {"pass", false}};
+  Json result = Result("demo", {{"truth", {{"joints_median_mm", 4.75}}}, {"checks", {check}}});
+  Save("demo.result.json", result);
+  EXPECT_EQ(Build().verdict, Verdict::kWarn);
+  result["status"] = "fail";
+  Save("demo.result.json", result);
   const Report report = Build();
   EXPECT_EQ(report.verdict, Verdict::kFail);
-  EXPECT_THAT(report.html, AllOf(HasSubstr("0 of 1"), HasSubstr("≤ 4.5")));
+  EXPECT_THAT(report.html,
+              AllOf(HasSubstr("0 of 1"), HasSubstr("≤ 4.5"), HasSubstr("joints: 4.75\u00a0mm, bound 4.5\u00a0mm")));
 }
 
 TEST_F(ReportTest, TheRunsOwnReportAndTheTruthAreNotStages) {

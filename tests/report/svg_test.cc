@@ -287,6 +287,13 @@ TEST(RigView, NothingNanAndCoincident) {
   subject.path = {{kNan, kNan, kNan}, {0, 0, 1}};
   EXPECT_EQ(CheckMarkup(RigTopView(cameras, subject)), "");
   EXPECT_EQ(CheckMarkup(RigCornerView({cameras[1], cameras[1]}, subject)), "");
+  // A metre apart, so far from the origin that the next double is metres away.
+  for (const double far : {1e17, 1e200}) {
+    cameras[0] = cameras[1];
+    cameras[0].center_in_world = {far, 0, 0};
+    cameras[1].center_in_world = {far, 1, 0};
+    EXPECT_EQ(CheckMarkup(RigTopView(cameras, {})), "");
+  }
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 #include "synth/board_view.h"
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 
 #include "synth/motion.h"
@@ -71,7 +71,8 @@ Errors CornerErrors(const std::string& lens) {
       for (int i = 0; i < corners.cols(); ++i) {
         const geometry::Projection truth = projector.Project(camera.cam_from_world * (pose * Eigen::Vector3d(corners.col(i))));
         Eigen::Vector2d found;
-        if (truth.status != Status::kOk || !geometry::InImage(camera.camera, truth.px) || !FindSaddle(grey, truth.px, &found)) continue;
+        if (truth.status != Status::kOk || !geometry::InImage(camera.camera, truth.px) || !FindSaddle(grey, truth.px, &found))
+          continue;
         errors.mean += found - truth.px;
         errors.rms += (found - truth.px).squaredNorm();
         ++errors.count;

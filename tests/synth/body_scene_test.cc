@@ -97,7 +97,8 @@ TEST(DetectJoints, NoiseHasTheStatedSizeAndHiddenFacesAreNotSeen) {
     const BodyScene scene(world.body, world.textures, body::SkinVertices(world.body, pose));
     const Eigen::Matrix3Xd joints = PersonJoints(world.body, pose, skeleton);
     for (const geometry::RigCamera& camera : world.rig.cameras) {
-      const dataset::Person2d person = DetectJoints(scene, camera, skeleton, joints, 0.7, 10 * f + 1 + (&camera - world.rig.cameras.data()) * 1000);
+      const dataset::Person2d person =
+          DetectJoints(scene, camera, skeleton, joints, 0.7, 10 * f + 1 + (&camera - world.rig.cameras.data()) * 1000);
       ASSERT_EQ(person.keypoints.size(), 25u);
       for (int j = 0; j < 25; ++j) {
         const dataset::Keypoint2d& point = person.keypoints[j];

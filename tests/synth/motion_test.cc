@@ -1,8 +1,8 @@
 #include "synth/motion.h"
 
-#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 namespace mvstudio::synth {
@@ -38,7 +38,8 @@ TEST(PersonPose, MovesSmoothlyAndKneesBendBackwards) {
       EXPECT_LT((joints - before).colwise().norm().maxCoeff() * 25, 6.0) << "m/s at frame " << f;
     }
     before = joints;
-    const Eigen::Quaterniond knee = pose.bone_transforms[l_shin - 1].rotation.conjugate() * pose.bone_transforms[l_shin].rotation;
+    const Eigen::Quaterniond knee =
+        pose.bone_transforms[l_shin - 1].rotation.conjugate() * pose.bone_transforms[l_shin].rotation;
     const Eigen::Vector3d bend = geometry::RotationLog(knee);
     EXPECT_GE(bend[0], 0.05);
     EXPECT_LT(bend[0], 2.0);

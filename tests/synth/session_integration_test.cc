@@ -1,10 +1,7 @@
-#include "synth/session.h"
-
 #include <gtest/gtest.h>
-
-#include <cmath>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 
@@ -15,6 +12,7 @@
 #include "dataset/pose3d.h"
 #include "dataset/video_io.h"
 #include "geometry/rig_io.h"
+#include "synth/session.h"
 
 namespace mvstudio::synth {
 namespace {
@@ -61,7 +59,8 @@ class SessionTest : public ::testing::Test {
 TEST_F(SessionTest, SameSeedSameBytesWhateverTheThreads) {
   SynthOptions options = Small();
   options.format = "png";
-  const auto one = Contents(Write("one", options, 5, 1)), two = Contents(Write("two", options, 5, 3)), other = Contents(Write("other", options, 6, 2));
+  const auto one = Contents(Write("one", options, 5, 1)), two = Contents(Write("two", options, 5, 3)),
+             other = Contents(Write("other", options, 6, 2));
   ASSERT_EQ(one.size(), two.size());
   for (const auto& [path, content] : one) EXPECT_TRUE(two.at(path) == content) << path;
   EXPECT_NE(one.at("raw/take1/cam_01/00000004.png"), other.at("raw/take1/cam_01/00000004.png"));
@@ -70,7 +69,8 @@ TEST_F(SessionTest, SameSeedSameBytesWhateverTheThreads) {
 
 TEST_F(SessionTest, VideosDoNotDependOnTheThreadsEither) {
   const SynthOptions options = Small();
-  EXPECT_EQ(ReadFile(Write("one", options, 5, 1) + "/raw/take1/cam_02.mp4"), ReadFile(Write("two", options, 5, 4) + "/raw/take1/cam_02.mp4"));
+  EXPECT_EQ(ReadFile(Write("one", options, 5, 1) + "/raw/take1/cam_02.mp4"),
+            ReadFile(Write("two", options, 5, 4) + "/raw/take1/cam_02.mp4"));
 }
 
 TEST_F(SessionTest, LayoutIsCompleteAndMasksEqualParts) {
@@ -92,7 +92,8 @@ TEST_F(SessionTest, LayoutIsCompleteAndMasksEqualParts) {
     EXPECT_EQ(dataset::ReadImage(folder + "/raw/plate/" + name + ".png").width, 160);
     for (int f : {0, 9}) {
       const std::string frame = "/take1/" + name + "/0000000" + std::to_string(f) + ".png";
-      const Image mask = dataset::ReadImage(folder + "/truth/masks" + frame, true), part = dataset::ReadImage(folder + "/truth/partuv" + frame);
+      const Image mask = dataset::ReadImage(folder + "/truth/masks" + frame, true),
+                  part = dataset::ReadImage(folder + "/truth/partuv" + frame);
       int area = 0;
       for (size_t i = 0; i < mask.pixels.size(); ++i) {
         EXPECT_EQ(mask.pixels[i], part.pixels[3 * i] > 0 ? 255 : 0);
@@ -113,7 +114,8 @@ TEST_F(SessionTest, Joints2dAreProjectionsOfTheTruthPlusNoise) {
   const body::Skeleton& skeleton = body::SkeletonByName("body25");
   int seen = 0;
   for (const geometry::RigCamera& camera : rig.cameras) {
-    const auto track = dataset::ReadOpenPoseFolder(folder + "/pose2d/take1/" + camera.camera.name, camera.camera.name, skeleton);
+    const auto track =
+        dataset::ReadOpenPoseFolder(folder + "/pose2d/take1/" + camera.camera.name, camera.camera.name, skeleton);
     for (const dataset::JointRow& row : truth.rows) {
       const dataset::Keypoint2d& point = track.frames.at(row.frame).at(0).keypoints[skeleton.Find(row.joint)];
       if (point.score == 0) continue;

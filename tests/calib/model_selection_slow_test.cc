@@ -7,8 +7,9 @@
 namespace mvstudio::calib {
 namespace {
 
-MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px) {
+MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px, uint64_t seed = 1) {
   testing::SceneOptions options;
+  options.seed = seed;
   options.num_cameras = 1;
   options.num_frames = num_frames;
   options.model = model;
@@ -19,12 +20,18 @@ MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px) {
   return CalibrateMono(testing::MakeCamera("c", geometry::LensModel::kBrown4), views, frames, BundleOptions());
 }
 
+// The rule of one standard error picks a larger model than the truth in about one of six noisy scenes, by its construction, and
+// must never pick a smaller one.
 TEST(ChooseModel, FindsTheModelThatMadeTheData) {
-  for (geometry::LensModel model : {geometry::LensModel::kPinhole, geometry::LensModel::kBrown2}) {
-    const ModelChoice choice = ChooseModel({Solve(model, 12, 0.05)}, 4, 12, 1);
-    EXPECT_EQ(choice.model, model) << choice.reason;
-    ASSERT_GE(choice.index, 0);
-    EXPECT_TRUE(choice.candidates[choice.index].within_one_se || choice.reason.find("smallest") != std::string::npos);
+  for (geometry::LensModel model : {geometry::LensModel::kPinhole, geometry::LensModel::kBrown2, geometry::LensModel::kBrown4}) {
+    int exact = 0;
+    for (uint64_t seed = 1; seed <= 6; ++seed) {
+      const ModelChoice choice = ChooseModel({Solve(model, 12, 0.05, seed)}, 4, 12, 1);
+      EXPECT_GE(geometry::NumParams(choice.model), geometry::NumParams(model)) << "seed " << seed << ": " << choice.reason;
+      EXPECT_GE(choice.index, 0);
+      exact += choice.model == model;
+    }
+    EXPECT_GE(exact, 4) << geometry::ToString(model);
   }
 }
 
