@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses bend a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
-constexpr double kMinAgreeing = 0.6;
+constexpr double kMaxMisplaced = 0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
 constexpr char kMarkersMisplaced[] = "the markers do not lie as on the board (wrong size, or the layout: try with or without legacy)";
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
@@ -130,7 +130,8 @@ BoardDetection DetectBoard(const Board& board, const Image& image, const DetectO
   CharucoSearch search;
   if (charuco) {
     search = SearchCharuco(board, grey);
-    if (search.num_agreeing < kMinAgreeing * search.num_markers) return Failed(Status::kDegenerate, kMarkersMisplaced);
+    const int misplaced = search.num_markers - search.num_agreeing;
+    if (misplaced > std::max(1.0, kMaxMisplaced * search.num_markers)) return Failed(Status::kDegenerate, kMarkersMisplaced);
   } else {
     search.guesses = SearchChessboard(board, grey, options.detector == "exact");
   }

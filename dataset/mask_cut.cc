@@ -6,18 +6,6 @@
 #include "dataset/mask_internal.h"
 
 namespace mvstudio::dataset::internal {
-namespace {
-
-/// Mean squared colour step between neighbours: the scale at which a step counts as an edge. Boykov and Jolly, ICCV 2001.
-double MeanContrast2(const CutProblem& p) {
-  double sum = 0;
-  for (const float c : p.contrast2_x) sum += c;
-  for (const float c : p.contrast2_y) sum += c;
-  return std::max(sum / (2.0 * p.width * p.height), 4.0);
-}
-
-}  // namespace
-
 void SolveCut(CutProblem* problem) {
   CutProblem& p = *problem;
   const int n = p.width * p.height;
@@ -31,7 +19,7 @@ void SolveCut(CutProblem* problem) {
     node[i] = graph.addVtx();
     graph.addTermWeights(node[i], p.background_cost[i], p.person_cost[i]);
   }
-  const double beta = 1.0 / (2.0 * MeanContrast2(p));
+  const double beta = 1.0 / (2.0 * p.mean_contrast2);
   const auto connect = [&](int i, int j, float contrast2, double length) {
     const double weight = p.smoothness / length * std::exp(-beta * contrast2);
     if (node[i] >= 0 && node[j] >= 0) {

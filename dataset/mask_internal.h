@@ -36,6 +36,7 @@ struct CutProblem {
   std::vector<float> person_cost, background_cost;  // (H, W), read at free pixels only
   std::vector<Label> label;                         // (H, W) free or decided
   std::vector<float> contrast2_x, contrast2_y, contrast2_d, contrast2_u;  // (H, W) squared colour step to the right, below, below right, below left
+  double mean_contrast2 = 1;  ///< scale of the squared steps
   double smoothness = 0;
 };
 /// Decides every free pixel. Boykov and Kolmogorov, PAMI 2004.

@@ -127,17 +127,35 @@ float Contrast2(const Patch& patch, int x0, int y0, int x1, int y1) {
   return contrast2;
 }
 
+/// Scale at which a step counts as an edge: the mean over a coarse grid of the whole patch. Boykov and Jolly, ICCV 2001.
+double MeanContrast2(const Patch& patch) {
+  double sum = 0, count = 1e-9;
+  const int step = std::max(1, int(std::lround(2 * std::sqrt(patch.width() * patch.height() / 2e5))));
+  for (int y = 0; y + 1 < patch.height(); y += step) {
+    for (int x = 0; x + 1 < patch.width(); x += step) {
+      sum += Contrast2(patch, x, y, x + 1, y) + Contrast2(patch, x, y, x, y + 1);
+      count += 2;
+    }
+  }
+  return std::max(sum / count, 4.0);
+}
+
+/// Steps between neighbours of which one is free.
 void FillContrast(const Patch& patch, CutProblem* p) {
   const size_t n = size_t(p->width) * p->height;
   for (auto* c : {&p->contrast2_x, &p->contrast2_y, &p->contrast2_d, &p->contrast2_u}) c->assign(n, 0.f);
+  p->mean_contrast2 = MeanContrast2(patch);
   for (int y = 0; y < p->height; ++y) {
     for (int x = 0; x < p->width; ++x) {
       const size_t i = size_t(y) * p->width + x;
-      const bool right = x + 1 < p->width, below = y + 1 < p->height;
-      if (right) p->contrast2_x[i] = Contrast2(patch, x, y, x + 1, y);
-      if (below) p->contrast2_y[i] = Contrast2(patch, x, y, x, y + 1);
-      if (right && below) p->contrast2_d[i] = Contrast2(patch, x, y, x + 1, y + 1);
-      if (x > 0 && below) p->contrast2_u[i] = Contrast2(patch, x, y, x - 1, y + 1);
+      const auto set = [&](std::vector<float>* contrast2, int u, int v) {
+        if (u < 0 || u >= p->width || v >= p->height) return;
+        if (p->label[i] == Label::kFree || p->label[size_t(v) * p->width + u] == Label::kFree) (*contrast2)[i] = Contrast2(patch, x, y, u, v);
+      };
+      set(&p->contrast2_x, x + 1, y);
+      set(&p->contrast2_y, x, y + 1);
+      set(&p->contrast2_d, x + 1, y + 1);
+      set(&p->contrast2_u, x - 1, y + 1);
     }
   }
 }
@@ -184,7 +202,6 @@ CutProblem StartProblem(const Patch& patch, const cv::Mat& lines, const MaskOpti
       if (lines.at<uint8_t>(y, x)) p.label[size_t(y) * p.width + x] = Label::kPerson;
     }
   }
-  FillContrast(patch, &p);
   return p;
 }
 
@@ -204,6 +221,7 @@ cv::Mat BoneLines(const ProjectedBody& body, const Patch& patch) {
 
 cv::Mat CutPatch(const Patch& patch, const ProjectedBody& body, const CameraMaskModel& model, const MaskOptions& options) {
   CutProblem p = StartProblem(patch, BoneLines(body, patch), options);
+  FillContrast(patch, &p);
   FillCosts(patch, body, model, options, &p);
   internal::SolveCut(&p);
   return LabelMat(p);
@@ -226,6 +244,7 @@ cv::Mat RefineOutline(const cv::Mat& coarse, const Patch& full, double scale, co
       if (!outer.at<uint8_t>(y, x) && label == Label::kFree) label = Label::kBackground;
     }
   }
+  FillContrast(full, &p);
   FillCosts(full, body, model, options, &p);
   internal::SolveCut(&p);
   return LabelMat(p);

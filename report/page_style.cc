@@ -20,7 +20,8 @@ figure,tr,.card,.fix li{break-inside:avoid}h2,h3{break-after:avoid}}
 *{box-sizing:border-box}
 body{margin:0 auto;padding:1.5rem 1.5rem 3rem;max-width:78rem;background:var(--ground);color:var(--ink);
 font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
-h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .8rem}h3{font-size:1rem;margin:1.6rem 0 .5rem}
+h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .8rem}
+h3{font-size:1rem;margin:1.6rem 0 .5rem}
 p{margin:.4rem 0 .8rem;max-width:60rem}.muted,figcaption,.unit{color:var(--muted)}.unit{font-weight:400}
 header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p{flex-basis:100%;margin:0}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
@@ -61,13 +62,16 @@ font-size:.8em;color:var(--muted)}
 svg{max-width:100%;height:auto;display:block}
 svg text{fill:var(--ink);font:12px system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
 svg text.t{font-weight:600;font-size:13px}svg text.m{fill:var(--muted)}svg text.x{font-size:10.5px}
-svg .axis{stroke:var(--muted);fill:none}svg .gridline{stroke:var(--grid);fill:none}svg .frame{fill:var(--card);stroke:var(--rule)}
+svg .axis{stroke:var(--muted);fill:none}svg .gridline{stroke:var(--grid);fill:none}
+svg .frame{fill:var(--card);stroke:var(--rule)}
 svg .ref{stroke:var(--ink);stroke-dasharray:4 3;fill:none}svg .halo{paint-order:stroke;stroke:var(--ground);stroke-width:3px}
 svg .err{stroke:var(--ink);fill:none}svg .ink{fill:var(--ink);stroke:none}
 .s0{stroke:var(--c0);fill:none}.s1{stroke:var(--c1);fill:none}.s2{stroke:var(--c2);fill:none}.s3{stroke:var(--c3);fill:none}
 .s4{stroke:var(--c4);fill:none}.s5{stroke:var(--c5);fill:none}.s6{stroke:var(--c6);fill:none}.s7{stroke:var(--c7);fill:none}
-.f0{fill:var(--c0)}.f1{fill:var(--c1)}.f2{fill:var(--c2)}.f3{fill:var(--c3)}.f4{fill:var(--c4)}.f5{fill:var(--c5)}.f6{fill:var(--c6)}
-.f7{fill:var(--c7)}.h1,.h2,.h3,.h4{fill:var(--c0)}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}.h4{fill-opacity:.9}
+.f0{fill:var(--c0)}.f1{fill:var(--c1)}.f2{fill:var(--c2)}.f3{fill:var(--c3)}.f4{fill:var(--c4)}.f5{fill:var(--c5)}
+.f6{fill:var(--c6)}
+.f7{fill:var(--c7)}.h1,.h2,.h3,.h4{fill:var(--c0)}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}
+.h4{fill-opacity:.9}
 .soft{fill-opacity:.16}.dots{stroke-linecap:round}.faint{opacity:.45}
 footer{margin-top:2rem;padding-top:.6rem;border-top:1px solid var(--rule);color:var(--muted);font-size:.86em}
 )css";

@@ -56,9 +56,9 @@ Section DatasetSection(SectionContext* context) {
     if (shown) section.body_html += StageBody(context, stage);
   }
   if (section.body_html.empty()) {
-    section.body_html =
-        NotRun("Dataset",
-               "mvstudio dataset build --calib RUN/calibration.json --video CAM=FILE … --pose3d RUN/pose3d --out RUN/dataset");
+    section.body_html = NotRun("Dataset",
+                               "mvstudio dataset build --calib RUN/calibration.json --video CAM=FILE … "
+                               "--pose3d RUN/pose3d --out RUN/dataset");
   }
   return section;
 }

@@ -16,7 +16,7 @@ namespace mvstudio::avatar {
 struct EvaluateOptions {
   std::string dataset;
   int pictures = 4;
-  int other_pictures = 48;
+  int other_pictures = 24;
   int batch = 8;
 };
 

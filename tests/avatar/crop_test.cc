@@ -7,7 +7,7 @@
 #include "avatar/io/shape_fit.h"
 #include "body/mesh_raster.h"
 #include "core/error.h"
-#include "panoptic_fixture.h"
+#include "tests/avatar/panoptic_fixture.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -11,7 +11,7 @@
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
 #include "core/error.h"
-#include "panoptic_fixture.h"
+#include "tests/avatar/panoptic_fixture.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "avatar/io/run_config.h"
 #include "core/error.h"
-#include "panoptic_fixture.h"
+#include "tests/avatar/panoptic_fixture.h"
 
 namespace mvstudio::avatar {
 namespace {
