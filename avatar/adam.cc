@@ -12,7 +12,8 @@ void Adam::Add(const std::string& name, const at::Tensor& value) {
 
 void Adam::Step(double learning_rate) {
   ++step;
-  const double correction1 = 1 - std::pow(0.9, static_cast<double>(step)), correction2 = 1 - std::pow(0.999, static_cast<double>(step));
+  const double correction1 = 1 - std::pow(0.9, static_cast<double>(step)),
+               correction2 = 1 - std::pow(0.999, static_cast<double>(step));
   for (Slot& slot : slots) {
     const at::Tensor gradient = slot.value.grad();
     if (!gradient.defined()) continue;

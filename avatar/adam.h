@@ -8,12 +8,13 @@
 
 namespace mvstudio::avatar {
 
-/// Adam (Kingma and Ba, ICLR 2015) over named tensors, beta 0.9 and 0.999, epsilon 1e-8. Its whole state is public: it is part of checkpoints.
+/// Adam (Kingma and Ba, ICLR 2015) over named tensors, beta 0.9 and 0.999, epsilon 1e-8. Its whole state is public: it is part
+/// of checkpoints.
 struct Adam {
   struct Slot {
     std::string name;
-    at::Tensor value;           // a leaf with gradient
-    at::Tensor first, second;   // moments, same shape
+    at::Tensor value;          // a leaf with gradient
+    at::Tensor first, second;  // moments, same shape
   };
   std::vector<Slot> slots;
   int64_t step = 0;

@@ -47,7 +47,8 @@ void MoveJoints(const Jitter& j, int size_px, float* joints) {
 }
 
 /// Moves the batch and its key points by one random motion each.
-void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, TrainBatch& batch, at::Tensor& joints_px) {
+void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, TrainBatch& batch,
+                 at::Tensor& joints_px) {
   const auto count = static_cast<int64_t>(batch.pictures.size());
   at::Tensor theta = at::zeros({count, 2, 3}, at::kFloat);
   Rng random(seed * 0x9e3779b97f4a7c15ull + static_cast<uint64_t>(step) * 2 + 1);
@@ -59,7 +60,8 @@ void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_
   }
   const at::Tensor grid = at::affine_grid_generator(theta, {count, 1, size_px, size_px}, false);
   const at::Tensor smooth = at::grid_sampler_2d(at::cat({batch.image, batch.mask.unsqueeze(1)}, 1), grid, 0, 0, false);
-  const at::Tensor labels = at::grid_sampler_2d(at::cat({batch.part.to(at::kFloat).unsqueeze(1), batch.uv}, 1), grid, 1, 0, false);
+  const at::Tensor labels =
+      at::grid_sampler_2d(at::cat({batch.part.to(at::kFloat).unsqueeze(1), batch.uv}, 1), grid, 1, 0, false);
   batch.image = smooth.slice(1, 0, 3).contiguous();
   batch.mask = smooth.select(1, 3).contiguous();
   batch.part = labels.select(1, 0).round().to(at::kLong);
@@ -77,7 +79,8 @@ void SpreadLabels(int64_t size, const uint8_t* mask, uint8_t* part, float* uv) {
   }
   for (size_t head = 0; head < queue.size(); ++head) {
     const int64_t p = queue[head], x = p % size, y = p / size;
-    const int64_t neighbours[4] = {x > 0 ? p - 1 : -1, x + 1 < size ? p + 1 : -1, y > 0 ? p - size : -1, y + 1 < size ? p + size : -1};
+    const int64_t neighbours[4] = {x > 0 ? p - 1 : -1, x + 1 < size ? p + 1 : -1, y > 0 ? p - size : -1,
+                                   y + 1 < size ? p + size : -1};
     for (const int64_t q : neighbours) {
       if (q < 0 || mask[q] == 0 || part[q] != 0) continue;
       part[q] = part[p], uv[q] = uv[p], uv[area + q] = uv[area + p];
@@ -103,8 +106,8 @@ std::vector<int64_t> PicturesOfStep(int64_t num_pictures, int64_t batch, uint64_
   return rows;
 }
 
-TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options, const std::vector<int64_t>& pictures,
-                     bool jitter, uint64_t seed, int64_t step) {
+TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options,
+                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step) {
   const at::Tensor rows = at::tensor(pictures, at::kLong);
   TrainBatch batch;
   batch.pictures = pictures;
@@ -118,7 +121,8 @@ TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const Tra
   batch.uv = batch.uv * 2 - 1;
   batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px);
   if (options.device != "cpu") {
-    for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv}) *t = t->to(at::Device(options.device));
+    for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv})
+      *t = t->to(at::Device(options.device));
   }
   return batch;
 }
@@ -130,7 +134,8 @@ void FitLabelsToMasks(AvatarPack& pack, int num_threads) {
   const uint8_t* mask = masks.data_ptr<uint8_t>();
   uint8_t* part = pack.part.data_ptr<uint8_t>();
   float* uv = pack.uv.data_ptr<float>();
-  ParallelFor(pack.size(), num_threads, [&](int64_t i) { SpreadLabels(size, mask + i * area, part + i * area, uv + 2 * i * area); });
+  ParallelFor(pack.size(), num_threads,
+              [&](int64_t i) { SpreadLabels(size, mask + i * area, part + i * area, uv + 2 * i * area); });
 }
 
 }  // namespace mvstudio::avatar

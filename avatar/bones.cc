@@ -18,8 +18,9 @@ void CheckInputs(const at::Tensor& joints_px, const at::Tensor& depth, const at:
   MVS_CHECK(depth.sizes() == at::IntArrayRef({batch, 19}) && valid.sizes() == depth.sizes() && valid.scalar_type() == at::kBool,
             "depth and valid must be (B, 19), valid bool");
   const at::Tensor good = at::isfinite(joints_px).all(2).logical_and(at::isfinite(depth)).logical_or(valid.logical_not());
-  MVS_CHECK(good.all().item<bool>(), "a valid joint is not finite (pose " << good.all(1).logical_not().nonzero()[0].item<int64_t>()
-                                                                           << " of the batch): behind the camera?");
+  MVS_CHECK(good.all().item<bool>(), "a valid joint is not finite (pose "
+                                         << good.all(1).logical_not().nonzero()[0].item<int64_t>()
+                                         << " of the batch): behind the camera?");
 }
 
 float BoneValue(float depth, const DepthRange& range) {
@@ -76,7 +77,9 @@ DepthRange ChooseDepthRange(const at::Tensor& depth, const at::Tensor& valid) {
   return {low - margin, high + margin};
 }
 
-double BoneHalfWidth(double at_512_px, int64_t size_px) { return std::max(1.0, at_512_px * static_cast<double>(size_px) / 512.0); }
+double BoneHalfWidth(double at_512_px, int64_t size_px) {
+  return std::max(1.0, at_512_px * static_cast<double>(size_px) / 512.0);
+}
 
 at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
                                 int64_t width, double half_width_px, const DepthRange& range) {
@@ -101,8 +104,8 @@ at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& d
   return (kBoneBackground + cover * (value - kBoneBackground)).to(at::kFloat);
 }
 
-at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height, int64_t width,
-                           double half_width_px) {
+at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height,
+                           int64_t width, double half_width_px) {
   // A bone of constant depth 1 in the range (0, 1) is drawn as its coverage, from -1 to 1.
   const at::Tensor ones = at::ones_like(joints_px.select(2, 0));
   const at::Tensor cover = 0.5 * (RasterizeBones(joints_px, ones, valid, height, width, half_width_px, {0, 1}) + 1);
@@ -114,8 +117,8 @@ at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_c
   return cover * at::nan_to_num(at::stack(slopes, 1)).unsqueeze(-1).unsqueeze(-1);
 }
 
-at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height, int64_t width,
-                          double half_width_px, const DepthRange& range) {
+at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
+                          int64_t width, double half_width_px, const DepthRange& range) {
   CheckInputs(joints_px, depth, valid);
   const int64_t batch = joints_px.size(0);
   const at::Tensor px = joints_px.to(at::kCPU, at::kFloat).contiguous(), z = depth.to(at::kCPU, at::kFloat).contiguous();
@@ -131,8 +134,8 @@ at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, 
       const int64_t row = i / kNumBones * 19;
       if (!ok_data[row + a] || !ok_data[row + b]) continue;
       const float *pa = px_data + (row + a) * 2, *pb = px_data + (row + b) * 2;
-      DrawBone({pa[0], pa[1], pb[0], pb[1], z_data[row + a], z_data[row + b]}, height, width, static_cast<float>(half_width_px), range,
-               out + i * height * width);
+      DrawBone({pa[0], pa[1], pb[0], pb[1], z_data[row + a], z_data[row + b]}, height, width, static_cast<float>(half_width_px),
+               range, out + i * height * width);
     }
   });
   return maps.to(joints_px.device());

@@ -45,8 +45,8 @@ at::Tensor Opponent(const at::Tensor& rgb) {
   return at::stack({0.299 * r + 0.587 * g + 0.114 * b, r - g, (r + g) / 2 - b}, 1);
 }
 
-// Magnitudes of the Gabor responses: (N, 3, H, W) -> (N, 3, 6, H, W). Filtered in float32 (ten times as fast), the statistics of the
-// result are taken in float64.
+// Magnitudes of the Gabor responses: (N, 3, H, W) -> (N, 3, 6, H, W). Filtered in float32 (ten times as fast), the statistics
+// of the result are taken in float64.
 at::Tensor Magnitudes(const at::Tensor& x, const at::Tensor& bank) {
   const int64_t n = x.size(0), height = x.size(2), width = x.size(3);
   const at::Tensor padded = at::replication_pad2d(x.reshape({n * 3, 1, height, width}), {4, 4, 4, 4});
@@ -111,10 +111,11 @@ at::Tensor GaborFeatures(const at::Tensor& pictures) {
   MVS_CHECK(at::isfinite(x).all().item<bool>(), "pictures hold NaN or infinity");
   const at::Tensor bank = GaborBank();
   std::vector<at::Tensor> rows(x.size(0));
-  at::parallel_for(0, x.size(0), 1, [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
-    const at::NoGradGuard no_grad;
-    for (int64_t i = begin; i < end; ++i) rows[i] = Features(x.slice(0, i, i + 1), bank);
-  });
+  at::parallel_for(0, x.size(0), 1,
+                   [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
+                     const at::NoGradGuard no_grad;
+                     for (int64_t i = begin; i < end; ++i) rows[i] = Features(x.slice(0, i, i + 1), bank);
+                   });
   return at::cat(rows, 0);
 }
 

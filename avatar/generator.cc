@@ -96,7 +96,6 @@ void InitWeights(nn::Module& module, uint64_t seed) {
   }
 }
 
-
 /// Residual blocks, then one step up a level, each followed by the encoder's features of that level when there are skips.
 class DecoderImpl : public nn::Module {
  public:

@@ -12,8 +12,8 @@ namespace mvstudio::avatar {
 
 /// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders; `skips` adds the encoder's
 /// features to the decoders', which the paper's network does not. From bone maps (B, inputs, H, W) it gives
-/// for `tna`    part logits (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u then 24 v;
-/// for `direct` a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
+/// for `tna`    part logits (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u
+/// then 24 v; for `direct` a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
 class GeneratorImpl : public torch::nn::Module {
  public:
   GeneratorImpl(const ModelOptions& options, uint64_t seed);

@@ -24,7 +24,8 @@ at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& 
   constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
   const std::vector<at::Tensor> m = Box7(at::cat({a, b, a * a, b * b, a * b}, 1)).split(3, 1);
   const at::Tensor var_a = m[2] - m[0] * m[0], var_b = m[3] - m[1] * m[1], cov = m[4] - m[0] * m[1];
-  const at::Tensor ssim = (2 * m[0] * m[1] + kC1) * (2 * cov + kC2) / ((m[0] * m[0] + m[1] * m[1] + kC1) * (var_a + var_b + kC2));
+  const at::Tensor ssim =
+      (2 * m[0] * m[1] + kC1) * (2 * cov + kC2) / ((m[0] * m[0] + m[1] * m[1] + kC1) * (var_a + var_b + kC2));
   const at::Tensor inner = mask.slice(1, 3, mask.size(1) - 3).slice(2, 3, mask.size(2) - 3);
   return ((1 - ssim).mean(1, true) * PixelWeights(inner, foreground_weight)).sum();
 }

@@ -13,15 +13,16 @@ at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& 
 /// Mean |grad a - grad b| at full, half and quarter size.
 at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b);
 
-/// Silhouette: -log of the probability that each pixel is what the mask says. From part logits (B, 25, H, W) by log-softmax, or from
-/// a single foreground logit (B, 1, H, W) by log-sigmoid: the gradient does not vanish at large logits.
+/// Silhouette: -log of the probability that each pixel is what the mask says. From part logits (B, 25, H, W) by log-softmax, or
+/// from a single foreground logit (B, 1, H, W) by log-sigmoid: the gradient does not vanish at large logits.
 at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask);
 
-/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background count the same, however
-/// small the person is.
+/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background count the same,
+/// however small the person is.
 at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part);
 
-/// Mean |difference| of the labelled part's coordinates over labelled pixels. uv (B, 48, H, W) and target (B, 2, H, W) in [-1, 1].
+/// Mean |difference| of the labelled part's coordinates over labelled pixels. uv (B, 48, H, W) and target (B, 2, H, W) in [-1,
+/// 1].
 at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part);
 
 /// Mean of relu(|x| - limit)^2.

@@ -51,8 +51,8 @@ std::array<double, kSsimWindow * kSsimWindow> GaussianWindow() {
   return w;
 }
 
-// SSIM of the `cols` windows whose top-left pixels are a[0 ..), b[0 ..) in rows of `stride` pixels. Loops over windows are innermost, so
-// that the compiler can vectorise them.
+// SSIM of the `cols` windows whose top-left pixels are a[0 ..), b[0 ..) in rows of `stride` pixels. Loops over windows are
+// innermost, so that the compiler can vectorise them.
 void RowSsim(const double* a, const double* b, int64_t stride, int64_t cols, const double* w, double* out) {
   std::vector<double> sums(5 * cols, 0.0);
   double *mean_a = sums.data(), *mean_b = mean_a + cols, *var_a = mean_b + cols, *var_b = var_a + cols, *cov = var_b + cols;
@@ -185,7 +185,8 @@ double FrechetDistance(const at::Tensor& x, const at::Tensor& y, FrechetForm for
 double FrechetSplitHalfFloor(const at::Tensor& x, uint64_t seed, int repeats) {
   const at::Tensor a = AsFloat64(x, "x", 2);
   const int64_t n = a.size(0), half = n / 2;
-  MVS_CHECK(n >= 4 && repeats >= 1, "two halves of at least 2 samples are needed, got " << n << " samples, " << repeats << " repeats");
+  MVS_CHECK(n >= 4 && repeats >= 1,
+            "two halves of at least 2 samples are needed, got " << n << " samples, " << repeats << " repeats");
   Rng rng(seed);
   std::vector<int64_t> order(n);
   for (int64_t i = 0; i < n; ++i) order[i] = i;

@@ -5,8 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-/// Scores between pictures and between sets of pictures, all in float64. Every function throws ContractViolation on NaN, infinity,
-/// sizes that do not fit, and on fewer pixels or samples than its definition needs. docs/metrics.md gives the conventions.
+/// Scores between pictures and between sets of pictures, all in float64. Every function throws ContractViolation on NaN,
+/// infinity, sizes that do not fit, and on fewer pixels or samples than its definition needs. docs/metrics.md gives the
+/// conventions.
 namespace mvstudio::avatar {
 
 enum class SsimChannels {
@@ -16,10 +17,10 @@ enum class SsimChannels {
 
 inline constexpr int kSsimWindow = 11;
 
-/// Structural similarity after Wang et al., "Image quality assessment: from error visibility to structural similarity", TIP 2004:
-/// Gaussian window 11x11 with sigma 1.5, K1 = 0.01, K2 = 0.03, L = 1, population covariance (two passes over each window), mean over
-/// the positions where the window lies inside the picture.
-/// a, b: (N, C, H, W) in [0, 1], H and W at least 11. Returns (N) float64 in [-1, 1].
+/// Structural similarity after Wang et al., "Image quality assessment: from error visibility to structural similarity", TIP
+/// 2004: Gaussian window 11x11 with sigma 1.5, K1 = 0.01, K2 = 0.03, L = 1, population covariance (two passes over each
+/// window), mean over the positions where the window lies inside the picture. a, b: (N, C, H, W) in [0, 1], H and W at
+/// least 11. Returns (N) float64 in [-1, 1].
 at::Tensor Ssim(const at::Tensor& a, const at::Tensor& b, SsimChannels channels = SsimChannels::kRgb);
 
 /// The same before averaging over positions: (N, H - 10, W - 10) float64; element (y, x) belongs to the pixel (y + 5, x + 5).
@@ -50,8 +51,8 @@ enum class FrechetForm {
 /// |m1 - m2|^2 + tr S1 + tr S2 - 2 tr (S1 S2)^(1/2). x: (n1, d), y: (n2, d), at least 2 samples each.
 double FrechetDistance(const at::Tensor& x, const at::Tensor& y, FrechetForm form = FrechetForm::kAuto);
 
-/// What the distance is between two halves of one set, i.e. by sampling alone: mean over `repeats` seeded random halvings of (n, d),
-/// n at least 4. Both halves have n / 2 samples, so compare it with distances of sets of that size.
+/// What the distance is between two halves of one set, i.e. by sampling alone: mean over `repeats` seeded random halvings of
+/// (n, d), n at least 4. Both halves have n / 2 samples, so compare it with distances of sets of that size.
 double FrechetSplitHalfFloor(const at::Tensor& x, uint64_t seed = 1, int repeats = 10);
 
 /// Kernel distance: unbiased squared MMD with k(x, y) = (x.y / d + 1)^3. Binkowski et al., "Demystifying MMD GANs", ICLR 2018.

@@ -29,7 +29,8 @@ void Grow(int64_t& low, int64_t& high, int64_t size, int64_t limit) {
 Box PersonBox(const at::Tensor& mask) {
   const at::Tensor rows = mask.any(1).nonzero(), cols = mask.any(0).nonzero();
   MVS_CHECK(rows.size(0) > 0, "a true mask is empty");
-  Box box{cols.min().item<int64_t>(), rows.min().item<int64_t>(), cols.max().item<int64_t>() + 1, rows.max().item<int64_t>() + 1};
+  Box box{cols.min().item<int64_t>(), rows.min().item<int64_t>(), cols.max().item<int64_t>() + 1,
+          rows.max().item<int64_t>() + 1};
   const auto margin = static_cast<int64_t>(std::ceil(0.05 * static_cast<double>(std::max(box.x1 - box.x0, box.y1 - box.y0))));
   box = {std::max<int64_t>(0, box.x0 - margin), std::max<int64_t>(0, box.y0 - margin), std::min(mask.size(1), box.x1 + margin),
          std::min(mask.size(0), box.y1 + margin)};
@@ -54,7 +55,8 @@ double MaskedMean(const at::Tensor& map, const at::Tensor& mask) {
 
 PictureScore ScoreOne(const at::Tensor& truth, const at::Tensor& true_mask, const at::Tensor& image, const at::Tensor& mask) {
   const Box box = PersonBox(true_mask);
-  const at::Tensor rgb = SsimMap(truth, image)[0], luma = SsimMap(truth, image, SsimChannels::kLuma)[0], inside = true_mask.to(at::kDouble);
+  const at::Tensor rgb = SsimMap(truth, image)[0], luma = SsimMap(truth, image, SsimChannels::kLuma)[0],
+                   inside = true_mask.to(at::kDouble);
   const auto crop = [&](const at::Tensor& x) { return x.slice(2, box.y0, box.y1).slice(3, box.x0, box.x1); };
   PictureScore score;
   score.bbox = {BoxMean(rgb, box), BoxMean(luma, box), PsnrDb(crop(truth), crop(image)).item<double>()};
@@ -82,16 +84,18 @@ at::Tensor EightBit(const at::Tensor& pictures) { return (pictures.to(at::kDoubl
 
 std::vector<PictureScore> ScorePictures(const at::Tensor& truth, const at::Tensor& true_mask, const at::Tensor& image,
                                         const at::Tensor& mask) {
-  MVS_CHECK(truth.dim() == 4 && truth.sizes() == image.sizes(), "pictures of sizes " << truth.sizes() << " and " << image.sizes());
+  MVS_CHECK(truth.dim() == 4 && truth.sizes() == image.sizes(),
+            "pictures of sizes " << truth.sizes() << " and " << image.sizes());
   MVS_CHECK(true_mask.dim() == 3 && true_mask.sizes() == mask.sizes() && true_mask.size(0) == truth.size(0) &&
                 true_mask.size(1) == truth.size(2) && true_mask.size(2) == truth.size(3),
             "masks of sizes " << true_mask.sizes() << " and " << mask.sizes() << " for pictures of " << truth.sizes());
   std::vector<PictureScore> scores(truth.size(0));
-  at::parallel_for(0, truth.size(0), 1, [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
-    for (int64_t i = begin; i < end; ++i) {
-      scores[i] = ScoreOne(truth.slice(0, i, i + 1), true_mask[i].ne(0), image.slice(0, i, i + 1), mask[i]);
-    }
-  });
+  at::parallel_for(0, truth.size(0), 1,
+                   [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
+                     for (int64_t i = begin; i < end; ++i) {
+                       scores[i] = ScoreOne(truth.slice(0, i, i + 1), true_mask[i].ne(0), image.slice(0, i, i + 1), mask[i]);
+                     }
+                   });
   return scores;
 }
 

@@ -22,7 +22,8 @@ struct RegionScore {
 
 /// One picture. Both pictures are on black before they are compared.
 struct PictureScore {
-  RegionScore bbox;    ///< the true mask's bounding box, grown by 5 % of its longer side on each side, at least 11 px: the primary score
+  RegionScore
+      bbox;  ///< the true mask's bounding box, grown by 5 % of its longer side on each side, at least 11 px: the primary score
   RegionScore full;    ///< the whole crop
   RegionScore masked;  ///< pixels of the true mask only (SSIM: mean of the SSIM map over them)
   double mask_iou = 0;
@@ -44,8 +45,8 @@ MeanScore Mean(const std::vector<PictureScore>& scores);
 struct Interval {
   double low = 0, high = 0;
 };
-/// 95 % interval of the mean of `values` by resampling blocks of neighbouring frames (sqrt(number of frames) long), all pictures of a
-/// frame together: neighbouring frames look alike and do not count as independent. `frames` as long as `values`.
+/// 95 % interval of the mean of `values` by resampling blocks of neighbouring frames (sqrt(number of frames) long), all
+/// pictures of a frame together: neighbouring frames look alike and do not count as independent. `frames` as long as `values`.
 Interval BlockBootstrap(const std::vector<double>& values, const std::vector<int64_t>& frames, uint64_t seed);
 
 /// Distances between two sets of features.

@@ -62,7 +62,8 @@ void CopyInto(at::Tensor target, const TensorFile& file, const std::string& name
   if (found->second.sizes() != target.sizes() || found->second.scalar_type() != target.scalar_type()) {
     throw FormatError(path, name, "has another shape or type than its options say");
   }
-  if (target.is_floating_point() && !at::isfinite(found->second).all().item<bool>()) throw FormatError(path, name, "is not finite");
+  if (target.is_floating_point() && !at::isfinite(found->second).all().item<bool>())
+    throw FormatError(path, name, "is not finite");
   target.copy_(found->second);
 }
 
@@ -74,12 +75,13 @@ void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const 
   const int64_t batch = joints_in_cam.size(0);
   MVS_CHECK(joints_in_cam.sizes() == at::IntArrayRef({batch, 19, 3}) && valid.sizes() == at::IntArrayRef({batch, 19}) &&
                 intrinsics.sizes() == at::IntArrayRef({batch, 4}),
-            "joints_in_cam must be (B, 19, 3), valid (B, 19), intrinsics (B, 4); they are " << joints_in_cam.sizes() << ", "
-                                                                                             << valid.sizes() << ", " << intrinsics.sizes());
+            "joints_in_cam must be (B, 19, 3), valid (B, 19), intrinsics (B, 4); they are "
+                << joints_in_cam.sizes() << ", " << valid.sizes() << ", " << intrinsics.sizes());
 }
 
 /// A picture whose faint haze is gone: where the person's probability is below 5 % it is the background itself, above 95 % the
-/// person alone, in between both bend to meet. A trace of a per mille over a flat background would otherwise cost all structural scores.
+/// person alone, in between both bend to meet. A trace of a per mille over a flat background would otherwise cost all
+/// structural scores.
 at::Tensor CleanMatte(const at::Tensor& image, const at::Tensor& mask_prob, const at::Tensor& background) {
   const at::Tensor alpha = mask_prob.unsqueeze(1), base = background.view({1, 3, 1, 1});
   const at::Tensor clean = ((alpha - 0.05) / 0.9).clamp(0, 1);
@@ -114,10 +116,11 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
   return model;
 }
 
-at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& joints_px,
-                        int64_t height, int64_t width) {
+at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
+                        const at::Tensor& joints_px, int64_t height, int64_t width) {
   const int64_t inputs = model.options.inputs;
-  MVS_CHECK(inputs == kNumBones || inputs == 2 * kNumBones, "a network with " << inputs << " inputs; the 19 joints give 18 or 36");
+  MVS_CHECK(inputs == kNumBones || inputs == 2 * kNumBones,
+            "a network with " << inputs << " inputs; the 19 joints give 18 or 36");
   const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
   const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
   const at::Tensor bones = RasterizeBones(joints_px, depth, valid, height, width, half_width, model.depth);

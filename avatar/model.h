@@ -16,19 +16,20 @@ namespace mvstudio::avatar {
 struct AvatarModel {
   ModelOptions options;
   DepthRange depth;
-  int size_px = 0;         ///< picture size it was trained at
-  int64_t step = 0;        ///< training steps done, initialisation included
+  int size_px = 0;   ///< picture size it was trained at
+  int64_t step = 0;  ///< training steps done, initialisation included
   Generator generator{nullptr};
-  at::Tensor textures;     ///< (24, 3, S, S) float32, about [-1, 1]; undefined for `direct`
-  at::Tensor seen;         ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
+  at::Tensor textures;  ///< (24, 3, S, S) float32, about [-1, 1]; undefined for `direct`
+  at::Tensor seen;  ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
 };
 
 /// Fresh weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where options leave it open).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
-/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), joints_px (B, 19, 2) -> (B, inputs, H, W).
-at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& joints_px,
-                        int64_t height, int64_t width);
+/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), joints_px (B, 19, 2) -> (B, inputs, H,
+/// W).
+at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
+                        const at::Tensor& joints_px, int64_t height, int64_t width);
 
 /// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1].
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
@@ -41,9 +42,9 @@ struct Rendering {
   at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
 };
 
-/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1] and a haze of
-/// less than 5 % person is background.
-/// H and W must be multiples of 2^downs. Throws ContractViolation for shapes and for poses that are not finite.
+/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
+/// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
+/// and for poses that are not finite.
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
                  int64_t height, int64_t width, const at::Tensor& background = {});
 

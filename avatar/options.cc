@@ -42,8 +42,9 @@ bool FromText(const std::string& text, T* value) {
 template <class Options>
 std::vector<std::pair<std::string, std::string>> FieldsAsText(const Options& options) {
   std::vector<std::pair<std::string, std::string>> fields;
-  VisitConstFields([&](const std::string& name, const auto& value, const std::string&) { fields.emplace_back(name, ToText(value)); },
-                   options);
+  VisitConstFields(
+      [&](const std::string& name, const auto& value, const std::string&) { fields.emplace_back(name, ToText(value)); },
+      options);
   return fields;
 }
 
@@ -90,8 +91,8 @@ void Validate(const TrainOptions& o) {
   Require(o.texture_learning_rate >= 0 && o.texture_learning_rate < 1, "texture-learning-rate", "in [0, 1)");
   Require(o.decay_share >= 0 && o.decay_share <= 1, "decay-share", "in [0, 1]");
   Require(o.clip_norm >= 0, "clip-norm", "at least 0");
-  for (const double weight : {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv, o.keep_init,
-                              o.weight_logit, o.foreground_weight}) {
+  for (const double weight : {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv,
+                              o.keep_init, o.weight_logit, o.foreground_weight}) {
     Require(std::isfinite(weight) && weight >= 0, "weight-* (keep-init, foreground-weight)", "finite and at least 0");
   }
   Require(o.jitter_scale >= 0 && o.jitter_scale < 0.9, "jitter-scale", "in [0, 0.9)");

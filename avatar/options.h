@@ -38,11 +38,17 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("upsample", o.upsample, "transposed (4x4 transposed convolution) or nearest (nearest neighbour, then 3x3 convolution)");
   visit("stem-kernel", o.stem_kernel, "kernel of the first convolution, odd");
   visit("head-kernel", o.head_kernel, "kernel of the last convolutions, odd; 7 is the paper's, 3 is much faster");
-  visit("skips", o.skips, "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
-  visit("inputs", o.inputs, "input channels: 18 bones with their depth, or 36: also the share of each bone that points away from the camera");
-  visit("texture-px", o.texture_px, "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 at 512 px)");
-  visit("relative-depth", o.relative_depth, "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
-  visit("bone-half-width-px", o.bone_half_width_px, "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px (the paper: 4)");
+  visit("skips", o.skips,
+        "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
+  visit("inputs", o.inputs,
+        "input channels: 18 bones with their depth, or 36: also the share of each bone that points away from the camera");
+  visit("texture-px", o.texture_px,
+        "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
+        "at 512 px)");
+  visit("relative-depth", o.relative_depth,
+        "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
+  visit("bone-half-width-px", o.bone_half_width_px,
+        "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px (the paper: 4)");
 }
 
 /// The published network: 17,167,552 parameters with 21 inputs.
@@ -84,7 +90,8 @@ struct TrainOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("steps", o.steps, "end-to-end steps, after the initialisation");
-  visit("init-steps", o.init_steps, "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps");
+  visit("init-steps", o.init_steps,
+        "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps");
   visit("batch", o.batch, "pictures per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
@@ -95,9 +102,11 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of picture gradients at three scales");
   visit("weight-mask", o.weight_mask, "weight of the negative log likelihood of the silhouette");
   visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
-  visit("weight-uv", o.weight_uv, "initialisation: weight of the mean absolute difference to the template's texture coordinates");
+  visit("weight-uv", o.weight_uv,
+        "initialisation: weight of the mean absolute difference to the template's texture coordinates");
   visit("keep-init", o.keep_init, "share of the two initialisation terms that stays on while training end to end");
-  visit("weight-logit", o.weight_logit, "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
+  visit("weight-logit", o.weight_logit,
+        "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
   visit("foreground-weight", o.foreground_weight, "how many times a pixel of the person counts against one of the background");
   visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");

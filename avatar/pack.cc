@@ -15,7 +15,7 @@ constexpr const char* kFormat = "mvstudio.avatar_pack/1";
 
 struct Field {
   const char* name;
-  at::Tensor AvatarPack::* tensor;
+  at::Tensor AvatarPack::*tensor;
   at::ScalarType type;
   std::vector<int64_t> tail;  // sizes after N; -1 stands for the picture size
 };
@@ -39,7 +39,8 @@ void CheckShapes(const AvatarPack& pack) {
     const at::Tensor& tensor = pack.*field.tensor;
     std::vector<int64_t> shape = {pack.size()};
     for (const int64_t size : field.tail) shape.push_back(size < 0 ? pack.size_px : size);
-    MVS_CHECK(tensor.defined() && tensor.device().is_cpu() && tensor.scalar_type() == field.type && tensor.sizes() == at::IntArrayRef(shape),
+    MVS_CHECK(tensor.defined() && tensor.device().is_cpu() && tensor.scalar_type() == field.type &&
+                  tensor.sizes() == at::IntArrayRef(shape),
               field.name << " must be " << at::IntArrayRef(shape) << " " << field.type << " on the CPU, it is "
                          << (tensor.defined() ? tensor.toString() : "missing") << " "
                          << (tensor.defined() ? tensor.sizes() : at::IntArrayRef()));
@@ -59,19 +60,22 @@ void RequireEach(const AvatarPack& pack, const at::Tensor& good, const char* wha
 std::string PictureName(const AvatarPack& pack, int64_t i) {
   const int64_t camera = pack.camera_idx[i].item<int64_t>();
   const bool known = camera >= 0 && camera < static_cast<int64_t>(pack.cameras.size());
-  return "camera " + (known ? pack.cameras[camera] : std::to_string(camera)) + ", frame " + std::to_string(pack.frame[i].item<int64_t>());
+  return "camera " + (known ? pack.cameras[camera] : std::to_string(camera)) + ", frame " +
+         std::to_string(pack.frame[i].item<int64_t>());
 }
 
 void Validate(const AvatarPack& pack) {
   CheckShapes(pack);
   MVS_CHECK(pack.size() > 0, "the pack holds no pictures");
   const auto num_cameras = static_cast<int64_t>(pack.cameras.size());
-  RequireEach(pack, (pack.camera_idx >= 0).logical_and(pack.camera_idx < num_cameras), "its camera is not in the list of cameras");
+  RequireEach(pack, (pack.camera_idx >= 0).logical_and(pack.camera_idx < num_cameras),
+              "its camera is not in the list of cameras");
   RequireEach(pack, (pack.masks == 0).logical_or(pack.masks == 255), "the mask has values other than 0 and 255");
   RequireEach(pack, at::isfinite(pack.joints_in_cam), "a joint is not finite");
   RequireEach(pack, at::isfinite(pack.intrinsics), "the intrinsics are not finite");
   RequireEach(pack, pack.intrinsics.slice(1, 0, 2) > 0, "a focal length is not positive");
-  RequireEach(pack, (pack.joints_in_cam.select(2, 2) > 0).logical_or(pack.joint_valid.logical_not()), "a valid joint is behind the camera");
+  RequireEach(pack, (pack.joints_in_cam.select(2, 2) > 0).logical_or(pack.joint_valid.logical_not()),
+              "a valid joint is behind the camera");
   RequireEach(pack, pack.joint_valid.any(1), "no joint is valid");
   RequireEach(pack, pack.part <= kNumBodyParts, "the part map has values above 24");
   RequireEach(pack, (pack.uv >= 0).logical_and(pack.uv <= 1), "a texture coordinate is outside [0, 1] or not finite");
@@ -99,7 +103,8 @@ void SavePack(const AvatarPack& pack, const std::string& path) {
 
 AvatarPack LoadPack(const std::string& path) {
   TensorFile file = ReadTensorFile(path);
-  if (file.metadata["format"] != kFormat) throw FormatError(path, "__metadata__", "is not an avatar pack: build one from a dataset");
+  if (file.metadata["format"] != kFormat)
+    throw FormatError(path, "__metadata__", "is not an avatar pack: build one from a dataset");
   AvatarPack pack;
   for (const Field& field : Fields()) {
     const auto found = file.tensors.find(field.name);

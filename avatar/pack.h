@@ -8,22 +8,22 @@
 
 namespace mvstudio::avatar {
 
-inline constexpr int64_t kNumJoints = 19;      ///< CMU Panoptic's joints
-inline constexpr int64_t kNumBodyParts = 24;   ///< charts of the atlas; 0 in a part map is background
+inline constexpr int64_t kNumJoints = 19;     ///< CMU Panoptic's joints
+inline constexpr int64_t kNumBodyParts = 24;  ///< charts of the atlas; 0 in a part map is background
 
 /// The training set of an avatar as dense tensors on the CPU: N square pictures of one person, undistorted (pinhole), cropped
 /// around the person. Row i of every tensor belongs to picture i.
 struct AvatarPack {
-  int size_px = 0;                   ///< H = W
-  at::Tensor images;                 ///< (N, 3, H, W) uint8, RGB
-  at::Tensor masks;                  ///< (N, H, W) uint8, 0 or 255: the person
-  at::Tensor joints_in_cam;          ///< (N, 19, 3) float32, metres, in cam; anything finite where joint_valid is false
-  at::Tensor joint_valid;            ///< (N, 19) bool
-  at::Tensor intrinsics;             ///< (N, 4) float32: fx, fy, cx, cy px of the crop; (0, 0) is the centre of the top-left pixel
-  at::Tensor part;                   ///< (N, H, W) uint8, 0 background, 1..24: first guess from the posed template
-  at::Tensor uv;                     ///< (N, 2, H, W) float32 in [0, 1], first guess, 0 on background
-  at::Tensor camera_idx;             ///< (N) int64, index into cameras
-  at::Tensor frame;                  ///< (N) int64, frame number of the dataset
+  int size_px = 0;           ///< H = W
+  at::Tensor images;         ///< (N, 3, H, W) uint8, RGB
+  at::Tensor masks;          ///< (N, H, W) uint8, 0 or 255: the person
+  at::Tensor joints_in_cam;  ///< (N, 19, 3) float32, metres, in cam; anything finite where joint_valid is false
+  at::Tensor joint_valid;    ///< (N, 19) bool
+  at::Tensor intrinsics;     ///< (N, 4) float32: fx, fy, cx, cy px of the crop; (0, 0) is the centre of the top-left pixel
+  at::Tensor part;           ///< (N, H, W) uint8, 0 background, 1..24: first guess from the posed template
+  at::Tensor uv;             ///< (N, 2, H, W) float32 in [0, 1], first guess, 0 on background
+  at::Tensor camera_idx;     ///< (N) int64, index into cameras
+  at::Tensor frame;          ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names
 
   int64_t size() const { return images.defined() ? images.size(0) : 0; }

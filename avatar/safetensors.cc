@@ -23,8 +23,9 @@ struct TypeName {
   const char* name;
   at::ScalarType type;
 };
-constexpr TypeName kTypes[] = {{"U8", at::kByte},  {"I8", at::kChar},  {"I16", at::kShort},    {"I32", at::kInt},   {"I64", at::kLong},
-                               {"F16", at::kHalf}, {"BF16", at::kBFloat16}, {"F32", at::kFloat}, {"F64", at::kDouble}, {"BOOL", at::kBool}};
+constexpr TypeName kTypes[] = {{"U8", at::kByte},    {"I8", at::kChar},  {"I16", at::kShort},     {"I32", at::kInt},
+                               {"I64", at::kLong},   {"F16", at::kHalf}, {"BF16", at::kBFloat16}, {"F32", at::kFloat},
+                               {"F64", at::kDouble}, {"BOOL", at::kBool}};
 
 std::string NameOfType(at::ScalarType type, const std::string& tensor) {
   for (const TypeName& t : kTypes) {
@@ -82,7 +83,9 @@ class HeaderParser {
   }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, "header byte " + std::to_string(at_), what); }
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw FormatError(path_, "header byte " + std::to_string(at_), what);
+  }
 
   void SkipSpace() {
     while (at_ < text_.size() && std::strchr(" \t\r\n", text_[at_]) && text_[at_] != '\0') ++at_;
@@ -269,12 +272,14 @@ std::string SplitOffDigests(const Header& header, std::map<std::string, std::str
   return header_digest;
 }
 
-void CheckHeaderDigest(Header header, std::string_view text, const std::string& digest, bool required, const std::string& path) {
+void CheckHeaderDigest(Header header, std::string_view text, const std::string& digest, bool required,
+                       const std::string& path) {
   if (digest.empty() && !required) return;
   if (digest.empty()) throw FormatError(path, "__metadata__", "has no digests: damaged, or not written by mvstudio");
   if (HeaderText(header) != text) throw FormatError(path, "", "the header is not as it was written: damaged file");
   header.metadata.erase(kDigestPrefix);
-  if (DigestOfHeader(header) != digest) throw FormatError(path, "__metadata__", "the header does not match its digest: damaged file");
+  if (DigestOfHeader(header) != digest)
+    throw FormatError(path, "__metadata__", "the header does not match its digest: damaged file");
 }
 
 /// Data ranges sorted by position must follow each other without gaps and end where the file ends.
@@ -285,9 +290,10 @@ void CheckRanges(const Header& header, uint64_t data_size, const std::string& pa
   uint64_t expected = 0;
   for (const auto& [range, name] : ranges) {
     if (range.first != expected || range.second < range.first || range.second > data_size) {
-      throw FormatError(path, name, "data range [" + std::to_string(range.first) + ", " + std::to_string(range.second) +
-                                        ") leaves a gap, overlaps or ends beyond the file (" + std::to_string(data_size) +
-                                        " bytes of data): truncated or damaged file");
+      throw FormatError(path, name,
+                        "data range [" + std::to_string(range.first) + ", " + std::to_string(range.second) +
+                            ") leaves a gap, overlaps or ends beyond the file (" + std::to_string(data_size) +
+                            " bytes of data): truncated or damaged file");
     }
     expected = range.second;
   }
@@ -295,7 +301,8 @@ void CheckRanges(const Header& header, uint64_t data_size, const std::string& pa
 }
 
 at::Tensor ReadTensor(const std::string& name, const Entry& entry, const char* data, const std::string& path) {
-  const auto* type = std::find_if(std::begin(kTypes), std::end(kTypes), [&](const TypeName& t) { return t.name == entry.type; });
+  const auto* type =
+      std::find_if(std::begin(kTypes), std::end(kTypes), [&](const TypeName& t) { return t.name == entry.type; });
   if (type == std::end(kTypes)) throw FormatError(path, name, "unknown type '" + entry.type + "'");
   const std::optional<uint64_t> bytes = BytesOf(entry, at::elementSize(type->type));
   if (!bytes || *bytes != entry.end - entry.begin) throw FormatError(path, name, "its shape does not fit its data range");
@@ -333,7 +340,8 @@ void WriteTensorFile(const TensorFile& file, const std::string& path) {
   for (int i = 0; i < 8; ++i) content[i] = static_cast<char>((text.size() >> (8 * i)) & 0xff);
   content += text;
   content.reserve(content.size() + end);
-  for (const auto& item : order) content.append(static_cast<const char*>(tensors[item.second].data_ptr()), tensors[item.second].nbytes());
+  for (const auto& item : order)
+    content.append(static_cast<const char*>(tensors[item.second].data_ptr()), tensors[item.second].nbytes());
   WriteFileAtomic(path, content);
 }
 
@@ -343,7 +351,8 @@ TensorFile ReadTensorFile(const std::string& path, bool require_digests) {
   uint64_t header_size = 0;
   for (int i = 0; i < 8; ++i) header_size |= static_cast<uint64_t>(static_cast<unsigned char>(content[i])) << (8 * i);
   if (header_size > kMaxHeaderBytes || header_size > content.size() - 8) {
-    throw FormatError(path, "", "claims a header of " + std::to_string(header_size) + " bytes: not a safetensors file, or truncated");
+    throw FormatError(path, "",
+                      "claims a header of " + std::to_string(header_size) + " bytes: not a safetensors file, or truncated");
   }
   const std::string_view header_text = std::string_view(content).substr(8, header_size);
   Header header = HeaderParser(header_text, path).Parse();

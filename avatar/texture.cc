@@ -20,7 +20,8 @@ struct Tap {
 };
 
 Tap TapOf(float coordinate, int64_t size) {
-  const float x = std::clamp(((coordinate + 1.0f) * static_cast<float>(size) - 1.0f) / 2.0f, 0.0f, static_cast<float>(size - 1));
+  const float x =
+      std::clamp(((coordinate + 1.0f) * static_cast<float>(size) - 1.0f) / 2.0f, 0.0f, static_cast<float>(size - 1));
   const auto low = static_cast<int64_t>(std::floor(x));
   return {low, std::min(low + 1, size - 1), x - static_cast<float>(low)};
 }
@@ -37,7 +38,8 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
 
 }  // namespace
 
-at::Tensor SampleTextures(const at::Tensor& textures, const at::Tensor& part_prob, const at::Tensor& uv, const at::Tensor& background) {
+at::Tensor SampleTextures(const at::Tensor& textures, const at::Tensor& part_prob, const at::Tensor& uv,
+                          const at::Tensor& background) {
   const int64_t batch = part_prob.size(0), height = part_prob.size(2), width = part_prob.size(3);
   MVS_CHECK(part_prob.size(1) == kParts + 1 && uv.sizes() == at::IntArrayRef({batch, 2 * kParts, height, width}),
             "part_prob must be (B, 25, H, W) and uv (B, 48, H, W); they are " << part_prob.sizes() << " and " << uv.sizes());
@@ -56,10 +58,13 @@ TextureSums ZeroTextureSums(int64_t size_px) {
   return {at::zeros({kParts, size_px, size_px, 3}, at::kFloat), at::zeros({kParts, size_px, size_px}, at::kFloat)};
 }
 
-void AddPixels(TextureSums& sums, const at::Tensor& part, const at::Tensor& uv, const at::Tensor& rgb, const at::Tensor& weight) {
+void AddPixels(TextureSums& sums, const at::Tensor& part, const at::Tensor& uv, const at::Tensor& rgb,
+               const at::Tensor& weight) {
   const int64_t count = part.size(0), size = sums.weight.size(1);
-  MVS_CHECK(uv.size(0) == count && rgb.size(0) == count && weight.size(0) == count, "as many coordinates, colours and weights as parts");
-  MVS_CHECK(at::isfinite(uv).all().item<bool>() && at::isfinite(rgb).all().item<bool>(), "a coordinate or colour is not finite");
+  MVS_CHECK(uv.size(0) == count && rgb.size(0) == count && weight.size(0) == count,
+            "as many coordinates, colours and weights as parts");
+  MVS_CHECK(at::isfinite(uv).all().item<bool>() && at::isfinite(rgb).all().item<bool>(),
+            "a coordinate or colour is not finite");
   const at::Tensor part_c = part.contiguous(), uv_c = uv.contiguous(), rgb_c = rgb.contiguous(), weight_c = weight.contiguous();
   const int64_t* parts = part_c.data_ptr<int64_t>();
   const float *uvs = uv_c.data_ptr<float>(), *colours = rgb_c.data_ptr<float>(), *weights = weight_c.data_ptr<float>();

@@ -25,9 +25,10 @@ struct Terms {
 
 /// The columns of HistoryRow in the order of Terms.
 std::vector<std::pair<at::Tensor, double HistoryRow::*>> Columns(const Terms& t) {
-  return {{t.total, &HistoryRow::total},       {t.l1, &HistoryRow::l1},     {t.ssim, &HistoryRow::ssim},
-          {t.gradient, &HistoryRow::gradient}, {t.mask, &HistoryRow::mask}, {t.part, &HistoryRow::part},
-          {t.uv, &HistoryRow::uv},             {t.logit, &HistoryRow::logit}};
+  return {{t.total, &HistoryRow::total}, {t.l1, &HistoryRow::l1},
+          {t.ssim, &HistoryRow::ssim},   {t.gradient, &HistoryRow::gradient},
+          {t.mask, &HistoryRow::mask},   {t.part, &HistoryRow::part},
+          {t.uv, &HistoryRow::uv},       {t.logit, &HistoryRow::logit}};
 }
 
 void AddTerm(double weight, at::Tensor value, at::Tensor* keep, at::Tensor* total) {
@@ -132,8 +133,8 @@ struct Trainer::State {
     options.init_steps = InitSteps(options);  // more --steps later must not move the end of the initialisation
     const int multiple = 1 << model.options.downs;
     if (source.size_px % multiple || source.size_px / multiple < 2) {
-      throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
-                       " and at least " + std::to_string(2 * multiple));
+      throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " +
+                       std::to_string(multiple) + " and at least " + std::to_string(2 * multiple));
     }
     if (model.options.inputs != kNumBones && model.options.inputs != 2 * kNumBones) {
       throw UsageError("--inputs must be 18 (depth of each bone of the 19 joints) or 36 (depth and slope)");
@@ -169,12 +170,13 @@ struct Trainer::State {
     const at::Tensor pixels = batch.mask.to(at::kCPU).flatten().ge(0.5).nonzero().squeeze(1);
     const at::Tensor colour = batch.image.to(at::kCPU)[0].reshape({3, -1}).t() * 2 - 1;
     const at::Tensor weight = prob.gather(1, part.unsqueeze(1)).flatten();
-    AddPixels(*sums, part.flatten().index_select(0, pixels), at::stack({u, v}, 1).index_select(0, pixels), colour.index_select(0, pixels),
-              weight.index_select(0, pixels));
+    AddPixels(*sums, part.flatten().index_select(0, pixels), at::stack({u, v}, 1).index_select(0, pixels),
+              colour.index_select(0, pixels), weight.index_select(0, pixels));
   }
 
   double RateFactor() const {
-    const double left = static_cast<double>(total_steps() - model.step), window = options.decay_share * static_cast<double>(total_steps());
+    const double left = static_cast<double>(total_steps() - model.step),
+                 window = options.decay_share * static_cast<double>(total_steps());
     return window <= 0 ? 1.0 : std::clamp(left / window, 0.02, 1.0);
   }
 
@@ -219,7 +221,8 @@ struct Trainer::State {
       for (auto& [kind, moment] : {std::pair<const char*, at::Tensor>{".first.", slot.first}, {".second.", slot.second}}) {
         const auto found = file.tensors.find(prefix + kind + slot.name);
         if (found == file.tensors.end() || found->second.sizes() != moment.sizes()) {
-          throw FormatError(path, prefix + kind + slot.name, "is missing or has the wrong shape: this checkpoint cannot be continued");
+          throw FormatError(path, prefix + kind + slot.name,
+                            "is missing or has the wrong shape: this checkpoint cannot be continued");
         }
         at::Tensor(moment).copy_(found->second);
       }
@@ -264,13 +267,13 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
     const int64_t step = s.model.step;
     const std::string phase = s.InInit() ? "init" : "train";
     const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == InitSteps(s.options));
-    const TrainBatch batch = MakeBatch(s.pack, s.model, s.options, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true,
-                                       s.seed, step);
+    const TrainBatch batch =
+        MakeBatch(s.pack, s.model, s.options, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true, s.seed, step);
     Terms terms;
     if (!s.Step(batch, &terms)) {
       report.status = Status::kNonFiniteInput;
-      report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" + NamesOfBatch(s.pack, batch.pictures) +
-                       "); weights kept as they were; try a smaller --learning-rate";
+      report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" +
+                       NamesOfBatch(s.pack, batch.pictures) + "); weights kept as they were; try a smaller --learning-rate";
       return report;
     }
     mean.Add(terms);
@@ -278,7 +281,8 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
     const bool due = last_of_phase || (step + 1) % s.options.report_every == 0;
     if (due) report.history.push_back(mean.Take(step + 1, phase));
     const bool go_on = !callback || callback(step + 1, due ? &report.history.back() : nullptr);
-    if (validation && !s.InInit() && s.options.validate_pictures > 0 && (step + 1 == goal || (step + 1) % s.options.save_every == 0)) {
+    if (validation && !s.InInit() && s.options.validate_pictures > 0 &&
+        (step + 1 == goal || (step + 1) % s.options.save_every == 0)) {
       report.history.push_back(s.ScoreHeldOut(*validation));
       if (callback) callback(step + 1, &report.history.back());
     }
@@ -319,16 +323,14 @@ TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& p
   return options;
 }
 
-TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model, const TrainOptions& options,
-                     const RunContext& run, const StepCallback& callback, AvatarModel* result) {
+TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model,
+                     const TrainOptions& options, const RunContext& run, const StepCallback& callback, AvatarModel* result) {
   Trainer trainer(pack, model, options, run);
   ProgressStage stage(run, "training", int64_t{InitSteps(options)} + options.steps);
-  const TrainReport report = trainer.Run(
-      validation,
-      [&](int64_t step, const HistoryRow* row) {
-        if (!row || row->phase != "validation") stage.Advance(1, row ? row->phase : "");
-        return !callback || callback(step, row);
-      });
+  const TrainReport report = trainer.Run(validation, [&](int64_t step, const HistoryRow* row) {
+    if (!row || row->phase != "validation") stage.Advance(1, row ? row->phase : "");
+    return !callback || callback(step, row);
+  });
   if (result) *result = trainer.model();
   return report;
 }

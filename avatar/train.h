@@ -21,17 +21,18 @@ struct HistoryRow {
 };
 
 struct TrainReport {
-  Status status = Status::kOk;  ///< kNonFiniteInput when the NaN guard stopped the run, kNotConverged when the loss did not fall
-  std::string message;          ///< one line when not kOk: batch, cameras and frames
+  Status status =
+      Status::kOk;      ///< kNonFiniteInput when the NaN guard stopped the run, kNotConverged when the loss did not fall
+  std::string message;  ///< one line when not kOk: batch, cameras and frames
   std::vector<HistoryRow> history;
-  int64_t steps_done = 0;       ///< in this run
+  int64_t steps_done = 0;  ///< in this run
 };
 
 /// Called after each step; `row` is null between reports. Returning false stops the training after this step.
 using StepCallback = std::function<bool(int64_t step, const HistoryRow* row)>;
 
-/// Training state that can be saved and taken up again: the same seed, options and thread count give the same bytes, whether the
-/// run was interrupted or not. Batches and jitter are functions of (seed, step) alone.
+/// Training state that can be saved and taken up again: the same seed, options and thread count give the same bytes, whether
+/// the run was interrupted or not. Batches and jitter are functions of (seed, step) alone.
 class Trainer {
  public:
   /// Fresh start. Throws UsageError when the options do not fit the pack. Sets the number of threads of ATen.
@@ -41,8 +42,8 @@ class Trainer {
           const RunContext& run);
   ~Trainer();
 
-  /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback says stop. A loss or gradient
-  /// that is not finite ends the run with the weights and textures of the step before.
+  /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback says stop. A loss or
+  /// gradient that is not finite ends the run with the weights and textures of the step before.
   TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
 
   AvatarModel& model();
@@ -58,7 +59,7 @@ class Trainer {
 TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path);
 
 /// Initialise, average the textures, train end to end: the whole method in one call.
-TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model, const TrainOptions& options,
-                     const RunContext& run, const StepCallback& callback, AvatarModel* result);
+TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model,
+                     const TrainOptions& options, const RunContext& run, const StepCallback& callback, AvatarModel* result);
 
 }  // namespace mvstudio::avatar

@@ -45,7 +45,8 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
 
 void AvatarRun::Prepare(bool overwrite) const {
   if (fs::exists(checkpoint_path()) && !overwrite) {
-    throw UsageError("--out " + folder_ + " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give --overwrite");
+    throw UsageError("--out " + folder_ +
+                     " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give --overwrite");
   }
   for (const char* name : {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "eval"}) {
     fs::remove_all(Path(name));
@@ -91,9 +92,8 @@ void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_
 }
 
 std::vector<CommandResult::Output> AvatarRun::Outputs() const {
-  std::vector<CommandResult::Output> outputs = {{checkpoint_path(), "checkpoint"},
-                                                {Path(avatar::kRunConfigFile), "configuration"},
-                                                {Path("history.csv"), "history"}};
+  std::vector<CommandResult::Output> outputs = {
+      {checkpoint_path(), "checkpoint"}, {Path(avatar::kRunConfigFile), "configuration"}, {Path("history.csv"), "history"}};
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});
   const std::vector<std::string> samples = Glob(Path("samples/step_*.png"));
   if (!samples.empty()) outputs.push_back({samples.back(), "sample-picture"});

@@ -17,23 +17,28 @@ double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::n
 void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   if (!e.skipped.empty()) {
     result->exit = kExitPartial;
-    result->warnings.push_back({"AVA-SKIPPED", std::to_string(e.skipped.size()) + " held-out pictures could not be scored; the first: " + e.skipped.front(),
-                                "check those masks and joints, or leave these cameras or frames out"});
+    result->warnings.push_back(
+        {"AVA-SKIPPED",
+         std::to_string(e.skipped.size()) + " held-out pictures could not be scored; the first: " + e.skipped.front(),
+         "check those masks and joints, or leave these cameras or frames out"});
   }
   if (e.holdout_kind != "held-out cameras in held-out frames") {
-    result->warnings.push_back({"AVA-HALF-HOLDOUT", "scored on " + e.holdout_kind + ": only one of cameras and frames was held out",
+    result->warnings.push_back({"AVA-HALF-HOLDOUT",
+                                "scored on " + e.holdout_kind + ": only one of cameras and frames was held out",
                                 "train with both --holdout-cameras and --holdout-frames"});
   }
   const avatar::RegionScore &own = e.holdout.mean.bbox, &mean = e.mean_image.mean.bbox, &pose = e.nearest_pose.mean.bbox;
   const auto below = [&](const std::string& name, const avatar::RegionScore& baseline) {
     if (own.ssim > baseline.ssim && own.psnr_db > baseline.psnr_db) return;
-    result->warnings.push_back({"AVA-BELOW-BASELINE", "the avatar does not beat the baseline '" + name + "' in both SSIM and PSNR",
+    result->warnings.push_back({"AVA-BELOW-BASELINE",
+                                "the avatar does not beat the baseline '" + name + "' in both SSIM and PSNR",
                                 "train longer (--steps), larger (--width), or with more cameras"});
   };
   below("mean image", mean);
   below("nearest pose", pose);
   if (!e.holdout.fd) {
-    result->warnings.push_back({"AVA-NO-FD", "no Frechet distance: it needs at least 4 held-out pictures of at least 32 px", "hold more frames out"});
+    result->warnings.push_back(
+        {"AVA-NO-FD", "no Frechet distance: it needs at least 4 held-out pictures of at least 32 px", "hold more frames out"});
   }
 }
 
@@ -53,7 +58,8 @@ CommandResult RunAvatarEval(const AvatarEvalArguments& arguments, CommandContext
 
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry) {
   auto arguments = std::make_shared<AvatarEvalArguments>();
-  CLI::App* sub = avatar.add_subcommand("eval", "Score a trained avatar on the cameras and frames it never saw, beside two plain baselines");
+  CLI::App* sub = avatar.add_subcommand(
+      "eval", "Score a trained avatar on the cameras and frames it never saw, beside two plain baselines");
   sub->add_option("run", arguments->run_folder, "folder of the training run (--out of `avatar train`)")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "avatar eval", [arguments](CommandContext& context) { return RunAvatarEval(*arguments, context); });

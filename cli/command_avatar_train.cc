@@ -48,7 +48,8 @@ std::vector<std::string> SplitCommas(const std::string& text) {
 }
 
 /// At most `count` held-out pictures, from held-out cameras and frames (all of one kind when only the other was held out).
-std::optional<AvatarPack> HeldOutPack(const dataset::PanopticDataset& data, const RunConfig& config, int count, const RunContext& run) {
+std::optional<AvatarPack> HeldOutPack(const dataset::PanopticDataset& data, const RunConfig& config, int count,
+                                      const RunContext& run) {
   const avatar::DatasetSplit& split = config.split;
   if (count == 0 || (split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
   avatar::PackOptions options = config.pack;
@@ -78,8 +79,8 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, int validate_pictures,
 }
 
 /// Trains to the end with checkpoints on the way. A request to stop saves first.
-CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const RunPacks& packs, const avatar::TrainOptions& options,
-                           double earlier_s, CommandContext& context) {
+CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const RunPacks& packs,
+                           const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
   const Clock::time_point start = Clock::now();
   const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
   const AvatarPack* held_out = packs.held_out ? &*packs.held_out : nullptr;
@@ -100,7 +101,8 @@ CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const Run
   const double seconds = wall_s() - earlier_s;
   files.Save(trainer, samples);
   if (stopped) {
-    throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) + ": the checkpoint is saved, `mvstudio avatar resume` goes on");
+    throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) +
+                         ": the checkpoint is saved, `mvstudio avatar resume` goes on");
   }
   CommandResult result;
   auto& m = result.metrics;
@@ -108,7 +110,7 @@ CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const Run
   m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
   for (const auto& [phase, row] : last) {
-    m["final"][phase] = {{"step", row.step}, {"total", row.total}, {"l1", row.l1},     {"ssim_loss", row.ssim},
+    m["final"][phase] = {{"step", row.step}, {"total", row.total}, {"l1", row.l1}, {"ssim_loss", row.ssim},
                          {"mask", row.mask}, {"part", row.part},   {"uv", row.uv}};
   }
   m["it_per_s"] = report.steps_done > 0 ? static_cast<double>(report.steps_done) / seconds : std::nan("");
@@ -116,7 +118,8 @@ CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const Run
   result.outputs = files.Outputs();
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back({"AVA-NONFINITE", report.message, "resume with a smaller --learning-rate from the saved checkpoint"});
+    result.errors.push_back(
+        {"AVA-NONFINITE", report.message, "resume with a smaller --learning-rate from the saved checkpoint"});
   }
   return result;
 }
@@ -129,15 +132,16 @@ void FillCommon(const RunConfig& config, const RunPacks& packs, const std::strin
                               {"images", packs.train.size()},
                               {"template_iou", config.template_iou}};
   if (!packs.skipped.empty()) {
-    result->warnings.push_back({"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " pictures were left out; the first: " + packs.skipped.front(),
-                                "check these pictures, masks and joints"});
+    result->warnings.push_back(
+        {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " pictures were left out; the first: " + packs.skipped.front(),
+         "check these pictures, masks and joints"});
     if (result->exit == kExitOk) result->exit = kExitPartial;
   }
   std::ostringstream text;
   const auto& m = result->metrics;
-  text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on " << packs.train.size()
-       << " pictures of " << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in " << std::llround(m["wall_s"].get<double>())
-       << " s\n  " << folder << "\n";
+  text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
+       << packs.train.size() << " pictures of " << config.split.train_cameras.size() << " cameras: " << m["steps"]
+       << " steps in " << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
   result->text = text.str();
 }
 
@@ -149,7 +153,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
   config.pack = arguments.pack;
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
-  const std::vector<int> frames = arguments.holdout_frames.empty() ? std::vector<int>() : ParseRanges("--holdout-frames", arguments.holdout_frames);
+  const std::vector<int> frames =
+      arguments.holdout_frames.empty() ? std::vector<int>() : ParseRanges("--holdout-frames", arguments.holdout_frames);
   config.split = avatar::SplitDataset(data, config.pack.person, SplitCommas(arguments.holdout_cameras), frames);
   AvatarRun files(arguments.out);
   files.Prepare(arguments.overwrite);
@@ -177,7 +182,8 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   FillCommon(config, packs, arguments.run, &result);
   result.metrics["resumed_from"] = before;
   if (trainer.model().step == before) {
-    result.warnings.push_back({"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done", "ask for more with --steps"});
+    result.warnings.push_back(
+        {"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done", "ask for more with --steps"});
   }
   return result;
 }
@@ -197,8 +203,8 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
   result.metrics["num_parameters"] = avatar::NumParameters(options);
   result.metrics["num_texels"] = texels;
   for (const auto& [name, value] : FieldsAsText(options)) result.metrics["model"][name] = value;
-  result.text = "network: " + std::to_string(result.metrics["num_parameters"].get<int64_t>()) + " parameters; textures: " +
-                std::to_string(texels) + " numbers\n";
+  result.text = "network: " + std::to_string(result.metrics["num_parameters"].get<int64_t>()) +
+                " parameters; textures: " + std::to_string(texels) + " numbers\n";
   return result;
 }
 
@@ -207,7 +213,8 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
   sub->add_option("dataset", a->dataset, "dataset folder")->required();
   sub->add_option("--out", a->out, "folder of the run")->required();
-  sub->add_option("--holdout-cameras", a->holdout_cameras, "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
+  sub->add_option("--holdout-cameras", a->holdout_cameras,
+                  "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
   sub->add_option("--holdout-frames", a->holdout_frames, "frames never trained on, e.g. 80-99");
   sub->add_flag("--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
@@ -223,7 +230,8 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   auto resume = std::make_shared<ResumeArguments>();
   CLI::App* again = avatar.add_subcommand("resume", "Continue an interrupted or finished training run");
   again->add_option("run", resume->run, "folder of the run")->required();
-  again->add_option("--steps", resume->steps, "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
+  again->add_option("--steps", resume->steps,
+                    "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
   registry.Add(again, "avatar resume", [resume](CommandContext& context) { return RunResume(*resume, context); });
 
   auto options = std::make_shared<avatar::ModelOptions>(avatar::PaperModel());

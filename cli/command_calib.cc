@@ -184,6 +184,7 @@ CommandResult Convert(const ConvertOptions& options) {
   }
   AddCameras(imported.rig, &result);
   result.outputs.push_back({options.out, "calibration"});
+  result.folder = std::filesystem::absolute(options.out).parent_path().string();
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + options.out + " (" + options.to + ")";
   return result;
 }

@@ -29,16 +29,18 @@ Json ToJson(const avatar::RegionScore& score) {
 
 std::string Text(const avatar::SetDistance& fd) {
   char text[200];
-  std::snprintf(text, sizeof text, "FD (%s) %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld", fd.features.c_str(), fd.fd,
-                fd.floor, fd.kid.value, fd.kid.standard_error, static_cast<long long>(fd.n));
+  std::snprintf(text, sizeof text, "FD (%s) %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld",
+                fd.features.c_str(), fd.fd, fd.floor, fd.kid.value, fd.kid.standard_error, static_cast<long long>(fd.n));
   return text;
 }
 
 void AddUnmatched(const std::vector<std::string>& names, const std::string& folder, CommandResult* result) {
   if (names.empty()) return;
   result->exit = kExitPartial;
-  result->warnings.push_back({"MET-UNMATCHED", std::to_string(names.size()) + " pictures of " + folder + " have no partner; the first: " + names.front(),
-                              "both folders must hold the same file names"});
+  result->warnings.push_back(
+      {"MET-UNMATCHED",
+       std::to_string(names.size()) + " pictures of " + folder + " have no partner; the first: " + names.front(),
+       "both folders must hold the same file names"});
 }
 
 CommandResult MetricsOfFolders(const MetricsArguments& arguments, CommandContext& context) {
@@ -58,10 +60,13 @@ CommandResult MetricsOfFolders(const MetricsArguments& arguments, CommandContext
   }
   AddUnmatched(comparison.only_in_reference, arguments.reference, &result);
   AddUnmatched(comparison.only_in_other, arguments.other, &result);
-  if (!comparison.fd) result.warnings.push_back({"MET-NO-FD", "no Frechet distance: " + comparison.fd_missing, "give at least 4 pairs of one size, 32 px or more"});
+  if (!comparison.fd)
+    result.warnings.push_back(
+        {"MET-NO-FD", "no Frechet distance: " + comparison.fd_missing, "give at least 4 pairs of one size, 32 px or more"});
   char line[200];
-  std::snprintf(line, sizeof line, "%zu pairs: SSIM %.4f (luma %.4f), PSNR %.2f dB (%lld equal pairs left out)", comparison.pictures.size(), comparison.mean.ssim,
-                comparison.mean.ssim_luma, comparison.mean.psnr_db, static_cast<long long>(comparison.psnr_infinite));
+  std::snprintf(line, sizeof line, "%zu pairs: SSIM %.4f (luma %.4f), PSNR %.2f dB (%lld equal pairs left out)",
+                comparison.pictures.size(), comparison.mean.ssim, comparison.mean.ssim_luma, comparison.mean.psnr_db,
+                static_cast<long long>(comparison.psnr_infinite));
   result.text = line + (comparison.fd ? "\n" + Text(*comparison.fd) : std::string());
   return result;
 }
@@ -91,8 +96,11 @@ CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& cont
 
 void RegisterMetrics(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<MetricsArguments>();
-  CLI::App* sub = app.add_subcommand("metrics", "SSIM, PSNR and Frechet distance of two folders of pictures, or of two files of features");
-  sub->add_option("reference", arguments->reference, "folder of pictures, or a .safetensors file with a tensor `features` (n, d)")->required();
+  CLI::App* sub =
+      app.add_subcommand("metrics", "SSIM, PSNR and Frechet distance of two folders of pictures, or of two files of features");
+  sub->add_option("reference", arguments->reference,
+                  "folder of pictures, or a .safetensors file with a tensor `features` (n, d)")
+      ->required();
   sub->add_option("other", arguments->other, "the same file names, or features of the same kind")->required();
   sub->add_flag("--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });

@@ -154,6 +154,12 @@ PixelBox BoxOfBody(const ProjectedBody& body, int width, int height, double marg
   return box;
 }
 
+double TypicalPxPerM(const ProjectedBody& body) {
+  double sum = 0;
+  for (const BodyCapsule& limb : body.limbs) sum += limb.px_per_m;
+  return sum / static_cast<double>(body.limbs.size());
+}
+
 }  // namespace internal
 
 Image BodyRegion(const ProjectedBody& body, int width, int height, double margin_m) {

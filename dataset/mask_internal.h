@@ -15,6 +15,9 @@ struct LimbDistance {
 };
 LimbDistance DistanceToBody(const ProjectedBody& body, const Eigen::Vector2d& px);
 
+/// Mean over the limbs; the body must not be empty.
+double TypicalPxPerM(const ProjectedBody& body);
+
 /// Half-open pixel ranges.
 struct PixelBox {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;

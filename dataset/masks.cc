@@ -281,12 +281,6 @@ void CleanUp(const cv::Mat& lines, double largest_hole_px, cv::Mat* mask) {
   }
 }
 
-double TypicalPxPerM(const ProjectedBody& body) {
-  double sum = 0;
-  for (const BodyCapsule& limb : body.limbs) sum += limb.px_per_m;
-  return sum / static_cast<double>(body.limbs.size());
-}
-
 void CountJoints(const ProjectedBody& body, const Patch& full, const CameraMaskModel& model, const MaskOptions& options, BodyMask* out) {
   for (const Eigen::Vector2d& px : body.joints_px) {
     const int x = std::clamp(int(std::lround(px.x())), 0, out->mask.width - 1);
@@ -298,53 +292,6 @@ void CountJoints(const ProjectedBody& body, const Patch& full, const CameraMaskM
     const PixelCosts costs = ColourCosts(full, u, v, model, options);
     if (costs.background > costs.person) ++out->joints_supported;
   }
-}
-
-/// Every `step`-th colour of a frame where `select(i)` holds.
-template <class Select>
-void CollectColours(const Image& rgb, int step, const Select& select, std::vector<Eigen::Vector3f>* colours) {
-  for (int y = 0; y < rgb.height; y += step) {
-    for (int x = 0; x < rgb.width; x += step) {
-      if (!select(size_t(y) * rgb.width + x)) continue;
-      const uint8_t* p = rgb.Pixel(x, y);
-      colours->emplace_back(p[0], p[1], p[2]);
-    }
-  }
-}
-
-ColourMixture FitSubset(const std::vector<Eigen::Vector3f>& colours, int num_components) {
-  constexpr size_t kMost = 20000;
-  const size_t stride = std::max<size_t>(1, colours.size() / kMost);
-  Eigen::Matrix3Xf rgb(3, static_cast<Eigen::Index>((colours.size() + stride - 1) / stride));
-  for (Eigen::Index i = 0; i < rgb.cols(); ++i) rgb.col(i) = colours[static_cast<size_t>(i) * stride];
-  return FitColours(rgb, num_components);
-}
-
-struct Regions {
-  std::vector<Image> surely, maybe, around;  // per frame: 255 where a person is / may be / within reach
-};
-
-CameraMaskModel ModelFromRegions(const std::vector<Image>& frames, const Regions& regions, const BackgroundModel* plate,
-                                 const MaskOptions& options) {
-  CameraMaskModel model;
-  model.background = plate ? *plate : LearnBackground(frames, regions.maybe, options);
-  std::vector<Eigen::Vector3f> person, surroundings;
-  const int step = std::max(1, std::max(frames[0].width, frames[0].height) / 480);
-  for (size_t f = 0; f < frames.size(); ++f) {
-    CollectColours(frames[f], step, [&](size_t i) { return regions.surely[f].pixels[i] != 0; }, &person);
-    CollectColours(frames[f], step, [&](size_t i) { return regions.around[f].pixels[i] && !regions.maybe[f].pixels[i]; }, &surroundings);
-  }
-  model.person = FitSubset(person, 8);
-  model.surroundings = FitSubset(surroundings, 8);
-  return model;
-}
-
-Image Dilated(const Image& mask, int radius_px) {
-  Image out(mask.width, mask.height, 1);
-  const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * radius_px + 1, 2 * radius_px + 1));
-  cv::Mat view = View(out);
-  cv::dilate(View(mask), view, disk);
-  return out;
 }
 
 }  // namespace
@@ -371,39 +318,12 @@ BodyMask SegmentBody(const Image& rgb, const ProjectedBody& body, const CameraMa
   const Patch reduced = Reduced(full, options.coarse_side_px);
   cv::Mat mask = CutPatch(reduced, body, model, options);
   if (reduced.scale > 1) mask = RefineOutline(mask, full, reduced.scale, body, model, options);
-  const double px_per_cm = TypicalPxPerM(body) / 100;
+  const double px_per_cm = internal::TypicalPxPerM(body) / 100;
   CleanUp(BoneLines(body, full), options.hole_cm2 * px_per_cm * px_per_cm, &mask);
   for (int y = 0; y < mask.rows; ++y) std::copy_n(mask.ptr(y), mask.cols, out.mask.Pixel(box.x0, box.y0 + y));
   out.area_fraction = double(cv::countNonZero(mask)) / (double(rgb.width) * rgb.height);
   CountJoints(body, full, model, options, &out);
   return out;
-}
-
-CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<ProjectedBody>& bodies, const Image* plate,
-                            const MaskOptions& options) {
-  MVS_CHECK(!frames.empty() && frames.size() == bodies.size(), frames.size() << " frames, " << bodies.size() << " bodies");
-  const int w = frames[0].width, h = frames[0].height;
-  MVS_CHECK(!plate || (plate->width == w && plate->height == h), "the clean plate has another size than the frames");
-  BackgroundModel plate_model;
-  if (plate) plate_model = BackgroundFromPlate(*plate, options);
-  Regions regions;
-  for (const ProjectedBody& body : bodies) {
-    regions.surely.push_back(BodyRegion(body, w, h, -0.02));
-    regions.maybe.push_back(BodyRegion(body, w, h, 0.5 * options.reach_m));
-    regions.around.push_back(BodyRegion(body, w, h, options.reach_m + 0.1));
-  }
-  const BackgroundModel* known_plate = plate ? &plate_model : nullptr;
-  const CameraMaskModel first = ModelFromRegions(frames, regions, known_plate, options);
-  for (size_t f = 0; f < frames.size(); ++f) {
-    if (bodies[f].empty()) continue;
-    const Image mask = SegmentBody(frames[f], bodies[f], first, options).mask;
-    const int margin_px = std::max(2, int(std::lround(0.025 * TypicalPxPerM(bodies[f]))));
-    const Image near_bones = BodyRegion(bodies[f], w, h, 0.03);
-    regions.surely[f] = mask;
-    regions.maybe[f] = Dilated(mask, margin_px);
-    for (size_t i = 0; i < near_bones.pixels.size(); ++i) regions.maybe[f].pixels[i] |= near_bones.pixels[i];
-  }
-  return ModelFromRegions(frames, regions, known_plate, options);
 }
 
 }  // namespace mvstudio::dataset

@@ -40,7 +40,8 @@ int64_t NearestPose(const AvatarPack& candidates, const AvatarPack& truth, int64
 
 }  // namespace
 
-std::map<std::string, std::string> NearestTrainingCameras(const dataset::PanopticDataset& data, const DatasetSplit& split, int person) {
+std::map<std::string, std::string> NearestTrainingCameras(const dataset::PanopticDataset& data, const DatasetSplit& split,
+                                                          int person) {
   const Eigen::Vector3d place = MeanPlace(data, split, person);
   const auto direction = [&](const std::string& name) {
     return (data.rig.cameras.at(data.rig.Find(name)).CenterInWorld() - place).normalized().eval();
@@ -58,7 +59,8 @@ std::map<std::string, std::string> NearestTrainingCameras(const dataset::Panopti
   return nearest;
 }
 
-double PoseDistance(const at::Tensor& joints_a, const at::Tensor& valid_a, const at::Tensor& joints_b, const at::Tensor& valid_b) {
+double PoseDistance(const at::Tensor& joints_a, const at::Tensor& valid_a, const at::Tensor& joints_b,
+                    const at::Tensor& valid_b) {
   constexpr int kBodyCenter = 2;
   const auto a = joints_a.accessor<float, 2>(), b = joints_b.accessor<float, 2>();
   const auto va = valid_a.accessor<bool, 1>(), vb = valid_b.accessor<bool, 1>();

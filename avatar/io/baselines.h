@@ -10,9 +10,10 @@
 /// What an avatar must beat: pictures that need no avatar.
 namespace mvstudio::avatar {
 
-/// For each held-out camera the training camera whose direction of view, from the middle of the person averaged over the training
-/// frames, is nearest in angle.
-std::map<std::string, std::string> NearestTrainingCameras(const dataset::PanopticDataset& data, const DatasetSplit& split, int person);
+/// For each held-out camera the training camera whose direction of view, from the middle of the person averaged over the
+/// training frames, is nearest in angle.
+std::map<std::string, std::string> NearestTrainingCameras(const dataset::PanopticDataset& data, const DatasetSplit& split,
+                                                          int person);
 
 /// Pictures to set beside a truth of N pictures.
 struct BaselinePictures {
@@ -22,8 +23,8 @@ struct BaselinePictures {
 
 struct Baselines {
   BaselinePictures mean_image;    ///< mean of the nearest training camera's crops on black; its mask is the mean of the masks
-  BaselinePictures nearest_pose;  ///< that camera's training picture whose joints, seen from the crop's camera and relative to the middle
-                                  ///< of the body, are nearest (mean squared distance over joints known in both)
+  BaselinePictures nearest_pose;  ///< that camera's training picture whose joints, seen from the crop's camera and relative to
+                                  ///< the middle of the body, are nearest (mean squared distance over joints known in both)
   std::map<std::string, std::string> nearest_camera;
 };
 
@@ -31,9 +32,10 @@ struct Baselines {
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run);
 
-/// Mean squared distance (m^2) between two poses (19, 3), each relative to its body centre (the mean of the joints known in both where
-/// that is missing); infinity when no joint is known in both.
-double PoseDistance(const at::Tensor& joints_a, const at::Tensor& valid_a, const at::Tensor& joints_b, const at::Tensor& valid_b);
+/// Mean squared distance (m^2) between two poses (19, 3), each relative to its body centre (the mean of the joints known in
+/// both where that is missing); infinity when no joint is known in both.
+double PoseDistance(const at::Tensor& joints_a, const at::Tensor& valid_a, const at::Tensor& joints_b,
+                    const at::Tensor& valid_b);
 
 /// The crops with everything but the person black: (N, 3, H, W) float64 in [0, 1].
 at::Tensor OnBlack(const AvatarPack& pack);

@@ -16,8 +16,8 @@ struct BodyShape {
 /// Group of a part of the atlas (1..24).
 GirthGroup GroupOfPart(int part);
 
-/// The template with each vertex moved away from (or towards) its bones in the rest pose. A vertex on the border of two groups takes
-/// the mean of its faces' girths, so that the surface stays closed.
+/// The template with each vertex moved away from (or towards) its bones in the rest pose. A vertex on the border of two groups
+/// takes the mean of its faces' girths, so that the surface stays closed.
 body::BodyTemplate ScaleGirth(const body::BodyTemplate& body, const BodyShape& shape);
 
 }  // namespace mvstudio::avatar

@@ -39,7 +39,8 @@ std::map<std::string, std::string> Pictures(const std::string& folder) {
 // (1, 3, H, W) float64 in [0, 1].
 at::Tensor ReadPicture(const std::string& path) {
   const Image image = dataset::ReadImage(path);
-  const at::Tensor bytes = at::from_blob(const_cast<uint8_t*>(image.pixels.data()), {image.height, image.width, image.channels}, at::kByte);
+  const at::Tensor bytes =
+      at::from_blob(const_cast<uint8_t*>(image.pixels.data()), {image.height, image.width, image.channels}, at::kByte);
   return (bytes.to(at::kDouble) / 255).permute({2, 0, 1}).unsqueeze(0).contiguous();
 }
 
@@ -52,14 +53,17 @@ struct Pair {
 Pair ComparePair(const std::string& name, const std::string& path_a, const std::string& path_b) {
   const at::Tensor a = ReadPicture(path_a), b = ReadPicture(path_b);
   if (a.sizes() != b.sizes()) {
-    throw FormatError(path_b, "", "is " + std::to_string(b.size(3)) + "x" + std::to_string(b.size(2)) + ", its partner " + path_a + " is " +
-                                      std::to_string(a.size(3)) + "x" + std::to_string(a.size(2)));
+    throw FormatError(path_b, "",
+                      "is " + std::to_string(b.size(3)) + "x" + std::to_string(b.size(2)) + ", its partner " + path_a + " is " +
+                          std::to_string(a.size(3)) + "x" + std::to_string(a.size(2)));
   }
   if (std::min(a.size(2), a.size(3)) < kSsimWindow) throw FormatError(path_a, "", "is smaller than SSIM's window of 11x11 px");
   Pair pair;
-  pair.picture = {name, {Ssim(a, b).item<double>(), Ssim(a, b, SsimChannels::kLuma).item<double>(), PsnrDb(a, b).item<double>()}};
+  pair.picture = {name,
+                  {Ssim(a, b).item<double>(), Ssim(a, b, SsimChannels::kLuma).item<double>(), PsnrDb(a, b).item<double>()}};
   pair.size = {a.size(2), a.size(3)};
-  if (std::min(a.size(2), a.size(3)) >= kGaborFeatureMinPx) pair.features_a = GaborFeatures(a), pair.features_b = GaborFeatures(b);
+  if (std::min(a.size(2), a.size(3)) >= kGaborFeatureMinPx)
+    pair.features_a = GaborFeatures(a), pair.features_b = GaborFeatures(b);
   return pair;
 }
 
@@ -109,9 +113,11 @@ FolderComparison CompareFolders(const std::string& reference, const std::string&
   constexpr int64_t kChunk = 32;
   for (int64_t first = 0; first < count; first += kChunk) {
     const int64_t last = std::min(count, first + kChunk);
-    at::parallel_for(first, last, 1, [&](int64_t begin, int64_t end) {  // one pair a thread: what is called inside runs serially
-      for (int64_t i = begin; i < end; ++i) pairs[i] = ComparePair(names[i], in_a.at(names[i]), in_b.at(names[i]));
-    });
+    at::parallel_for(first, last, 1,
+                     [&](int64_t begin, int64_t end) {  // one pair a thread: what is called inside runs serially
+                       for (int64_t i = begin; i < end; ++i)
+                         pairs[i] = ComparePair(names[i], in_a.at(names[i]), in_b.at(names[i]));
+                     });
     stage.Advance(last - first);
   }
   std::vector<double> psnr;
@@ -132,9 +138,12 @@ SetDistance CompareFeatureFiles(const std::string& reference, const std::string&
   std::string name_a, name_b;
   const at::Tensor a = ReadFeatures(reference, &name_a), b = ReadFeatures(other, &name_b);
   if (a.size(1) != b.size(1)) {
-    throw FormatError(other, "features", "has " + std::to_string(b.size(1)) + " dimensions, " + reference + " has " + std::to_string(a.size(1)));
+    throw FormatError(other, "features",
+                      "has " + std::to_string(b.size(1)) + " dimensions, " + reference + " has " + std::to_string(a.size(1)));
   }
-  if (name_a != name_b) throw FormatError(other, "__metadata__.features", "is '" + name_b + "', in " + reference + " it is '" + name_a + "': not comparable");
+  if (name_a != name_b)
+    throw FormatError(other, "__metadata__.features",
+                      "is '" + name_b + "', in " + reference + " it is '" + name_a + "': not comparable");
   return Distance(a, b, name_a, run.seed);
 }
 

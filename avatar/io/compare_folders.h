@@ -22,12 +22,12 @@ struct FolderComparison {
   std::vector<std::string> only_in_reference, only_in_other;  ///< file names without a partner
 };
 
-/// Compares the PNG and JPEG files of two folders that have the same name (without extension). Throws IoError when a folder is missing
-/// or nothing matches, FormatError for unreadable pictures or a pair of different sizes.
+/// Compares the PNG and JPEG files of two folders that have the same name (without extension). Throws IoError when a folder is
+/// missing or nothing matches, FormatError for unreadable pictures or a pair of different sizes.
 FolderComparison CompareFolders(const std::string& reference, const std::string& other, const RunContext& run);
 
-/// Distance between two sets of features kept in safetensors files as a tensor `features` (n, d), d equal. `features` of the result is the
-/// file's metadata entry `features`, "unnamed" without one.
+/// Distance between two sets of features kept in safetensors files as a tensor `features` (n, d), d equal. `features` of the
+/// result is the file's metadata entry `features`, "unnamed" without one.
 SetDistance CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run);
 
 }  // namespace mvstudio::avatar

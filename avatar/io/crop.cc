@@ -39,7 +39,8 @@ class PixelMap {
   Eigen::Vector2d operator()(double x, double y) const {
     const Eigen::Vector3d ray((x - to_.cx()) / to_.fx(), (y - to_.cy()) / to_.fy(), 1);
     const geometry::Projection projection = projector_.Project(rotation_ * ray);
-    return projection.status == Status::kOk ? projection.px : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+    return projection.status == Status::kOk ? projection.px
+                                            : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
   }
 
  private:
@@ -67,7 +68,8 @@ void AddBilinear(const Image& image, const Eigen::Vector2d& px, float* sum) {
   const double x = px[0], y = px[1];
   if (!(x > -0.5 && y > -0.5 && x < image.width - 0.5 && y < image.height - 0.5)) return;
   const double cx = std::clamp(x, 0.0, image.width - 1.0), cy = std::clamp(y, 0.0, image.height - 1.0);
-  const int x0 = std::min(static_cast<int>(cx), std::max(0, image.width - 2)), y0 = std::min(static_cast<int>(cy), std::max(0, image.height - 2));
+  const int x0 = std::min(static_cast<int>(cx), std::max(0, image.width - 2)),
+            y0 = std::min(static_cast<int>(cy), std::max(0, image.height - 2));
   const int x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
   const float fx = static_cast<float>(cx - x0), fy = static_cast<float>(cy - y0);
   const uint8_t *a = image.Pixel(x0, y0), *b = image.Pixel(x1, y0), *c = image.Pixel(x0, y1), *d = image.Pixel(x1, y1);
@@ -119,7 +121,8 @@ std::optional<PersonExtent> MeasurePerson(const dataset::Coco19Pose& pose, const
 geometry::RigCamera CropCamera(const geometry::RigCamera& camera, const Eigen::Vector3d& middle_in_cam, double half_extent_m,
                                double fill, int size_px) {
   MVS_CHECK(half_extent_m > 0 && fill > 0 && size_px > 0 && middle_in_cam[2] > 0,
-            "half_extent_m = " << half_extent_m << ", fill = " << fill << ", size_px = " << size_px << ", depth = " << middle_in_cam[2]);
+            "half_extent_m = " << half_extent_m << ", fill = " << fill << ", size_px = " << size_px
+                               << ", depth = " << middle_in_cam[2]);
   geometry::RigCamera crop;
   const double focal_px = fill * (size_px / 2.0) * middle_in_cam.norm() / half_extent_m;
   crop.camera = geometry::MakePinhole(camera.camera.name, size_px, size_px, focal_px);
@@ -144,7 +147,8 @@ Image Resample(const Image& source, const geometry::RigCamera& from, const geome
         AddBilinear(source, map(x + dx, y + dy), sum);
       }
       for (int k = 0; k < source.channels; ++k) {
-        out.Pixel(x, y)[k] = static_cast<uint8_t>(std::clamp(sum[k] / static_cast<float>(samples * samples) + 0.5f, 0.f, 255.f));
+        out.Pixel(x, y)[k] =
+            static_cast<uint8_t>(std::clamp(sum[k] / static_cast<float>(samples * samples) + 0.5f, 0.f, 255.f));
       }
     }
   }

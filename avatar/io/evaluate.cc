@@ -22,10 +22,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kConvention[] =
-    "Truth: the dataset's picture on black behind its mask. Render: on black behind its own predicted mask. Crops as in training, 8-bit sRGB, "
-    "RGB in [0, 1]. Primary region: bounding box of the true mask grown by 5 %; also given: full (the whole crop) and masked (pixels of the "
-    "true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid windows, mean of R, G, B. PSNR: mean "
-    "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of hand-made gabor-stats-v1 features of full crops, not FID.";
+    "Truth: the dataset's picture on black behind its mask. Render: on black behind its own predicted mask. Crops as in "
+    "training, 8-bit sRGB, "
+    "RGB in [0, 1]. Primary region: bounding box of the true mask grown by 5 %; also given: full (the whole crop) and masked "
+    "(pixels of the "
+    "true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid windows, mean of R, "
+    "G, B. PSNR: mean "
+    "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of hand-made gabor-stats-v1 features of full "
+    "crops, not FID.";
 
 struct Rendered {
   at::Tensor images, masks;  // (N, 3, H, W) 8-bit levels, (N, H, W)
@@ -35,11 +39,14 @@ RunConfig LoadConfig(const std::string& folder, const EvaluateOptions& options) 
   if (!fs::is_directory(folder)) throw IoError(folder, "no such folder; give the --out folder of `mvstudio avatar train`");
   const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
   if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
-  if (!fs::exists(checkpoint)) throw IoError(checkpoint, "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
+  if (!fs::exists(checkpoint))
+    throw IoError(checkpoint,
+                  "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
   RunConfig config = ReadRunConfig(config_path);
   if (!options.dataset.empty()) config.dataset = options.dataset;
   if (!fs::is_directory(config.dataset)) {
-    throw IoError(config.dataset, "the dataset that " + config_path + " was trained on is not there; pass its new place with --dataset");
+    throw IoError(config.dataset,
+                  "the dataset that " + config_path + " was trained on is not there; pass its new place with --dataset");
   }
   return config;
 }
@@ -53,7 +60,9 @@ struct Selection {
 
 Selection Holdout(const DatasetSplit& split, const std::string& folder) {
   if (split.holdout_cameras.empty() && split.holdout_frames.empty()) {
-    throw UsageError(folder + ": nothing was held out in training, so nothing can be scored; train with --holdout-cameras and --holdout-frames");
+    throw UsageError(
+        folder +
+        ": nothing was held out in training, so nothing can be scored; train with --holdout-cameras and --holdout-frames");
   }
   if (split.holdout_frames.empty()) return {"held-out cameras in training frames", split.holdout_cameras, split.train_frames};
   if (split.holdout_cameras.empty()) return {"training cameras in held-out frames", split.train_cameras, split.holdout_frames};
@@ -65,13 +74,15 @@ void RequireFrames(const dataset::PanopticDataset& data, const RunConfig& config
     for (const int frame : *frames) {
       const auto found = data.poses.find(frame);
       if (found != data.poses.end() && found->second.count(config.pack.person)) continue;
-      throw UsageError("frame " + std::to_string(frame) + " of the run's split has no pose of person " + std::to_string(config.pack.person) +
-                       " in " + data.root + ": the dataset is not the one that was trained on");
+      throw UsageError("frame " + std::to_string(frame) + " of the run's split has no pose of person " +
+                       std::to_string(config.pack.person) + " in " + data.root +
+                       ": the dataset is not the one that was trained on");
     }
   }
 }
 
-PackResult Build(const dataset::PanopticDataset& data, const RunConfig& config, const Selection& selection, const RunContext& run) {
+PackResult Build(const dataset::PanopticDataset& data, const RunConfig& config, const Selection& selection,
+                 const RunContext& run) {
   PackOptions options = config.pack;
   options.template_maps = false;
   options.cameras = selection.cameras;
@@ -102,7 +113,8 @@ Scored Score(const std::vector<PictureScore>& scores, const at::Tensor& truth, c
   return {Mean(scores), CompareSets(truth, images, seed)};
 }
 
-std::vector<CameraScore> PerCamera(const AvatarPack& pack, const std::vector<PictureScore>& scores, const Baselines& baselines) {
+std::vector<CameraScore> PerCamera(const AvatarPack& pack, const std::vector<PictureScore>& scores,
+                                   const Baselines& baselines) {
   std::vector<CameraScore> cameras;
   for (size_t c = 0; c < pack.cameras.size(); ++c) {
     std::vector<PictureScore> own;
@@ -140,7 +152,8 @@ std::vector<PictureStrip> WriteStrips(const std::string& folder, const EvaluateO
     strip.ssim = scores[i].bbox.ssim, strip.psnr_db = scores[i].bbox.psnr_db;
     char name[32];
     std::snprintf(name, sizeof name, "_%08d.png", strip.frame);
-    dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]), out.work_path() + "/" + strip.camera + name);
+    dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]),
+                        out.work_path() + "/" + strip.camera + name);
     strip.path = folder + "/" + strip.camera + name;
     strips.push_back(strip);
   }
@@ -158,18 +171,21 @@ Selection Thinned(Selection selection, int limit) {
   return selection;
 }
 
-void ScoreOtherSplits(const dataset::PanopticDataset& data, const EvaluateOptions& options, AvatarModel& model, Evaluation* result,
-                      const RunContext& run) {
+void ScoreOtherSplits(const dataset::PanopticDataset& data, const EvaluateOptions& options, AvatarModel& model,
+                      Evaluation* result, const RunContext& run) {
   const DatasetSplit& split = result->config.split;
   const std::vector<Selection> others = {{"training cameras in training frames", split.train_cameras, split.train_frames},
                                          {"held-out cameras in training frames", split.holdout_cameras, split.train_frames},
                                          {"training cameras in held-out frames", split.train_cameras, split.holdout_frames}};
   for (const Selection& selection : others) {
-    if (options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() || selection.kind == result->holdout_kind) continue;
+    if (options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() ||
+        selection.kind == result->holdout_kind)
+      continue;
     const AvatarPack pack = Build(data, result->config, Thinned(selection, options.other_pictures), run).pack;
     const Rendered rendered = RenderAll(model, pack, options.batch, run);
     const at::Tensor truth = EightBit(OnBlack(pack));
-    result->other_splits[selection.kind] = Score(ScorePictures(truth, pack.masks, rendered.images, rendered.masks), truth, rendered.images, run.seed);
+    result->other_splits[selection.kind] =
+        Score(ScorePictures(truth, pack.masks, rendered.images, rendered.masks), truth, rendered.images, run.seed);
   }
 }
 

@@ -24,7 +24,8 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, EvaluateOptions& o) {
   visit("dataset", o.dataset, "dataset folder, when it is no longer where the training found it");
   visit("pictures", o.pictures, "picture strips kept for each held-out camera");
-  visit("other-pictures", o.other_pictures, "pictures scored of each other split (held-out cameras in training frames and the reverse); 0: none");
+  visit("other-pictures", o.other_pictures,
+        "pictures scored of each other split (held-out cameras in training frames and the reverse); 0: none");
   visit("batch", o.batch, "pictures rendered at a time");
 }
 
@@ -62,13 +63,15 @@ struct Evaluation {
   std::string convention;                 ///< what the numbers mean, in words
 };
 
-/// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on pictures it never saw: held-out
-/// cameras in held-out frames; when only one of the two was held out, that one. Writes picture strips to `run_folder`/eval. `clock_s`
-/// gives seconds for the timing. Throws IoError when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out.
+/// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on pictures it never saw:
+/// held-out cameras in held-out frames; when only one of the two was held out, that one. Writes picture strips to
+/// `run_folder`/eval. `clock_s` gives seconds for the timing. Throws IoError when the run, its checkpoint or the dataset is
+/// missing, UsageError when nothing was held out.
 Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& options, const RunContext& run,
                     const std::function<double()>& clock_s = {});
 
-/// The metrics of `mvstudio avatar eval --json`: holdout, baselines, per_camera, other_splits, split, convention. One JSON object.
+/// The metrics of `mvstudio avatar eval --json`: holdout, baselines, per_camera, other_splits, split, convention. One JSON
+/// object.
 std::string ToJsonText(const Evaluation& evaluation);
 /// The same as a table for people.
 std::string ToTable(const Evaluation& evaluation);

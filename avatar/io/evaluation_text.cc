@@ -42,8 +42,9 @@ Json ScoredJson(const Scored& scored) {
 std::string Row(const std::string& name, const Scored& scored) {
   char line[240];
   const std::string fd = scored.fd ? std::to_string(scored.fd->fd).substr(0, 6) : "-";
-  std::snprintf(line, sizeof line, "  %-38s %5lld  %.4f  %6.2f  %.4f  %.4f  %6.2f  %s\n", name.c_str(), static_cast<long long>(scored.mean.n),
-                scored.mean.bbox.ssim, scored.mean.bbox.psnr_db, scored.mean.mask_iou, scored.mean.full.ssim, scored.mean.full.psnr_db, fd.c_str());
+  std::snprintf(line, sizeof line, "  %-38s %5lld  %.4f  %6.2f  %.4f  %.4f  %6.2f  %s\n", name.c_str(),
+                static_cast<long long>(scored.mean.n), scored.mean.bbox.ssim, scored.mean.bbox.psnr_db, scored.mean.mask_iou,
+                scored.mean.full.ssim, scored.mean.full.psnr_db, fd.c_str());
   return line;
 }
 
@@ -66,8 +67,12 @@ std::string ToJsonText(const Evaluation& e) {
   for (const auto& [kind, scored] : e.other_splits) json["other_splits"][kind] = ScoredJson(scored);
   json["pictures"] = Json::array();
   for (const PictureStrip& strip : e.strips) {
-    json["pictures"].push_back({{"path", strip.path}, {"camera", strip.camera}, {"frame", strip.frame}, {"ssim", Finite(strip.ssim)},
-                                {"psnr_db", Finite(strip.psnr_db)}, {"panels", {"truth", "render", "error", "nearest_pose"}}});
+    json["pictures"].push_back({{"path", strip.path},
+                                {"camera", strip.camera},
+                                {"frame", strip.frame},
+                                {"ssim", Finite(strip.ssim)},
+                                {"psnr_db", Finite(strip.psnr_db)},
+                                {"panels", {"truth", "render", "error", "nearest_pose"}}});
   }
   const DatasetSplit& split = e.config.split;
   json["split"] = {{"train_cameras", split.train_cameras},     {"holdout_cameras", split.holdout_cameras},
@@ -83,17 +88,19 @@ std::string ToJsonText(const Evaluation& e) {
 }
 
 std::string ToTable(const Evaluation& e) {
-  std::string text = "Scored on " + e.holdout_kind + ", " + std::to_string(e.config.pack.size_px) + " px, step " + std::to_string(e.checkpoint_step) + "\n";
+  std::string text = "Scored on " + e.holdout_kind + ", " + std::to_string(e.config.pack.size_px) + " px, step " +
+                     std::to_string(e.checkpoint_step) + "\n";
   text += "                                             n    SSIM    PSNR     IoU  full: SSIM  PSNR  FD (gabor-stats-v1)\n";
-  text += Row("avatar", e.holdout) + Row("baseline: mean image of nearest camera", e.mean_image) + Row("baseline: nearest pose", e.nearest_pose);
+  text += Row("avatar", e.holdout) + Row("baseline: mean image of nearest camera", e.mean_image) +
+          Row("baseline: nearest pose", e.nearest_pose);
   for (const auto& [kind, scored] : e.other_splits) text += Row(kind, scored);
   char line[200];
-  std::snprintf(line, sizeof line, "  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB", e.ssim_interval.low, e.ssim_interval.high,
-                e.psnr_interval.low, e.psnr_interval.high);
+  std::snprintf(line, sizeof line, "  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB",
+                e.ssim_interval.low, e.ssim_interval.high, e.psnr_interval.low, e.psnr_interval.high);
   text += line;
   if (e.holdout.fd) {
-    std::snprintf(line, sizeof line, "\n  FD between halves of the truth: %.4g; kernel distance %.3g +- %.2g", e.holdout.fd->floor, e.holdout.fd->kid.value,
-                  e.holdout.fd->kid.standard_error);
+    std::snprintf(line, sizeof line, "\n  FD between halves of the truth: %.4g; kernel distance %.3g +- %.2g",
+                  e.holdout.fd->floor, e.holdout.fd->kid.value, e.holdout.fd->kid.standard_error);
     text += line;
   }
   return text;

@@ -114,12 +114,14 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
 
 Image ReadFor(const Job& job, const std::string& path, const char* what, bool grey) {
   const std::string name = Name(job.camera->camera.name, job.frame);
-  if (!std::filesystem::exists(path)) throw IoError(path, std::string("no ") + what + " of " + name + "; build it or leave that camera or frame out");
+  if (!std::filesystem::exists(path))
+    throw IoError(path, std::string("no ") + what + " of " + name + "; build it or leave that camera or frame out");
   Image image = dataset::ReadImage(path, grey);
   if (image.width != job.camera->camera.width_px || image.height != job.camera->camera.height_px) {
-    throw FormatError(path, "", std::string(what) + " of " + name + " is " + std::to_string(image.width) + "x" + std::to_string(image.height) +
-                                    ", the calibration says " + std::to_string(job.camera->camera.width_px) + "x" +
-                                    std::to_string(job.camera->camera.height_px));
+    throw FormatError(path, "",
+                      std::string(what) + " of " + name + " is " + std::to_string(image.width) + "x" +
+                          std::to_string(image.height) + ", the calibration says " +
+                          std::to_string(job.camera->camera.width_px) + "x" + std::to_string(job.camera->camera.height_px));
   }
   return image;
 }
@@ -181,7 +183,8 @@ void FillJoints(AvatarPack& pack, int64_t i, const Job& job, const geometry::Rig
   for (int j = 0; j < 19; ++j) {
     const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(job.pose->x_in_world.col(j));
     pack.joint_valid.data_ptr<bool>()[i * 19 + j] = plausible[j];
-    for (int k = 0; plausible[j] && k < 3; ++k) pack.joints_in_cam.data_ptr<float>()[(i * 19 + j) * 3 + k] = static_cast<float>(x[k]);
+    for (int k = 0; plausible[j] && k < 3; ++k)
+      pack.joints_in_cam.data_ptr<float>()[(i * 19 + j) * 3 + k] = static_cast<float>(x[k]);
   }
   for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
   pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
@@ -219,7 +222,8 @@ struct Filler {
     const Job& job = jobs[i];
     const auto crop = CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
     const Image mask = CropMask(data, job, crop);
-    if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx) return "the mask is empty where the person should be";
+    if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
+      return "the mask is empty where the person should be";
     const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
     FillPicture(pack, i, Resample(image, *job.camera, crop), mask);
     FillJoints(pack, i, job, crop);
@@ -249,11 +253,13 @@ int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
     std::vector<std::string> known;
     for (const auto& [id, count] : frames) known.push_back(std::to_string(id));
     if (!frames.count(requested)) {
-      throw UsageError("person " + std::to_string(requested) + " is not in the dataset " + data.root + "; it has " + Join(known));
+      throw UsageError("person " + std::to_string(requested) + " is not in the dataset " + data.root + "; it has " +
+                       Join(known));
     }
     return requested;
   }
-  return std::max_element(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.second < b.second; })->first;
+  return std::max_element(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.second < b.second; })
+      ->first;
 }
 
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
@@ -275,13 +281,16 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
 }
 
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run) {
-  if (options.size_px < 16 || options.size_px > 4096) throw UsageError("size " + std::to_string(options.size_px) + " px: must be 16 to 4096");
-  if (!(options.fill > 0.1 && options.fill <= 1)) throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
+  if (options.size_px < 16 || options.size_px > 4096)
+    throw UsageError("size " + std::to_string(options.size_px) + " px: must be 16 to 4096");
+  if (!(options.fill > 0.1 && options.fill <= 1))
+    throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
   result.shape = options.template_maps && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
-  const body::BodyTemplate body = options.template_maps ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
+  const body::BodyTemplate body =
+      options.template_maps ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
   Filler filler{data, options, plan, options.template_maps ? &body : nullptr, {}, {}};
   if (options.template_maps) filler.poses = PoseFrames(body, plan.jobs);
   for (const auto& [frame, pose] : filler.poses) filler.vertices[frame] = body::SkinVertices(body, pose);
@@ -301,7 +310,8 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
     else result.skipped.push_back(Name(plan.cameras[plan.jobs[i].camera_idx], plan.jobs[i].frame) + ": " + reasons[i]);
   }
   if (good.empty()) {
-    throw FormatError(data.root, "", "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
+    throw FormatError(data.root, "",
+                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
   }
   result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);
   result.template_iou = options.template_maps ? MeanTemplateIou(result.pack) : std::numeric_limits<double>::quiet_NaN();

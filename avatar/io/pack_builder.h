@@ -41,8 +41,8 @@ struct DatasetSplit {
   std::vector<int> train_frames, holdout_frames;            ///< with a pose of the person
 };
 
-/// Everything not held out is trained on. Throws UsageError for names and frames that the dataset does not have, and when nothing is
-/// left to train on.
+/// Everything not held out is trained on. Throws UsageError for names and frames that the dataset does not have, and when
+/// nothing is left to train on.
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
                           const std::vector<int>& holdout_frames);
 
@@ -58,11 +58,12 @@ struct PackResult {
   std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", pictures that could not be used
 };
 
-/// One crop for each camera and frame. The crop's camera is a pinhole at the place of the real one, turned by the smallest rotation
-/// to look at the middle of the person's joints; its focal length puts `half_extent_m` metres at the person's distance to the
-/// edge, so a metre has the same size in every crop. Colours are averages over each pixel's footprint in the real picture,
-/// read through its exact lens; what lies outside the picture is black and not person. Part and uv maps: body template posed by the
-/// joints. Throws IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or frames that do not exist.
+/// One crop for each camera and frame. The crop's camera is a pinhole at the place of the real one, turned by the smallest
+/// rotation to look at the middle of the person's joints; its focal length puts `half_extent_m` metres at the person's distance
+/// to the edge, so a metre has the same size in every crop. Colours are averages over each pixel's footprint in the real
+/// picture, read through its exact lens; what lies outside the picture is black and not person. Part and uv maps: body template
+/// posed by the joints. Throws IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or
+/// frames that do not exist.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

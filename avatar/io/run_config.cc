@@ -44,19 +44,20 @@ T Get(const Json& json, const std::string& path, const std::string& pointer) {
 void WriteRunConfig(const RunConfig& config, const std::string& path) {
   Json girth;
   for (int g = 0; g < kNumGirthGroups; ++g) girth[kGirthNames[g]] = config.shape.girth[g];
-  const Json json = {{"schema", kRunConfigSchema},
-                     {"dataset", config.dataset},
-                     {"crop",
-                      {{"size_px", config.pack.size_px},
-                       {"fill", config.pack.fill},
-                       {"half_extent_m", config.half_extent_m},
-                       {"person", config.pack.person}}},
-                     {"split",
-                      {{"train_cameras", config.split.train_cameras},
-                       {"train_frames", config.split.train_frames},
-                       {"holdout_cameras", config.split.holdout_cameras},
-                       {"holdout_frames", config.split.holdout_frames}}},
-                     {"template", {{"girth", girth}, {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()}}}};
+  const Json json = {
+      {"schema", kRunConfigSchema},
+      {"dataset", config.dataset},
+      {"crop",
+       {{"size_px", config.pack.size_px},
+        {"fill", config.pack.fill},
+        {"half_extent_m", config.half_extent_m},
+        {"person", config.pack.person}}},
+      {"split",
+       {{"train_cameras", config.split.train_cameras},
+        {"train_frames", config.split.train_frames},
+        {"holdout_cameras", config.split.holdout_cameras},
+        {"holdout_frames", config.split.holdout_frames}}},
+      {"template", {{"girth", girth}, {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
 }
 
@@ -79,7 +80,8 @@ RunConfig ReadRunConfig(const std::string& path) {
   config.split.holdout_frames = Get<std::vector<int>>(json, path, "/split/holdout_frames");
   if (config.split.train_cameras.empty()) throw FormatError(path, "/split/train_cameras", "is empty");
   if (config.split.train_frames.empty()) throw FormatError(path, "/split/train_frames", "is empty");
-  for (int g = 0; g < kNumGirthGroups; ++g) config.shape.girth[g] = Get<double>(json, path, std::string("/template/girth/") + kGirthNames[g]);
+  for (int g = 0; g < kNumGirthGroups; ++g)
+    config.shape.girth[g] = Get<double>(json, path, std::string("/template/girth/") + kGirthNames[g]);
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;
   config.pack.cameras = config.split.train_cameras;

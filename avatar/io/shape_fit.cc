@@ -33,7 +33,8 @@ double TemplateIou(const body::BodyTemplate& body, const std::vector<ShapeView>&
   return sum / static_cast<double>(views.size());
 }
 
-ShapeFit FitShape(const body::BodyTemplate& body, const BodyShape& start, const std::vector<ShapeView>& views, const RunContext& run) {
+ShapeFit FitShape(const body::BodyTemplate& body, const BodyShape& start, const std::vector<ShapeView>& views,
+                  const RunContext& run) {
   ShapeFit fit;
   fit.shape = start;
   fit.iou = fit.iou_before = TemplateIou(ScaleGirth(body, start), views, run);
@@ -46,7 +47,8 @@ ShapeFit FitShape(const body::BodyTemplate& body, const BodyShape& start, const 
         while (improved) {
           BodyShape trial = fit.shape;
           trial.girth[group] = std::clamp(trial.girth[group] * (1 + direction * step), kMinGirth, kMaxGirth);
-          const double iou = trial.girth[group] == fit.shape.girth[group] ? 0 : TemplateIou(ScaleGirth(body, trial), views, run);
+          const double iou =
+              trial.girth[group] == fit.shape.girth[group] ? 0 : TemplateIou(ScaleGirth(body, trial), views, run);
           improved = iou > fit.iou;
           if (improved) fit.shape = trial, fit.iou = iou;
         }

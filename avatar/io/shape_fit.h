@@ -26,6 +26,7 @@ struct ShapeFit {
 double TemplateIou(const body::BodyTemplate& body, const std::vector<ShapeView>& views, const RunContext& run);
 
 /// Girth of each group, 0.6 to 1.7, that maximises TemplateIou: cyclic search with halved steps, from `start`.
-ShapeFit FitShape(const body::BodyTemplate& body, const BodyShape& start, const std::vector<ShapeView>& views, const RunContext& run);
+ShapeFit FitShape(const body::BodyTemplate& body, const BodyShape& start, const std::vector<ShapeView>& views,
+                  const RunContext& run);
 
 }  // namespace mvstudio::avatar

@@ -17,7 +17,8 @@ using geometry::LensModel;
 /// Mild distortion of every model: fx, fy, cx, cy, then k.
 std::vector<double> Params(LensModel model) {
   std::vector<double> params = {610, 590, 321.5, 238.25};
-  const std::vector<double> brown = {-0.21, 0.06, 1e-3, -2e-3, 0.011, 0.02, -0.01, 0.003}, fisheye = {0.05, -0.01, 0.004, -0.0007};
+  const std::vector<double> brown = {-0.21, 0.06, 1e-3, -2e-3, 0.011, 0.02, -0.01, 0.003},
+                            fisheye = {0.05, -0.01, 0.004, -0.0007};
   const std::vector<double>& k = model == LensModel::kKannalaBrandt4 ? fisheye : brown;
   params.insert(params.end(), k.begin(), k.begin() + geometry::NumDistortionParams(model));
   return params;
@@ -66,7 +67,8 @@ TEST(ProjectTensor, GradientAgreesWithCentralDifferences) {
       at::Tensor step = at::zeros({3}, at::kDouble);
       step[c] = h;
       const at::Tensor x = point.detach();
-      const double slope = ((ProjectTensor(name, params, x + step)[0] - ProjectTensor(name, params, x - step)[0]) / (2 * h)).item<double>();
+      const double slope =
+          ((ProjectTensor(name, params, x + step)[0] - ProjectTensor(name, params, x - step)[0]) / (2 * h)).item<double>();
       EXPECT_NEAR(point.grad()[c].item<double>(), slope, 1e-5 * std::max(1.0, std::abs(slope))) << name;
     }
   }

@@ -77,7 +77,8 @@ TEST(Crop, NothingBehindTheCamera) {
 Image CoordinatePicture(int size) {
   Image picture(size, size, 3);
   for (int y = 0; y < size; ++y) {
-    for (int x = 0; x < size; ++x) picture.Pixel(x, y)[0] = static_cast<uint8_t>(x), picture.Pixel(x, y)[1] = static_cast<uint8_t>(y);
+    for (int x = 0; x < size; ++x)
+      picture.Pixel(x, y)[0] = static_cast<uint8_t>(x), picture.Pixel(x, y)[1] = static_cast<uint8_t>(y);
   }
   return picture;
 }
@@ -126,7 +127,8 @@ TEST(BodyShape, OneKeepsTheTemplateAndGirthScalesAcrossTheBone) {
   const body::BodyTemplate scaled = ScaleGirth(body, thick);
   double before = 0, after = 0;
   int count = 0;
-  const Eigen::Vector3f knee = body.coco19.col(7).cast<float>(), hip = body.coco19.col(6).cast<float>(), axis = (knee - hip).normalized();
+  const Eigen::Vector3f knee = body.coco19.col(7).cast<float>(), hip = body.coco19.col(6).cast<float>(),
+                        axis = (knee - hip).normalized();
   for (Eigen::Index i = 0; i < body.vertices.cols(); ++i) {
     const Eigen::Vector3f d = body.vertices.col(i) - hip;
     const float along = d.dot(axis) / (knee - hip).norm();

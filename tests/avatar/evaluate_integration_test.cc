@@ -80,7 +80,8 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
     EXPECT_EQ(image.height, 128);
     EXPECT_EQ(image.width, 4 * 128 + 3 * 4);
   }
-  for (const char* key : {"\"holdout\"", "\"mask_iou\"", "\"fd\"", "gabor-stats-v1", "\"mean_image\"", "\"nearest_pose\"", "\"per_camera\"", "\"convention\""}) {
+  for (const char* key : {"\"holdout\"", "\"mask_iou\"", "\"fd\"", "gabor-stats-v1", "\"mean_image\"", "\"nearest_pose\"",
+                          "\"per_camera\"", "\"convention\""}) {
     EXPECT_THAT(ToJsonText(e), HasSubstr(key));
   }
   EXPECT_THAT(ToTable(e), HasSubstr("baseline: nearest pose"));
@@ -105,12 +106,14 @@ TEST_F(EvaluateRun, MissingThingsAreNamed) {
   RunConfig moved = config_;
   moved.dataset = "/nowhere/dataset";
   WriteRunConfig(moved, run() + "/config.json");
-  EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), {}, {}); }), AllOf(HasSubstr("/nowhere/dataset"), HasSubstr("--dataset")));
+  EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), {}, {}); }),
+              AllOf(HasSubstr("/nowhere/dataset"), HasSubstr("--dataset")));
   EvaluateOptions options;
   options.dataset = dataset(), options.other_pictures = 0, options.pictures = 0;
   EXPECT_NO_THROW(Evaluate(run(), options, {}));
   std::filesystem::remove(run() + "/checkpoint.safetensors");
-  EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), options, {}); }), AllOf(HasSubstr("checkpoint.safetensors"), HasSubstr("resume")));
+  EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), options, {}); }),
+              AllOf(HasSubstr("checkpoint.safetensors"), HasSubstr("resume")));
 }
 
 TEST_F(EvaluateRun, FramesOfAnotherDatasetAreRefused) {
@@ -152,7 +155,8 @@ TEST(CompareFolders, PairsByNameAndReportsTheRest) {
   EXPECT_EQ(c.only_in_other, std::vector<std::string>{"extra"});
   EXPECT_TRUE(c.fd.has_value());
   dataset::WriteImage(Image(20, 20, 3), folder.path() + "/b/3.png");
-  EXPECT_THAT(MessageOf<FormatError>([&] { CompareFolders(folder.path() + "/a", folder.path() + "/b", {}); }), AllOf(HasSubstr("3.png"), HasSubstr("20x20")));
+  EXPECT_THAT(MessageOf<FormatError>([&] { CompareFolders(folder.path() + "/a", folder.path() + "/b", {}); }),
+              AllOf(HasSubstr("3.png"), HasSubstr("20x20")));
   EXPECT_THROW(CompareFolders(folder.path() + "/a", folder.path() + "/none", {}), IoError);
 }
 
@@ -167,7 +171,8 @@ TEST(CompareFeatureFiles, ReadsTensorsOfOneKind) {
   EXPECT_EQ(same.features, "net");
   file.metadata["features"] = "other";
   WriteTensorFile(file, folder.path() + "/b.safetensors");
-  EXPECT_THAT(MessageOf<FormatError>([&] { CompareFeatureFiles(folder.path() + "/a.safetensors", folder.path() + "/b.safetensors", {}); }),
+  EXPECT_THAT(MessageOf<FormatError>(
+                  [&] { CompareFeatureFiles(folder.path() + "/a.safetensors", folder.path() + "/b.safetensors", {}); }),
               HasSubstr("not comparable"));
 }
 

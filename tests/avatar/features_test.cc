@@ -33,7 +33,8 @@ at::Tensor Pictures(int64_t n, uint64_t seed) {
       for (int c = 0; c < 64; ++c) {
         if (std::hypot(c - cx, y - cy) > radius) continue;
         const double wave = std::sin(1.4 * (c * std::cos(angle) + y * std::sin(angle)));
-        for (int k = 0; k < 3; ++k) p[i][k][y][c] = std::min(1.0, std::max(0.0, 0.5 + (0.3 - 0.1 * k) * wave + 0.02 * rng.Normal()));
+        for (int k = 0; k < 3; ++k)
+          p[i][k][y][c] = std::min(1.0, std::max(0.0, 0.5 + (0.3 - 0.1 * k) * wave + 0.02 * rng.Normal()));
       }
     }
   }

@@ -42,7 +42,8 @@ TEST(Bones, ValueFollowsTheClosedFormOfAHorizontalCapsule) {
 
 TEST(Bones, BothImplementationsAgree) {
   Rng random(3);
-  at::Tensor px = at::zeros({3, 19, 2}, at::kFloat), depth = at::zeros({3, 19}, at::kFloat), valid = at::ones({3, 19}, at::kBool);
+  at::Tensor px = at::zeros({3, 19, 2}, at::kFloat), depth = at::zeros({3, 19}, at::kFloat),
+             valid = at::ones({3, 19}, at::kBool);
   for (int64_t i = 0; i < 3; ++i) {
     for (int64_t j = 0; j < 19; ++j) {
       px[i][j][0] = random.Uniform(-30, 94), px[i][j][1] = random.Uniform(-30, 94), depth[i][j] = random.Uniform(-2, 2);
@@ -164,7 +165,7 @@ TEST(Textures, AveragingRecoversColoursAndFillsHoles) {
   AddPixels(sums, part, uv, rgb, at::ones({count}));
   EXPECT_NEAR(sums.weight.sum().item<double>(), count, 1e-1);
   const at::Tensor filled = FillTextures(sums);
-  EXPECT_NEAR(filled[1][0][3][7].item<double>(), 0.5, 1e-4);   // never seen: from the neighbours
+  EXPECT_NEAR(filled[1][0][3][7].item<double>(), 0.5, 1e-4);     // never seen: from the neighbours
   EXPECT_NEAR(filled[20][2][1][1].item<double>(), -0.25, 1e-4);  // a part never seen: the mean colour
   const double centre_v = (2 * 4 + 1) / 8.0 - 1;
   EXPECT_NEAR(filled[1][1][4][1].item<double>(), 0.8 * centre_v, 0.03);

@@ -239,7 +239,8 @@ TEST(KernelDistance, EqualsTheDoubleSum) {
   };
   const KernelDistance kid = KernelInceptionDistance(x, y);
   EXPECT_NEAR(kid.value, mmd(-1, -1), 1e-12);
-  const double variance = jackknife(n, [&](int64_t i) { return mmd(i, -1); }) + jackknife(m, [&](int64_t i) { return mmd(-1, i); });
+  const double variance =
+      jackknife(n, [&](int64_t i) { return mmd(i, -1); }) + jackknife(m, [&](int64_t i) { return mmd(-1, i); });
   EXPECT_NEAR(kid.standard_error, std::sqrt(variance), 1e-12);
 }
 

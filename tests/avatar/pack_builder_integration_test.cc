@@ -52,9 +52,11 @@ TEST_F(PackBuilder, CropsHaveTheTemplateOnThePerson) {
   EXPECT_GT(result.template_iou, 0.93) << "the same body rendered at another resolution";
   // Colours are 10 x part, 255 u, 255 v of the same body: they must agree with the maps away from chart borders.
   const at::Tensor part = pack.part.to(at::kFloat).unsqueeze(1);
-  const at::Tensor inner = at::max_pool2d(part, 3, 1, 1).eq(part).logical_and((-at::max_pool2d(-part, 3, 1, 1)).eq(part)).squeeze(1);
+  const at::Tensor inner =
+      at::max_pool2d(part, 3, 1, 1).eq(part).logical_and((-at::max_pool2d(-part, 3, 1, 1)).eq(part)).squeeze(1);
   const at::Tensor person = pack.masks.gt(0).logical_and(pack.part > 0).logical_and(inner);
-  const at::Tensor same = (pack.images.select(1, 0).to(at::kFloat) / 10).round().eq(pack.part.to(at::kFloat)).logical_and(person);
+  const at::Tensor same =
+      (pack.images.select(1, 0).to(at::kFloat) / 10).round().eq(pack.part.to(at::kFloat)).logical_and(person);
   EXPECT_GT(same.sum().item<double>() / person.sum().item<double>(), 0.85);
   const at::Tensor du = (pack.images.select(1, 1).to(at::kFloat) / 255 - pack.uv.select(1, 0)).abs().masked_select(same);
   EXPECT_LT(du.median().item<double>(), 0.05);
@@ -68,7 +70,8 @@ TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
   EXPECT_EQ(pack.part.sum().item<int64_t>(), 0);
   for (int64_t i = 0; i < pack.size(); ++i) {
     const at::Tensor x = pack.joints_in_cam[i];
-    const at::Tensor px = x.slice(1, 0, 2) / x.slice(1, 2, 3) * pack.intrinsics[i].slice(0, 0, 2) + pack.intrinsics[i].slice(0, 2, 4);
+    const at::Tensor px =
+        x.slice(1, 0, 2) / x.slice(1, 2, 3) * pack.intrinsics[i].slice(0, 0, 2) + pack.intrinsics[i].slice(0, 2, 4);
     for (const int j : {0, 2, 6, 12, 7, 13}) {  // neck, body centre, hips, knees: inside the body
       const int64_t u = std::lround(px[j][0].item<double>()), v = std::lround(px[j][1].item<double>());
       EXPECT_EQ(pack.masks[i][v][u].item<int>(), 255) << PictureName(pack, i) << ", joint " << j;
@@ -96,10 +99,15 @@ TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
   EXPECT_THAT(split.holdout_cameras, ElementsAre("00_02"));
   EXPECT_THAT(split.train_frames, ElementsAre(0, 1, 2, 3));
   EXPECT_THAT(split.holdout_frames, ElementsAre(4, 5));
-  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_09"}, {}); }), AllOf(HasSubstr("'00_09'"), HasSubstr("00_03")));
-  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {80}); }), AllOf(HasSubstr("frame 80"), HasSubstr("0 to 5")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_09"}, {}); }),
+              AllOf(HasSubstr("'00_09'"), HasSubstr("00_03")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {80}); }),
+              AllOf(HasSubstr("frame 80"), HasSubstr("0 to 5")));
   EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {0, 1, 2, 3, 4, 5}); }), HasSubstr("every frame"));
-  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_00", "00_01", "00_02", "00_03"}, {}); }), HasSubstr("every camera"));
+  EXPECT_THAT(MessageOf<UsageError>([&] {
+                SplitDataset(data_, -1, {"00_00", "00_01", "00_02", "00_03"}, {});
+              }),
+              HasSubstr("every camera"));
   EXPECT_THAT(MessageOf<UsageError>([&] { ChoosePerson(data_, 7); }), HasSubstr("person 7"));
 }
 
@@ -117,7 +125,8 @@ TEST_F(PackBuilder, APictureOfAnotherSizeIsNamed) {
   PackOptions options;
   options.size_px = 64;
   options.template_maps = false;
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("80x160")));
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }),
+              AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("80x160")));
 }
 
 TEST_F(PackBuilder, AnEmptyMaskIsSkippedAndReported) {

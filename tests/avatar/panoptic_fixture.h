@@ -34,7 +34,8 @@ class TemporaryFolder {
 /// Camera on a circle of 3 m around the z axis, 1 m high, looking at (0, 0, 0.9); Brown lens.
 inline geometry::RigCamera RingCamera(int index, int count, int size_px) {
   const double angle = 2 * 3.14159265358979 * index / count;
-  const Eigen::Vector3d center(3 * std::sin(angle), -3 * std::cos(angle), 1.0), forward = (Eigen::Vector3d(0, 0, 0.9) - center).normalized();
+  const Eigen::Vector3d center(3 * std::sin(angle), -3 * std::cos(angle), 1.0),
+      forward = (Eigen::Vector3d(0, 0, 0.9) - center).normalized();
   Eigen::Matrix3d rotation;  // rows: camera axes in world
   const Eigen::Vector3d right = forward.cross(Eigen::Vector3d::UnitZ()).normalized();
   rotation << right.transpose(), forward.cross(right).transpose(), forward.transpose();
@@ -54,11 +55,12 @@ inline body::BodyPose SwingPose(const body::BodyTemplate& body, double angle) {
     if (body.bone_names[b] == "l_upper_arm") local[b] = Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY());
     if (body.bone_names[b] == "r_thigh") local[b] = Eigen::AngleAxisd(0.4 * angle, Eigen::Vector3d::UnitY());
   }
-  return body::PoseFromAngles(body, {Eigen::Quaterniond(Eigen::AngleAxisd(angle / 4, Eigen::Vector3d::UnitZ())), Eigen::Vector3d::Zero()}, local);
+  return body::PoseFromAngles(
+      body, {Eigen::Quaterniond(Eigen::AngleAxisd(angle / 4, Eigen::Vector3d::UnitZ())), Eigen::Vector3d::Zero()}, local);
 }
 
-/// A dataset in Panoptic layout: the mannequin before a grey wall, part number and chart coordinates as its colour. Frame f has the
-/// arm at 0.1 f radians.
+/// A dataset in Panoptic layout: the mannequin before a grey wall, part number and chart coordinates as its colour. Frame f has
+/// the arm at 0.1 f radians.
 inline void WriteMannequinDataset(const std::string& root, int cameras, int frames, int size_px) {
   const body::BodyTemplate body = body::MakeMannequin(1.75, 0.5);
   geometry::Rig rig;

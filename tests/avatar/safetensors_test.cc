@@ -17,7 +17,8 @@ namespace {
 class SafetensorsTest : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / ("mvstudio_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ = std::filesystem::temp_directory_path() /
+              ("mvstudio_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
     std::filesystem::create_directories(folder_);
     path_ = (folder_ / "file.safetensors").string();
   }
@@ -99,14 +100,18 @@ TEST_F(SafetensorsTest, ForeignFilesAreReadWhenDigestsAreNotRequired) {
 TEST_F(SafetensorsTest, HostileHeadersAreRefused) {
   const std::string data(8, '\0');
   for (const char* header :
-       {R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[0,9]}})", R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[4,8]}})",
-        R"({"a":{"dtype":"F32","shape":[3],"data_offsets":[0,8]}})", R"({"a":{"dtype":"F99","shape":[2],"data_offsets":[0,8]}})",
+       {R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[0,9]}})",
+        R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[4,8]}})",
+        R"({"a":{"dtype":"F32","shape":[3],"data_offsets":[0,8]}})",
+        R"({"a":{"dtype":"F99","shape":[2],"data_offsets":[0,8]}})",
         R"({"a":{"dtype":"F32","shape":[4611686018427387904,4],"data_offsets":[0,8]}})",
         R"({"a":{"dtype":"F32","shape":[288230376151711743,576460752303423488],"data_offsets":[0,8]}})",
-        R"({"a":{"dtype":"F32","shape":[-2],"data_offsets":[0,8]}})", R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[8,0]}})",
+        R"({"a":{"dtype":"F32","shape":[-2],"data_offsets":[0,8]}})",
+        R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[8,0]}})",
         R"({"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},"b":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}})",
         R"({"a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]},"a":{"dtype":"F32","shape":[1],"data_offsets":[4,8]}})",
-        R"({"a":{"dtype":"F32","shape":[2]}})", R"({"a":[[[[[[]]]]]]})", R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[0,8]})", "", "{}",
+        R"({"a":{"dtype":"F32","shape":[2]}})", R"({"a":[[[[[[]]]]]]})",
+        R"({"a":{"dtype":"F32","shape":[2],"data_offsets":[0,8]})", "", "{}",
         R"({"__metadata__":{"x":1},"a":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}})"}) {
     WriteRaw(header, data);
     EXPECT_THROW(ReadTensorFile(path_, false), FormatError) << header;
@@ -121,7 +126,8 @@ TEST_F(SafetensorsTest, PackRoundTripAndSelection) {
   const AvatarPack back = LoadPack(path_);
   EXPECT_EQ(back.cameras, pack.cameras);
   EXPECT_EQ(back.size_px, 32);
-  EXPECT_TRUE(at::equal(back.images, pack.images) && at::equal(back.uv, pack.uv) && at::equal(back.joint_valid, pack.joint_valid));
+  EXPECT_TRUE(at::equal(back.images, pack.images) && at::equal(back.uv, pack.uv) &&
+              at::equal(back.joint_valid, pack.joint_valid));
   const AvatarPack some = Select(pack, {3, 0});
   EXPECT_TRUE(at::equal(some.images[0], pack.images[3]) && at::equal(some.frame[1], pack.frame[0]));
   EXPECT_THROW(Select(pack, {5}), ContractViolation);

@@ -13,8 +13,9 @@ namespace mvstudio::avatar {
 
 /// Stick people in random poses: each bone is a part of its own colour that changes along the bone, drawn from its joints.
 inline AvatarPack MakeSyntheticPack(int64_t count, int size_px, uint64_t seed, double half_width_share = 0.03) {
-  const double rest[19][2] = {{0, -.5}, {0, -.65}, {0, 0},    {.2, -.5}, {.3, -.25}, {.35, 0},   {.1, 0},     {.12, .4},  {.13, .8}, {-.2, -.5},
-                              {-.3, -.25}, {-.35, 0}, {-.1, 0}, {-.12, .4}, {-.13, .8}, {.03, -.7}, {.08, -.68}, {-.03, -.7}, {-.08, -.68}};
+  const double rest[19][2] = {{0, -.5},   {0, -.65},  {0, 0},      {.2, -.5},   {.3, -.25},  {.35, 0}, {.1, 0},
+                              {.12, .4},  {.13, .8},  {-.2, -.5},  {-.3, -.25}, {-.35, 0},   {-.1, 0}, {-.12, .4},
+                              {-.13, .8}, {.03, -.7}, {.08, -.68}, {-.03, -.7}, {-.08, -.68}};
   Rng random(seed);
   AvatarPack pack;
   pack.size_px = size_px;

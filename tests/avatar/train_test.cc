@@ -15,7 +15,8 @@ namespace {
 
 ModelOptions TinyModel() {
   ModelOptions o;
-  o.width = 8, o.downs = 2, o.encoder_blocks = 1, o.decoder_blocks = 1, o.head_kernel = 3, o.texture_px = 16, o.bone_half_width_px = 4;
+  o.width = 8, o.downs = 2, o.encoder_blocks = 1, o.decoder_blocks = 1, o.head_kernel = 3, o.texture_px = 16,
+  o.bone_half_width_px = 4;
   return o;
 }
 
@@ -72,7 +73,8 @@ TEST(Batch, JitterMovesPicturesAndKeyPointsAlike) {
     const at::Tensor drawn = batch.maps.slice(1, 0, 18).amax(1) > -0.95;  // bones are thinner than the painted limbs
     const at::Tensor inside = drawn.logical_and(batch.mask > 0.5).sum(), all = drawn.sum();
     EXPECT_GT(inside.item<double>() / all.item<double>(), 0.97) << step;
-    EXPECT_LT(((batch.part > 0).to(at::kFloat) - batch.mask).abs().mean().item<double>(), 0.03) << step;  // labels move with the mask
+    EXPECT_LT(((batch.part > 0).to(at::kFloat) - batch.mask).abs().mean().item<double>(), 0.03)
+        << step;  // labels move with the mask
   }
 }
 
@@ -114,7 +116,8 @@ TEST(Train, LearnsAFewPicturesByHeart) {
     const double error = (r.image - truth).abs().mean().item<double>(), black = truth.mean().item<double>();
     EXPECT_LT(error, 0.35 * black) << method;
     const at::Tensor predicted = r.mask_prob > 0.5;
-    const double both = predicted.logical_and(mask).sum().item<double>(), either = predicted.logical_or(mask).sum().item<double>();
+    const double both = predicted.logical_and(mask).sum().item<double>(),
+                 either = predicted.logical_or(mask).sum().item<double>();
     EXPECT_GT(both / either, 0.75) << method;
     EXPECT_TRUE(at::isfinite(r.image).all().item<bool>());
   }
@@ -140,7 +143,8 @@ TEST(Train, ResumingIsBitExact) {
       const TensorFile a = whole.Checkpoint(), b = second.Checkpoint();
       EXPECT_EQ(a.metadata, b.metadata);
       ASSERT_EQ(a.tensors.size(), b.tensors.size());
-      for (const auto& [name, tensor] : a.tensors) EXPECT_TRUE(at::equal(tensor, b.tensors.at(name))) << name << " " << interruption;
+      for (const auto& [name, tensor] : a.tensors)
+        EXPECT_TRUE(at::equal(tensor, b.tensors.at(name))) << name << " " << interruption;
     }
   }
   std::filesystem::remove(path);
