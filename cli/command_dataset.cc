@@ -39,7 +39,8 @@ dataset::BuildInputs ToInputs(const BuildArguments& arguments) {
   add("--images", arguments.images);
   for (const std::string& word : arguments.plate) {
     const auto [camera, path] = SplitNamePath("--plate", word);
-    const auto found = std::find_if(inputs.footage.begin(), inputs.footage.end(), [&](const auto& f) { return f.camera == camera; });
+    const auto found =
+        std::find_if(inputs.footage.begin(), inputs.footage.end(), [&](const auto& f) { return f.camera == camera; });
     if (found == inputs.footage.end()) throw UsageError("--plate " + word + ": camera " + camera + " has no footage");
     found->plate = path;
   }
@@ -61,9 +62,14 @@ ordered_json CameraMetrics(const dataset::BuildReport& report) {
   ordered_json list = ordered_json::array();
   for (const dataset::BuiltCamera& c : report.cameras) {
     const double n = std::max(c.joints, 1);
-    list.push_back({{"name", c.name}, {"alias", c.alias}, {"images", c.images}, {"size_rule", c.size_rule},
-                    {"background_known", c.background_known}, {"mean_area_fraction", c.mean_area_fraction},
-                    {"joints_on_mask", c.joints_on_mask / n}, {"joints_supported", c.joints_supported / n}});
+    list.push_back({{"name", c.name},
+                    {"alias", c.alias},
+                    {"images", c.images},
+                    {"size_rule", c.size_rule},
+                    {"background_known", c.background_known},
+                    {"mean_area_fraction", c.mean_area_fraction},
+                    {"joints_on_mask", c.joints_on_mask / n},
+                    {"joints_supported", c.joints_supported / n}});
   }
   return list;
 }
@@ -80,17 +86,18 @@ CommandResult RunBuild(const BuildArguments& arguments, CommandContext& context)
   result.metrics["wall_s"] = wall_s;
   for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
   result.outputs.push_back({arguments.out, "dataset"});
-  result.outputs.push_back({(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
+  result.outputs.push_back(
+      {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
   result.folder = arguments.out;
   result.inputs = {arguments.calib, arguments.pose3d};
   for (const dataset::CameraFootage& f : inputs.footage) result.inputs.push_back(f.path);
   char text[160];
-  std::snprintf(text, sizeof(text), "%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
-                report.frames, report.images, wall_s);
+  std::snprintf(text, sizeof(text), "%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(),
+                report.cameras.size(), report.frames, report.images, wall_s);
   result.text = text;
   for (const dataset::BuiltCamera& c : report.cameras) {
-    std::snprintf(text, sizeof(text), "  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n", c.name.c_str(),
-                  c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
+    std::snprintf(text, sizeof(text), "  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n",
+                  c.name.c_str(), c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
     if (arguments.options.masks) result.text += text;
   }
   return result;
@@ -104,7 +111,8 @@ CommandResult RunVerify(const VerifyArguments& arguments, CommandContext& contex
   result.metrics["findings"] = ordered_json::array();
   for (const dataset::Finding& f : report.findings) {
     const bool error = f.severity == dataset::Finding::Severity::kError;
-    result.metrics["findings"].push_back({{"severity", error ? "error" : "warning"}, {"code", f.code}, {"path", f.path}, {"text", f.text}});
+    result.metrics["findings"].push_back(
+        {{"severity", error ? "error" : "warning"}, {"code", f.code}, {"path", f.path}, {"text", f.text}});
     (error ? result.errors : result.warnings).push_back({f.code, f.path + ": " + f.text, ""});
     result.text += std::string(error ? "error   " : "warning ") + f.code + " " + f.path + ": " + f.text + "\n";
   }
@@ -112,8 +120,9 @@ CommandResult RunVerify(const VerifyArguments& arguments, CommandContext& contex
   result.metrics["frames"] = report.frames;
   result.metrics["pictures"] = report.pictures;
   result.metrics["masks"] = report.masks;
-  result.text += std::to_string(report.cameras) + " cameras, " + std::to_string(report.frames) + " frames: " +
-                 std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) + " warnings\n";
+  result.text += std::to_string(report.cameras) + " cameras, " + std::to_string(report.frames) +
+                 " frames: " + std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) +
+                 " warnings\n";
   if (report.num_errors() > 0) result.exit = kExitQualityGate;
   return result;
 }
@@ -124,32 +133,38 @@ CommandResult RunInfo(const std::string& folder) {
   result.inputs = {folder};
   int people = 0;
   for (const auto& [frame, poses] : dataset.poses) people = std::max(people, static_cast<int>(poses.size()));
-  result.metrics = {{"sequence", dataset.sequence}, {"cameras", dataset.rig.cameras.size()}, {"frames", dataset.frames.size()},
-                    {"first_frame", dataset.frames.front()}, {"last_frame", dataset.frames.back()}, {"most_people", people}};
+  result.metrics = {{"sequence", dataset.sequence},        {"cameras", dataset.rig.cameras.size()},
+                    {"frames", dataset.frames.size()},     {"first_frame", dataset.frames.front()},
+                    {"last_frame", dataset.frames.back()}, {"most_people", people}};
   result.metrics["camera_list"] = ordered_json::array();
   result.text = "sequence " + dataset.sequence + ", frames " + std::to_string(dataset.frames.front()) + " to " +
-                std::to_string(dataset.frames.back()) + " (" + std::to_string(dataset.frames.size()) + "), " + std::to_string(people) +
-                " people at most\n";
+                std::to_string(dataset.frames.back()) + " (" + std::to_string(dataset.frames.size()) + "), " +
+                std::to_string(people) + " people at most\n";
   for (const auto& c : dataset.rig.cameras) {
     std::string alias;
     for (const auto& [from, to] : dataset.aliases) {
       if (to == c.camera.name) alias = from;
     }
     const std::string model(geometry::ToString(c.camera.model));
-    result.metrics["camera_list"].push_back(
-        {{"name", c.camera.name}, {"alias", alias}, {"width", c.camera.width_px}, {"height", c.camera.height_px}, {"model", model}});
-    result.text += "  " + c.camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(c.camera.width_px) + "x" +
-                   std::to_string(c.camera.height_px) + " " + model + "\n";
+    result.metrics["camera_list"].push_back({{"name", c.camera.name},
+                                             {"alias", alias},
+                                             {"width", c.camera.width_px},
+                                             {"height", c.camera.height_px},
+                                             {"model", model}});
+    result.text += "  " + c.camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(c.camera.width_px) +
+                   "x" + std::to_string(c.camera.height_px) + " " + model + "\n";
   }
   return result;
 }
 
 void RegisterBuild(CLI::App* dataset, Registry& registry) {
   auto arguments = std::make_shared<BuildArguments>();
-  CLI::App* sub = dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
+  CLI::App* sub =
+      dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
   sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's")->required();
   sub->add_option("--video", arguments->video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
-  sub->add_option("--images", arguments->images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
+  sub->add_option("--images", arguments->images,
+                  "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
   sub->add_option("--plate", arguments->plate, "CAMERA=FILE: picture of the empty scene");
   sub->add_option("--pose3d", arguments->pose3d, "folder with points.csv, as triangulate writes it")->required();
   sub->add_option("--out", arguments->out, "new folder")->required();

@@ -1,3 +1,6 @@
+#include <unistd.h>
+
+#include <cstdlib>
 #include <iostream>
 
 #include "cli/console.h"
@@ -5,6 +8,15 @@
 
 namespace mvstudio::cli {
 namespace {
+
+/// OpenMP threads spin at every barrier before they sleep; on busy or small machines that makes training ten times slower. The limit
+/// is read before main() begins, so the program starts itself once more with it. Measured: 1.7 -> 18.7 steps/s beside two busy processes, and
+/// 13 -> 18 alone (2 cores).
+void RestartWithShortSpins(char** argv) {
+  if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
+  setenv("GOMP_SPINCOUNT", "1000", 1);
+  execv("/proc/self/exe", argv);  // comes back only when that is not possible: then it is merely slower
+}
 
 void PrintForPerson(const CommandResult& result) {
   if (!result.text.empty()) std::cout << result.text << (result.text.back() == '\n' ? "" : "\n");
@@ -48,4 +60,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace mvstudio::cli
 
-int main(int argc, char** argv) { return mvstudio::cli::Main(argc, argv); }
+int main(int argc, char** argv) {
+  mvstudio::cli::RestartWithShortSpins(argv);
+  return mvstudio::cli::Main(argc, argv);
+}

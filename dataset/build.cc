@@ -41,8 +41,11 @@ std::string PanopticName(const geometry::Rig& rig, int idx) {
 
 void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
   const std::set<std::string> rules = {"auto", "fill", "stretch", "crop-right", "crop-centre", "crop-left"};
-  if (!rules.count(options.size_rule)) throw UsageError("--size-rule " + options.size_rule + ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
-  if (options.sequence.empty() || options.sequence.find('/') != std::string::npos) throw UsageError("--sequence must be a plain name");
+  if (!rules.count(options.size_rule))
+    throw UsageError("--size-rule " + options.size_rule +
+                     ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
+  if (options.sequence.empty() || options.sequence.find('/') != std::string::npos)
+    throw UsageError("--sequence must be a plain name");
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("--jpeg-quality must be in 0..100");
   if (!(options.frame_rate_hz > 0)) throw UsageError("--frame-rate must be positive");
   if (inputs.footage.empty()) throw UsageError("no footage was given: add --video CAMERA=FILE or --images CAMERA=PATTERN");
@@ -74,8 +77,8 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
   for (const CameraFootage& footage : inputs.footage) {
     const int idx = rig.Find(footage.camera);
     if (idx < 0) {
-      throw FormatError(inputs.calibration, "cameras", "has no camera " + footage.camera + " (footage " + footage.path +
-                                                           "); it has " + CameraNames(rig));
+      throw FormatError(inputs.calibration, "cameras",
+                        "has no camera " + footage.camera + " (footage " + footage.path + "); it has " + CameraNames(rig));
     }
     CameraJob job;
     job.footage = footage;
@@ -90,13 +93,15 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
   return jobs;
 }
 
-double TakeFrameRate(const std::vector<CameraResult>& results, const BuildOptions& options, std::vector<BuildWarning>* warnings) {
+double TakeFrameRate(const std::vector<CameraResult>& results, const BuildOptions& options,
+                     std::vector<BuildWarning>* warnings) {
   double rate = 0;
   for (const CameraResult& r : results) {
     if (r.frame_rate_hz <= 0) continue;
     if (rate > 0 && std::abs(r.frame_rate_hz - rate) > 0.01 * rate) {
-      warnings->push_back({"DAT-RATE", "camera " + r.built.alias + " runs at " + internal::NumberText(r.frame_rate_hz) +
-                                           " frames a second, others at " + internal::NumberText(rate),
+      warnings->push_back({"DAT-RATE",
+                           "camera " + r.built.alias + " runs at " + internal::NumberText(r.frame_rate_hz) +
+                               " frames a second, others at " + internal::NumberText(rate),
                            "frames are matched by number: bring the videos to one rate first"});
     }
     if (rate <= 0) rate = r.frame_rate_hz;
@@ -118,13 +123,18 @@ Json CameraEntry(const CameraResult& r, const CameraJob& job, bool masks) {
   entry["calibrated_width"] = was.width_px;
   entry["calibrated_height"] = was.height_px;
   const SizeRule& rule = r.size.rule;
-  entry["size_rule"] = {{"name", rule.name}, {"scale", {rule.scale_x, rule.scale_y}}, {"offset_px", {rule.offset_x_px, rule.offset_y_px}},
+  entry["size_rule"] = {{"name", rule.name},
+                        {"scale", {rule.scale_x, rule.scale_y}},
+                        {"offset_px", {rule.offset_x_px, rule.offset_y_px}},
                         {"decisive", r.size.decisive}};
   entry["images"] = r.built.images;
   if (!masks) return entry;
   entry["mask"] = {{"method", job.footage.plate.empty() ? "background-cut/take" : "background-cut/plate"},
-                   {"background_known", r.built.background_known}, {"mean_area_fraction", r.built.mean_area_fraction},
-                   {"joints", r.built.joints}, {"joints_on_mask", r.built.joints_on_mask}, {"joints_supported", r.built.joints_supported}};
+                   {"background_known", r.built.background_known},
+                   {"mean_area_fraction", r.built.mean_area_fraction},
+                   {"joints", r.built.joints},
+                   {"joints_on_mask", r.built.joints_on_mask},
+                   {"joints_supported", r.built.joints_supported}};
   return entry;
 }
 
@@ -149,7 +159,8 @@ void WritePoses(const std::map<int, People>& poses, double frame_rate_hz, const 
   }
 }
 
-std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptions& options, int num_frames, const RunContext& run) {
+std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptions& options, int num_frames,
+                                  const RunContext& run) {
   std::vector<CameraResult> results(jobs->size());
   ProgressStage stage(run, "pictures and masks", int64_t(num_frames) * int64_t(jobs->size()));
   std::mutex mutex;
@@ -159,15 +170,17 @@ std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptio
       stage.Advance();
     };
   }
-  ParallelFor(static_cast<int64_t>(jobs->size()), run.num_threads, [&](int64_t i) { results[i] = BuildCamera((*jobs)[i], options); });
+  ParallelFor(static_cast<int64_t>(jobs->size()), run.num_threads,
+              [&](int64_t i) { results[i] = BuildCamera((*jobs)[i], options); });
   return results;
 }
 
 void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) {
   constexpr double kLeast = 0.8;
   if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
-  warnings->push_back({"DAT-MASK", "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
-                                       " % of the joints lie where the picture shows a person by its colours",
+  warnings->push_back({"DAT-MASK",
+                       "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
+                           " % of the joints lie where the picture shows a person by its colours",
                        "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
 }
 
@@ -178,7 +191,8 @@ geometry::Rig ReadAnyCalibration(const std::string& path) {
   return json.is_object() && json.contains("schema") ? geometry::ReadRig(path) : ReadPanopticCalibration(path);
 }
 
-BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options, const RunContext& run) {
+BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
+                         const RunContext& run) {
   CheckOptions(inputs, options);
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
   const Pose3d pose = ReadPose3d(inputs.pose3d);

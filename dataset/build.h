@@ -40,7 +40,8 @@ void VisitFields(Visitor&& visit, BuildOptions& o) {
   visit("png", o.png, "keep pictures without loss instead of as JPEG");
   visit("jpeg-quality", o.jpeg_quality, "0..100");
   visit("frame-rate", o.frame_rate_hz, "frames a second of image folders; videos know their own");
-  visit("size-rule", o.size_rule, "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
+  visit("size-rule", o.size_rule,
+        "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
   visit("overwrite", o.overwrite, "replace the output folder");
   VisitFields(visit, o.mask);
 }
@@ -70,9 +71,10 @@ struct BuildReport {
 /// Reads a calibration file of ours or of Panoptic, told apart by their content.
 geometry::Rig ReadAnyCalibration(const std::string& path);
 
-/// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in an
-/// image's name) is frame n of the 3D joints. The folder appears whole or not at all. Throws FormatError naming camera and frame for
-/// damaged footage, cameras that are not in the calibration and sizes that cannot be explained.
-BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options, const RunContext& run = {});
+/// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in
+/// an image's name) is frame n of the 3D joints. The folder appears whole or not at all. Throws FormatError naming camera and
+/// frame for damaged footage, cameras that are not in the calibration and sizes that cannot be explained.
+BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
+                         const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

@@ -64,10 +64,12 @@ Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted) {
   while (auto frame = source->Next()) {
     const int number = FrameNumber(*frame);
     if (count++ == 0) samples.width = frame->rgb.width, samples.height = frame->rgb.height;
-    if (number <= last) throw FormatError(source->path(), frame->label, "its number does not come after the one before, " + std::to_string(last));
+    if (number <= last)
+      throw FormatError(source->path(), frame->label, "its number does not come after the one before, " + std::to_string(last));
     if (frame->rgb.width != samples.width || frame->rgb.height != samples.height) {
-      throw FormatError(source->path(), frame->label, "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " +
-                                                          SizeText(samples.width, samples.height));
+      throw FormatError(source->path(), frame->label,
+                        "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " +
+                            SizeText(samples.width, samples.height));
     }
     last = number;
     missing.erase(number);
@@ -93,15 +95,17 @@ std::string ScoresText(const std::vector<SizeRule>& rules, const std::vector<dou
   return text;
 }
 
-SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const BuildOptions& options, std::vector<BuildWarning>* warnings) {
+SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const BuildOptions& options,
+                       std::vector<BuildWarning>* warnings) {
   const geometry::Camera& c = job.camera.camera;
   const auto rules = SizeRules(c.width_px, c.height_px, samples.width, samples.height);
-  const std::string sizes = "footage is " + SizeText(samples.width, samples.height) + ", the calibration is for " +
-                            SizeText(c.width_px, c.height_px);
+  const std::string sizes =
+      "footage is " + SizeText(samples.width, samples.height) + ", the calibration is for " + SizeText(c.width_px, c.height_px);
   if (rules.empty()) {
     const bool turned = samples.width == c.height_px && samples.height == c.width_px;
-    throw FormatError(job.footage.path, "", sizes + (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart") +
-                                                "; calibrate at this size or give the footage that was calibrated");
+    throw FormatError(job.footage.path, "",
+                      sizes + (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart") +
+                          "; calibrate at this size or give the footage that was calibrated");
   }
   if (rules.size() == 1) return {rules[0], true, {0}};
   const auto named = std::find_if(rules.begin(), rules.end(), [&](const SizeRule& r) { return r.name == options.size_rule; });
@@ -115,11 +119,13 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
     reason = "without evidence: no frame has joints";
   } else {
     decision = DecideSizeRule(rules, job.camera, samples.frames, samples.people, job.joint_rms_px, options.mask);
-    reason = std::string(decision.decisive ? "which the joints fit best" : "the likeliest of the rules that the joints do not rule out") +
+    reason = std::string(decision.decisive ? "which the joints fit best"
+                                           : "the likeliest of the rules that the joints do not rule out") +
              " (evidence in nats: " + ScoresText(rules, decision.scores) + ")";
   }
-  warnings->push_back({"DAT-SIZE", "camera " + job.footage.camera + ": " + sizes + "; taken as '" + decision.rule.name + "', " + reason +
-                                       ": the dataset's intrinsics follow",
+  warnings->push_back({"DAT-SIZE",
+                       "camera " + job.footage.camera + ": " + sizes + "; taken as '" + decision.rule.name + "', " + reason +
+                           ": the dataset's intrinsics follow",
                        "calibrate with footage of the size that is used, or name the rule with --size-rule"});
   return decision;
 }
@@ -138,8 +144,8 @@ void AddToReport(const BodyMask& mask, BuiltCamera* built) {
 }
 
 /// Second pass: pictures and masks of the frames that have joints.
-void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model, const BuildOptions& options,
-                 BuiltCamera* built) {
+void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
+                 const BuildOptions& options, BuiltCamera* built) {
   const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";
   auto source = OpenFrames(job.footage.path);
   while (auto frame = source->Next()) {
@@ -165,13 +171,15 @@ double FrameRate(const std::string& path) {
   return VideoReader(path).info().frame_rate_hz;
 }
 
-CameraMaskModel Learn(const CameraJob& job, const Samples& samples, const geometry::RigCamera& camera, const MaskOptions& options) {
+CameraMaskModel Learn(const CameraJob& job, const Samples& samples, const geometry::RigCamera& camera,
+                      const MaskOptions& options) {
   Image plate;
   if (!job.footage.plate.empty()) {
     plate = ReadImage(job.footage.plate);
     if (plate.width != samples.width || plate.height != samples.height) {
-      throw FormatError(job.footage.plate, "", "the clean plate is " + SizeText(plate.width, plate.height) + ", the footage " +
-                                                   SizeText(samples.width, samples.height));
+      throw FormatError(job.footage.plate, "",
+                        "the clean plate is " + SizeText(plate.width, plate.height) + ", the footage " +
+                            SizeText(samples.width, samples.height));
     }
   }
   std::vector<ProjectedBody> bodies;

@@ -16,19 +16,19 @@ using People = std::map<int, Coco19Pose>;
 
 struct CameraJob {
   CameraFootage footage;
-  std::string name;                        ///< Panoptic's
-  geometry::RigCamera camera;              ///< as calibrated
+  std::string name;            ///< Panoptic's
+  geometry::RigCamera camera;  ///< as calibrated
   const std::map<int, People>* poses = nullptr;
-  double joint_rms_px = 0;                 ///< median reprojection error of the joints
-  std::string folder;                      ///< of the dataset under construction
-  std::function<void()> on_image;          ///< after each picture
+  double joint_rms_px = 0;         ///< median reprojection error of the joints
+  std::string folder;              ///< of the dataset under construction
+  std::function<void()> on_image;  ///< after each picture
 };
 
 struct CameraResult {
   geometry::RigCamera camera;  ///< as the pictures need it, under Panoptic's name
   BuiltCamera built;
   SizeDecision size;
-  double frame_rate_hz = 0;    ///< 0 for pictures
+  double frame_rate_hz = 0;  ///< 0 for pictures
   std::vector<BuildWarning> warnings;
 };
 

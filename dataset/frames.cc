@@ -81,7 +81,8 @@ class VideoSource : public FrameSource {
 };
 
 std::vector<std::string> OnlyImages(std::vector<std::string> files) {
-  files.erase(std::remove_if(files.begin(), files.end(), [](const std::string& f) { return !HasImageExtension(f); }), files.end());
+  files.erase(std::remove_if(files.begin(), files.end(), [](const std::string& f) { return !HasImageExtension(f); }),
+              files.end());
   return files;
 }
 

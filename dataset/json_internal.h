@@ -17,7 +17,8 @@ Json ParseJsonFile(const std::string& path);
 /// A value and where it stands, for messages such as `calibration.json: cameras[3].K[1][2]: must be a number`.
 class JsonView {
  public:
-  JsonView(const std::string& path, const Json& value, std::string where = "") : path_(&path), value_(&value), where_(std::move(where)) {}
+  JsonView(const std::string& path, const Json& value, std::string where = "")
+      : path_(&path), value_(&value), where_(std::move(where)) {}
 
   JsonView operator[](const char* key) const;
   JsonView operator[](size_t idx) const;

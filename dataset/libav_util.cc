@@ -23,24 +23,39 @@ struct Layout {
 /// The deprecated yuvj formats are the plain ones with full range.
 int PlainFormat(int format, bool* full_range) {
   switch (format) {
-    case AV_PIX_FMT_YUVJ420P: *full_range = true; return AV_PIX_FMT_YUV420P;
-    case AV_PIX_FMT_YUVJ422P: *full_range = true; return AV_PIX_FMT_YUV422P;
-    case AV_PIX_FMT_YUVJ444P: *full_range = true; return AV_PIX_FMT_YUV444P;
-    case AV_PIX_FMT_YUVJ440P: *full_range = true; return AV_PIX_FMT_YUV440P;
-    default: return format;
+    case AV_PIX_FMT_YUVJ420P:
+      *full_range = true;
+      return AV_PIX_FMT_YUV420P;
+    case AV_PIX_FMT_YUVJ422P:
+      *full_range = true;
+      return AV_PIX_FMT_YUV422P;
+    case AV_PIX_FMT_YUVJ444P:
+      *full_range = true;
+      return AV_PIX_FMT_YUV444P;
+    case AV_PIX_FMT_YUVJ440P:
+      *full_range = true;
+      return AV_PIX_FMT_YUV440P;
+    default:
+      return format;
   }
 }
 
 int Colorspace(const AVFrame& frame) {
   switch (frame.colorspace) {
-    case AVCOL_SPC_BT709: return SWS_CS_ITU709;
+    case AVCOL_SPC_BT709:
+      return SWS_CS_ITU709;
     case AVCOL_SPC_BT470BG:
-    case AVCOL_SPC_SMPTE170M: return SWS_CS_ITU601;
-    case AVCOL_SPC_FCC: return SWS_CS_FCC;
-    case AVCOL_SPC_SMPTE240M: return SWS_CS_SMPTE240M;
+    case AVCOL_SPC_SMPTE170M:
+      return SWS_CS_ITU601;
+    case AVCOL_SPC_FCC:
+      return SWS_CS_FCC;
+    case AVCOL_SPC_SMPTE240M:
+      return SWS_CS_SMPTE240M;
     case AVCOL_SPC_BT2020_NCL:
-    case AVCOL_SPC_BT2020_CL: return SWS_CS_BT2020;
-    default: return frame.height >= 720 || frame.width >= 1280 ? SWS_CS_ITU709 : SWS_CS_ITU601;
+    case AVCOL_SPC_BT2020_CL:
+      return SWS_CS_BT2020;
+    default:
+      return frame.height >= 720 || frame.width >= 1280 ? SWS_CS_ITU709 : SWS_CS_ITU601;
   }
 }
 
@@ -64,14 +79,14 @@ SwsContext* Make(const Layout& from, const Layout& to) {
   set("src_h_chr_pos", from.chroma_h), set("src_v_chr_pos", from.chroma_v);
   set("dst_h_chr_pos", to.chroma_h), set("dst_v_chr_pos", to.chroma_v);
   set("sws_flags", SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT);
-  sws_setColorspaceDetails(context, sws_getCoefficients(from.colorspace), from.range, sws_getCoefficients(to.colorspace), to.range,
-                           0, 1 << 16, 1 << 16);
+  sws_setColorspaceDetails(context, sws_getCoefficients(from.colorspace), from.range, sws_getCoefficients(to.colorspace),
+                           to.range, 0, 1 << 16, 1 << 16);
   if (sws_init_context(context, nullptr, nullptr) < 0) {
     sws_freeContext(context);
     return nullptr;
   }
-  sws_setColorspaceDetails(context, sws_getCoefficients(from.colorspace), from.range, sws_getCoefficients(to.colorspace), to.range,
-                           0, 1 << 16, 1 << 16);
+  sws_setColorspaceDetails(context, sws_getCoefficients(from.colorspace), from.range, sws_getCoefficients(to.colorspace),
+                           to.range, 0, 1 << 16, 1 << 16);
   return context;
 }
 

@@ -15,7 +15,8 @@ void WidenAtEdges(BackgroundModel* model) {
   constexpr double kTremblePx = 0.35;
   for (int y = 0; y < c.height; ++y) {
     for (int x = 0; x < c.width; ++x) {
-      const int xa = std::max(x - 1, 0), xb = std::min(x + 1, c.width - 1), ya = std::max(y - 1, 0), yb = std::min(y + 1, c.height - 1);
+      const int xa = std::max(x - 1, 0), xb = std::min(x + 1, c.width - 1), ya = std::max(y - 1, 0),
+                yb = std::min(y + 1, c.height - 1);
       double step = 0;
       for (int k = 0; k < 3; ++k) {
         const double dx = 0.5 * (c.Pixel(xb, y)[k] - c.Pixel(xa, y)[k]), dy = 0.5 * (c.Pixel(x, yb)[k] - c.Pixel(x, ya)[k]);
@@ -40,7 +41,8 @@ double BackgroundModel::KnownFraction() const {
   return static_cast<double>(std::count(known.begin(), known.end(), uint8_t{1})) / static_cast<double>(known.size());
 }
 
-BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vector<Image>& people, const MaskOptions& options) {
+BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vector<Image>& people,
+                                const MaskOptions& options) {
   MVS_CHECK(!frames.empty() && frames.size() == people.size(), frames.size() << " frames, " << people.size() << " masks");
   const int w = frames[0].width, h = frames[0].height;
   for (size_t f = 0; f < frames.size(); ++f) {
@@ -73,7 +75,8 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
 BackgroundModel BackgroundFromPlate(const Image& plate, const MaskOptions& options) {
   MVS_CHECK(plate.channels == 3 && !plate.empty(), "a plate is an RGB picture");
   const size_t n = size_t(plate.width) * plate.height;
-  BackgroundModel model{plate, std::vector<float>(n, static_cast<float>(1.4 * options.noise_levels)), std::vector<uint8_t>(n, 1)};
+  BackgroundModel model{plate, std::vector<float>(n, static_cast<float>(1.4 * options.noise_levels)),
+                        std::vector<uint8_t>(n, 1)};
   WidenAtEdges(&model);
   return model;
 }

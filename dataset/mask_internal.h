@@ -38,7 +38,8 @@ struct CutProblem {
   int width = 0, height = 0;
   std::vector<float> person_cost, background_cost;  // (H, W), read at free pixels only
   std::vector<Label> label;                         // (H, W) free or decided
-  std::vector<float> contrast2_x, contrast2_y, contrast2_d, contrast2_u;  // (H, W) squared colour step to the right, below, below right, below left
+  std::vector<float> contrast2_x, contrast2_y, contrast2_d,
+      contrast2_u;            // (H, W) squared colour step to the right, below, below right, below left
   double mean_contrast2 = 1;  ///< scale of the squared steps
   double smoothness = 0;
 };

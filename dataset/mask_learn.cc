@@ -39,8 +39,10 @@ CameraMaskModel ModelFromRegions(const std::vector<Image>& frames, const Regions
   std::vector<Eigen::Vector3f> person, surroundings;
   const int step = std::max(1, std::max(frames[0].width, frames[0].height) / 480);
   for (size_t f = 0; f < frames.size(); ++f) {
-    CollectColours(frames[f], step, [&](size_t i) { return regions.surely[f].pixels[i] != 0; }, &person);
-    CollectColours(frames[f], step, [&](size_t i) { return regions.around[f].pixels[i] && !regions.maybe[f].pixels[i]; }, &surroundings);
+    CollectColours(
+        frames[f], step, [&](size_t i) { return regions.surely[f].pixels[i] != 0; }, &person);
+    CollectColours(
+        frames[f], step, [&](size_t i) { return regions.around[f].pixels[i] && !regions.maybe[f].pixels[i]; }, &surroundings);
   }
   model.person = FitSubset(person, 8);
   model.surroundings = FitSubset(surroundings, 8);

@@ -19,7 +19,8 @@ cv::Mat View(const Image& image) {
   return cv::Mat(image.height, image.width, CV_8UC(image.channels), const_cast<uint8_t*>(image.pixels.data()));
 }
 
-/// A part of the frame and of the background model at one resolution; pixel (x, y) of it is pixel offset + scale (x, y) of the frame.
+/// A part of the frame and of the background model at one resolution; pixel (x, y) of it is pixel offset + scale (x, y) of the
+/// frame.
 struct Patch {
   double scale = 1;
   Eigen::Vector2d offset = Eigen::Vector2d::Zero();
@@ -72,7 +73,8 @@ Patch FullPatch(const Image& rgb, const PixelBox& box, const BackgroundModel& mo
 Patch Reduced(const Patch& full, int longer_side_px) {
   const double factor = std::max(full.width(), full.height()) / double(longer_side_px);
   if (factor <= 1.25) return full;
-  const cv::Size size(std::max(1, int(std::lround(full.width() / factor))), std::max(1, int(std::lround(full.height() / factor))));
+  const cv::Size size(std::max(1, int(std::lround(full.width() / factor))),
+                      std::max(1, int(std::lround(full.height() / factor))));
   Patch patch;
   patch.scale = double(full.width()) / size.width;
   patch.offset = full.offset + Eigen::Vector2d::Constant(0.5 * (patch.scale - 1));
@@ -150,7 +152,8 @@ void FillContrast(const Patch& patch, CutProblem* p) {
       const size_t i = size_t(y) * p->width + x;
       const auto set = [&](std::vector<float>* contrast2, int u, int v) {
         if (u < 0 || u >= p->width || v >= p->height) return;
-        if (p->label[i] == Label::kFree || p->label[size_t(v) * p->width + u] == Label::kFree) (*contrast2)[i] = Contrast2(patch, x, y, u, v);
+        if (p->label[i] == Label::kFree || p->label[size_t(v) * p->width + u] == Label::kFree)
+          (*contrast2)[i] = Contrast2(patch, x, y, u, v);
       };
       set(&p->contrast2_x, x + 1, y);
       set(&p->contrast2_y, x, y + 1);
@@ -160,7 +163,8 @@ void FillContrast(const Patch& patch, CutProblem* p) {
   }
 }
 
-void FillCosts(const Patch& patch, const ProjectedBody& body, const CameraMaskModel& model, const MaskOptions& options, CutProblem* p) {
+void FillCosts(const Patch& patch, const ProjectedBody& body, const CameraMaskModel& model, const MaskOptions& options,
+               CutProblem* p) {
   constexpr double kMostColour = 12.0;  // nats; one pixel's colour is never proof
   const size_t n = size_t(p->width) * p->height;
   p->person_cost.assign(n, 0.f), p->background_cost.assign(n, 0.f);
@@ -228,8 +232,8 @@ cv::Mat CutPatch(const Patch& patch, const ProjectedBody& body, const CameraMask
 }
 
 /// Decides the pixels near the outline of a reduced mask again, at full resolution.
-cv::Mat RefineOutline(const cv::Mat& coarse, const Patch& full, double scale, const ProjectedBody& body, const CameraMaskModel& model,
-                      const MaskOptions& options) {
+cv::Mat RefineOutline(const cv::Mat& coarse, const Patch& full, double scale, const ProjectedBody& body,
+                      const CameraMaskModel& model, const MaskOptions& options) {
   cv::Mat mask, inner, outer;
   cv::resize(coarse, mask, full.rgb.size(), 0, 0, cv::INTER_LINEAR);
   const int half = std::max(2, int(std::ceil(1.5 * scale)));
@@ -271,7 +275,8 @@ void CleanUp(const cv::Mat& lines, double largest_hole_px, cv::Mat* mask) {
   for (int c = 1; c < count; ++c) {
     const int* s = stats.ptr<int>(c);
     const bool at_border = s[cv::CC_STAT_LEFT] == 0 || s[cv::CC_STAT_TOP] == 0 ||
-                           s[cv::CC_STAT_LEFT] + s[cv::CC_STAT_WIDTH] == mask->cols || s[cv::CC_STAT_TOP] + s[cv::CC_STAT_HEIGHT] == mask->rows;
+                           s[cv::CC_STAT_LEFT] + s[cv::CC_STAT_WIDTH] == mask->cols ||
+                           s[cv::CC_STAT_TOP] + s[cv::CC_STAT_HEIGHT] == mask->rows;
     fill[c] = !at_border && s[cv::CC_STAT_AREA] <= largest_hole_px;
   }
   for (int y = 0; y < mask->rows; ++y) {
@@ -281,7 +286,8 @@ void CleanUp(const cv::Mat& lines, double largest_hole_px, cv::Mat* mask) {
   }
 }
 
-void CountJoints(const ProjectedBody& body, const Patch& full, const CameraMaskModel& model, const MaskOptions& options, BodyMask* out) {
+void CountJoints(const ProjectedBody& body, const Patch& full, const CameraMaskModel& model, const MaskOptions& options,
+                 BodyMask* out) {
   for (const Eigen::Vector2d& px : body.joints_px) {
     const int x = std::clamp(int(std::lround(px.x())), 0, out->mask.width - 1);
     const int y = std::clamp(int(std::lround(px.y())), 0, out->mask.height - 1);
@@ -300,8 +306,8 @@ double internal::PersonEvidence(const Image& rgb, int x, int y, const CameraMask
   const size_t i = size_t(y) * rgb.width + x;
   const uint8_t *c = rgb.Pixel(x, y), *b = model.background.colour.Pixel(x, y);
   const Eigen::Vector3d colour(c[0], c[1], c[2]);
-  const double background =
-      BackgroundCost(colour, Eigen::Vector3d(b[0], b[1], b[2]), model.background.sigma[i], model.background.known[i] != 0, model, 0.5);
+  const double background = BackgroundCost(colour, Eigen::Vector3d(b[0], b[1], b[2]), model.background.sigma[i],
+                                           model.background.known[i] != 0, model, 0.5);
   return std::clamp(background - model.person.Cost(colour), -8.0, 8.0);
 }
 

@@ -9,12 +9,12 @@
 #include "dataset/pose3d.h"
 #include "geometry/rig.h"
 
-/// Foreground masks of people whose 3D joints are known. Each pixel near the projected body gets two costs: how badly its colour fits
-/// the people (a colour mixture learned under the skeleton) and how badly it fits the background (the pixel's own history where it was
-/// seen without the person, a colour mixture of the surroundings elsewhere; shadows and exposure changes are allowed for). A graph cut
-/// with contrast-sensitive edges decides, first on a reduced crop, then at full resolution in a narrow band along the outline.
-/// Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV 2006. Bone lines are foreground always (Neural Texture
-/// papers call them skeleton pixels).
+/// Foreground masks of people whose 3D joints are known. Each pixel near the projected body gets two costs: how badly its
+/// colour fits the people (a colour mixture learned under the skeleton) and how badly it fits the background (the pixel's own
+/// history where it was seen without the person, a colour mixture of the surroundings elsewhere; shadows and exposure changes
+/// are allowed for). A graph cut with contrast-sensitive edges decides, first on a reduced crop, then at full resolution in a
+/// narrow band along the outline. Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV 2006. Bone lines
+/// are foreground always (Neural Texture papers call them skeleton pixels).
 namespace mvstudio::dataset {
 
 struct MaskOptions {
@@ -57,7 +57,8 @@ struct ProjectedBody {
   bool empty() const { return limbs.empty(); }
 };
 
-ProjectedBody ProjectBody(const std::map<int, Coco19Pose>& people, const geometry::RigCamera& camera, const MaskOptions& options = {});
+ProjectedBody ProjectBody(const std::map<int, Coco19Pose>& people, const geometry::RigCamera& camera,
+                          const MaskOptions& options = {});
 
 /// 255 where the body may be: within `margin_m` of the limbs' surface.
 Image BodyRegion(const ProjectedBody& body, int width, int height, double margin_m);
@@ -71,7 +72,8 @@ struct BackgroundModel {
 };
 
 /// `people[i]` is 255 where frame i may show a person. All of one size.
-BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vector<Image>& people, const MaskOptions& options = {});
+BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vector<Image>& people,
+                                const MaskOptions& options = {});
 BackgroundModel BackgroundFromPlate(const Image& plate, const MaskOptions& options = {});
 
 /// Mixture of Gaussians in RGB.
@@ -103,14 +105,15 @@ CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<
                             const MaskOptions& options = {});
 
 struct BodyMask {
-  Image mask;                   // (H, W, 1) 0 or 255
-  double area_fraction = 0;     ///< of the image
-  int joints = 0;               ///< valid joints in the image
-  int joints_on_mask = 0;       ///< of them, on the mask
-  int joints_supported = 0;     ///< of them, where colour alone speaks for a person
+  Image mask;                // (H, W, 1) 0 or 255
+  double area_fraction = 0;  ///< of the image
+  int joints = 0;            ///< valid joints in the image
+  int joints_on_mask = 0;    ///< of them, on the mask
+  int joints_supported = 0;  ///< of them, where colour alone speaks for a person
 };
 
 /// An empty mask when no person projects into the image.
-BodyMask SegmentBody(const Image& rgb, const ProjectedBody& body, const CameraMaskModel& model, const MaskOptions& options = {});
+BodyMask SegmentBody(const Image& rgb, const ProjectedBody& body, const CameraMaskModel& model,
+                     const MaskOptions& options = {});
 
 }  // namespace mvstudio::dataset

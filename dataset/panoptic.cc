@@ -19,7 +19,8 @@ using internal::JsonView;
 constexpr char kPoseFolder[] = "hdPose3d_stage1_coco19";
 
 Coco19Pose ReadJoints(const JsonView& joints) {
-  if (joints.ArraySize() != 76) joints.Fail("must hold 76 numbers (x, y, z, c of 19 joints), holds " + std::to_string(joints.ArraySize()));
+  if (joints.ArraySize() != 76)
+    joints.Fail("must hold 76 numbers (x, y, z, c of 19 joints), holds " + std::to_string(joints.ArraySize()));
   Coco19Pose pose;
   for (size_t j = 0; j < 19; ++j) {
     const double x = joints[4 * j].Number(), y = joints[4 * j + 1].Number(), z = joints[4 * j + 2].Number();
@@ -48,8 +49,8 @@ std::string JointsText(const Coco19Pose& pose) {
     }
     const Eigen::Vector3d x = pose.x_in_world.col(j);
     MVS_CHECK(x.allFinite(), "joint " << j << " is marked valid and is not finite");
-    text += JointText(100 * x[0], "%.10g") + ", " + JointText(-100 * x[2], "%.10g") + ", " + JointText(100 * x[1], "%.10g") + ", " +
-            JointText(pose.confidence[j], "%.6g");
+    text += JointText(100 * x[0], "%.10g") + ", " + JointText(-100 * x[2], "%.10g") + ", " + JointText(100 * x[1], "%.10g") +
+            ", " + JointText(pose.confidence[j], "%.6g");
   }
   return text;
 }
@@ -94,11 +95,13 @@ Body3dScene ReadBody3dSceneFile(const std::string& path) {
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path) { return ReadBody3dSceneFile(path).people; }
 
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path) {
-  std::string text = "{ \"version\": 0.7, \n\"univTime\" :" + JointText(univ_time_ms, "%0.3f") + ",\n\"fpsType\" :\"hd_29_97\",\n\"bodies\" :\n[";
+  std::string text = "{ \"version\": 0.7, \n\"univTime\" :" + JointText(univ_time_ms, "%0.3f") +
+                     ",\n\"fpsType\" :\"hd_29_97\",\n\"bodies\" :\n[";
   bool first = true;
   for (const auto& [id, pose] : people) {
     MVS_CHECK(id >= 0, "person id " << id);
-    text += std::string(first ? "\n" : ",\n") + "{ \"id\": " + std::to_string(id) + ",\n\"joints19\": [" + JointsText(pose) + "]\n}";
+    text += std::string(first ? "\n" : ",\n") + "{ \"id\": " + std::to_string(id) + ",\n\"joints19\": [" + JointsText(pose) +
+            "]\n}";
     first = false;
   }
   WriteFileAtomic(path, text + "\n] }");
@@ -124,8 +127,9 @@ std::string FindPanopticCalibration(const std::string& root) {
   const std::vector<std::string> found = Glob(root + "/calibration_*.json");
   if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
   if (found.size() > 1) {
-    throw FormatError(root, "", "holds several calibrations (" + fs::path(found[0]).filename().string() + ", " +
-                                    fs::path(found[1]).filename().string() + "); keep one");
+    throw FormatError(root, "",
+                      "holds several calibrations (" + fs::path(found[0]).filename().string() + ", " +
+                          fs::path(found[1]).filename().string() + "); keep one");
   }
   return found[0];
 }
@@ -155,7 +159,8 @@ PanopticDataset OpenPanopticDataset(const std::string& root) {
                                  return !fs::is_directory(folder) || fs::is_empty(folder);
                                }),
                 cameras.end());
-  if (cameras.empty()) throw FormatError(root, "hdImgs", "holds no pictures of any camera of " + fs::path(calibration).filename().string());
+  if (cameras.empty())
+    throw FormatError(root, "hdImgs", "holds no pictures of any camera of " + fs::path(calibration).filename().string());
   dataset.aliases = ReadAliases(root);
   for (const auto& [frame, path] : ListBody3dScenes(root)) {
     dataset.frames.push_back(frame);

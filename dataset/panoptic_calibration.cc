@@ -51,7 +51,8 @@ void ReadIntrinsics(const JsonView& json, Camera* camera) {
   if (camera->width_px <= 0 || camera->height_px <= 0) size.Fail("must be positive");
   const Eigen::Matrix3d k = ReadMatrix3(json["K"]);
   if (!(k(0, 0) > 0 && k(1, 1) > 0)) json["K"].Fail("focal lengths must be positive");
-  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1) json["K"].Fail("must have the form [[fx,0,cx],[0,fy,cy],[0,0,1]]");
+  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
+    json["K"].Fail("must have the form [[fx,0,cx],[0,fy,cy],[0,0,1]]");
   if (k(0, 1) != 0) json["K"].Fail("skew K[0][1] is not supported, it must be 0");
   const JsonView dist = json["distCoef"];
   if (dist.ArraySize() != 5) dist.Fail("must hold 5 numbers: k1, k2, p1, p2, k3");
@@ -106,7 +107,8 @@ Eigen::Matrix<double, 5, 1> BrownCoefficients(const Camera& camera) {
 std::string MatrixText(const Eigen::Matrix3d& m) {
   std::string text = "[\n";
   for (int r = 0; r < 3; ++r) {
-    text += "\t\t\t\t[" + NumberText(m(r, 0)) + "," + NumberText(m(r, 1)) + "," + NumberText(m(r, 2)) + "]" + (r < 2 ? ",\n" : "\n");
+    text += "\t\t\t\t[" + NumberText(m(r, 0)) + "," + NumberText(m(r, 1)) + "," + NumberText(m(r, 2)) + "]" +
+            (r < 2 ? ",\n" : "\n");
   }
   return text + "\t\t\t]";
 }

@@ -81,8 +81,12 @@ std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int
   if (std::abs(fx - 1) > kMostDifference || std::abs(fy - 1) > kMostDifference) return {};
   const int cut_x = calibrated_width - width, cut_y = calibrated_height - height;
   const double uniform = cut_x != 0 ? fx : fy;
-  const SizeRule fill{"fill", uniform, uniform, 0.5 * (width - uniform * calibrated_width), 0.5 * (height - uniform * calibrated_height)};
-  return {fill, Crop("crop-right", cut_x, cut_y, 0), Crop("crop-centre", cut_x, cut_y, 0.5), Crop("crop-left", cut_x, cut_y, 1),
+  const SizeRule fill{"fill", uniform, uniform, 0.5 * (width - uniform * calibrated_width),
+                      0.5 * (height - uniform * calibrated_height)};
+  return {fill,
+          Crop("crop-right", cut_x, cut_y, 0),
+          Crop("crop-centre", cut_x, cut_y, 0.5),
+          Crop("crop-left", cut_x, cut_y, 1),
           {"stretch", fx, fy, 0, 0}};
 }
 
@@ -103,8 +107,9 @@ geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeR
   return out;
 }
 
-SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera, const std::vector<Image>& frames,
-                            const std::vector<std::map<int, Coco19Pose>>& people, double joint_rms_px, const MaskOptions& options) {
+SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera,
+                            const std::vector<Image>& frames, const std::vector<std::map<int, Coco19Pose>>& people,
+                            double joint_rms_px, const MaskOptions& options) {
   MVS_CHECK(!rules.empty() && !frames.empty() && frames.size() == people.size(), "nothing to decide with");
   if (rules.size() == 1) return {rules[0], true, {0}};
   std::vector<RuleEvidence> evidence;

@@ -23,7 +23,8 @@ using internal::JsonView;
 using internal::NumberText;
 
 int Count(const std::vector<Finding>& findings, Finding::Severity severity) {
-  return static_cast<int>(std::count_if(findings.begin(), findings.end(), [&](const Finding& f) { return f.severity == severity; }));
+  return static_cast<int>(
+      std::count_if(findings.begin(), findings.end(), [&](const Finding& f) { return f.severity == severity; }));
 }
 
 /// The part of a FormatError's message after the path.
@@ -32,11 +33,13 @@ std::string WithoutPath(const FormatError& error) {
   return text.compare(0, error.path().size() + 2, error.path() + ": ") == 0 ? text.substr(error.path().size() + 2) : text;
 }
 
-void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig, Findings* findings) {
+void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig,
+                  Findings* findings) {
   double drift = 0;
   const geometry::RigCamera camera = internal::ReadPanopticCamera(json, &drift);
   const std::string& name = camera.camera.name;
-  if (drift > 1e-6) findings->Warning("DAT-CALIB", path, json.where() + ".R: is " + NumberText(drift) + " from the nearest rotation");
+  if (drift > 1e-6)
+    findings->Warning("DAT-CALIB", path, json.where() + ".R: is " + NumberText(drift) + " from the nearest rotation");
   int panel = 0, node = 0;
   if (!ParsePanopticName(name, &panel, &node)) {
     findings->Error("DAT-NAME", path, json.where() + ".name: '" + name + "' is not of the form 00_00");
@@ -65,8 +68,9 @@ void CheckPlausible(const Body3dScene& scene, const std::string& path, int* impl
     double length_m = 0;
     if (PlausiblePerson(pose, &length_m)) continue;
     if (++*implausible == 1) {
-      findings->Warning("DAT-UNITS", path, "person " + std::to_string(id) + ": neck and body centre are " + NumberText(100 * length_m) +
-                                               " cm apart; Panoptic files are in centimetres");
+      findings->Warning("DAT-UNITS", path,
+                        "person " + std::to_string(id) + ": neck and body centre are " + NumberText(100 * length_m) +
+                            " cm apart; Panoptic files are in centimetres");
     }
   }
 }
@@ -76,13 +80,15 @@ void CheckOrder(const std::map<int, Body3dScene>& scenes, const std::string& fol
   int frame_before = 0, gaps = 0, first_gap = 0;
   for (const auto& [frame, scene] : scenes) {
     if (before && scene.univ_time_ms >= 0 && before->univ_time_ms >= 0 && scene.univ_time_ms <= before->univ_time_ms) {
-      findings->Error("DAT-TIME", folder, "univTime does not grow from frame " + std::to_string(frame_before) + " to " + std::to_string(frame));
+      findings->Error("DAT-TIME", folder,
+                      "univTime does not grow from frame " + std::to_string(frame_before) + " to " + std::to_string(frame));
     }
     if (before && frame != frame_before + 1 && ++gaps == 1) first_gap = frame_before + 1;
     before = &scene, frame_before = frame;
   }
   if (gaps > 0) {
-    findings->Warning("DAT-GAP", folder, std::to_string(gaps) + " gaps in the frame numbers, the first at frame " + std::to_string(first_gap));
+    findings->Warning("DAT-GAP", folder,
+                      std::to_string(gaps) + " gaps in the frame numbers, the first at frame " + std::to_string(first_gap));
   }
 }
 
@@ -169,7 +175,8 @@ void CheckSidecar(const std::string& root, const geometry::Rig& rig, Findings* f
     for (size_t i = 0; i < cameras.ArraySize(); ++i) {
       cameras[i]["alias"].Text();
       const std::string name = cameras[i]["name"].Text();
-      if (rig.Find(name) < 0) findings->Error("DAT-NAME", path, cameras[i].where() + ".name: the calibration has no camera " + name);
+      if (rig.Find(name) < 0)
+        findings->Error("DAT-NAME", path, cameras[i].where() + ".name: the calibration has no camera " + name);
     }
   } catch (const FormatError& error) {
     findings->Error("DAT-SIDECAR", path, WithoutPath(error));
@@ -183,7 +190,8 @@ std::vector<geometry::RigCamera> CamerasWithPictures(const std::string& root, co
     if (fs::is_directory(fs::path(root) / "hdImgs" / camera.camera.name)) {
       cameras.push_back(camera);
     } else if (ParsePanopticName(camera.camera.name, &panel, &node) && panel == 0) {
-      findings->Warning("DAT-IMAGE", root + "/hdImgs/" + camera.camera.name, "the calibration has this camera, there are no pictures of it");
+      findings->Warning("DAT-IMAGE", root + "/hdImgs/" + camera.camera.name,
+                        "the calibration has this camera, there are no pictures of it");
     }
   }
   if (cameras.empty()) findings->Error("DAT-IMAGE", root + "/hdImgs", "holds no pictures of any calibrated camera");

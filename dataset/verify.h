@@ -11,7 +11,8 @@ namespace mvstudio::dataset {
 struct Finding {
   enum class Severity { kWarning, kError };
   Severity severity = Severity::kError;
-  std::string code;  ///< DAT-CALIB, DAT-NAME, DAT-SIZE, DAT-POSE, DAT-ID, DAT-TIME, DAT-GAP, DAT-UNITS, DAT-IMAGE, DAT-MASK, DAT-COVER, …
+  std::string code;  ///< DAT-CALIB, DAT-NAME, DAT-SIZE, DAT-POSE, DAT-ID, DAT-TIME, DAT-GAP, DAT-UNITS, DAT-IMAGE, DAT-MASK,
+                     ///< DAT-COVER, …
   std::string path;  ///< file or folder
   std::string text;
 };
@@ -34,8 +35,8 @@ struct VerifyReport {
   int num_warnings() const;
 };
 
-/// Checks a dataset folder in Panoptic layout, ours or foreign, and lists all that is wrong: calibration, names, sizes, poses, missing
-/// or damaged pictures and masks, joints off the masks. Throws IoError when the folder or its calibration is not there.
+/// Checks a dataset folder in Panoptic layout, ours or foreign, and lists all that is wrong: calibration, names, sizes, poses,
+/// missing or damaged pictures and masks, joints off the masks. Throws IoError when the folder or its calibration is not there.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

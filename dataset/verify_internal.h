@@ -35,7 +35,7 @@ struct PictureCounts {
   int pictures = 0, masks = 0;
 };
 /// Pictures and masks of one camera.
-PictureCounts VerifyPictures(const std::string& root, const geometry::RigCamera& camera, const std::map<int, Body3dScene>& scenes,
-                             const VerifyOptions& options, Findings* findings);
+PictureCounts VerifyPictures(const std::string& root, const geometry::RigCamera& camera,
+                             const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 
 }  // namespace mvstudio::dataset::internal

@@ -43,8 +43,9 @@ std::set<std::string> ListNames(const std::string& folder, const std::string& ca
     if (!good && ++strange == 1) first = path;
   }
   if (strange > 0) {
-    findings->Warning("DAT-NAME", first, "is not named " + camera + "_%08d.jpg or .png and is not read" +
-                                             (strange > 1 ? "; " + std::to_string(strange - 1) + " more" : ""));
+    findings->Warning("DAT-NAME", first,
+                      "is not named " + camera + "_%08d.jpg or .png and is not read" +
+                          (strange > 1 ? "; " + std::to_string(strange - 1) + " more" : ""));
   }
   return names;
 }
@@ -55,7 +56,8 @@ struct ProjectedJoints {
   int valid = 0;
 };
 
-ProjectedJoints ProjectJoints(const Body3dScene& scene, const geometry::RigCamera& camera, const geometry::Projector& projector) {
+ProjectedJoints ProjectJoints(const Body3dScene& scene, const geometry::RigCamera& camera,
+                              const geometry::Projector& projector) {
   ProjectedJoints out;
   for (const auto& [id, pose] : scene.people) {
     for (int j = 0; j < 19; ++j) {
@@ -101,8 +103,9 @@ struct Checker {
 
   void Size(const Image& image, const std::string& path, const char* code) {
     if (image.width == camera.camera.width_px && image.height == camera.camera.height_px) return;
-    Once(code, path, "is " + SizeText(image.width, image.height) + ", the calibration says " +
-                         SizeText(camera.camera.width_px, camera.camera.height_px));
+    Once(code, path,
+         "is " + SizeText(image.width, image.height) + ", the calibration says " +
+             SizeText(camera.camera.width_px, camera.camera.height_px));
   }
 
   void Picture(const std::string& path) {
@@ -129,14 +132,16 @@ struct Checker {
     if (!check.binary) Once("DAT-MASK-BINARY", path, "holds values other than 0 and 255");
     if (check.empty && !joints.px.empty()) empty_masks.push_back(frame);
     for (const Eigen::Vector2d& px : joints.px) {
-      const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1), y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
+      const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
+                y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
       ++on_some_mask;
       on_mask += *mask.Pixel(x, y) > 127;
     }
   }
 };
 
-void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames, Findings* findings) {
+void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames,
+             Findings* findings) {
   if (!frames.empty()) findings->Error(code, folder, std::string("no ") + what + " for " + FramesText(frames));
 }
 
@@ -144,22 +149,25 @@ void Summarise(const Checker& c, const std::string& images, const std::string& m
   if (c.valid > 0 && c.in_image == 0) {
     c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's pictures");
   }
-  if (!c.empty_masks.empty()) c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
+  if (!c.empty_masks.empty())
+    c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
   if (c.on_some_mask > 0 && c.on_mask < options.least_cover * c.on_some_mask) {
-    c.findings->Warning("DAT-COVER", masks, "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
-                                                " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks");
+    c.findings->Warning("DAT-COVER", masks,
+                        "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
+                            " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks");
   }
 }
 
 }  // namespace
 
-PictureCounts VerifyPictures(const std::string& root, const geometry::RigCamera& camera, const std::map<int, Body3dScene>& scenes,
-                             const VerifyOptions& options, Findings* findings) {
+PictureCounts VerifyPictures(const std::string& root, const geometry::RigCamera& camera,
+                             const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings) {
   const std::string images = root + "/hdImgs/" + camera.camera.name, masks = root + "/masks/" + camera.camera.name;
   Checker checker{root, camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, {}, {}};
   const std::set<std::string> image_names = ListNames(images, camera.camera.name, findings);
   const bool any_masks = fs::is_directory(root + "/masks");
-  const std::set<std::string> mask_names = fs::is_directory(masks) ? ListNames(masks, camera.camera.name, findings) : std::set<std::string>{};
+  const std::set<std::string> mask_names =
+      fs::is_directory(masks) ? ListNames(masks, camera.camera.name, findings) : std::set<std::string>{};
   std::vector<int> no_image, no_mask;
   int position = 0;
   for (const auto& [frame, scene] : scenes) {

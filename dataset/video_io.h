@@ -10,9 +10,9 @@
 namespace mvstudio::dataset {
 
 struct VideoInfo {
-  int width = 0, height = 0;   ///< as decoded, after rotation metadata was applied
-  double frame_rate_hz = 0;    ///< average, from the container
-  int64_t num_frames = 0;      ///< as the container claims; 0 when it does not say
+  int width = 0, height = 0;  ///< as decoded, after rotation metadata was applied
+  double frame_rate_hz = 0;   ///< average, from the container
+  int64_t num_frames = 0;     ///< as the container claims; 0 when it does not say
   std::string codec;
 };
 
@@ -23,8 +23,8 @@ class VideoReader {
   explicit VideoReader(const std::string& path);
   ~VideoReader();
   const VideoInfo& info() const;
-  /// Next frame in presentation order as RGB, nothing at the end. Throws FormatError naming the frame when the stream is damaged or
-  /// ends before the frames its container promises.
+  /// Next frame in presentation order as RGB, nothing at the end. Throws FormatError naming the frame when the stream is
+  /// damaged or ends before the frames its container promises.
   std::optional<Image> Next();
   /// Presentation time of the last frame returned, seconds.
   double time_s() const;
@@ -39,8 +39,8 @@ class VideoReader {
 /// Writes H.264 in MP4 (libav, libx264). The file appears under its name on Close() only.
 class VideoWriter {
  public:
-  /// `crf`: 0 best … 51 worst. `full_chroma` keeps a colour sample for every pixel (yuv444p; some players refuse it), otherwise the
-  /// sizes must be even. BT.709, limited range, tagged as such.
+  /// `crf`: 0 best … 51 worst. `full_chroma` keeps a colour sample for every pixel (yuv444p; some players refuse it), otherwise
+  /// the sizes must be even. BT.709, limited range, tagged as such.
   VideoWriter(const std::string& path, int width, int height, double frame_rate_hz, int crf = 16, bool full_chroma = false);
   ~VideoWriter();
   void Write(const Image& rgb);

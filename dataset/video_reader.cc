@@ -102,7 +102,8 @@ void VideoReader::Impl::Open() {
   if (std::filesystem::is_directory(path)) throw IoError(path, "is a folder, a video was expected");
   int code = avformat_open_input(&format, path.c_str(), nullptr, nullptr);
   if (code == AVERROR(EACCES)) throw IoError(path, "cannot open: permission denied");
-  if (code < 0) throw FormatError(path, "", "is not a video that can be opened (" + AvErrorText(code) + "); empty or cut short?");
+  if (code < 0)
+    throw FormatError(path, "", "is not a video that can be opened (" + AvErrorText(code) + "); empty or cut short?");
   code = avformat_find_stream_info(format, nullptr);
   if (code < 0) throw FormatError(path, "", "cannot read the streams (" + AvErrorText(code) + ")");
   const int idx = av_find_best_stream(format, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
@@ -126,7 +127,8 @@ void VideoReader::Impl::OpenCodec() {
   codec->thread_count = 0;
   codec->err_recognition = AV_EF_EXPLODE | AV_EF_CRCCHECK;
   const int code = avcodec_open2(codec, decoder, nullptr);
-  if (code < 0) throw FormatError(path, "", std::string("cannot start the decoder ") + decoder->name + ": " + AvErrorText(code));
+  if (code < 0)
+    throw FormatError(path, "", std::string("cannot start the decoder ") + decoder->name + ": " + AvErrorText(code));
   quarter_turns = QuarterTurns(*stream);
   coded_width = codec->width;
   coded_height = codec->height;
@@ -185,8 +187,8 @@ void VideoReader::Impl::CheckComplete() const {
 Image VideoReader::Impl::Convert() {
   if (frame->width != coded_width || frame->height != coded_height) {
     throw FormatError(path, "frame " + std::to_string(next_idx),
-                      "the picture size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) + " to " +
-                          std::to_string(frame->width) + "x" + std::to_string(frame->height) + " in mid-stream");
+                      "the picture size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) +
+                          " to " + std::to_string(frame->width) + "x" + std::to_string(frame->height) + " in mid-stream");
   }
   if (!converter || pixel_format != frame->format) {
     sws_freeContext(converter);
@@ -201,7 +203,8 @@ Image VideoReader::Impl::Convert() {
   }
   sws_scale(converter, frame->data, frame->linesize, 0, frame->height, planes, strides);
   Image image(frame->width, frame->height, 3);
-  for (int y = 0; y < image.height; ++y) std::copy_n(planes[0] + int64_t{y} * strides[0], size_t{3} * image.width, image.Pixel(0, y));
+  for (int y = 0; y < image.height; ++y)
+    std::copy_n(planes[0] + int64_t{y} * strides[0], size_t{3} * image.width, image.Pixel(0, y));
   av_freep(&planes[0]);
   return Turned(image, quarter_turns);
 }

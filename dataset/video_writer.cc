@@ -121,7 +121,8 @@ VideoWriter::VideoWriter(const std::string& path, int width, int height, double 
   w.path = path, w.width = width, w.height = height;
   const fs::path target(path);
   if (!target.parent_path().empty()) MakeFolder(target.parent_path().string());
-  w.temporary = (target.parent_path() / ("." + target.stem().string() + ".video-" + std::to_string(getpid()) + ".mp4")).string();
+  w.temporary =
+      (target.parent_path() / ("." + target.stem().string() + ".video-" + std::to_string(getpid()) + ".mp4")).string();
   w.Check(avformat_alloc_output_context2(&w.format, nullptr, "mp4", w.temporary.c_str()), "cannot prepare the file");
   w.OpenCodec(frame_rate_hz, crf, full_chroma);
   w.OpenFile();

@@ -1,11 +1,10 @@
-#include "dataset/build.h"
-
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "body/skeleton.h"
 #include "core/error.h"
 #include "core/sha256.h"
+#include "dataset/build.h"
 #include "dataset/image_io.h"
 #include "dataset/panoptic.h"
 #include "dataset/verify.h"
@@ -104,7 +103,8 @@ TEST_F(BuildTest, VideosBecomeASoundDataset) {
   EXPECT_EQ(report.frames, kFrames);
   EXPECT_EQ(report.images, 3 * kFrames);
   EXPECT_TRUE(report.warnings.empty());
-  for (const Finding& f : VerifyDataset(folder_ / "dataset").findings) ADD_FAILURE() << f.code << " " << f.path << ": " << f.text;
+  for (const Finding& f : VerifyDataset(folder_ / "dataset").findings)
+    ADD_FAILURE() << f.code << " " << f.path << ": " << f.text;
 
   const PanopticDataset built = OpenPanopticDataset(folder_ / "dataset");
   EXPECT_EQ(built.Resolve("cam_b"), "00_01");
@@ -116,7 +116,8 @@ TEST_F(BuildTest, VideosBecomeASoundDataset) {
       const Image mask = ReadImage(built.MaskPath("00_0" + std::to_string(c), f), true);
       const Image truth = ReadImage(person_.MaskPath(Name(c), 10 * f), true);
       double both = 0, either = 0;
-      for (size_t p = 0; p < mask.pixels.size(); ++p) both += mask.pixels[p] && truth.pixels[p], either += mask.pixels[p] || truth.pixels[p];
+      for (size_t p = 0; p < mask.pixels.size(); ++p)
+        both += mask.pixels[p] && truth.pixels[p], either += mask.pixels[p] || truth.pixels[p];
       iou += both / either / (3 * kFrames);
     }
   }

@@ -72,7 +72,8 @@ TEST(ImageIo, ErrorsNameTheFile) {
 
 TEST(Frames, FolderAndPatternComeInNumericOrder) {
   mvstudio::testing::TempDir folder;
-  for (const int i : {10, 2, 1}) WriteImage(Image(8, 8, 3, static_cast<uint8_t>(i)), folder / ("image" + std::to_string(i) + ".png"));
+  for (const int i : {10, 2, 1})
+    WriteImage(Image(8, 8, 3, static_cast<uint8_t>(i)), folder / ("image" + std::to_string(i) + ".png"));
   WriteFileAtomic(folder / "notes.txt", "x");
   for (const std::string& path : {folder.path(), folder / "image*.png"}) {
     auto source = OpenFrames(path);

@@ -28,7 +28,8 @@ TEST(MasksSlow, AgreeWithExactMasks) {
       const Image truth = ReadImage(dataset.MaskPath(camera.camera.name, i), true);
       const Image mask = SegmentBody(rgb, ProjectBody(dataset.poses.at(i), camera), model).mask;
       double both = 0, either = 0;
-      for (size_t p = 0; p < mask.pixels.size(); ++p) both += mask.pixels[p] && truth.pixels[p], either += mask.pixels[p] || truth.pixels[p];
+      for (size_t p = 0; p < mask.pixels.size(); ++p)
+        both += mask.pixels[p] && truth.pixels[p], either += mask.pixels[p] || truth.pixels[p];
       mean_iou[c] += both / either / 12;
       worst_iou[c] = std::min(worst_iou[c], both / either);
     }

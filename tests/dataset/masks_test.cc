@@ -61,7 +61,8 @@ Scene MakeScene(double step_m, double drift) {
 
 double MeanIou(const Scene& scene, const CameraMaskModel& model) {
   double sum = 0;
-  for (size_t f = 0; f < scene.frames.size(); ++f) sum += Iou(SegmentBody(scene.frames[f], scene.bodies[f], model).mask, scene.truth[f]);
+  for (size_t f = 0; f < scene.frames.size(); ++f)
+    sum += Iou(SegmentBody(scene.frames[f], scene.bodies[f], model).mask, scene.truth[f]);
   return sum / static_cast<double>(scene.frames.size());
 }
 

@@ -157,7 +157,10 @@ TEST(Panoptic, WrongFieldsAreNamed) {
   EXPECT_EQ(where([](json& c) { c["K"][0][1] = 0.5; }), "cameras[2].K");
   EXPECT_EQ(where([](json& c) { c.erase("t"); }), "cameras[2].t");
   EXPECT_EQ(where([](json& c) { c["distCoef"].erase(4); }), "cameras[2].distCoef");
-  EXPECT_EQ(where([](json& c) { for (auto& v : c["R"][0]) v = -v.get<double>(); }), "cameras[2].R");
+  EXPECT_EQ(where([](json& c) {
+              for (auto& v : c["R"][0]) v = -v.get<double>();
+            }),
+            "cameras[2].R");
   EXPECT_EQ(where([](json& c) { c["R"][0][0] = 3; }), "cameras[2].R");
   EXPECT_EQ(where([](json& c) { c["resolution"][0] = 0; }), "cameras[2].resolution");
   EXPECT_EQ(where([](json& c) { c["name"] = "00_01"; }), "cameras[2].name");

@@ -100,7 +100,8 @@ TEST(SizeRule, EvidenceFindsTheRuleWhenJointsAreExact) {
     const SizeDecision decision = DecideSizeRule(rules, calibrated, frames, people, 0.5, {});
     EXPECT_EQ(decision.rule.name, truth);
     EXPECT_TRUE(decision.decisive);
-    const SizeDecision unsure = DecideSizeRule(rules, calibrated, frames, people, 10, {});  // joints as far off as the rules differ
+    const SizeDecision unsure =
+        DecideSizeRule(rules, calibrated, frames, people, 10, {});  // joints as far off as the rules differ
     EXPECT_EQ(unsure.rule.name, "fill");
     EXPECT_FALSE(unsure.decisive);
   }

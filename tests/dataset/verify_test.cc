@@ -40,7 +40,8 @@ class VerifyTest : public ::testing::Test {
     pose.x_in_world.col(0) << 0, 0, 1.5;
     pose.x_in_world.col(2) << 0, 0, 1.0;
     for (int frame = 5; frame < 8; ++frame) {
-      WriteBody3dScene({{0, pose}}, 33.0 * frame, Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"));
+      WriteBody3dScene({{0, pose}}, 33.0 * frame,
+                       Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"));
       for (const std::string c : {"00_00", "00_01"}) {
         const std::string name = c + "/" + c + "_0000000" + std::to_string(frame);
         WriteImage(SmoothImage(80, 60, frame), Path("hdImgs/" + name + ".jpg"));
@@ -53,7 +54,9 @@ class VerifyTest : public ::testing::Test {
   std::string Path(const std::string& name) const { return folder_ / name; }
   std::string Image0(int frame) const { return Path("hdImgs/00_00/00_00_0000000" + std::to_string(frame) + ".jpg"); }
   std::string Mask0(int frame) const { return Path("masks/00_00/00_00_0000000" + std::to_string(frame) + ".png"); }
-  std::string Scene(int frame) const { return Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"); }
+  std::string Scene(int frame) const {
+    return Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json");
+  }
   void EditJson(const std::string& path, const std::function<void(json&)>& change) const {
     json value = json::parse(ReadFile(path));
     change(value);
@@ -87,7 +90,8 @@ TEST_F(VerifyTest, EveryFaultyCameraIsListed) {
     c["cameras"][1].erase("distCoef");
   });
   const VerifyReport report = VerifyDataset(folder_.path());
-  EXPECT_EQ(std::count_if(report.findings.begin(), report.findings.end(), [](const Finding& f) { return f.code == "DAT-CALIB"; }), 2);
+  EXPECT_EQ(
+      std::count_if(report.findings.begin(), report.findings.end(), [](const Finding& f) { return f.code == "DAT-CALIB"; }), 2);
   EXPECT_GE(report.num_errors(), 2);
 }
 

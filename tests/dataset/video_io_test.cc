@@ -37,7 +37,8 @@ TEST(VideoIo, RoundTripKeepsColourCountAndOrder) {
 
 TEST(VideoIo, FlatColoursSurviveWithinTwoLevels) {
   mvstudio::testing::TempDir folder;
-  const uint8_t colours[][3] = {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}, {0, 0, 0}, {200, 150, 120}, {17, 99, 230}};
+  const uint8_t colours[][3] = {{255, 0, 0}, {0, 255, 0},     {0, 0, 255},  {255, 255, 255},
+                                {0, 0, 0},   {200, 150, 120}, {17, 99, 230}};
   VideoWriter writer(folder / "a.mp4", 64, 64, 25, 0);
   for (const auto& c : colours) {
     Image image(64, 64, 3);
