@@ -21,7 +21,7 @@ struct BuildArguments {
 };
 
 struct VerifyArguments {
-  std::string folder;
+  std::string folder, keep;
   dataset::VerifyOptions options;
 };
 
@@ -107,6 +107,7 @@ CommandResult RunVerify(const VerifyArguments& arguments, CommandContext& contex
   const dataset::VerifyReport report = dataset::VerifyDataset(arguments.folder, arguments.options, context.run);
   CommandResult result;
   result.inputs = {arguments.folder};
+  result.folder = arguments.keep;
   result.metrics = {{"num_errors", report.num_errors()}, {"num_warnings", report.num_warnings()}};
   result.metrics["findings"] = ordered_json::array();
   for (const dataset::Finding& f : report.findings) {
@@ -182,6 +183,7 @@ void RegisterDataset(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<VerifyArguments>();
   CLI::App* verify = dataset->add_subcommand("verify", "List everything that is wrong with a dataset folder");
   verify->add_option("folder", arguments->folder, "dataset folder")->required();
+  verify->add_option("--keep", arguments->keep, "folder that keeps the findings for the report; the dataset itself is only read");
   AddOptions(verify, arguments->options);
   registry.Add(verify, "dataset verify", [arguments](CommandContext& context) { return RunVerify(*arguments, context); });
 

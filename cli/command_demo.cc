@@ -165,7 +165,7 @@ class Demo {
     Stage(TriangulateWords());
     truth_ = CompareWithTruth(session_, o_.out);
     Stage(BuildWords());
-    Stage({"dataset", "verify", o_.out + "/dataset"});
+    Stage({"dataset", "verify", o_.out + "/dataset", "--keep", o_.out});
     Stage(TrainWords());
     eval_ = Stage({"avatar", "eval", o_.out + "/avatar"});
     CommandResult result = Summary();

@@ -124,7 +124,7 @@ TEST_F(BadInput, BoardNeverSeen) {
   for (const char* camera : {"cam_01", "cam_02"}) {
     words.insert(words.end(), {"--camera", std::string(camera) + "=" + session_ + "/raw/take1/" + camera + ".mp4"});
   }
-  ExpectFailure(words, 5, {"cam_01", "board"}, work_ / "run/calibration.json");
+  ExpectFailure(words, 3, {"cam_01", "board"}, work_ / "run/calibration.json");
 }
 
 TEST_F(BadInput, NoSpaceLeftOnTheDevice) {
