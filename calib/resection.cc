@@ -25,13 +25,15 @@ Resection Failed(Status status) {
 /// Pose from the homography (board metres to normalised coordinates) by its first two columns.
 std::optional<Rigid3> PoseFromHomography(const Eigen::Matrix3d& homography, const Eigen::Vector3d& center_in_board) {
   Eigen::Matrix3d h = homography;
-  const double scale = std::sqrt(h.col(0).norm() * h.col(1).norm());
-  if (!(scale > 0)) return std::nullopt;
-  h /= scale;
+  const double first = h.col(0).norm(), second = h.col(1).norm();
+  // Both are the same for a rotation; far from that, the corners were nearly on a line.
+  constexpr double kMaxRatio = 1e3;
+  if (!(first < kMaxRatio * second && second < kMaxRatio * first)) return std::nullopt;
+  h /= std::sqrt(first * second);
   if ((h * Eigen::Vector3d(center_in_board.x(), center_in_board.y(), 1)).z() < 0) h = -h;
   Eigen::Matrix3d r;
   r << h.col(0), h.col(1), h.col(0).cross(h.col(1));
-  if (!(r.determinant() > 1e-9)) return std::nullopt;
+  if (!(r.determinant() > 1e-6)) return std::nullopt;
   Rigid3 pose;
   pose.rotation = geometry::NearestRotation(r);
   pose.translation = h * Eigen::Vector3d(center_in_board.x(), center_in_board.y(), 1) - pose.rotation * center_in_board;

@@ -68,6 +68,13 @@ TEST(ResectPlane, DegenerateInputHasAStatus) {
   View line = view;
   line.weights.tail(45).setZero();  // one row of nine corners is left
   EXPECT_EQ(ResectPlane(camera, line).status, Status::kDegenerate);
+  // Nearly on a line: rounding alone then decides the homography, and the answer must still be a status or a pose that fits.
+  for (double bend_m : {1e-15, 1e-12, 1e-9}) {
+    View nearly = line;
+    nearly.x_in_board(1, 4) += bend_m;
+    const Resection found = ResectPlane(camera, nearly);
+    EXPECT_TRUE(found.status != Status::kOk || found.rms_px < 1) << bend_m;
+  }
   View bad = view;
   bad.px(1, 7) = std::nan("");
   EXPECT_EQ(ResectPlane(camera, bad).status, Status::kNonFiniteInput);
