@@ -86,8 +86,7 @@ at::Tensor LogMeanStd(const at::Tensor& m) {
 
 at::Tensor Features(const at::Tensor& rgb, const at::Tensor& bank) {
   at::Tensor x = Opponent(rgb), finer;
-  const at::Tensor marginals =
-      at::cat({x.mean({2, 3}), (x - x.mean({2, 3}, true)).square().mean({2, 3}).sqrt()}, 1);
+  const at::Tensor marginals = at::cat({x.mean({2, 3}), (x - x.mean({2, 3}, true)).square().mean({2, 3}).sqrt()}, 1);
   std::vector<at::Tensor> energy, orientations, octaves, channels;
   for (int s = 0; s < kOctaves; ++s) {
     const at::Tensor m = Magnitudes(x, bank), luma = m.select(1, 0);

@@ -32,8 +32,8 @@ at::Tensor PsnrDb(const at::Tensor& a, const at::Tensor& b, const at::Tensor& ma
 
 /// Mean of the decibels (not the decibels of the mean error) over the pictures that have a finite value.
 struct PsnrSummary {
-  double mean_db = 0;         ///< infinity when every picture is equal to its reference
-  int64_t num_infinite = 0;   ///< pictures equal to their reference: left out of the mean and counted here
+  double mean_db = 0;        ///< infinity when every picture is equal to its reference
+  int64_t num_infinite = 0;  ///< pictures equal to their reference: left out of the mean and counted here
 };
 PsnrSummary MeanPsnr(const std::vector<double>& psnr_db);
 

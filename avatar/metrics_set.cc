@@ -66,7 +66,7 @@ PictureScore ScoreOne(const at::Tensor& truth, const at::Tensor& true_mask, cons
   return score;
 }
 
-RegionScore MeanRegion(const std::vector<PictureScore>& scores, RegionScore PictureScore::* region) {
+RegionScore MeanRegion(const std::vector<PictureScore>& scores, RegionScore PictureScore::*region) {
   RegionScore mean;
   std::vector<double> psnr;
   for (const PictureScore& score : scores) {

@@ -10,7 +10,8 @@
 
 namespace mvstudio::bench {
 
-Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors, double seconds) {
+Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors,
+            double seconds) {
   Row row{problem, method, unit};
   row.us_per_item = 1e6 * seconds / static_cast<double>(errors.size());
   const auto end = std::remove_if(errors.begin(), errors.end(), [](double e) { return std::isnan(e); });
@@ -37,8 +38,13 @@ int main(int argc, char** argv) {
   for (const Row& row : rows) {
     std::printf("%-44s %-30s %9.2e %-3s %8.2e %-3s %7.1f%% %10.3f\n", row.problem.c_str(), row.method.c_str(), row.median_error,
                 row.unit.c_str(), row.max_error, row.unit.c_str(), 100 * row.refused, row.us_per_item);
-    json["rows"].push_back({{"problem", row.problem}, {"method", row.method}, {"unit", row.unit}, {"median_error", row.median_error},
-                            {"max_error", row.max_error}, {"refused", row.refused}, {"us_per_item", row.us_per_item}});
+    json["rows"].push_back({{"problem", row.problem},
+                            {"method", row.method},
+                            {"unit", row.unit},
+                            {"median_error", row.median_error},
+                            {"max_error", row.max_error},
+                            {"refused", row.refused},
+                            {"us_per_item", row.us_per_item}});
   }
   if (argc > 2) std::ofstream(argv[2]) << json.dump(1) << "\n";
   return 0;

@@ -10,14 +10,15 @@ namespace mvstudio::bench {
 /// One line of the accuracy/speed table: the same problems, one method.
 struct Row {
   std::string problem, method;
-  std::string unit;          ///< of the errors
+  std::string unit;  ///< of the errors
   double median_error = 0, max_error = 0;
-  double refused = 0;        ///< share of problems answered with a status instead of a value
+  double refused = 0;  ///< share of problems answered with a status instead of a value
   double us_per_item = 0;
 };
 
 /// Median, maximum and refusals of `errors` (NaN: refused).
-Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors, double seconds);
+Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors,
+            double seconds);
 
 class Stopwatch {
  public:

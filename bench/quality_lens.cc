@@ -42,7 +42,8 @@ double RoundTripError(const Camera& camera, const Eigen::Vector3d& ray, const Ei
   const std::vector<double> k = OpenCvDistortion(camera);
   std::vector<cv::Point2d> projected;
   const cv::Matx33d matrix(camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1);
-  cv::projectPoints(std::vector<cv::Point3d>{{ray[0] / ray[2], ray[1] / ray[2], 1}}, cv::Vec3d(), cv::Vec3d(), matrix, k, projected);
+  cv::projectPoints(std::vector<cv::Point3d>{{ray[0] / ray[2], ray[1] / ray[2], 1}}, cv::Vec3d(), cv::Vec3d(), matrix, k,
+                    projected);
   return std::hypot(projected[0].x - px[0], projected[0].y - px[1]);
 }
 

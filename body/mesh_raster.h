@@ -16,8 +16,8 @@ struct PartUvMap {
   std::vector<float> depth_m;  // (H, W) z in cam, +inf on background
 };
 
-/// z-buffer rasterisation of posed vertices (3, V) in world: vertices go through the camera's exact lens, edges are straight in the
-/// image, attributes perspective-correct, pixel centres sampled. Faces with a vertex that cannot be projected are skipped.
+/// z-buffer rasterisation of posed vertices (3, V) in world: vertices go through the camera's exact lens, edges are straight in
+/// the image, attributes perspective-correct, pixel centres sampled. Faces with a vertex that cannot be projected are skipped.
 PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera);
 
 }  // namespace mvstudio::body

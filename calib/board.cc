@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <cstdio>
+#include <iterator>
 #include <opencv2/aruco.hpp>
 #include <sstream>
 #include <vector>
@@ -16,9 +16,9 @@ namespace mvstudio::calib {
 namespace {
 
 constexpr const char* kDictionaries[] = {
-    "4x4_50",  "4x4_100",  "4x4_250",  "4x4_1000", "5x5_50",   "5x5_100",        "5x5_250",       "5x5_1000",
-    "6x6_50",  "6x6_100",  "6x6_250",  "6x6_1000", "7x7_50",   "7x7_100",        "7x7_250",       "7x7_1000",
-    "aruco_original", "apriltag_16h5", "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+    "4x4_50",   "4x4_100",  "4x4_250",        "4x4_1000",      "5x5_50",        "5x5_100",        "5x5_250",
+    "5x5_1000", "6x6_50",   "6x6_100",        "6x6_250",       "6x6_1000",      "7x7_50",         "7x7_100",
+    "7x7_250",  "7x7_1000", "aruco_original", "apriltag_16h5", "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
 
 constexpr char kExpected[] =
     "expected chessboard:COLSxROWS:SQUARE (inner corners) or charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy] (squares), "

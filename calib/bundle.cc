@@ -305,7 +305,8 @@ BundleReport SolveBundle(std::vector<View>* views, RigState* state, const Bundle
     SetRobustWeights(*state, prior, views);
     BundleOptions loose = options;
     loose.max_iterations = std::min(options.max_iterations, 30);
-    if (SolveOnce(*views, loose, state, &report.num_iterations) == Status::kBehindCamera) return Failed(Status::kBehindCamera, kUnusable);
+    if (SolveOnce(*views, loose, state, &report.num_iterations) == Status::kBehindCamera)
+      return Failed(Status::kBehindCamera, kUnusable);
   }
   for (size_t v = 0; v < views->size(); ++v) (*views)[v].weights = prior[v];
   for (int round = 0; round < kRejectRounds; ++round) {

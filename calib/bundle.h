@@ -18,9 +18,9 @@ struct Gauge {
 struct BundleOptions {
   Gauge gauge;
   bool refine_intrinsics = true;
-  bool refine_cameras = true;   ///< cam_from_world
+  bool refine_cameras = true;  ///< cam_from_world
   bool reject_outliers = true;
-  double reject_sigmas = 4.5;   ///< a corner farther than this many standard deviations (per coordinate) is rejected
+  double reject_sigmas = 4.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
   int max_iterations = 100;
   int num_threads = 1;
 };
@@ -39,9 +39,9 @@ struct BundleReport {
   int num_corners = 0, num_rejected = 0, num_iterations = 0;
 };
 
-/// Joint least squares of all reprojection errors over intrinsics, cameras and boards (Ceres, Schur complement), from a start in
-/// `state`. First with weights that fall with the error (Cauchy), then without them after rejecting outliers, whose weights become 0.
-/// Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
+/// Joint least squares of all reprojection errors over intrinsics, cameras and boards (Ceres, Schur complement), from a start
+/// in `state`. First with weights that fall with the error (Cauchy), then without them after rejecting outliers, whose weights
+/// become 0. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
 
 /// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.

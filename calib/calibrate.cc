@@ -108,18 +108,21 @@ void ChooseLens(const CalibrateOptions& options, const RunContext& run, Work* wo
   std::vector<Holdout> holdouts(num_cameras);
   std::string reason = "given";
   if (!FixedModel(options)) {
-    const ModelChoice choice = ChooseModel(work->monos, std::max(3, options.holdout_folds), options.holdout_views, run.num_threads);
+    const ModelChoice choice =
+        ChooseModel(work->monos, std::max(3, options.holdout_folds), options.holdout_views, run.num_threads);
     reason = choice.reason;
     if (choice.index >= 0) holdouts = choice.candidates[choice.index].holdouts;
     BundleOptions bundle = options.bundle;
     bundle.num_threads = 1;
     ParallelFor(num_cameras, run.num_threads, [&](int64_t c) {
-      if (choice.model != work->monos[c].state.cameras[0].model) work->monos[c] = RefineMono(work->monos[c], choice.model, bundle);
+      if (choice.model != work->monos[c].state.cameras[0].model)
+        work->monos[c] = RefineMono(work->monos[c], choice.model, bundle);
     });
   }
   const bool missing = options.holdout_folds > 1 && holdouts[0].errors_px.empty();
   ParallelFor(missing ? num_cameras : 0, run.num_threads, [&](int64_t c) {
-    holdouts[c] = HoldoutError(work->monos[c], work->monos[c].state.cameras[0].model, options.holdout_folds, options.holdout_views);
+    holdouts[c] =
+        HoldoutError(work->monos[c], work->monos[c].state.cameras[0].model, options.holdout_folds, options.holdout_views);
   });
   report->cameras.resize(num_cameras);
   for (int64_t c = 0; c < num_cameras; ++c) {
@@ -158,8 +161,8 @@ bool UseBoardWorld(const World& world, Work* work, CalibrateReport* report) {
                     std::any_of(work->views.begin(), work->views.end(),
                                 [&](const View& v) { return v.frame == index && (v.weights.array() > 0).any(); });
   if (!seen) {
-    Stop(Status::kTooFewViews, "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world",
-         report);
+    Stop(Status::kTooFewViews,
+         "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world", report);
     return false;
   }
   const Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
@@ -256,7 +259,8 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     medians.push_back(camera.holdout_median_px);
   }
   report->holdout_rms_px = scored ? std::sqrt(squares / scored) : kNan;
-  report->holdout_median_px = medians.empty() ? kNan : Median(Eigen::Map<const Eigen::VectorXd>(medians.data(), medians.size()));
+  report->holdout_median_px =
+      medians.empty() ? kNan : Median(Eigen::Map<const Eigen::VectorXd>(medians.data(), medians.size()));
 }
 
 void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report) {
@@ -277,7 +281,8 @@ void AddCovariance(const Work& work, CalibrateReport* report) {
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
-      Stop(Status::kDegenerate, "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted", report);
+      Stop(Status::kDegenerate,
+           "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted", report);
     }
   }
 }
@@ -286,13 +291,16 @@ void CheckInput(const CalibrateInput& input) {
   MVS_CHECK(!input.cameras.empty(), "no cameras");
   std::set<std::string> names;
   for (const CameraInput& camera : input.cameras) {
-    MVS_CHECK(camera.width_px > 0 && camera.height_px > 0, "camera " << camera.name << " is " << camera.width_px << "x" << camera.height_px);
+    MVS_CHECK(camera.width_px > 0 && camera.height_px > 0,
+              "camera " << camera.name << " is " << camera.width_px << "x" << camera.height_px);
     if (!names.insert(camera.name).second) throw UsageError("camera '" + camera.name + "' is given twice");
   }
   std::set<std::pair<int, int64_t>> seen;
   for (const Detection& d : input.detections) {
-    MVS_CHECK(d.camera_idx >= 0 && d.camera_idx < static_cast<int>(input.cameras.size()), "detection of camera " << d.camera_idx);
-    MVS_CHECK(seen.insert({d.camera_idx, d.frame_idx}).second, "camera " << d.camera_idx << " has frame " << d.frame_idx << " twice");
+    MVS_CHECK(d.camera_idx >= 0 && d.camera_idx < static_cast<int>(input.cameras.size()),
+              "detection of camera " << d.camera_idx);
+    MVS_CHECK(seen.insert({d.camera_idx, d.frame_idx}).second,
+              "camera " << d.camera_idx << " has frame " << d.frame_idx << " twice");
   }
 }
 

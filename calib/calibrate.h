@@ -15,16 +15,17 @@
 namespace mvstudio::calib {
 
 struct CalibrateOptions {
-  std::string model = "auto";   ///< a lens model by name, or auto: the simplest that held-out boards justify, for all cameras
-  std::string world = "camera"; ///< camera[:NAME] (the first one without a name) or board:FRAME
-  int holdout_folds = 10;       ///< folds of the held-out error; 0 leaves it out
-  int holdout_views = 60;       ///< at most so many views of a camera take part in it
+  std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify, for all cameras
+  std::string world = "camera";  ///< camera[:NAME] (the first one without a name) or board:FRAME
+  int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
+  int holdout_views = 60;        ///< at most so many views of a camera take part in it
   BundleOptions bundle;
 };
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, CalibrateOptions& o) {
-  visit("model", o.model, "pinhole, brown1, brown2, brown4, brown5, rational8, kannala4, or auto: the simplest that held-out boards justify");
+  visit("model", o.model,
+        "pinhole, brown1, brown2, brown4, brown5, rational8, kannala4, or auto: the simplest that held-out boards justify");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
@@ -58,12 +59,12 @@ struct CameraReport {
   geometry::LensModel model = geometry::LensModel::kPinhole;
   std::string model_reason;
   int num_params = 0, num_views = 0, num_corners = 0, num_rejected = 0;
-  double focal_px = 0, focal_sigma_px = 0;        ///< mean of fx and fy
+  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy
   double rms_px = 0;
   double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views
-  double coverage = 0;                            ///< share of the cells of a 10 x 8 grid over the image that hold a corner
-  double valid_radius = 0;                        ///< of the lens model, see geometry::Projector
-  bool covers_image = true;                       ///< all image corners lie within the valid radius
+  double coverage = 0;                               ///< share of the cells of a 10 x 8 grid over the image that hold a corner
+  double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
+  bool covers_image = true;                          ///< all image corners lie within the valid radius
 };
 
 struct Verdict {
@@ -93,9 +94,9 @@ struct CalibrateReport {
   Verdict verdict;
 };
 
-/// Boards in, calibrated rig out: each camera by itself, lens model by held-out error, cameras chained over shared boards, joint
-/// bundle adjustment with outlier rejection, covariance, verdict. A status other than kOk comes with a message; the rig is then
-/// empty or, for kNotConverged and kDegenerate after the adjustment, the best so far without covariances.
+/// Boards in, calibrated rig out: each camera by itself, lens model by held-out error, cameras chained over shared boards,
+/// joint bundle adjustment with outlier rejection, covariance, verdict. A status other than kOk comes with a message; the rig
+/// is then empty or, for kNotConverged and kDegenerate after the adjustment, the best so far without covariances.
 CalibrateReport Calibrate(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
 
 /// pass, warn or fail, with the figures that decided.

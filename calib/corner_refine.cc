@@ -11,7 +11,8 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr int kNumParams = 9;  // x, y, angle of the edge along x, angle of the edge along y, blur, level, half contrast, slope x, slope y
+constexpr int kNumParams =
+    9;  // x, y, angle of the edge along x, angle of the edge along y, blur, level, half contrast, slope x, slope y
 using Params = Eigen::Matrix<double, kNumParams, 1>;
 using Normal = Eigen::Matrix<double, kNumParams, kNumParams>;
 
@@ -54,8 +55,10 @@ std::vector<Sample> CollectSamples(const Board& board, const Image& grey, const 
 double Evaluate(const Params& p, double x, double y, double sign, Params* gradient) {
   const double dx = x - p[0], dy = y - p[1];
   const double ca = std::cos(p[2]), sa = std::sin(p[2]), cb = std::cos(p[3]), sb = std::sin(p[3]);
-  const double across_a = -sa * dx + ca * dy, along_a = ca * dx + sa * dy;  // distance from the edge along x, positive towards +y
-  const double across_b = sb * dx - cb * dy, along_b = cb * dx + sb * dy;   // distance from the edge along y, positive towards +x
+  const double across_a = -sa * dx + ca * dy,
+               along_a = ca * dx + sa * dy;  // distance from the edge along x, positive towards +y
+  const double across_b = sb * dx - cb * dy,
+               along_b = cb * dx + sb * dy;  // distance from the edge along y, positive towards +x
   const double k = 1 / (std::sqrt(2.0) * p[4]);
   const double a = std::erf(across_a * k), b = std::erf(across_b * k);
   const double bell = 2 / std::sqrt(kPi) * k;
@@ -145,8 +148,10 @@ RefinedCorner RefineCorner(const Board& board, const Image& grey, const CornerGu
   }
   const double px_per_square = std::min(guess.along_x.norm(), guess.along_y.norm());
   const double area = std::abs(guess.along_x.x() * guess.along_y.y() - guess.along_x.y() * guess.along_y.x());
-  if (px_per_square < 3 || area < 0.15 * guess.along_x.norm() * guess.along_y.norm()) return Failed(Status::kDegenerate, guess.px);
-  const double longest = kWindowSquares * std::max((guess.along_x + guess.along_y).norm(), (guess.along_x - guess.along_y).norm());
+  if (px_per_square < 3 || area < 0.15 * guess.along_x.norm() * guess.along_y.norm())
+    return Failed(Status::kDegenerate, guess.px);
+  const double longest =
+      kWindowSquares * std::max((guess.along_x + guess.along_y).norm(), (guess.along_x - guess.along_y).norm());
   const double radius = std::min(options.max_radius_px, longest);
   if (guess.px.x() < 2 || guess.px.y() < 2 || guess.px.x() > grey.width - 3 || guess.px.y() > grey.height - 3) {
     return Failed(Status::kOutsideValidRadius, guess.px);

@@ -101,7 +101,8 @@ void FindMarkers(const Board& board, const cv::Mat& grey, double scale, MarkerMa
   if (scale != 1) cv::resize(grey, resized, {}, scale, scale, cv::INTER_CUBIC);
   std::vector<std::vector<cv::Point2f>> corners;
   std::vector<int> ids;
-  cv::aruco::detectMarkers(resized, cv::aruco::getPredefinedDictionary(DictionaryIndex(board.dictionary)), corners, ids, parameters);
+  cv::aruco::detectMarkers(resized, cv::aruco::getPredefinedDictionary(DictionaryIndex(board.dictionary)), corners, ids,
+                           parameters);
   for (size_t i = 0; i < ids.size(); ++i) {
     Eigen::Matrix<double, 2, 4> px;
     for (int k = 0; k < 4; ++k) px.col(k) = ((ToEigen(corners[i][k]).array() + 0.5) / scale - 0.5).matrix();

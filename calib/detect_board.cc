@@ -16,8 +16,10 @@ namespace {
 
 constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses bend a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
-constexpr double kMaxMisplaced = 0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
-constexpr char kMarkersMisplaced[] = "the markers do not lie as on the board (wrong size, or the layout: try with or without legacy)";
+constexpr double kMaxMisplaced =
+    0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
+constexpr char kMarkersMisplaced[] =
+    "the markers do not lie as on the board (wrong size, or the layout: try with or without legacy)";
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
 Image ToGrey(const Image& image) {
@@ -57,7 +59,8 @@ struct Located {
   }
 };
 
-void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses, const RefineOptions& options, Located* out) {
+void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses, const RefineOptions& options,
+            Located* out) {
   for (const CornerGuess& guess : guesses) {
     const RefinedCorner corner = RefineCorner(board, grey, guess, options);
     if (corner.status != Status::kOk) continue;
@@ -69,7 +72,8 @@ void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess
 }
 
 /// Guesses of the corners not located yet, where the located ones say they should be.
-std::vector<CornerGuess> GuessMissing(const Board& board, const Image& grey, const Located& located, const PlaneToImage& plane) {
+std::vector<CornerGuess> GuessMissing(const Board& board, const Image& grey, const Located& located,
+                                      const PlaneToImage& plane) {
   std::vector<CornerGuess> guesses;
   for (int id = 0; id < board.num_corners(); ++id) {
     if (std::find(located.ids.begin(), located.ids.end(), id) != located.ids.end()) continue;
@@ -98,14 +102,16 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   if (!plane) return Failed(Status::kDegenerate, "the corners found lie on one line");
   const double square_px = Median(Eigen::Map<const Eigen::VectorXd>(located.square_px.data(), located.square_px.size()));
   if (plane->homography_median_px() > kMaxPlaneErrorSquares * square_px || plane->sigma_px() > kMaxSmoothSigmaPx) {
-    return Failed(Status::kDegenerate, Describe("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));
+    return Failed(Status::kDegenerate,
+                  Describe("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));
   }
   const double limit = std::max(kRejectFloorPx, kRejectSigmas * plane->sigma_px());
   std::vector<int> kept;
   for (int i = 0; i < result.num_found; ++i) {
     if (plane->residuals_px()[i] <= limit) kept.push_back(i);
   }
-  if (static_cast<int>(kept.size()) < options.min_corners) return Failed(Status::kOutlier, "too few corners agree with a plane");
+  if (static_cast<int>(kept.size()) < options.min_corners)
+    return Failed(Status::kOutlier, "too few corners agree with a plane");
   result.detection.points_px.resize(2, kept.size());
   for (size_t k = 0; k < kept.size(); ++k) {
     result.detection.corner_ids.push_back(located.ids[kept[k]]);
@@ -135,7 +141,8 @@ BoardDetection DetectBoard(const Board& board, const Image& image, const DetectO
   } else {
     search.guesses = SearchChessboard(board, grey, options.detector == "exact");
   }
-  if (search.guesses.empty()) return Failed(Status::kTooFewViews, charuco ? "no marker of the board found" : "no chessboard found");
+  if (search.guesses.empty())
+    return Failed(Status::kTooFewViews, charuco ? "no marker of the board found" : "no chessboard found");
 
   RefineOptions refine;
   refine.max_misfit = options.max_misfit;
@@ -147,7 +154,8 @@ BoardDetection DetectBoard(const Board& board, const Image& image, const DetectO
   }
   const int needed = std::max(4, options.min_corners);
   if (static_cast<int>(located.ids.size()) < needed) {
-    return Failed(Status::kOutlier, "only " + std::to_string(located.ids.size()) + " sharp corners (" + std::to_string(needed) + " needed)");
+    return Failed(Status::kOutlier,
+                  "only " + std::to_string(located.ids.size()) + " sharp corners (" + std::to_string(needed) + " needed)");
   }
   return CheckCorners(board, located, options);
 }

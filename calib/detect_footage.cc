@@ -40,8 +40,9 @@ void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int6
   const auto size = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
   if (frame.image.width != camera->width_px || frame.image.height != camera->height_px) {
     throw FormatError(footage.path, frame.label,
-                      "camera " + footage.camera + ": the image is " + size(frame.image.width, frame.image.height) + " but the first was " +
-                          size(camera->width_px, camera->height_px) + "; a camera's images must all have one size");
+                      "camera " + footage.camera + ": the image is " + size(frame.image.width, frame.image.height) +
+                          " but the first was " + size(camera->width_px, camera->height_px) +
+                          "; a camera's images must all have one size");
   }
   if (!seen->insert(frame.frame_idx).second) {
     throw FormatError(footage.path, frame.label,
@@ -54,8 +55,8 @@ std::string NeverSeen(const Board& board, const Footage& footage, const FootageD
   std::string why;
   for (const auto& [reason, count] : found.reasons) why += (why.empty() ? "" : ", ") + reason + ": " + std::to_string(count);
   const bool chessboard = board.kind == Board::Kind::kChessboard;
-  return "camera " + footage.camera + ": the board " + ToString(board) + " was not found in any of " + std::to_string(found.num_images) +
-         " images" + (why.empty() ? "" : " (" + why + ")") + "; check " +
+  return "camera " + footage.camera + ": the board " + ToString(board) + " was not found in any of " +
+         std::to_string(found.num_images) + " images" + (why.empty() ? "" : " (" + why + ")") + "; check " +
          (chessboard ? "the numbers of INNER corners, that the whole board is visible and sharp, or try --detector exact"
                      : "the numbers of squares, the dictionary, and whether the layout is legacy");
 }
@@ -94,9 +95,8 @@ std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Foo
   for (const Footage& f : footage) total += f.num_frames / stride;
   SharedStage stage(run, total);
   std::vector<FootageDetections> found(footage.size());
-  ParallelFor(static_cast<int64_t>(footage.size()), run.num_threads, [&](int64_t c) {
-    found[c] = DetectCamera(board, footage[c], static_cast<int>(c), stride, options, &stage);
-  });
+  ParallelFor(static_cast<int64_t>(footage.size()), run.num_threads,
+              [&](int64_t c) { found[c] = DetectCamera(board, footage[c], static_cast<int>(c), stride, options, &stage); });
   return found;
 }
 

@@ -48,8 +48,8 @@ struct FootageDetections {
   std::map<std::string, int> reasons;  ///< why boards were not used -> number of images
 };
 
-/// Searches the board in all footage, cameras in parallel. Throws FormatError when the images of a camera differ in size, when two
-/// have the same number, or when a camera never sees the board.
+/// Searches the board in all footage, cameras in parallel. Throws FormatError when the images of a camera differ in size, when
+/// two have the same number, or when a camera never sees the board.
 std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Footage>& footage, const FootageOptions& options,
                                              const RunContext& run);
 

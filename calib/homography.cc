@@ -42,7 +42,8 @@ double Median(Eigen::VectorXd values) {
   return *middle;
 }
 
-std::optional<Eigen::Matrix3d> FitHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to, const Eigen::VectorXd& weights) {
+std::optional<Eigen::Matrix3d> FitHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to,
+                                             const Eigen::VectorXd& weights) {
   MVS_CHECK(from.cols() == to.cols(), from.cols() << " and " << to.cols() << " points");
   const Eigen::Index n = from.cols();
   if (n < 4 || !from.allFinite() || !to.allFinite()) return std::nullopt;

@@ -6,14 +6,15 @@
 namespace mvstudio::calib {
 
 /// Homography that maps points (2, N) `from` onto `to`, weighted least squares of the algebraic error in normalised coordinates
-/// (Hartley, "In defense of the eight-point algorithm", PAMI 1997). Nothing for fewer than 4 points or when they are degenerate.
+/// (Hartley, "In defense of the eight-point algorithm", PAMI 1997). Nothing for fewer than 4 points or when they are
+/// degenerate.
 std::optional<Eigen::Matrix3d> FitHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to,
                                              const Eigen::VectorXd& weights = {});
 
 Eigen::Vector2d MapPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// The smooth image of a plane seen through a lens: a homography and a polynomial of the plane's coordinates on top of it, of the
-/// highest degree (at most 3) that the points allow, fitted with robust weights.
+/// The smooth image of a plane seen through a lens: a homography and a polynomial of the plane's coordinates on top of it, of
+/// the highest degree (at most 3) that the points allow, fitted with robust weights.
 class PlaneToImage {
  public:
   /// Points (2, N) in the plane and in the image. Nothing when no homography fits.

@@ -47,7 +47,8 @@ int ResectAll(MonoSolution* solution) {
   return count;
 }
 
-MonoSolution StartFrom(const Camera& camera, double focal_px, const std::vector<View>& views, const std::vector<int64_t>& frames) {
+MonoSolution StartFrom(const Camera& camera, double focal_px, const std::vector<View>& views,
+                       const std::vector<int64_t>& frames) {
   MonoSolution solution;
   Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, focal_px);
   start = WithModel(start, camera.model);
@@ -72,7 +73,8 @@ bool Plausible(const MonoSolution& solution) {
   if (solution.status != Status::kOk && solution.status != Status::kNotConverged) return false;
   const Camera& camera = solution.state.cameras[0];
   const double size = std::max(camera.width_px, camera.height_px);
-  return camera.params.allFinite() && std::min(camera.fx(), camera.fy()) > 0.05 * size && std::max(camera.fx(), camera.fy()) < 200 * size;
+  return camera.params.allFinite() && std::min(camera.fx(), camera.fy()) > 0.05 * size &&
+         std::max(camera.fx(), camera.fy()) < 200 * size;
 }
 
 /// The start focal length whose short adjustment ends with the smallest error.
@@ -93,7 +95,8 @@ double BestStart(const Camera& camera, const std::vector<View>& views, const std
     if (solution.status != Status::kOk) continue;
     Solve(options, &solution);
     if (!Plausible(solution)) continue;
-    if (solution.bundle.rms_px < 0.98 * best_rms) best_rms = solution.bundle.rms_px, best_focal = solution.state.cameras[0].fx();
+    if (solution.bundle.rms_px < 0.98 * best_rms)
+      best_rms = solution.bundle.rms_px, best_focal = solution.state.cameras[0].fx();
     if (best_rms < 1) break;
   }
   return best_focal;
@@ -112,7 +115,8 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
     const Eigen::Vector3d a = homography->col(0), b = homography->col(1);
     const double size = a.head<2>().squaredNorm() + b.head<2>().squaredNorm();
     // (a.xy . b.xy) w + a.z b.z = 0 and (|a.xy|^2 - |b.xy|^2) w + a.z^2 - b.z^2 = 0 with w = 1 / f^2, in units of the size
-    const double left[2] = {2 * a.head<2>().dot(b.head<2>()) / size, (a.head<2>().squaredNorm() - b.head<2>().squaredNorm()) / size};
+    const double left[2] = {2 * a.head<2>().dot(b.head<2>()) / size,
+                            (a.head<2>().squaredNorm() - b.head<2>().squaredNorm()) / size};
     const double right[2] = {-2 * a.z() * b.z() / size, -(a.z() * a.z() - b.z() * b.z()) / size};
     for (int k = 0; k < 2; ++k) numerator += left[k] * right[k], denominator += left[k] * left[k];
     scale += left[0] * left[0] + left[1] * left[1];
@@ -138,11 +142,13 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
                            const BundleOptions& options) {
   if (views.empty()) return Failed(Status::kTooFewViews, "camera " + camera.name + " never sees the board");
   for (const View& view : views) {
-    if (!view.px.allFinite()) return Failed(Status::kNonFiniteInput, "camera " + camera.name + ": a corner is not a finite number");
+    if (!view.px.allFinite())
+      return Failed(Status::kNonFiniteInput, "camera " + camera.name + ": a corner is not a finite number");
   }
   const double focal = BestStart(camera, views, frames);
   if (!(focal > 0)) {
-    return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " + std::to_string(views.size()) +
+    return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " +
+                                           std::to_string(views.size()) +
                                            " boards; show the board tilted in several directions");
   }
   MonoSolution solution = StartFrom(camera, focal, views, frames);

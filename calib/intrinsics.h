@@ -9,8 +9,8 @@
 
 namespace mvstudio::calib {
 
-/// Focal length (px) of a pinhole with square pixels and its principal point at the image centre, from the homographies of boards.
-/// Zhang, "A flexible new technique for camera calibration", PAMI 2000, closed form with two unknowns fewer.
+/// Focal length (px) of a pinhole with square pixels and its principal point at the image centre, from the homographies of
+/// boards. Zhang, "A flexible new technique for camera calibration", PAMI 2000, closed form with two unknowns fewer.
 struct FocalGuess {
   Status status = Status::kOk;  ///< kTooFewViews without views, kDegenerate when all boards are parallel to the image
   double focal_px = 0;
@@ -21,12 +21,13 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
 struct MonoSolution {
   Status status = Status::kOk;
   std::string message;
-  RigState state;                 ///< frames as in the views
-  std::vector<View> views;        ///< the given ones; weights 0 for rejected corners
+  RigState state;           ///< frames as in the views
+  std::vector<View> views;  ///< the given ones; weights 0 for rejected corners
   BundleReport bundle;
 };
 
-/// Start and least squares: closed form and a few other focal lengths as starts, the best kept. `camera` gives name, size and model.
+/// Start and least squares: closed form and a few other focal lengths as starts, the best kept. `camera` gives name, size and
+/// model.
 MonoSolution CalibrateMono(const geometry::Camera& camera, const std::vector<View>& views, const std::vector<int64_t>& frames,
                            const BundleOptions& options);
 

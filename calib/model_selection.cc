@@ -71,7 +71,8 @@ std::string Explain(const ModelCandidate& chosen, const ModelCandidate& best) {
   if (&chosen == &best) {
     std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lens models tried", name.c_str());
   } else {
-    std::snprintf(text, sizeof text, "%s is the simplest lens model within one standard error of the best (%s): held-out error %.1f %% larger",
+    std::snprintf(text, sizeof text,
+                  "%s is the simplest lens model within one standard error of the best (%s): held-out error %.1f %% larger",
                   name.c_str(), best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
   }
   return text;

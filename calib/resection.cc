@@ -40,8 +40,8 @@ std::optional<Rigid3> PoseFromHomography(const Eigen::Matrix3d& homography, cons
   return pose;
 }
 
-/// The other orientation of a plane that gives nearly the same image: depths mirrored at the plane through the board's centre across
-/// the line of sight.
+/// The other orientation of a plane that gives nearly the same image: depths mirrored at the plane through the board's centre
+/// across the line of sight.
 Rigid3 MirroredPose(const Rigid3& cam_from_board, const Eigen::Vector3d& center_in_board) {
   const Eigen::Vector3d center_in_cam = cam_from_board * center_in_board;
   const Eigen::Vector3d sight = center_in_cam.normalized();
@@ -118,9 +118,11 @@ Resection ResectPlane(const Camera& camera, const View& view) {
   const auto start = PoseFromHomography(*homography, center);
   if (!start) return Failed(Status::kDegenerate);
   Resection first = RefinePose(camera, view, *start);
-  const Resection second = RefinePose(camera, view, MirroredPose(first.status == Status::kOk ? first.cam_from_board : *start, center));
+  const Resection second =
+      RefinePose(camera, view, MirroredPose(first.status == Status::kOk ? first.cam_from_board : *start, center));
   if (first.status != Status::kOk && second.status != Status::kOk) return first;
-  Resection best = second.status == Status::kOk && (first.status != Status::kOk || second.rms_px < first.rms_px) ? second : first;
+  Resection best =
+      second.status == Status::kOk && (first.status != Status::kOk || second.rms_px < first.rms_px) ? second : first;
   best.other_rms_px = std::max(first.rms_px, second.rms_px);
   return best;
 }

@@ -8,8 +8,8 @@ namespace mvstudio::calib {
 struct Resection {
   Status status = Status::kOk;  ///< kTooFewViews below 4 corners, kDegenerate when they are collinear, kNotConverged
   geometry::Rigid3 cam_from_board;
-  double rms_px = 0;            ///< 2-D point RMS over the corners with a weight
-  double other_rms_px = 0;      ///< of the mirrored orientation of the plane; close to rms_px means the two cannot be told apart
+  double rms_px = 0;        ///< 2-D point RMS over the corners with a weight
+  double other_rms_px = 0;  ///< of the mirrored orientation of the plane; close to rms_px means the two cannot be told apart
 };
 
 /// Pose of the board from one view and known intrinsics: a homography in undistorted coordinates, then least squares of the

@@ -41,7 +41,8 @@ PairMap CollectPairs(const std::vector<View>& views) {
   return pairs;
 }
 
-/// RMS-like disagreement of a relative pose with one shared board: how far board corners move in camera a, relative to their depth.
+/// RMS-like disagreement of a relative pose with one shared board: how far board corners move in camera a, relative to their
+/// depth.
 double Disagreement(const Rigid3& a_from_b, const View& view, const Rigid3& a_from_board, const Rigid3& b_from_board) {
   double sum = 0;
   const Eigen::Index n = view.size();
@@ -54,7 +55,8 @@ double Disagreement(const Rigid3& a_from_b, const View& view, const Rigid3& a_fr
 }
 
 /// The relative pose, of those of the shared boards, with the smallest median disagreement.
-Rigid3 RelativePose(const std::vector<Shared>& shared, const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board) {
+Rigid3 RelativePose(const std::vector<Shared>& shared, const std::vector<View>& views,
+                    const std::vector<Rigid3>& cam_from_board) {
   constexpr size_t kMaxCandidates = 40;
   const size_t stride = std::max<size_t>(1, shared.size() / kMaxCandidates);
   Rigid3 best;
@@ -98,10 +100,11 @@ std::string Names(const RigState& state, const std::vector<int>& cameras) {
 }
 
 std::string MissingLink(const RigState& state, const std::vector<std::vector<int>>& components) {
-  std::string text = "the cameras fall into " + std::to_string(components.size()) + " groups that never see the board at the same time: ";
+  std::string text =
+      "the cameras fall into " + std::to_string(components.size()) + " groups that never see the board at the same time: ";
   for (size_t i = 0; i < components.size(); ++i) text += (i ? ", " : "") + Names(state, components[i]);
-  return text + "; film the board where a camera of " + Names(state, components[0]) + " and one of " + Names(state, components[1]) +
-         " both see it, or check that their frames are paired";
+  return text + "; film the board where a camera of " + Names(state, components[0]) + " and one of " +
+         Names(state, components[1]) + " both see it, or check that their frames are paired";
 }
 
 int SharedCorners(const std::vector<Shared>& shared) {
@@ -111,8 +114,8 @@ int SharedCorners(const std::vector<Shared>& shared) {
 }
 
 /// Prim's algorithm from the reference camera.
-void ChainCameras(const PairMap& pairs, const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board, int reference,
-                  RigState* state) {
+void ChainCameras(const PairMap& pairs, const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
+                  int reference, RigState* state) {
   std::vector<bool> placed(state->cameras.size(), false);
   state->cam_from_world.assign(state->cameras.size(), Rigid3());
   placed[reference] = true;
@@ -158,7 +161,8 @@ void PlaceBoards(const std::vector<View>& views, const std::vector<Rigid3>& cam_
 
 }  // namespace
 
-RigStart InitializeRig(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board, int reference, RigState* state) {
+RigStart InitializeRig(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board, int reference,
+                       RigState* state) {
   RigStart result;
   const PairMap pairs = CollectPairs(views);
   result.components = Components(static_cast<int>(state->cameras.size()), pairs);

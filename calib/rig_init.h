@@ -15,8 +15,8 @@ struct RigStart {
 };
 
 /// Cameras and boards in one frame, from the pose of each board in each camera. Cameras are chained from `reference` (whose
-/// cam_from_world becomes the identity) along the maximum spanning tree of shared corners; each link is the relative pose that agrees
-/// best with the other shared frames. `cam_from_board[v]` belongs to views[v]; views without any weight are not used.
+/// cam_from_world becomes the identity) along the maximum spanning tree of shared corners; each link is the relative pose that
+/// agrees best with the other shared frames. `cam_from_board[v]` belongs to views[v]; views without any weight are not used.
 /// Fills cam_from_world and world_from_board of `state`.
 RigStart InitializeRig(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board, int reference,
                        RigState* state);

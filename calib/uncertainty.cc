@@ -30,7 +30,8 @@ struct Columns {
 };
 
 /// The rows of one frame, with the board eliminated unless the gauge fixes it.
-Eigen::MatrixXd ReducedRows(const std::vector<const View*>& views, const RigState& state, const Columns& columns, bool board_is_fixed) {
+Eigen::MatrixXd ReducedRows(const std::vector<const View*>& views, const RigState& state, const Columns& columns,
+                            bool board_is_fixed) {
   Eigen::Index rows = 0;
   for (const View* view : views) rows += 2 * view->size();
   Eigen::MatrixXd cameras = Eigen::MatrixXd::Zero(rows, columns.total), board = Eigen::MatrixXd::Zero(rows, 6);

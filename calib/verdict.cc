@@ -17,7 +17,8 @@ constexpr int kWarnViews = 8;
 #if defined(__GNUC__)
 __attribute__((format(printf, 1, 2)))
 #endif
-std::string Text(const char* format, ...) {
+std::string
+Text(const char* format, ...) {
   char buffer[300];
   va_list arguments;
   va_start(arguments, format);
@@ -50,7 +51,8 @@ void JudgeError(const CameraReport& camera, Judgement* out) {
               "use sharper images and a flat board");
   }
   if (holdout > kWarnHoldoutRatio * camera.rms_px && holdout > 0.2) {
-    out->Warn("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px against %.2f px on its own boards", name, holdout, camera.rms_px),
+    out->Warn("CAL-HOLDOUT",
+              Text("camera %s: held-out error %.2f px against %.2f px on its own boards", name, holdout, camera.rms_px),
               "film more boards, in more varied poses");
   }
 }
@@ -69,15 +71,18 @@ void JudgeFocal(const CameraReport& camera, Judgement* out) {
 void JudgeData(const CameraReport& camera, Judgement* out) {
   const char* name = camera.name.c_str();
   if (camera.num_views < kWarnViews) {
-    out->Warn("CAL-FEWVIEWS", Text("camera %s: only %d boards", name, camera.num_views), Text("%d or more are better", kWarnViews));
+    out->Warn("CAL-FEWVIEWS", Text("camera %s: only %d boards", name, camera.num_views),
+              Text("%d or more are better", kWarnViews));
   }
   if (camera.coverage < kWarnCoverage) {
     out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage),
               "the lens is extrapolated elsewhere: move the board to the image's edges");
   }
   if (!camera.covers_image) {
-    out->Warn("CAL-FOLD", Text("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
-              "choose a simpler --model or show the board in the corners");
+    out->Warn(
+        "CAL-FOLD",
+        Text("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
+        "choose a simpler --model or show the board in the corners");
   }
 }
 

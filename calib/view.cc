@@ -40,17 +40,25 @@ bool ProjectJet(LensModel model, const double* params, const Eigen::Vector3d& x_
   return px->allFinite();
 }
 
-using ProjectFunction = bool (*)(LensModel, const double*, const Eigen::Vector3d&, Eigen::Vector2d*, Eigen::Ref<Eigen::MatrixXd>, Matrix23*);
+using ProjectFunction = bool (*)(LensModel, const double*, const Eigen::Vector3d&, Eigen::Vector2d*,
+                                 Eigen::Ref<Eigen::MatrixXd>, Matrix23*);
 
 ProjectFunction ProjectFunctionFor(int num_params) {
   switch (num_params) {
-    case 4: return &ProjectJet<4>;
-    case 5: return &ProjectJet<5>;
-    case 6: return &ProjectJet<6>;
-    case 8: return &ProjectJet<8>;
-    case 9: return &ProjectJet<9>;
-    case 12: return &ProjectJet<12>;
-    default: break;
+    case 4:
+      return &ProjectJet<4>;
+    case 5:
+      return &ProjectJet<5>;
+    case 6:
+      return &ProjectJet<6>;
+    case 8:
+      return &ProjectJet<8>;
+    case 9:
+      return &ProjectJet<9>;
+    case 12:
+      return &ProjectJet<12>;
+    default:
+      break;
   }
   MVS_CHECK(false, "no lens model has " << num_params << " parameters");
   return nullptr;
@@ -104,8 +112,9 @@ View HalfOf(const View& view, int first) {
   return half;
 }
 
-std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_world,
-                                               const geometry::Rigid3& world_from_board, bool weighted) {
+std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera,
+                                               const geometry::Rigid3& cam_from_world, const geometry::Rigid3& world_from_board,
+                                               bool weighted) {
   const Eigen::Index n = view.size(), num_params = camera.params.size();
   const ProjectFunction project = ProjectFunctionFor(static_cast<int>(num_params));
   const Eigen::Matrix3d cam_r_world = cam_from_world.rotation.toRotationMatrix();
@@ -119,7 +128,8 @@ std::optional<ViewLinearization> LinearizeView(const View& view, const geometry:
     const Eigen::Vector3d turned_world = cam_r_world * (turned_board + world_from_board.translation);
     Eigen::Vector2d px;
     Matrix23 d_x;
-    if (!project(camera.model, camera.params.data(), turned_world + cam_from_world.translation, &px, d_params, &d_x)) return std::nullopt;
+    if (!project(camera.model, camera.params.data(), turned_world + cam_from_world.translation, &px, d_params, &d_x))
+      return std::nullopt;
     const double scale = weighted ? std::sqrt(view.weights[i]) : 1;
     d_x *= scale;
     out.residuals.segment<2>(2 * i) = scale * (px - view.px.col(i));
@@ -133,7 +143,8 @@ std::optional<ViewLinearization> LinearizeView(const View& view, const geometry:
   return out;
 }
 
-std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board) {
+std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera,
+                                            const geometry::Rigid3& cam_from_board) {
   Eigen::Matrix2Xd residuals(2, view.size());
   for (Eigen::Index i = 0; i < view.size(); ++i) {
     const Eigen::Vector3d x_in_cam = cam_from_board * Eigen::Vector3d(view.x_in_board.col(i));

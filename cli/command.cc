@@ -39,7 +39,8 @@ std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
     const size_t dash = item.find('-');
     const int first = ParseNumber(flag, item.substr(0, dash));
     const int last = dash == std::string::npos ? first : ParseNumber(flag, item.substr(dash + 1));
-    if (last < first || last - first > 10'000'000) throw UsageError(flag + ": range '" + item + "' runs backwards or is too long");
+    if (last < first || last - first > 10'000'000)
+      throw UsageError(flag + ": range '" + item + "' runs backwards or is too long");
     for (int i = first; i <= last; ++i) numbers.insert(i);
   }
   return {numbers.begin(), numbers.end()};

@@ -42,8 +42,9 @@ struct CommandResult {
   std::vector<Output> outputs;
   std::vector<Notice> warnings;
   std::vector<Notice> errors;
-  std::string text;                 ///< what a person reads on stdout without --json
-  std::string folder;               ///< when set: the whole result is kept as folder/<command>.result.json and provenance.jsonl gets a line there
+  std::string text;  ///< what a person reads on stdout without --json
+  std::string
+      folder;  ///< when set: the whole result is kept as folder/<command>.result.json and provenance.jsonl gets a line there
   std::vector<std::string> inputs;  ///< files and folders read, for provenance
 };
 

@@ -105,7 +105,8 @@ ordered_json ResidualSamples(const calib::CalibrateReport& report) {
     ordered_json points = ordered_json::array();
     for (size_t i = 0; i < kept.size(); i += stride) {
       const auto round3 = [](double value) { return std::round(value * 1e3) / 1e3; };
-      points.push_back({round3(kept[i]->px.x()), round3(kept[i]->px.y()), round3(kept[i]->residual_px.x()), round3(kept[i]->residual_px.y())});
+      points.push_back({round3(kept[i]->px.x()), round3(kept[i]->px.y()), round3(kept[i]->residual_px.x()),
+                        round3(kept[i]->residual_px.y())});
     }
     json[report.cameras[c].name] = points;
   }
@@ -122,7 +123,8 @@ double BaselineMm(const geometry::Rig& rig) {
   return 1e3 * (rig.cameras[0].CenterInWorld() - rig.cameras[1].CenterInWorld()).norm();
 }
 
-void FillMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found, ordered_json* metrics) {
+void FillMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
+                 ordered_json* metrics) {
   ordered_json& m = *metrics;
   m["rms_px"] = Number(report.rms_px);
   m["sigma_px"] = Number(report.sigma_px);
@@ -144,19 +146,21 @@ std::string Summary(const calib::CalibrateReport& report, const std::string& pat
   std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
   for (const calib::CameraReport& c : report.cameras) {
     std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6.2f %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
-                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, c.focal_sigma_px, c.rms_px, c.holdout_rms_px, c.num_views,
-                  100 * c.coverage);
+                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, c.focal_sigma_px, c.rms_px, c.holdout_rms_px,
+                  c.num_views, 100 * c.coverage);
     text += line;
   }
-  std::snprintf(line, sizeof line, "rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
-                report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction, report.gauge.c_str());
+  std::snprintf(line, sizeof line, "rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n",
+                report.rms_px, report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
+                report.gauge.c_str());
   text += line;
   if (report.rig.cameras.size() == 2) {
     std::snprintf(line, sizeof line, "baseline %.3f mm\n", BaselineMm(report.rig));
     text += line;
   }
   text += "verdict: " + report.verdict.status + "\n";
-  for (const auto& reason : report.verdict.reasons) text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
+  for (const auto& reason : report.verdict.reasons)
+    text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
   return text + "wrote " + path + "\n";
 }
 
@@ -198,9 +202,11 @@ CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) 
 void RegisterCalibrate(CLI::App& app, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = app.add_subcommand("calibrate", "Calibrate cameras from footage of a board");
-  sub->add_option("--board", arguments->board, "chessboard:COLSxROWS:SQUARE (inner corners) or charuco:COLSxROWS:SQUARE:MARKER[:DICT][:legacy]")
+  sub->add_option("--board", arguments->board,
+                  "chessboard:COLSxROWS:SQUARE (inner corners) or charuco:COLSxROWS:SQUARE:MARKER[:DICT][:legacy]")
       ->required();
-  sub->add_option("--camera", arguments->cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera")->required();
+  sub->add_option("--camera", arguments->cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera")
+      ->required();
   sub->add_option("--out", arguments->out, "folder for calibration.json")->required();
   AddOptions(sub, arguments->footage);
   AddOptions(sub, arguments->calibrate);

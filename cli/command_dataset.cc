@@ -183,7 +183,8 @@ void RegisterDataset(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<VerifyArguments>();
   CLI::App* verify = dataset->add_subcommand("verify", "List everything that is wrong with a dataset folder");
   verify->add_option("folder", arguments->folder, "dataset folder")->required();
-  verify->add_option("--keep", arguments->keep, "folder that keeps the findings for the report; the dataset itself is only read");
+  verify->add_option("--keep", arguments->keep,
+                     "folder that keeps the findings for the report; the dataset itself is only read");
   AddOptions(verify, arguments->options);
   registry.Add(verify, "dataset verify", [arguments](CommandContext& context) { return RunVerify(*arguments, context); });
 

@@ -51,9 +51,7 @@ void VisitFields(Visitor&& visit, DemoOptions& o) {
   visit("steps", o.steps, "training steps of the avatar");
 }
 
-void Shrink(DemoOptions& o) {
-  o.cameras = 5, o.board_frames = 30, o.take_frames = 20, o.avatar_size = 64, o.steps = 60;
-}
+void Shrink(DemoOptions& o) { o.cameras = 5, o.board_frames = 30, o.take_frames = 20, o.avatar_size = 64, o.steps = 60; }
 
 /// A stage that gave no result; ends the demo with that stage's exit code and reason.
 struct StageFailure {
@@ -90,7 +88,8 @@ double Share(const std::vector<double>& values, double limit) {
 /// Joints are brought into the truth's world by the alignment of the two rigs alone, never by one fitted to the joints.
 TruthComparison CompareWithTruth(const std::string& session, const std::string& run) {
   TruthComparison result;
-  result.rig = geometry::CompareRigs(geometry::ReadRig(run + "/calibration.json"), geometry::ReadRig(session + "/truth/calibration.json"));
+  result.rig = geometry::CompareRigs(geometry::ReadRig(run + "/calibration.json"),
+                                     geometry::ReadRig(session + "/truth/calibration.json"));
   const geometry::Rigid3& truth_from_rig = result.rig.reference_from_rig;
   const Eigen::Matrix3d rotation = truth_from_rig.rotation.toRotationMatrix();
   std::map<std::tuple<int, int, std::string>, Eigen::Vector3d> truth;
@@ -111,7 +110,8 @@ TruthComparison CompareWithTruth(const std::string& session, const std::string& 
   }
   result.num_joints = static_cast<int>(errors_mm.size());
   result.joints_median_mm = Median(errors_mm);
-  for (double e : errors_mm) result.joints_mean_mm = (std::isnan(result.joints_mean_mm) ? 0 : result.joints_mean_mm) + e / errors_mm.size();
+  for (double e : errors_mm)
+    result.joints_mean_mm = (std::isnan(result.joints_mean_mm) ? 0 : result.joints_mean_mm) + e / errors_mm.size();
   result.predicted_sigma_median_mm = Median(sigmas_mm);
   // Quantiles of the chi-square distribution with three degrees of freedom.
   result.coverage68 = Share(squared_distances, 3.5059);
@@ -156,11 +156,13 @@ std::vector<Check> Checks(const TruthComparison& t, const Json& eval) {
 /// The demo as the command lines a user would type; each runs in this process.
 class Demo {
  public:
-  Demo(const DemoOptions& options, CommandContext& context) : o_(options), context_(context), session_(options.out + "/session") {}
+  Demo(const DemoOptions& options, CommandContext& context)
+      : o_(options), context_(context), session_(options.out + "/session") {}
 
   CommandResult Run() {
     Stage(SynthWords());
-    for (const auto& camera : geometry::ReadRig(session_ + "/truth/calibration.json").cameras) cameras_.push_back(camera.camera.name);
+    for (const auto& camera : geometry::ReadRig(session_ + "/truth/calibration.json").cameras)
+      cameras_.push_back(camera.camera.name);
     Stage(CalibrateWords());
     Stage(TriangulateWords());
     truth_ = CompareWithTruth(session_, o_.out);
@@ -170,11 +172,17 @@ class Demo {
     eval_ = Stage({"avatar", "eval", o_.out + "/avatar"});
     CommandResult result = Summary();
     // The report reads saved results, so the demo's own must be there before it.
-    WriteFileAtomic(o_.out + "/demo.result.json",
-                    Json{{"schema", "mvstudio.result/1"}, {"command", "demo"}, {"version", MVSTUDIO_VERSION},
-                         {"status", result.exit == 0 ? "ok" : "fail"}, {"exit", result.exit}, {"metrics", result.metrics},
-                         {"outputs", Json::array()}, {"warnings", Json::array()}, {"errors", Json::array()},
-                         {"argv", context_.argv}}.dump(1));
+    WriteFileAtomic(o_.out + "/demo.result.json", Json{{"schema", "mvstudio.result/1"},
+                                                       {"command", "demo"},
+                                                       {"version", MVSTUDIO_VERSION},
+                                                       {"status", result.exit == 0 ? "ok" : "fail"},
+                                                       {"exit", result.exit},
+                                                       {"metrics", result.metrics},
+                                                       {"outputs", Json::array()},
+                                                       {"warnings", Json::array()},
+                                                       {"errors", Json::array()},
+                                                       {"argv", context_.argv}}
+                                                      .dump(1));
     Stage({"report", o_.out, "--out", o_.out + "/report.html"});
     return result;
   }
@@ -199,9 +207,15 @@ class Demo {
   }
 
   Words SynthWords() const {
-    return {"synth", "--out", session_, "--overwrite", "--cameras", std::to_string(o_.cameras), "--size", o_.size, "--lens", o_.lens,
-            "--noise-px", std::to_string(o_.noise_px), "--board", o_.board, "--board-frames", std::to_string(o_.board_frames), "--take-frames",
-            std::to_string(o_.take_frames)};
+    return {"synth",          "--out",
+            session_,         "--overwrite",
+            "--cameras",      std::to_string(o_.cameras),
+            "--size",         o_.size,
+            "--lens",         o_.lens,
+            "--noise-px",     std::to_string(o_.noise_px),
+            "--board",        o_.board,
+            "--board-frames", std::to_string(o_.board_frames),
+            "--take-frames",  std::to_string(o_.take_frames)};
   }
   void AddPerCamera(Words& words, const std::string& flag, const std::string& folder, const std::string& extension) const {
     for (const std::string& camera : cameras_) {
@@ -220,17 +234,31 @@ class Demo {
     return words;
   }
   Words BuildWords() const {
-    Words words = {"dataset", "build", "--calib", o_.out + "/calibration.json", "--pose3d", o_.out + "/pose3d", "--out",
-                   o_.out + "/dataset", "--overwrite"};
+    Words words = {
+        "dataset",           "build",      "--calib", o_.out + "/calibration.json", "--pose3d", o_.out + "/pose3d", "--out",
+        o_.out + "/dataset", "--overwrite"};
     AddPerCamera(words, "--video", "raw/take1", ".mp4");
     AddPerCamera(words, "--plate", "raw/plate", ".png");
     return words;
   }
   Words TrainWords() const {
     const int first_held_out = o_.take_frames - o_.take_frames / 5;
-    return {"avatar", "train", o_.out + "/dataset", "--method", "tna", "--holdout-cameras", cameras_[1], "--holdout-frames",
-            std::to_string(first_held_out) + "-" + std::to_string(o_.take_frames - 1), "--size", std::to_string(o_.avatar_size),
-            "--steps", std::to_string(o_.steps), "--out", o_.out + "/avatar", "--overwrite"};
+    return {"avatar",
+            "train",
+            o_.out + "/dataset",
+            "--method",
+            "tna",
+            "--holdout-cameras",
+            cameras_[1],
+            "--holdout-frames",
+            std::to_string(first_held_out) + "-" + std::to_string(o_.take_frames - 1),
+            "--size",
+            std::to_string(o_.avatar_size),
+            "--steps",
+            std::to_string(o_.steps),
+            "--out",
+            o_.out + "/avatar",
+            "--overwrite"};
   }
 
   CommandResult Summary() const {
@@ -238,15 +266,20 @@ class Demo {
     result.warnings = warnings_;
     result.metrics["quick"] = o_.quick;
     result.metrics["truth"] = TruthToJson(truth_);
-    result.metrics["avatar"] = {{"holdout", eval_.value("holdout", Json::object())}, {"baselines", eval_.value("baselines", Json::object())}};
+    result.metrics["avatar"] = {{"holdout", eval_.value("holdout", Json::object())},
+                                {"baselines", eval_.value("baselines", Json::object())}};
     result.metrics["stages"] = stages_;
     result.metrics["checks"] = Json::array();
     for (const Check& check : Checks(truth_, eval_)) {
-      result.metrics["checks"].push_back({{"name", check.name}, {"value", check.value}, {"bound", check.bound}, {"unit", check.unit},
-                                          {"at_least", check.at_least}, {"pass", check.Pass()}});
+      result.metrics["checks"].push_back({{"name", check.name},
+                                          {"value", check.value},
+                                          {"bound", check.bound},
+                                          {"unit", check.unit},
+                                          {"at_least", check.at_least},
+                                          {"pass", check.Pass()}});
       char line[200];
-      std::snprintf(line, sizeof line, "%-6s %-55s %9.4f  %s %g %s\n", check.Pass() ? "ok" : "MISSED", check.name.c_str(), check.value,
-                    check.at_least ? ">=" : "<=", check.bound, check.unit.c_str());
+      std::snprintf(line, sizeof line, "%-6s %-55s %9.4f  %s %g %s\n", check.Pass() ? "ok" : "MISSED", check.name.c_str(),
+                    check.value, check.at_least ? ">=" : "<=", check.bound, check.unit.c_str());
       result.text += line;
       if (!check.Pass() && !o_.quick) result.exit = kExitQualityGate;
     }

@@ -18,8 +18,12 @@ struct MetricsArguments {
 Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 Json ToJson(const avatar::SetDistance& fd) {
-  return {{"value", Finite(fd.fd)},    {"features", fd.features},         {"n", fd.n},
-          {"d", fd.d},                 {"floor", Finite(fd.floor)},       {"kid", Finite(fd.kid.value)},
+  return {{"value", Finite(fd.fd)},
+          {"features", fd.features},
+          {"n", fd.n},
+          {"d", fd.d},
+          {"floor", Finite(fd.floor)},
+          {"kid", Finite(fd.kid.value)},
           {"kid_se", Finite(fd.kid.standard_error)}};
 }
 

@@ -2,7 +2,8 @@
 
 #include "cli/command.h"
 
-/// One function a command file; each adds its subcommands to `app` (Avatar*: to the subcommand `avatar`) and registers what they run.
+/// One function a command file; each adds its subcommands to `app` (Avatar*: to the subcommand `avatar`) and registers what
+/// they run.
 namespace mvstudio::cli {
 
 void RegisterDemo(CLI::App& app, Registry& registry);

@@ -14,7 +14,8 @@ void InstallLog(const std::string& level);
 void InstallSignalHandlers();
 int ReceivedSignal();
 
-/// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere; silent when `mode` is "none". Modes: auto, bar, plain, none.
+/// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere; silent when `mode` is "none". Modes: auto, bar, plain,
+/// none.
 std::unique_ptr<ProgressSink> MakeProgress(const std::string& mode);
 
 }  // namespace mvstudio::cli

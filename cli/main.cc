@@ -9,9 +9,9 @@
 namespace mvstudio::cli {
 namespace {
 
-/// OpenMP threads spin at every barrier before they sleep; on busy or small machines that makes training ten times slower. The limit
-/// is read before main() begins, so the program starts itself once more with it. Measured: 1.7 -> 18.7 steps/s beside two busy processes, and
-/// 13 -> 18 alone (2 cores).
+/// OpenMP threads spin at every barrier before they sleep; on busy or small machines that makes training ten times slower. The
+/// limit is read before main() begins, so the program starts itself once more with it. Measured: 1.7 -> 18.7 steps/s beside two
+/// busy processes, and 13 -> 18 alone (2 cores).
 void RestartWithShortSpins(char** argv) {
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
   setenv("GOMP_SPINCOUNT", "1000", 1);
@@ -21,7 +21,8 @@ void RestartWithShortSpins(char** argv) {
 void PrintForPerson(const CommandResult& result) {
   if (!result.text.empty()) std::cout << result.text << (result.text.back() == '\n' ? "" : "\n");
   for (const Notice& notice : result.warnings) {
-    std::cerr << "warning " << notice.code << ": " << notice.text << (notice.hint.empty() ? "" : " (" + notice.hint + ")") << "\n";
+    std::cerr << "warning " << notice.code << ": " << notice.text << (notice.hint.empty() ? "" : " (" + notice.hint + ")")
+              << "\n";
   }
   for (const auto& output : result.outputs) {
     if (output.role != "heldout-picture") std::cout << "Wrote " << output.path << "\n";

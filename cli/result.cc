@@ -23,10 +23,14 @@ constexpr uintmax_t kMaxHashedBytes = 2ull << 30;
 
 std::string StatusName(const CommandResult& result) {
   switch (result.exit) {
-    case kExitOk: return result.warnings.empty() ? "ok" : "warn";
-    case kExitQualityGate: return "fail";
-    case kExitPartial: return "partial";
-    default: return "error";
+    case kExitOk:
+      return result.warnings.empty() ? "ok" : "warn";
+    case kExitQualityGate:
+      return "fail";
+    case kExitPartial:
+      return "partial";
+    default:
+      return "error";
   }
 }
 
@@ -92,7 +96,8 @@ CommandResult ErrorResult(int exit, const std::string& code, const std::string& 
 
 }  // namespace
 
-Json ResultToJson(const std::string& command, const CommandResult& result, double wall_s, const std::vector<std::string>& argv) {
+Json ResultToJson(const std::string& command, const CommandResult& result, double wall_s,
+                  const std::vector<std::string>& argv) {
   Json outputs = Json::array();
   for (const auto& output : result.outputs) {
     Json item = {{"path", output.path}};
@@ -112,7 +117,8 @@ Json ResultToJson(const std::string& command, const CommandResult& result, doubl
           {"argv", argv}};
 }
 
-void KeepResult(const std::string& command, const CommandResult& result, const Json& json, const std::vector<std::string>& argv) {
+void KeepResult(const std::string& command, const CommandResult& result, const Json& json,
+                const std::vector<std::string>& argv) {
   if (result.folder.empty()) return;
   std::string name = command;
   std::replace(name.begin(), name.end(), ' ', '_');
@@ -145,7 +151,8 @@ CommandResult ResultOfCurrentException() {
   } catch (const MissingToolError& e) {
     return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
   } catch (const std::exception& e) {
-    return ErrorResult(kExitInternal, "INTERNAL", e.what(), "this is a defect of mvstudio: please report it with the command line");
+    return ErrorResult(kExitInternal, "INTERNAL", e.what(),
+                       "this is a defect of mvstudio: please report it with the command line");
   }
 }
 

@@ -24,12 +24,13 @@ struct LineOutcome {
   std::string help;  ///< text of --help when that was asked for; nothing was run then
 };
 
-/// Parses `words` (without the program's name) and fills `global`; the chosen command is then called by `run`, which is given the
-/// function and returns its result. Never throws: whatever goes wrong is in the result. The result is kept in its folder.
+/// Parses `words` (without the program's name) and fills `global`; the chosen command is then called by `run`, which is given
+/// the function and returns its result. Never throws: whatever goes wrong is in the result. The result is kept in its folder.
 LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
                     const std::function<CommandResult(const RunCommand&)>& run);
 
-/// Runs one stage of a longer command in the same process: as `mvstudio WORDS…` would, with the progress and threads of `context`.
+/// Runs one stage of a longer command in the same process: as `mvstudio WORDS…` would, with the progress and threads of
+/// `context`.
 LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context);
 
 }  // namespace mvstudio::cli

@@ -7,8 +7,8 @@
 ///       visit("max-error-px", o.max_error_px, "px; views with a larger residual are dropped");
 ///     }
 ///
-/// and command-line flags, provenance and the tables of docs/cli.md all come from it. Field types: bool, int, int64_t, uint64_t,
-/// double, std::string, std::vector<std::string>. The name is the flag without its dashes.
+/// and command-line flags, provenance and the tables of docs/cli.md all come from it. Field types: bool, int, int64_t,
+/// uint64_t, double, std::string, std::vector<std::string>. The name is the flag without its dashes.
 namespace mvstudio {
 
 /// Calls `visit(name, value, help)` for each field of a const options struct.

@@ -15,8 +15,7 @@ struct Image {
 
   Image() = default;
   Image(int width_, int height_, int channels_, uint8_t value = 0)
-      : width(width_), height(height_), channels(channels_),
-        pixels(static_cast<size_t>(width_) * height_ * channels_, value) {}
+      : width(width_), height(height_), channels(channels_), pixels(static_cast<size_t>(width_) * height_ * channels_, value) {}
 
   bool empty() const { return pixels.empty(); }
   uint8_t* Pixel(int x, int y) { return pixels.data() + (static_cast<size_t>(y) * width + x) * channels; }

@@ -24,9 +24,10 @@ struct Pose2dTrack {
   std::map<int, std::vector<Person2d>> frames;
 };
 
-/// Reads a folder of OpenPose JSON files (`*.json`, one a frame). The frame number is the last run of digits in the file name before
-/// `_keypoints` or the extension. Throws IoError for a missing or empty folder, FormatError (path, place) for truncated JSON or a
-/// key-point count that does not fit the skeleton (with the skeleton that would fit).
+/// Reads a folder of OpenPose JSON files (`*.json`, one a frame). The frame number is the last run of digits in the file name
+/// before
+/// `_keypoints` or the extension. Throws IoError for a missing or empty folder, FormatError (path, place) for truncated JSON or
+/// a key-point count that does not fit the skeleton (with the skeleton that would fit).
 Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton);
 
 /// Writes one file a frame, `%012d_keypoints.json`, OpenPose 1.3 layout.

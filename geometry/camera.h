@@ -23,8 +23,8 @@ enum class LensModel {
   kKannalaBrandt4,  ///< "kannala4":  k1, k2, k3, k4 of theta_d = theta (1 + k1 theta^2 + … + k4 theta^8)
 };
 
-inline constexpr LensModel kAllLensModels[] = {LensModel::kPinhole, LensModel::kBrown1,    LensModel::kBrown2,
-                                               LensModel::kBrown4,  LensModel::kBrown5,    LensModel::kRational8,
+inline constexpr LensModel kAllLensModels[] = {LensModel::kPinhole,       LensModel::kBrown1, LensModel::kBrown2,
+                                               LensModel::kBrown4,        LensModel::kBrown5, LensModel::kRational8,
                                                LensModel::kKannalaBrandt4};
 
 std::string_view ToString(LensModel model);
@@ -81,13 +81,13 @@ class Projector {
  public:
   explicit Projector(const Camera& camera);
 
-  /// `kBehindCamera` for z <= 0 (for kannala4: for points on the optical axis behind the camera), `kOutsideValidRadius` beyond the
-  /// radius where the distortion folds over, `kNonFiniteInput`. The pixel may lie outside the image.
+  /// `kBehindCamera` for z <= 0 (for kannala4: for points on the optical axis behind the camera), `kOutsideValidRadius` beyond
+  /// the radius where the distortion folds over, `kNonFiniteInput`. The pixel may lie outside the image.
   Projection Project(const Eigen::Vector3d& x_in_cam) const;
   ProjectionWithJacobians ProjectWithJacobians(const Eigen::Vector3d& x_in_cam) const;
 
-  /// Inverse by a bracketed radial solve and 2-D Newton with backtracking: residual below 1e-9 px (or 8 roundings of the pixel's
-  /// coordinates where that is coarser, beyond some 5e5 px), or a status; never a guess.
+  /// Inverse by a bracketed radial solve and 2-D Newton with backtracking: residual below 1e-9 px (or 8 roundings of the
+  /// pixel's coordinates where that is coarser, beyond some 5e5 px), or a status; never a guess.
   Unprojection Unproject(const Eigen::Vector2d& px) const;
 
   /// Undistorted radius up to which the radial function is monotone: tan(theta) for the polynomial and rational models, theta

@@ -6,8 +6,8 @@
 #include "geometry/camera.h"
 
 /// The projection formulas, once, over any scalar (double, float, ceres::Jet, mpreal).
-/// Brown and rational: D. C. Brown, "Decentering distortion of lenses", 1966, in OpenCV's parametrisation; with a = x/z, b = y/z,
-/// r2 = a^2 + b^2:
+/// Brown and rational: D. C. Brown, "Decentering distortion of lenses", 1966, in OpenCV's parametrisation; with a = x/z, b =
+/// y/z, r2 = a^2 + b^2:
 ///   L  = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)
 ///   a' = a L + 2 p1 a b + p2 (r2 + 2 a^2),   b' = b L + p1 (r2 + 2 b^2) + 2 p2 a b,   u = fx a' + cx,   v = fy b' + cy.
 /// Kannala and Brandt, "A generic camera model and calibration method", PAMI 2006, radial part: theta = atan2(|(x,y)|, z).
@@ -35,8 +35,8 @@ T KannalaBrandtRadius(const T* k, const T& theta) {
   return theta * (T(1) + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
 }
 
-/// Projects x_in_cam by the formula alone: returns false only where it is undefined (z <= 0 for the perspective models; the origin
-/// and the negative optical axis for kannala4). Does not know the valid radius: use Projector outside optimisers.
+/// Projects x_in_cam by the formula alone: returns false only where it is undefined (z <= 0 for the perspective models; the
+/// origin and the negative optical axis for kannala4). Does not know the valid radius: use Projector outside optimisers.
 template <class T>
 bool ProjectByFormula(LensModel model, const T* params, const Eigen::Matrix<T, 3, 1>& x_in_cam, Eigen::Matrix<T, 2, 1>* px) {
   using std::atan2;

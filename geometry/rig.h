@@ -14,8 +14,8 @@ namespace mvstudio::geometry {
 struct RigCamera {
   Camera camera;
   Rigid3 cam_from_world;
-  std::optional<Eigen::MatrixXd> params_covariance;                       // (P, P), units of Camera::params
-  std::optional<Eigen::Matrix<double, 6, 6>> cam_from_world_covariance;   // left perturbation: rotation rad, translation m
+  std::optional<Eigen::MatrixXd> params_covariance;                      // (P, P), units of Camera::params
+  std::optional<Eigen::Matrix<double, 6, 6>> cam_from_world_covariance;  // left perturbation: rotation rad, translation m
 
   /// Camera centre in world, metres.
   Eigen::Vector3d CenterInWorld() const { return Inverse(cam_from_world).translation; }

@@ -29,8 +29,8 @@ double RotationAngle(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b);
 /// order and this side.
 Rigid3 Perturb(const Vector6d& delta, const Rigid3& b_from_a);
 
-/// Nearest rotation to a 3x3 matrix in the Frobenius norm; `drift`, when given, receives |M - R|_F. Throws ContractViolation when M
-/// is not finite or its determinant is not positive.
+/// Nearest rotation to a 3x3 matrix in the Frobenius norm; `drift`, when given, receives |M - R|_F. Throws ContractViolation
+/// when M is not finite or its determinant is not positive.
 Eigen::Quaterniond NearestRotation(const Eigen::Matrix3d& matrix, double* drift = nullptr);
 
 }  // namespace mvstudio::geometry

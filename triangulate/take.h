@@ -17,7 +17,7 @@ struct TakeOptions {
       "auto";              ///< auto: robust; all-views, linear, midpoint: faster, outliers included; exhaustive-dlt: Pose2Sim's
   double sigma_px = 0;     ///< of a detection with score 1; 0: estimated from the take
   double min_score = 0.3;  ///< detections below are left out
-  double score_power = 0;           ///< sigma grows as score to minus this power; 0: scores are not noise levels
+  double score_power = 0;  ///< sigma grows as score to minus this power; 0: scores are not noise levels
   double max_residual_sigmas = 4;   ///< see PointOptions
   double min_parallax_sigmas = 5;   ///< see PointOptions
   double max_distance_m = 0;        ///< see PointOptions

@@ -14,11 +14,11 @@ struct FolderComparison {
     std::string name;
     RegionScore score;  ///< over the whole picture
   };
-  std::vector<Picture> pictures;       ///< by name
-  RegionScore mean;                    ///< PSNR: mean of the finite dB
-  int64_t psnr_infinite = 0;           ///< equal pairs
-  std::optional<SetDistance> fd;       ///< missing below 4 pairs, for pictures under 32 px or of several sizes
-  std::string fd_missing;              ///< why it is missing
+  std::vector<Picture> pictures;  ///< by name
+  RegionScore mean;               ///< PSNR: mean of the finite dB
+  int64_t psnr_infinite = 0;      ///< equal pairs
+  std::optional<SetDistance> fd;  ///< missing below 4 pairs, for pictures under 32 px or of several sizes
+  std::string fd_missing;         ///< why it is missing
   std::vector<std::string> only_in_reference, only_in_other;  ///< file names without a partner
 };
 

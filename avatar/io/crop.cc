@@ -16,10 +16,20 @@ constexpr int kMaxSamples = 16;  // a side
 // Metres from a joint to the body's surface, in the order of Panoptic's joints: head 0.16, hands 0.20, feet 0.18.
 double Thickness(int joint) {
   switch (joint) {
-    case 1: case 15: case 16: case 17: case 18: return 0.16;
-    case 5: case 11: return 0.20;
-    case 8: case 14: return 0.18;
-    default: return 0.14;
+    case 1:
+    case 15:
+    case 16:
+    case 17:
+    case 18:
+      return 0.16;
+    case 5:
+    case 11:
+      return 0.20;
+    case 8:
+    case 14:
+      return 0.18;
+    default:
+      return 0.14;
   }
 }
 
@@ -32,7 +42,8 @@ double Median(std::vector<double> values) {
 class PixelMap {
  public:
   PixelMap(const geometry::RigCamera& from, const geometry::RigCamera& to)
-      : projector_(from.camera), to_(to.camera),
+      : projector_(from.camera),
+        to_(to.camera),
         rotation_((from.cam_from_world.rotation * to.cam_from_world.rotation.conjugate()).toRotationMatrix()) {
     MVS_CHECK(to_.model == geometry::LensModel::kPinhole, "the crop's camera must be a pinhole");
   }

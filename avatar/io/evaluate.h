@@ -57,10 +57,10 @@ struct Evaluation {
   std::vector<CameraScore> per_camera;
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
-  std::vector<std::string> skipped;       ///< pictures that could not be used, with the reason
+  std::vector<std::string> skipped;  ///< pictures that could not be used, with the reason
   int64_t checkpoint_step = 0;
-  double seconds_per_picture = 0;         ///< rendering alone; NaN without a clock
-  std::string convention;                 ///< what the numbers mean, in words
+  double seconds_per_picture = 0;  ///< rendering alone; NaN without a clock
+  std::string convention;          ///< what the numbers mean, in words
 };
 
 /// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on pictures it never saw:

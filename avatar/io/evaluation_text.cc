@@ -17,8 +17,12 @@ Json RegionJson(const RegionScore& score) {
 
 Json DistanceJson(const std::optional<SetDistance>& distance) {
   if (!distance) return nullptr;
-  return {{"value", Finite(distance->fd)},   {"features", distance->features}, {"n", distance->n},
-          {"d", distance->d},                {"floor", Finite(distance->floor)}, {"kid", Finite(distance->kid.value)},
+  return {{"value", Finite(distance->fd)},
+          {"features", distance->features},
+          {"n", distance->n},
+          {"d", distance->d},
+          {"floor", Finite(distance->floor)},
+          {"kid", Finite(distance->kid.value)},
           {"kid_se", Finite(distance->kid.standard_error)}};
 }
 
@@ -75,8 +79,10 @@ std::string ToJsonText(const Evaluation& e) {
                                 {"panels", {"truth", "render", "error", "nearest_pose"}}});
   }
   const DatasetSplit& split = e.config.split;
-  json["split"] = {{"train_cameras", split.train_cameras},     {"holdout_cameras", split.holdout_cameras},
-                   {"num_train_frames", split.train_frames.size()}, {"holdout_frames", split.holdout_frames}};
+  json["split"] = {{"train_cameras", split.train_cameras},
+                   {"holdout_cameras", split.holdout_cameras},
+                   {"num_train_frames", split.train_frames.size()},
+                   {"holdout_frames", split.holdout_frames}};
   json["skipped"] = e.skipped;
   json["size_px"] = e.config.pack.size_px;
   json["px_per_m"] = e.config.pack.fill * e.config.pack.size_px / 2 / e.config.half_extent_m;

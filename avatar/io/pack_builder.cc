@@ -306,8 +306,10 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   }
   std::vector<int64_t> good;
   for (int64_t i = 0; i < count; ++i) {
-    if (reasons[i].empty()) good.push_back(i);
-    else result.skipped.push_back(Name(plan.cameras[plan.jobs[i].camera_idx], plan.jobs[i].frame) + ": " + reasons[i]);
+    if (reasons[i].empty())
+      good.push_back(i);
+    else
+      result.skipped.push_back(Name(plan.cameras[plan.jobs[i].camera_idx], plan.jobs[i].frame) + ": " + reasons[i]);
   }
   if (good.empty()) {
     throw FormatError(data.root, "",

@@ -52,9 +52,9 @@ int ChoosePerson(const dataset::PanopticDataset& data, int requested);
 struct PackResult {
   AvatarPack pack;
   int person = -1;
-  double half_extent_m = 0;      ///< metres from the middle of a crop to its edge, at the person's distance
-  BodyShape shape;               ///< girth used for part and uv
-  double template_iou = 0;       ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
+  double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
+  BodyShape shape;           ///< girth used for part and uv
+  double template_iou = 0;   ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
   std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", pictures that could not be used
 };
 

@@ -10,10 +10,10 @@ namespace mvstudio::avatar {
 
 /// What a training run was made from: RUN/config.json. Evaluation needs nothing else but the checkpoint beside it.
 struct RunConfig {
-  std::string dataset;     ///< absolute folder, Panoptic layout
-  PackOptions pack;        ///< size, crop and person; its cameras and frames are those trained on
+  std::string dataset;  ///< absolute folder, Panoptic layout
+  PackOptions pack;     ///< size, crop and person; its cameras and frames are those trained on
   DatasetSplit split;
-  BodyShape shape;         ///< as fitted on the training pictures
+  BodyShape shape;           ///< as fitted on the training pictures
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person
   double template_iou = 0;   ///< mean IoU of the posed template and the masks of the training pictures
 };

@@ -1,5 +1,3 @@
-#include "avatar/io/evaluate.h"
-
 #include <ATen/ATen.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,6 +6,7 @@
 
 #include "avatar/io/baselines.h"
 #include "avatar/io/compare_folders.h"
+#include "avatar/io/evaluate.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
 #include "core/error.h"

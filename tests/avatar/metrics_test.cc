@@ -43,8 +43,8 @@ long double NaiveSsim(const at::Tensor& a, const at::Tensor& b) {
         }
       }
       const long double c1 = 1e-4L, c2 = 9e-4L;
-      total += (2 * sx * sy + c1) * (2 * (sxy - sx * sy) + c2) /
-               ((sx * sx + sy * sy + c1) * (sxx - sx * sx + syy - sy * sy + c2));
+      total +=
+          (2 * sx * sy + c1) * (2 * (sxy - sx * sy) + c2) / ((sx * sx + sy * sy + c1) * (sxx - sx * sx + syy - sy * sy + c2));
     }
   }
   return total / count;
@@ -211,9 +211,7 @@ TEST(Frechet, FloorIsSeededAndFallsWithTheNumberOfSamples) {
 TEST(KernelDistance, EqualsTheDoubleSum) {
   const int64_t n = 6, m = 9, d = 5;
   const at::Tensor x = Noise({n, d}, 15), y = Noise({m, d}, 16, 0.5);
-  const auto k = [&](const at::Tensor& a, const at::Tensor& b) {
-    return std::pow((a * b).sum().item<double>() / d + 1, 3);
-  };
+  const auto k = [&](const at::Tensor& a, const at::Tensor& b) { return std::pow((a * b).sum().item<double>() / d + 1, 3); };
   const auto mmd = [&](int64_t skip_x, int64_t skip_y) {
     double xx = 0, yy = 0, xy = 0, nx = 0, ny = 0, nc = 0;
     for (int64_t i = 0; i < n; ++i) {

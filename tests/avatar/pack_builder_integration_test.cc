@@ -1,11 +1,10 @@
-#include "avatar/io/pack_builder.h"
-
 #include <ATen/ATen.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
+#include "avatar/io/pack_builder.h"
 #include "avatar/io/run_config.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"

@@ -23,7 +23,8 @@ TEST(ParseBoard, ReadsChessboardAndCharuco) {
 }
 
 TEST(ParseBoard, TextRoundTrip) {
-  for (const char* text : {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy"}) {
+  for (const char* text :
+       {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy"}) {
     EXPECT_EQ(ToString(ParseBoard(text)), text);
   }
 }

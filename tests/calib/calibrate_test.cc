@@ -75,7 +75,8 @@ TEST(Calibrate, GrossOutliersAreRejectedAndDoNotMatter) {
   Rng rng(4);
   int spoiled = 0;
   for (Detection& d : input.detections) {
-    for (int i = 0; i < d.num_corners(); i += 17, ++spoiled) d.points_px.col(i) += Eigen::Vector2d(rng.Uniform(5, 40), rng.Uniform(-40, 40));
+    for (int i = 0; i < d.num_corners(); i += 17, ++spoiled)
+      d.points_px.col(i) += Eigen::Vector2d(rng.Uniform(5, 40), rng.Uniform(-40, 40));
   }
   const CalibrateReport report = Calibrate(input, Quick(), RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;

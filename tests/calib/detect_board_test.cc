@@ -60,7 +60,8 @@ TEST(DetectBoard, EmptyImageSaysWhy) {
 }
 
 TEST(DetectBoard, WrongLayoutIsNotTheBoard) {
-  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"), claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
+  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"),
+              claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
   const BoardDetection found = DetectBoard(claimed, RenderBoard(printed, camera, Pose(printed, {0.2, 0.1, 0}, 2.5), 3));
   EXPECT_NE(found.status, Status::kOk);

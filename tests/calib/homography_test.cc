@@ -15,7 +15,9 @@ Eigen::Matrix2Xd GridPoints(int cols, int rows) {
   return points;
 }
 
-Eigen::Matrix2Xd MapAll(const Eigen::Matrix3d& h, const Eigen::Matrix2Xd& from) { return (h * from.colwise().homogeneous()).colwise().hnormalized(); }
+Eigen::Matrix2Xd MapAll(const Eigen::Matrix3d& h, const Eigen::Matrix2Xd& from) {
+  return (h * from.colwise().homogeneous()).colwise().hnormalized();
+}
 
 TEST(FitHomography, RecoversAnExactOne) {
   Eigen::Matrix3d truth;

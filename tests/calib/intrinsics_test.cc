@@ -10,7 +10,9 @@ namespace {
 using testing::MakeScene;
 using testing::SceneOptions;
 
-std::vector<View> ViewsOf(const testing::Scene& scene, std::vector<int64_t>* frames) { return MakeViews(scene.board, scene.detections, frames); }
+std::vector<View> ViewsOf(const testing::Scene& scene, std::vector<int64_t>* frames) {
+  return MakeViews(scene.board, scene.detections, frames);
+}
 
 TEST(GuessFocal, ClosedFormIsExactForAPinholeAtTheCentre) {
   SceneOptions options;
@@ -56,8 +58,9 @@ TEST_P(CalibrateMonoTest, RecoversNoiseFreeIntrinsics) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, CalibrateMonoTest,
-                         ::testing::Values(geometry::LensModel::kPinhole, geometry::LensModel::kBrown1, geometry::LensModel::kBrown2,
-                                           geometry::LensModel::kBrown4, geometry::LensModel::kBrown5, geometry::LensModel::kKannalaBrandt4));
+                         ::testing::Values(geometry::LensModel::kPinhole, geometry::LensModel::kBrown1,
+                                           geometry::LensModel::kBrown2, geometry::LensModel::kBrown4,
+                                           geometry::LensModel::kBrown5, geometry::LensModel::kKannalaBrandt4));
 
 TEST(CalibrateMono, NothingAndNanHaveAStatus) {
   const auto scene = MakeScene({});

@@ -1,7 +1,6 @@
-#include "calib/model_selection.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/model_selection.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {
@@ -23,7 +22,8 @@ MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px, u
 // The rule of one standard error picks a larger model than the truth in about one of six noisy scenes, by its construction, and
 // must never pick a smaller one.
 TEST(ChooseModel, FindsTheModelThatMadeTheData) {
-  for (geometry::LensModel model : {geometry::LensModel::kPinhole, geometry::LensModel::kBrown2, geometry::LensModel::kBrown4}) {
+  for (geometry::LensModel model :
+       {geometry::LensModel::kPinhole, geometry::LensModel::kBrown2, geometry::LensModel::kBrown4}) {
     int exact = 0;
     for (uint64_t seed = 1; seed <= 6; ++seed) {
       const ModelChoice choice = ChooseModel({Solve(model, 12, 0.05, seed)}, 4, 12, 1);

@@ -18,7 +18,8 @@ View MakeExactView(const geometry::Camera& camera, const geometry::Rigid3& pose,
   Rng rng(seed);
   for (int i = 0; i < board.num_corners(); ++i) {
     view.corner_ids.push_back(i);
-    view.px.col(i) = geometry::Project(camera, pose * Eigen::Vector3d(view.x_in_board.col(i))).px + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal());
+    view.px.col(i) = geometry::Project(camera, pose * Eigen::Vector3d(view.x_in_board.col(i))).px +
+                     noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal());
   }
   return view;
 }
@@ -26,7 +27,8 @@ View MakeExactView(const geometry::Camera& camera, const geometry::Rigid3& pose,
 geometry::Rigid3 RandomPose(Rng* rng, double depth) {
   geometry::Rigid3 pose;
   pose.rotation = geometry::RotationExp(Eigen::Vector3d(rng->Uniform(-0.9, 0.9), rng->Uniform(-0.9, 0.9), rng->Uniform(-3, 3)));
-  pose.translation = Eigen::Vector3d(rng->Uniform(-0.1, 0.1), rng->Uniform(-0.1, 0.1), depth) - pose.rotation * Eigen::Vector3d(0.12, 0.075, 0);
+  pose.translation = Eigen::Vector3d(rng->Uniform(-0.1, 0.1), rng->Uniform(-0.1, 0.1), depth) -
+                     pose.rotation * Eigen::Vector3d(0.12, 0.075, 0);
   return pose;
 }
 

@@ -21,7 +21,8 @@ inline geometry::Camera MakeCamera(const std::string& name, geometry::LensModel 
   geometry::Camera camera{name, model, 640, 480, Eigen::VectorXd::Zero(geometry::NumParams(model))};
   camera.params.head<4>() << focal_px, focal_px * 1.002, 322.5, 236.25;
   const double kDistortion[] = {-0.25, 0.09, 8e-4, -6e-4, -0.012, 0.01, -0.004, 0.002};
-  for (Eigen::Index i = 4; i < camera.params.size(); ++i) camera.params[i] = kDistortion[i - 4] * (model == geometry::LensModel::kKannalaBrandt4 ? 0.1 : 1);
+  for (Eigen::Index i = 4; i < camera.params.size(); ++i)
+    camera.params[i] = kDistortion[i - 4] * (model == geometry::LensModel::kKannalaBrandt4 ? 0.1 : 1);
   return camera;
 }
 
@@ -47,8 +48,8 @@ struct SceneOptions {
   int num_cameras = 2, num_frames = 20;
   geometry::LensModel model = geometry::LensModel::kBrown4;
   double noise_px = 0;
-  double arc_rad = 0.6;          ///< of the cameras around the volume
-  double max_tilt_rad = 0.6;     ///< of the boards; 0: parallel to the image of camera 0
+  double arc_rad = 0.6;       ///< of the cameras around the volume
+  double max_tilt_rad = 0.6;  ///< of the boards; 0: parallel to the image of camera 0
   uint64_t seed = 1;
 };
 
@@ -88,7 +89,8 @@ inline Scene MakeScene(const SceneOptions& options) {
   for (int f = 0; f < options.num_frames; ++f) {
     const double t = options.max_tilt_rad;
     geometry::Rigid3 cam0_from_board;
-    cam0_from_board.rotation = geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-t, t), rng.Uniform(-t, t), t > 0 ? rng.Uniform(-0.5, 0.5) : 0));
+    cam0_from_board.rotation =
+        geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-t, t), rng.Uniform(-t, t), t > 0 ? rng.Uniform(-0.5, 0.5) : 0));
     const Eigen::Vector3d center(rng.Uniform(-0.25, 0.25), rng.Uniform(-0.2, 0.2), rng.Uniform(0.9, 1.4));
     cam0_from_board.translation = center - cam0_from_board.rotation * Eigen::Vector3d(0.24, 0.15, 0);
     scene.truth.frames.push_back(3 * f + 1);
@@ -117,20 +119,23 @@ inline geometry::Rig TruthRig(const Scene& scene) {
   geometry::Rig rig;
   const geometry::Rigid3 world_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0]);
   for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
-    rig.cameras.push_back({scene.truth.cameras[c], scene.truth.cam_from_world[c] * world_from_cam0, std::nullopt, std::nullopt});
+    rig.cameras.push_back(
+        {scene.truth.cameras[c], scene.truth.cam_from_world[c] * world_from_cam0, std::nullopt, std::nullopt});
   }
   return rig;
 }
 
 /// Position on the board's plane of the point seen at a pixel, metres.
-inline Eigen::Vector2d OnBoardPlane(const geometry::Projector& projector, const geometry::Rigid3& board_from_cam, double u, double v) {
+inline Eigen::Vector2d OnBoardPlane(const geometry::Projector& projector, const geometry::Rigid3& board_from_cam, double u,
+                                    double v) {
   const Eigen::Vector3d ray = board_from_cam.rotation * projector.Unproject({u, v}).ray_in_cam;
   return (board_from_cam.translation - ray * (board_from_cam.translation.z() / ray.z())).head<2>();
 }
 
-/// A picture of the board through the exact lens on a grey ground, `samples`^2 samples a pixel: exact rays at the pixel's corners,
-/// bilinear in between.
-inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board, int samples) {
+/// A picture of the board through the exact lens on a grey ground, `samples`^2 samples a pixel: exact rays at the pixel's
+/// corners, bilinear in between.
+inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board,
+                         int samples) {
   constexpr int kPxPerSquare = 96;
   constexpr double kMargin = 0.5;
   const Image print = DrawBoard(board, kPxPerSquare, kMargin);
@@ -142,8 +147,10 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
       box.extend(projector.Project(cam_from_board * Eigen::Vector3d(x * board.square_m, y * board.square_m, 0)).px);
     }
   }
-  const int u0 = std::max(0, static_cast<int>(box.min().x()) - 8), u1 = std::min(camera.width_px - 1, static_cast<int>(box.max().x()) + 8);
-  const int v0 = std::max(0, static_cast<int>(box.min().y()) - 8), v1 = std::min(camera.height_px - 1, static_cast<int>(box.max().y()) + 8);
+  const int u0 = std::max(0, static_cast<int>(box.min().x()) - 8),
+            u1 = std::min(camera.width_px - 1, static_cast<int>(box.max().x()) + 8);
+  const int v0 = std::max(0, static_cast<int>(box.min().y()) - 8),
+            v1 = std::min(camera.height_px - 1, static_cast<int>(box.max().y()) + 8);
   Image image(camera.width_px, camera.height_px, 1, 128);
   std::vector<Eigen::Vector2d> above, below;
   for (int v = v0; v <= v1 + 1; ++v) {
@@ -154,7 +161,8 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
       double sum = 0;
       for (int s = 0; s < samples * samples; ++s) {
         const double a = (s % samples + 0.5) / samples, b = (s / samples + 0.5) / samples;
-        const Eigen::Vector2d x = (1 - b) * ((1 - a) * above[k] + a * above[k + 1]) + b * ((1 - a) * below[k] + a * below[k + 1]);
+        const Eigen::Vector2d x =
+            (1 - b) * ((1 - a) * above[k] + a * above[k + 1]) + b * ((1 - a) * below[k] + a * below[k + 1]);
         const Eigen::Vector2d at = (x / board.square_m).array() * kPxPerSquare + (1 + kMargin) * kPxPerSquare - 0.5;
         const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y()));
         const bool inside = i >= 0 && j >= 0 && i < print.width && j < print.height;

@@ -14,7 +14,8 @@ using testing::SceneOptions;
 
 /// Errors of one solved scene, in the order of RigCovariance::joint for two cameras with camera 0 fixed.
 Eigen::VectorXd Errors(const RigState& found, const RigState& truth) {
-  const Eigen::VectorXd a = found.cameras[0].params - truth.cameras[0].params, b = found.cameras[1].params - truth.cameras[1].params;
+  const Eigen::VectorXd a = found.cameras[0].params - truth.cameras[0].params,
+                        b = found.cameras[1].params - truth.cameras[1].params;
   const geometry::Rigid3 &f = found.cam_from_world[1], &t = truth.cam_from_world[1];
   Eigen::VectorXd errors(a.size() + b.size() + 6);
   errors << a, b, geometry::RotationLog(f.rotation * t.rotation.conjugate()), f.translation - t.translation;

@@ -36,18 +36,22 @@ TEST_P(LinearizeViewTest, AgreesWithFiniteDifferences) {
   const View view = MakeViews(scene.board, scene.detections, &frames)[3];
   const RigState& truth = scene.truth;
   ASSERT_EQ(frames, truth.frames);
-  const auto linear = LinearizeView(view, truth.cameras[view.camera_idx], truth.cam_from_world[view.camera_idx], truth.world_from_board[view.frame]);
+  const auto linear = LinearizeView(view, truth.cameras[view.camera_idx], truth.cam_from_world[view.camera_idx],
+                                    truth.world_from_board[view.frame]);
   ASSERT_TRUE(linear);
   EXPECT_LT(linear->residuals.cwiseAbs().maxCoeff(), 1e-9);
   for (int i = 0; i < 6; ++i) {
-    const auto move = [i](double step, geometry::Rigid3* pose) { *pose = geometry::Perturb(step * geometry::Vector6d::Unit(i), *pose); };
+    const auto move = [i](double step, geometry::Rigid3* pose) {
+      *pose = geometry::Perturb(step * geometry::Vector6d::Unit(i), *pose);
+    };
     const Eigen::VectorXd cam = Difference(view, truth, [&](double step, auto*, auto* c, auto*) { move(step, c); });
     const Eigen::VectorXd board = Difference(view, truth, [&](double step, auto*, auto*, auto* b) { move(step, b); });
     EXPECT_LT((cam - linear->d_cam.col(i)).cwiseAbs().maxCoeff(), 1e-5 * cam.norm()) << i;
     EXPECT_LT((board - linear->d_board.col(i)).cwiseAbs().maxCoeff(), 1e-5 * board.norm()) << i;
   }
   for (int i = 0; i < linear->d_params.cols(); ++i) {
-    const Eigen::VectorXd params = Difference(view, truth, [&](double step, auto* camera, auto*, auto*) { camera->params[i] += step; });
+    const Eigen::VectorXd params =
+        Difference(view, truth, [&](double step, auto* camera, auto*, auto*) { camera->params[i] += step; });
     EXPECT_LT((params - linear->d_params.col(i)).cwiseAbs().maxCoeff(), 1e-5 * std::max(1.0, params.norm())) << i;
   }
 }

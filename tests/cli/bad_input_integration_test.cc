@@ -16,8 +16,8 @@ class BadInput : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TempDir;
-    const CliRun run = RunCli({"synth", "--out", *folder_ / "studio", "--cameras", "3", "--size", "320x240", "--board-frames", "3",
-                               "--take-frames", "6"});
+    const CliRun run = RunCli({"synth", "--out", *folder_ / "studio", "--cameras", "3", "--size", "320x240", "--board-frames",
+                               "3", "--take-frames", "6"});
     ASSERT_EQ(run.exit, 0) << run.err;
   }
   static void TearDownTestSuite() {
@@ -30,24 +30,25 @@ class BadInput : public ::testing::Test {
   }
 
   std::vector<std::string> Triangulate() const {
-    std::vector<std::string> words = {"triangulate", "--calib", session_ + "/truth/calibration.json", "--skeleton", "body25",
-                                      "--out", work_ / "pose3d"};
+    std::vector<std::string> words = {
+        "triangulate", "--calib", session_ + "/truth/calibration.json", "--skeleton", "body25", "--out", work_ / "pose3d"};
     for (const char* camera : {"cam_01", "cam_02", "cam_03"}) {
       words.insert(words.end(), {"--pose2d", std::string(camera) + "=" + session_ + "/pose2d/take1/" + camera});
     }
     return words;
   }
   std::vector<std::string> Build() const {
-    std::vector<std::string> words = {"dataset", "build", "--calib", session_ + "/truth/calibration.json", "--pose3d",
-                                      session_ + "/truth/pose3d", "--out", work_ / "dataset"};
+    std::vector<std::string> words = {
+        "dataset", "build",          "--calib", session_ + "/truth/calibration.json", "--pose3d", session_ + "/truth/pose3d",
+        "--out",   work_ / "dataset"};
     for (const char* camera : {"cam_01", "cam_02", "cam_03"}) {
       words.insert(words.end(), {"--video", std::string(camera) + "=" + session_ + "/raw/take1/" + camera + ".mp4"});
     }
     return words;
   }
   /// The command fails with `exit`, one line on stderr holding every one of `parts`, and leaves no output and no rubbish.
-  void ExpectFailure(const std::vector<std::string>& words, int exit, const std::vector<std::string>& parts, const std::string& output,
-                     const std::string& prefix = "") {
+  void ExpectFailure(const std::vector<std::string>& words, int exit, const std::vector<std::string>& parts,
+                     const std::string& output, const std::string& prefix = "") {
     const CliRun run = RunCli(words, prefix);
     EXPECT_EQ(run.exit, exit) << run.err;
     for (const std::string& part : parts) EXPECT_THAT(run.err, HasSubstr(part));
@@ -135,8 +136,8 @@ TEST_F(BadInput, NoSpaceLeftOnTheDevice) {
   *std::find(words.begin(), words.end(), work_ / "dataset") = disk + "/dataset";
   std::string line;
   for (const std::string& word : words) line += " " + ShellQuote(word);
-  const std::string script = "mount -t tmpfs -o size=100k none " + disk + " && " + ShellQuote(CliPath()) + line + "; code=$?; ls -A " + disk +
-                             "; exit $code";
+  const std::string script = "mount -t tmpfs -o size=100k none " + disk + " && " + ShellQuote(CliPath()) + line +
+                             "; code=$?; ls -A " + disk + "; exit $code";
   const std::string err = work_ / "err", out = work_ / "out";
   const int status = std::system(("unshare -m sh -c " + ShellQuote(script) + " >" + out + " 2>" + err).c_str());
   EXPECT_EQ(WEXITSTATUS(status), 7) << Slurp(err);

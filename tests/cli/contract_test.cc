@@ -6,9 +6,10 @@
 namespace mvstudio::testing {
 namespace {
 
-const char* const kCommands[] = {"demo", "synth", "calibrate", "calib convert", "calib show", "calib compare", "triangulate",
-                                 "dataset build", "dataset verify", "dataset info", "avatar train", "avatar resume", "avatar eval",
-                                 "avatar info", "metrics", "report", "version"};
+const char* const kCommands[] = {"demo",          "synth",         "calibrate",     "calib convert",  "calib show",
+                                 "calib compare", "triangulate",   "dataset build", "dataset verify", "dataset info",
+                                 "avatar train",  "avatar resume", "avatar eval",   "avatar info",    "metrics",
+                                 "report",        "version"};
 
 std::vector<std::string> Words(const std::string& text) {
   std::istringstream in(text);
@@ -26,7 +27,8 @@ TEST(Contract, VersionGivesOneObjectWithEveryKey) {
   EXPECT_EQ(json["command"], "version");
   EXPECT_EQ(json["status"], "ok");
   EXPECT_EQ(json["exit"], 0);
-  for (const char* key : {"version", "metrics", "outputs", "warnings", "errors", "timing"}) EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* key : {"version", "metrics", "outputs", "warnings", "errors", "timing"})
+    EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_GT(json["timing"]["peak_rss_mb"].get<double>(), 1);
 }
 
@@ -49,7 +51,8 @@ TEST(Contract, GlobalFlagsMayStandAnywhere) {
 }
 
 TEST(Contract, UnknownFlagsAndCommandsAreUsageErrorsInJsonToo) {
-  for (const auto& words : {Words("version --nonsense --json"), Words("nonsense --json"), Words("--json"), Words("calib --json")}) {
+  for (const auto& words :
+       {Words("version --nonsense --json"), Words("nonsense --json"), Words("--json"), Words("calib --json")}) {
     const CliRun run = RunCli(words);
     EXPECT_EQ(run.exit, 2) << run.err;
     const nlohmann::json json = run.Json();

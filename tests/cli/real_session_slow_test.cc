@@ -42,8 +42,9 @@ TEST(RealSession, FourCamerasFromVideosToReport) {
   const std::string p = DataRoot() + "/pose2sim";
   RunJson({"calib", "convert", p + "/calibration/Calib_qualisys.toml", "--to", "mvstudio", "--out", run / "calibration.json"});
 
-  Words triangulate = {"triangulate", "--calib", run / "calibration.json", "--skeleton", "body25b", "--out", run / "pose3d", "--trc",
-                       p + "/balancing/pose-3d/S00_P00_T01_BalancingTrial_0-100.trc"};
+  Words triangulate = {"triangulate",  "--calib", run / "calibration.json",
+                       "--skeleton",   "body25b", "--out",
+                       run / "pose3d", "--trc",   p + "/balancing/pose-3d/S00_P00_T01_BalancingTrial_0-100.trc"};
   Words build = {"dataset", "build", "--calib", run / "calibration.json", "--pose3d", run / "pose3d", "--out", run / "dataset"};
   for (const std::string n : {"01", "02", "03", "04"}) {
     triangulate.insert(triangulate.end(), {"--pose2d", "cam_" + n + "=" + p + "/balancing/pose-associated/cam" + n + "_json"});
@@ -52,13 +53,13 @@ TEST(RealSession, FourCamerasFromVideosToReport) {
   const Json points = RunJson(triangulate);
   EXPECT_LE(points["metrics"]["trc"]["median_mm"].get<double>(), 10);
   EXPECT_LE(points["metrics"]["median_rms_px"].get<double>(), 15);  // Pose2Sim's own points have 10.65, on fewer views
-  EXPECT_TRUE(HasWarningAbout(points, "cam_03"));  // the lab's calibration is off by several px there
+  EXPECT_TRUE(HasWarningAbout(points, "cam_03"));                   // the lab's calibration is off by several px there
 
   const Json dataset = RunJson(build);
   EXPECT_TRUE(HasWarningAbout(dataset, "1080"));
   RunJson({"dataset", "verify", run / "dataset"});
-  RunJson({"avatar", "train", run / "dataset", "--method", "tna", "--holdout-cameras", "cam_02", "--holdout-frames", "80-99", "--size",
-           "64", "--steps", "150", "--out", run / "avatar"});
+  RunJson({"avatar", "train", run / "dataset", "--method", "tna", "--holdout-cameras", "cam_02", "--holdout-frames", "80-99",
+           "--size", "64", "--steps", "150", "--out", run / "avatar"});
   const Json eval = RunJson({"avatar", "eval", run / "avatar"});
   EXPECT_GT(eval["metrics"]["holdout"]["mask_iou"].get<double>(), 0.5);
   RunJson({"report", run.path(), "--out", run / "report.html"});
@@ -71,16 +72,16 @@ TEST(PersonA, VerifiesTriangulatesTrainsAndScores) {
   TempDir run;
   const std::string p = DataRoot() + "/person_a";
   RunJson({"dataset", "verify", p});
-  Words triangulate = {"triangulate", "--calib", p + "/calibration_person_a.json", "--skeleton", "body25", "--out", run / "pose3d",
-                       "--truth", p + "/hdPose3d_stage1_coco19"};
+  Words triangulate = {"triangulate",  "--calib", p + "/calibration_person_a.json", "--skeleton", "body25", "--out",
+                       run / "pose3d", "--truth", p + "/hdPose3d_stage1_coco19"};
   for (int i = 0; i < 10; ++i) {
     const std::string camera = "00_0" + std::to_string(i);
     triangulate.insert(triangulate.end(), {"--pose2d", camera + "=" + p + "/pose2d/" + camera});
   }
   const Json points = RunJson(triangulate);
   EXPECT_LT(points["metrics"]["truth"]["median_mm"].get<double>(), 5.5);
-  RunJson({"avatar", "train", p, "--method", "tna", "--holdout-cameras", "00_03,00_08", "--holdout-frames", "90-119", "--size", "64",
-           "--steps", "200", "--out", run / "avatar"});
+  RunJson({"avatar", "train", p, "--method", "tna", "--holdout-cameras", "00_03,00_08", "--holdout-frames", "90-119", "--size",
+           "64", "--steps", "200", "--out", run / "avatar"});
   ExpectBetterThanBaselines(RunJson({"avatar", "eval", run / "avatar"}));
 }
 
@@ -88,8 +89,8 @@ TEST(Stereo, ChessboardPairsGiveTheKnownBaseline) {
   MVS_NEEDS_DATA("opencv_stereo");
   TempDir run;
   const std::string p = DataRoot() + "/opencv_stereo";
-  const Json result = RunJson({"calibrate", "--board", "chessboard:9x6:25mm", "--camera", "left=" + p + "/left*.jpg", "--camera",
-                               "right=" + p + "/right*.jpg", "--out", run.path()});
+  const Json result = RunJson({"calibrate", "--board", "chessboard:9x6:25mm", "--camera", "left=" + p + "/left*.jpg",
+                               "--camera", "right=" + p + "/right*.jpg", "--out", run.path()});
   EXPECT_LE(result["metrics"]["rms_px"].get<double>(), 0.257);
   EXPECT_GE(result["metrics"]["baseline_mm"].get<double>(), 82.8);
   EXPECT_LE(result["metrics"]["baseline_mm"].get<double>(), 83.3);

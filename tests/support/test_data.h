@@ -18,7 +18,7 @@ inline bool HasData(const std::string& set) { return std::filesystem::exists(Dat
 }  // namespace mvstudio::testing
 
 /// Skips the test with a message that names the set when it is not there.
-#define MVS_NEEDS_DATA(set)                                                                                 \
-  if (!::mvstudio::testing::HasData(set)) {                                                                 \
+#define MVS_NEEDS_DATA(set)                                                                                  \
+  if (!::mvstudio::testing::HasData(set)) {                                                                  \
     GTEST_SKIP() << "needs the recording set '" << set << "' (set MVSTUDIO_DATA to the folder that has it)"; \
   }
