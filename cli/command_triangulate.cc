@@ -229,7 +229,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   result.folder = arguments.out;
   result.inputs = {arguments.calib};
   const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
-  const geometry::Rig rig = ReadAnyRig(arguments.calib);
+  const geometry::Rig rig = dataset::ReadAnyCalibration(arguments.calib);
   const std::vector<dataset::Pose2dTrack> tracks = ReadTracks(arguments, &result);
   const auto frames = ToFrames(tracks, rig, arguments.calib);
 

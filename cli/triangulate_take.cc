@@ -2,22 +2,11 @@
 
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/panoptic.h"
-#include "geometry/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {
-
-bool IsPanoptic(const std::string& text) {
-  const auto root = nlohmann::json::parse(text, nullptr, false);
-  if (!root.is_object() || root.contains("schema")) return false;
-  const auto cameras = root.find("cameras");
-  return cameras != root.end() && cameras->is_array() && !cameras->empty() && cameras->front().contains("distCoef");
-}
 
 [[noreturn]] void ThrowUnknownCamera(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
                                      const std::string& unknown, const std::string& calib_path) {
@@ -36,11 +25,6 @@ triangulate::DetectedPerson ToDetected(const dataset::Person2d& person) {
 }
 
 }  // namespace
-
-geometry::Rig ReadAnyRig(const std::string& path) {
-  const std::string text = ReadFile(path);
-  return IsPanoptic(text) ? dataset::ReadPanopticCalibration(path) : geometry::RigFromJsonText(text, path);
-}
 
 std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
                                                  const std::string& calib_path) {

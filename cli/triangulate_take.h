@@ -12,9 +12,6 @@
 /// Between the files of dataset/ and the arrays of triangulate/.
 namespace mvstudio::cli {
 
-/// Our calibration file or a Panoptic calibration_<seq>.json, told apart by content.
-geometry::Rig ReadAnyRig(const std::string& path);
-
 /// One entry for each frame that any camera has. Throws FormatError (naming `calib_path`, the track's camera and both lists)
 /// when a track's camera is not in the rig.
 std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,

@@ -14,7 +14,6 @@
 #include "dataset/build_internal.h"
 #include "dataset/json_internal.h"
 #include "dataset/panoptic.h"
-#include "geometry/rig_io.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -185,11 +184,6 @@ void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) 
 }
 
 }  // namespace
-
-geometry::Rig ReadAnyCalibration(const std::string& path) {
-  const Json json = internal::ParseJsonFile(path);
-  return json.is_object() && json.contains("schema") ? geometry::ReadRig(path) : ReadPanopticCalibration(path);
-}
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run) {

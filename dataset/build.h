@@ -68,9 +68,6 @@ struct BuildReport {
   std::vector<BuildWarning> warnings;
 };
 
-/// Reads a calibration file of ours or of Panoptic, told apart by their content.
-geometry::Rig ReadAnyCalibration(const std::string& path);
-
 /// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in
 /// an image's name) is frame n of the 3D joints. The folder appears whole or not at all. Throws FormatError naming camera and
 /// frame for damaged footage, cameras that are not in the calibration and sizes that cannot be explained.

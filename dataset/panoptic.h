@@ -15,6 +15,8 @@ namespace mvstudio::dataset {
 /// calibration_<seq>.json. Cameras keep the file's order; models: pinhole when distCoef is all zero, else brown5. Throws
 /// FormatError.
 geometry::Rig ReadPanopticCalibration(const std::string& path);
+/// Reads a calibration file of ours or of Panoptic, told apart by their content.
+geometry::Rig ReadAnyCalibration(const std::string& path);
 /// Names are kept when they are `%02d_%02d`, otherwise an error (ContractViolation): rename first. Lenses that five Brown
 /// coefficients cannot express are refused (UsageError).
 void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path, const std::string& source);

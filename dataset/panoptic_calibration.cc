@@ -7,6 +7,7 @@
 #include "core/files.h"
 #include "dataset/panoptic.h"
 #include "dataset/panoptic_internal.h"
+#include "geometry/rig_io.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -168,6 +169,11 @@ void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path,
     text += CameraText(rig.cameras[i]) + (i + 1 < rig.cameras.size() ? ",\n" : "\n");
   }
   WriteFileAtomic(path, text + "\t]\n}\n");
+}
+
+geometry::Rig ReadAnyCalibration(const std::string& path) {
+  const Json json = internal::ParseJsonFile(path);
+  return json.is_object() && json.contains("schema") ? geometry::ReadRig(path) : ReadPanopticCalibration(path);
 }
 
 }  // namespace mvstudio::dataset
