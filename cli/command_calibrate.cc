@@ -104,9 +104,10 @@ ordered_json ResidualSamples(const calib::CalibrateReport& report) {
     const size_t stride = std::max<size_t>(1, (kept.size() + kMaxPoints - 1) / kMaxPoints);
     ordered_json points = ordered_json::array();
     for (size_t i = 0; i < kept.size(); i += stride) {
-      const auto round3 = [](double value) { return std::round(value * 1e3) / 1e3; };
-      points.push_back({round3(kept[i]->px.x()), round3(kept[i]->px.y()), round3(kept[i]->residual_px.x()),
-                        round3(kept[i]->residual_px.y())});
+      const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
+      const Eigen::Vector2d observed_minus_projected = -kept[i]->residual_px;
+      points.push_back({rounded(kept[i]->px.x(), 1e-3), rounded(kept[i]->px.y(), 1e-3),
+                        rounded(observed_minus_projected.x(), 1e-5), rounded(observed_minus_projected.y(), 1e-5)});
     }
     json[report.cameras[c].name] = points;
   }

@@ -154,7 +154,7 @@ std::string ResidualFigures(const Value& metrics, const Value& calibration) {
   if (figures.empty()) return {};
   return "<h3>Residuals</h3>\n" +
          ParagraphHtml(
-             "Left: each residual (projected minus observed) drawn from its corner, enlarged; neighbours that point the same "
+             "Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same "
              "way mean "
              "that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that holds 95 "
              "%; the "
