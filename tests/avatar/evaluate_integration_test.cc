@@ -11,27 +11,17 @@
 #include "avatar/model.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/message_of.h"
 
 namespace mvstudio::avatar {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-
-template <class E, class F>
-std::string MessageOf(F&& f) {
-  try {
-    f();
-  } catch (const E& error) {
-    return error.what();
-  } catch (const std::exception& error) {
-    return std::string("another exception: ") + error.what();
-  }
-  return "no exception";
-}
+using mvstudio::testing::MessageOf;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 /// A dataset of 5 cameras and 9 frames and an untrained avatar for it.
-class EvaluateRun : public testing::Test {
+class EvaluateRun : public ::testing::Test {
  protected:
   EvaluateRun() : folder_("evaluate") {
     WriteMannequinDataset(dataset(), 5, 9, 128);
@@ -88,7 +78,7 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
 
 TEST_F(EvaluateRun, BaselinesTakeTheNearestCameraAndPose) {
   const auto nearest = NearestTrainingCameras(data_, config_.split, 0);
-  EXPECT_THAT(nearest.at("00_01"), testing::AnyOf("00_00", "00_02")) << "72 degrees to either side";
+  EXPECT_THAT(nearest.at("00_01"), ::testing::AnyOf("00_00", "00_02")) << "72 degrees to either side";
   EXPECT_EQ(nearest.at("00_00"), "00_00");
   PackOptions crop = config_.pack;
   crop.template_maps = false;

@@ -8,27 +8,17 @@
 #include "avatar/io/run_config.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/message_of.h"
 
 namespace mvstudio::avatar {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using mvstudio::testing::MessageOf;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
-template <class E, class F>
-std::string MessageOf(F&& f) {
-  try {
-    f();
-  } catch (const E& error) {
-    return error.what();
-  } catch (const std::exception& error) {
-    return std::string("another exception: ") + error.what();
-  }
-  return "no exception";
-}
-
-class PackBuilder : public testing::Test {
+class PackBuilder : public ::testing::Test {
  protected:
   PackBuilder() : folder_("pack_builder") {
     WriteMannequinDataset(folder_.path(), 4, 6, 160);
