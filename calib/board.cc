@@ -3,64 +3,84 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <iterator>
 #include <opencv2/aruco.hpp>
 #include <sstream>
 #include <vector>
 
+#include "calib/apriltag.h"
 #include "calib/charuco_layout.h"
-#include "core/check.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {
+
+const char* const kBoardForms =
+    "chessboard:COLSxROWS:SQUARE (INNER corners), "
+    "charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy][:inverted] (squares), "
+    "aprilgrid:COLSxROWS:SIDE:GAP/SIDE[:FAMILY][:first=ID][:border=CELLS] (tags, Kalibr's layout), "
+    "tag:FAMILY:ID:SIDE[:border=CELLS] (one AprilTag) or "
+    "grid:COLSxROWS:STEP (points, for corner files); "
+    "e.g. chessboard:9x6:25mm, charuco:8x6:60mm:45mm:4x4_1000, aprilgrid:6x6:88mm:0.3:36h11, tag:36h11:7:100mm";
+
 namespace {
 
-constexpr const char* kDictionaries[] = {
-    "4x4_50",   "4x4_100",  "4x4_250",        "4x4_1000",      "5x5_50",        "5x5_100",        "5x5_250",
-    "5x5_1000", "6x6_50",   "6x6_100",        "6x6_250",       "6x6_1000",      "7x7_50",         "7x7_100",
-    "7x7_250",  "7x7_1000", "aruco_original", "apriltag_16h5", "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
-
-constexpr char kExpected[] =
-    "expected chessboard:COLSxROWS:SQUARE (inner corners) or charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy] (squares), "
-    "e.g. chessboard:9x6:25mm or charuco:8x6:60mm:45mm:4x4_1000";
+using Parts = std::vector<std::string>;
 
 [[noreturn]] void Fail(const std::string& text, const std::string& what) {
-  throw UsageError("board '" + text + "': " + what + "; " + kExpected);
+  throw UsageError("board '" + text + "': " + what + "; expected " + kBoardForms);
 }
 
-std::vector<std::string> Split(const std::string& text) {
-  std::vector<std::string> parts;
+Parts Split(const std::string& text) {
+  Parts parts;
   std::istringstream in(text);
   for (std::string part; std::getline(in, part, ':');) parts.push_back(part);
   return parts;
 }
 
-double ParseLength(const std::string& text, const std::string& board) {
+/// A finite number and what follows it.
+double LeadingNumber(const std::string& text, const std::string& board, std::string* rest) {
   size_t used = 0;
   double value = 0;
   try {
     value = std::stod(text, &used);
   } catch (const std::exception&) {
-    Fail(board, "'" + text + "' is not a length");
+    Fail(board, "'" + text + "' is not a number");
   }
-  const std::string unit = text.substr(used);
-  if (unit != "mm" && unit != "cm" && unit != "m") Fail(board, "the length '" + text + "' needs a unit mm, cm or m");
-  value *= unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1;
-  if (!(value > 0) || !std::isfinite(value)) Fail(board, "the length '" + text + "' must be positive");
+  if (!std::isfinite(value)) Fail(board, "'" + text + "' is not finite");
+  *rest = text.substr(used);
   return value;
 }
 
-void ParseGrid(const std::string& text, const std::string& board, int* cols, int* rows) {
-  char end = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%c", cols, rows, &end) != 2) Fail(board, "'" + text + "' is not COLSxROWS");
-  if (*cols < 2 || *rows < 2 || *cols > 200 || *rows > 200) Fail(board, "the grid " + text + " must be from 2x2 to 200x200");
+double ParseLength(const std::string& text, const std::string& board) {
+  std::string unit;
+  const double value = LeadingNumber(text, board, &unit);
+  if (unit != "mm" && unit != "cm" && unit != "m") Fail(board, "the length '" + text + "' needs a unit mm, cm or m");
+  const double metres = value * (unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1);
+  if (!(metres > 0) || !std::isfinite(metres)) Fail(board, "the length '" + text + "' must be positive");
+  return metres;
 }
 
-Board ParseCharuco(const std::vector<std::string>& parts, const std::string& text) {
+int ParseCount(const std::string& text, const std::string& board, int low, int high) {
+  int value = 0;
+  char end = 0;
+  if (std::sscanf(text.c_str(), "%9d%c", &value, &end) != 1 || value < low || value > high) {
+    Fail(board, "'" + text + "' is not a number from " + std::to_string(low) + " to " + std::to_string(high));
+  }
+  return value;
+}
+
+void ParseGridSize(const std::string& text, const std::string& board, int least, Board* out) {
+  char end = 0;
+  if (std::sscanf(text.c_str(), "%5dx%5d%c", &out->cols, &out->rows, &end) != 2) Fail(board, "'" + text + "' is not COLSxROWS");
+  if (std::min(out->cols, out->rows) < least || std::max(out->cols, out->rows) > 200) {
+    Fail(board, "the grid " + text + " must be from " + std::to_string(least) + "x" + std::to_string(least) + " to 200x200");
+  }
+}
+
+Board ParseCharuco(const Parts& parts, const std::string& text) {
   Board board;
   board.kind = Board::Kind::kCharuco;
-  if (parts.size() < 4 || parts.size() > 6) Fail(text, "a ChArUco board has 4 to 6 parts");
-  ParseGrid(parts[1], text, &board.cols, &board.rows);
+  if (parts.size() < 4 || parts.size() > 7) Fail(text, "a ChArUco board has 4 to 7 parts");
+  ParseGridSize(parts[1], text, 2, &board);
   if (board.cols < 3 || board.rows < 3) Fail(text, "a ChArUco board needs at least 3x3 squares");
   board.cols -= 1, board.rows -= 1;
   board.square_m = ParseLength(parts[2], text);
@@ -69,6 +89,8 @@ Board ParseCharuco(const std::vector<std::string>& parts, const std::string& tex
   for (size_t i = 4; i < parts.size(); ++i) {
     if (parts[i] == "legacy") {
       board.legacy = true;
+    } else if (parts[i] == "inverted") {
+      board.inverted = true;
     } else {
       board.dictionary = parts[i];
     }
@@ -82,120 +104,154 @@ Board ParseCharuco(const std::vector<std::string>& parts, const std::string& tex
   return board;
 }
 
-std::string Millimetres(double length_m) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10gmm", length_m * 1e3);
-  return text;
+/// The value of a part `key=value`, or nothing.
+const char* ValueOf(const std::string& part, const std::string& key) {
+  return part.rfind(key + "=", 0) == 0 ? part.c_str() + key.size() + 1 : nullptr;
 }
 
-/// Brightness of the printed side in board units: (x, y) in squares from the top-left outer corner. 0 black, 1 white.
-class Pattern {
- public:
-  explicit Pattern(const Board& board) : board_(board), marker_(board.marker_m / board.square_m) {
-    if (board.kind != Board::Kind::kCharuco) return;
-    const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryIndex(board.dictionary));
-    cells_ = dictionary->markerSize + 2;
-    marker_of_square_.assign((board.cols + 1) * (board.rows + 1), -1);
-    const std::vector<Square> squares = MarkerSquares(board);
-    for (size_t id = 0; id < squares.size(); ++id) {
-      marker_of_square_[squares[id].row * (board.cols + 1) + squares[id].col] = static_cast<int>(id);
-      cv::Mat bits;
-      dictionary->drawMarker(static_cast<int>(id), cells_, bits, 1);
-      bits_.push_back(bits);
-    }
+void CheckTags(const Board& board, const std::string& text) {
+  const auto family = FindTagFamily(board.dictionary);
+  if (!family) Fail(text, "unknown AprilTag family '" + board.dictionary + "'; known: " + TagFamilyNames());
+  const int num_tags = board.kind == Board::Kind::kTag ? 1 : board.cols * board.rows;
+  if (board.first_tag + num_tags > family->num_tags) {
+    Fail(text, "family " + family->name + " has only the tags 0 to " + std::to_string(family->num_tags - 1));
   }
-
-  double operator()(double x, double y) const {
-    const Square square{static_cast<int>(std::floor(x)), static_cast<int>(std::floor(y))};
-    if (square.col < 0 || square.row < 0 || square.col > board_.cols || square.row > board_.rows) return 1;
-    if (IsBlack(board_, square)) return 0;
-    if (bits_.empty()) return 1;
-    const int id = marker_of_square_[square.row * (board_.cols + 1) + square.col];
-    const double scale = cells_ / marker_, margin = (1 - marker_) / 2;
-    const int col = static_cast<int>(std::floor((x - square.col - margin) * scale));
-    const int row = static_cast<int>(std::floor((y - square.row - margin) * scale));
-    if (col < 0 || row < 0 || col >= cells_ || row >= cells_) return 1;
-    return bits_[id].at<uint8_t>(row, col) > 127 ? 1 : 0;
+  if (family->white_inside && board.tag_border != 1) Fail(text, "the border of family " + family->name + " cannot be changed");
+  const double outside = family->white_inside ? (family->total_cells - family->border_cells) / (2.0 * family->border_cells) : 0;
+  if (board.kind == Board::Kind::kAprilGrid && !(board.tag_spacing >= 2 * outside)) {
+    Fail(text, "the tags of family " + family->name + " reach beyond their border and would overlap with this gap");
   }
-
- private:
-  const Board& board_;
-  double marker_;
-  int cells_ = 0;
-  std::vector<int> marker_of_square_;
-  std::vector<cv::Mat> bits_;
-};
-
-}  // namespace
-
-bool IsBlack(const Board& board, Square square) {
-  const bool inverted = board.kind == Board::Kind::kCharuco && board.legacy && (board.rows + 1) % 2 == 0;
-  return ((square.col + square.row) % 2 == 0) != inverted;
 }
 
-std::vector<Square> MarkerSquares(const Board& board) {
-  std::vector<Square> squares;
-  if (board.kind != Board::Kind::kCharuco) return squares;
-  for (int row = 0; row <= board.rows; ++row) {
-    for (int col = 0; col <= board.cols; ++col) {
-      if (!IsBlack(board, {col, row})) squares.push_back({col, row});
-    }
-  }
-  return squares;
-}
-
-int DictionaryIndex(const std::string& name) {
-  const auto found = std::find(std::begin(kDictionaries), std::end(kDictionaries), name);
-  return found == std::end(kDictionaries) ? -1 : static_cast<int>(found - std::begin(kDictionaries));
-}
-
-Board ParseBoard(const std::string& text) {
-  const std::vector<std::string> parts = Split(text);
-  if (!parts.empty() && parts[0] == "charuco") return ParseCharuco(parts, text);
-  if (parts.empty() || parts[0] != "chessboard") Fail(text, "unknown kind of board");
-  if (parts.size() != 3) Fail(text, "a chessboard has 3 parts");
+Board ParseAprilGrid(const Parts& parts, const std::string& text) {
   Board board;
-  ParseGrid(parts[1], text, &board.cols, &board.rows);
+  board.kind = Board::Kind::kAprilGrid;
+  board.dictionary = "36h11";
+  if (parts.size() < 4 || parts.size() > 7) Fail(text, "an AprilGrid has 4 to 7 parts");
+  ParseGridSize(parts[1], text, 1, &board);
+  board.square_m = ParseLength(parts[2], text);
+  std::string rest;
+  board.tag_spacing = LeadingNumber(parts[3], text, &rest);
+  if (!rest.empty() || board.tag_spacing <= 0 || board.tag_spacing > 10) {
+    Fail(text, "'" + parts[3] + "' is not the gap between tags divided by their side, e.g. 0.3");
+  }
+  int border = 0;
+  for (size_t i = 4; i < parts.size(); ++i) {
+    if (const char* first = ValueOf(parts[i], "first")) {
+      board.first_tag = ParseCount(first, text, 0, 99999);
+    } else if (const char* width = ValueOf(parts[i], "border")) {
+      border = ParseCount(width, text, 1, 2);
+    } else {
+      board.dictionary = parts[i];
+    }
+  }
+  const auto family = FindTagFamily(board.dictionary);
+  board.tag_border = border ? border : family && family->white_inside ? 1 : 2;
+  CheckTags(board, text);
+  return board;
+}
+
+Board ParseTag(const Parts& parts, const std::string& text) {
+  Board board;
+  board.kind = Board::Kind::kTag;
+  board.cols = board.rows = 1;
+  if (parts.size() < 4 || parts.size() > 5) Fail(text, "a tag has 4 or 5 parts");
+  board.dictionary = parts[1];
+  board.first_tag = ParseCount(parts[2], text, 0, 99999);
+  board.square_m = ParseLength(parts[3], text);
+  if (parts.size() == 5) {
+    const char* width = ValueOf(parts[4], "border");
+    if (!width) Fail(text, "'" + parts[4] + "' is not border=CELLS");
+    board.tag_border = ParseCount(width, text, 1, 2);
+  }
+  CheckTags(board, text);
+  return board;
+}
+
+Board ParseGrid(const Parts& parts, Board::Kind kind, const std::string& text) {
+  Board board;
+  board.kind = kind;
+  if (parts.size() != 3) Fail(text, "a " + parts[0] + " has 3 parts");
+  ParseGridSize(parts[1], text, 2, &board);
   board.square_m = ParseLength(parts[2], text);
   return board;
 }
 
-std::string ToString(const Board& board) {
-  const bool charuco = board.kind == Board::Kind::kCharuco;
-  const int extra = charuco ? 1 : 0;
-  std::string text = std::string(charuco ? "charuco:" : "chessboard:") + std::to_string(board.cols + extra) + "x" +
-                     std::to_string(board.rows + extra) + ":" + Millimetres(board.square_m);
-  if (charuco) text += ":" + Millimetres(board.marker_m) + ":" + board.dictionary + (board.legacy ? ":legacy" : "");
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", value);
   return text;
 }
 
-Eigen::Matrix3Xd CornersInBoard(const Board& board) {
-  Eigen::Matrix3Xd corners(3, board.num_corners());
-  for (int i = 0; i < board.num_corners(); ++i) {
-    corners.col(i) = Eigen::Vector3d(i % board.cols, i / board.cols, 0) * board.square_m;
-  }
-  return corners;
+std::string Millimetres(double length_m) { return Number(length_m * 1e3) + "mm"; }
+
+std::string Size(int cols, int rows) { return std::to_string(cols) + "x" + std::to_string(rows); }
+
+}  // namespace
+
+Board ParseBoard(const std::string& text) {
+  const Parts parts = Split(text);
+  const std::string kind = parts.empty() ? "" : parts[0];
+  if (kind == "chessboard") return ParseGrid(parts, Board::Kind::kChessboard, text);
+  if (kind == "charuco") return ParseCharuco(parts, text);
+  if (kind == "aprilgrid") return ParseAprilGrid(parts, text);
+  if (kind == "tag") return ParseTag(parts, text);
+  if (kind == "grid") return ParseGrid(parts, Board::Kind::kGrid, text);
+  Fail(text, "unknown kind of board");
 }
 
-Image DrawBoard(const Board& board, int px_per_square, double margin_squares) {
-  MVS_CHECK(px_per_square >= 2, "px_per_square = " << px_per_square);
-  MVS_CHECK(margin_squares >= 0, "margin_squares = " << margin_squares);
-  constexpr int kSub = 4;  // samples per pixel side
-  const auto size = [&](int squares) { return static_cast<int>(std::lround((squares + 2 * margin_squares) * px_per_square)); };
-  const Pattern pattern(board);
-  Image image(size(board.cols + 1), size(board.rows + 1), 1);
-  for (int v = 0; v < image.height; ++v) {
-    for (int u = 0; u < image.width; ++u) {
-      double sum = 0;
-      for (int s = 0; s < kSub * kSub; ++s) {
-        const double x = (u + (s % kSub + 0.5) / kSub) / px_per_square - margin_squares;
-        const double y = (v + (s / kSub + 0.5) / kSub) / px_per_square - margin_squares;
-        sum += pattern(x, y);
-      }
-      *image.Pixel(u, v) = static_cast<uint8_t>(std::lround(255 * sum / (kSub * kSub)));
+std::string ToString(const Board& board) {
+  const std::string border = ":border=" + std::to_string(board.tag_border);
+  switch (board.kind) {
+    case Board::Kind::kCharuco:
+      return "charuco:" + Size(board.cols + 1, board.rows + 1) + ":" + Millimetres(board.square_m) + ":" +
+             Millimetres(board.marker_m) + ":" + board.dictionary + (board.legacy ? ":legacy" : "") +
+             (board.inverted ? ":inverted" : "");
+    case Board::Kind::kAprilGrid: {
+      const auto family = FindTagFamily(board.dictionary);
+      const int usual = family && family->white_inside ? 1 : 2;
+      return "aprilgrid:" + Size(board.cols, board.rows) + ":" + Millimetres(board.square_m) + ":" + Number(board.tag_spacing) +
+             ":" + board.dictionary + (board.first_tag ? ":first=" + std::to_string(board.first_tag) : "") +
+             (board.tag_border == usual ? "" : border);
+    }
+    case Board::Kind::kTag:
+      return "tag:" + board.dictionary + ":" + std::to_string(board.first_tag) + ":" + Millimetres(board.square_m) +
+             (board.tag_border == 1 ? "" : border);
+    case Board::Kind::kPoints:
+      return "points:" + std::to_string(board.num_corners());
+    default:
+      return (board.kind == Board::Kind::kGrid ? "grid:" : "chessboard:") + Size(board.cols, board.rows) + ":" +
+             Millimetres(board.square_m);
+  }
+}
+
+int Board::num_corners() const {
+  switch (kind) {
+    case Kind::kAprilGrid:
+      return 4 * cols * rows;
+    case Kind::kTag:
+      return 4;
+    case Kind::kPoints:
+      return static_cast<int>(points.cols());
+    default:
+      return cols * rows;
+  }
+}
+
+Eigen::Matrix3Xd CornersInBoard(const Board& board) {
+  if (board.kind == Board::Kind::kPoints) return board.points;
+  Eigen::Matrix3Xd corners(3, board.num_corners());
+  for (int i = 0; i < board.num_corners(); ++i) {
+    if (board.has_tags()) {
+      const int tag = i / 4, k = i % 4;
+      const double pitch = 1 + board.tag_spacing;
+      const double x = tag % board.cols * pitch + (k == 1 || k == 2), y = tag / board.cols * pitch + (k >= 2);
+      corners.col(i) = Eigen::Vector3d(x, -y, 0) * board.square_m;
+    } else {
+      corners.col(i) = Eigen::Vector3d(i % board.cols, i / board.cols, 0) * board.square_m;
     }
   }
-  return image;
+  return corners;
 }
 
 }  // namespace mvstudio::calib

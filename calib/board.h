@@ -7,33 +7,60 @@
 
 namespace mvstudio::calib {
 
-/// A planar calibration target. Corners are numbered row by row; corner (row, col) lies at (col, row, 0) * square_m in the
-/// frame `board`: x along the columns, y along the rows, z = x cross y (into the board, away from the viewer of its printed
-/// side).
+/// A planar calibration target. Its frame `board` lies in the plane of the print, x along the columns to the right, y down as
+/// seen by who reads the print, z = x cross y (into the board, away from the viewer of its printed side).
+///
+/// chessboard, charuco, grid: corners are numbered row by row from the top left; corner (row, col) lies at
+/// (col, row, 0) * square_m. Inner corners only: the outer squares lie around them.
+///
+/// aprilgrid, tag: tag number n (its id is first_tag + n) stands in column n % cols, row n / cols counted from the BOTTOM, as
+/// Kalibr prints them. Its corners are 4 n + k with k = 0 bottom left, 1 bottom right, 2 top right, 3 top left of the upright
+/// tag. The origin is the bottom left corner of tag 0, so y is negative on the rest of the board: a point is (x, -y, -z) in
+/// Kalibr's frame.
 struct Board {
-  enum class Kind { kChessboard, kCharuco };
+  enum class Kind {
+    kChessboard,
+    kCharuco,
+    kAprilGrid,  ///< cols x rows AprilTags, gaps between them, Kalibr's numbering; a tag has 4 corners
+    kTag,        ///< one AprilTag, 4 corners
+    kGrid,       ///< any planar grid of points, found by others (corner files)
+    kPoints,     ///< points given one by one (corner files that bring their own)
+  };
   Kind kind = Kind::kChessboard;
-  int cols = 0;                         ///< inner corners per row
-  int rows = 0;                         ///< inner corners per column
-  double square_m = 0;                  ///< side of a square, metres
-  double marker_m = 0;                  ///< charuco: side of a marker, metres
-  std::string dictionary = "4x4_1000";  ///< charuco: OpenCV's predefined dictionary, lower case without DICT_
-  bool legacy = false;  ///< charuco: the layout of OpenCV before 4.6 (differs when the number of squares per column is even)
+  int cols = 0;         ///< inner corners per row; aprilgrid: tags per row
+  int rows = 0;         ///< inner corners per column; aprilgrid: tags per column
+  double square_m = 0;  ///< side of a square, metres; aprilgrid and tag: side of the square whose corners are found, which is
+                        ///< the black one of the classic families and the inner white one of the newer
+  double marker_m = 0;  ///< charuco: side of a marker, metres
+  std::string dictionary = "4x4_1000";  ///< charuco: OpenCV's predefined dictionary, lower case without DICT_; aprilgrid and
+                                        ///< tag: the AprilTag family without "tag", e.g. 36h11
+  bool legacy = false;      ///< charuco: the layout of OpenCV before 4.6 (differs when the number of squares per column is even)
+  bool inverted = false;    ///< charuco: black and white exchanged
+  double tag_spacing = 0;   ///< aprilgrid: gap between tags over the side of a tag
+  int first_tag = 0;        ///< aprilgrid and tag: id of the first tag
+  int tag_border = 1;       ///< aprilgrid and tag: width of the black border in cells (classic families); Kalibr prints 2
+  Eigen::Matrix3Xd points;  ///< kPoints: (3, N) metres
 
-  int num_corners() const { return cols * rows; }
+  int num_corners() const;
+  bool has_tags() const { return kind == Kind::kAprilGrid || kind == Kind::kTag; }
 };
 
-/// Reads `chessboard:9x6:25mm` (inner corners) or `charuco:8x6:60mm:45mm[:DICT][:legacy]` (SQUARES per row x column, square,
-/// marker). Units mm, cm or m are required. Throws UsageError that says what was expected.
+/// The forms that ParseBoard reads, one a line.
+extern const char* const kBoardForms;
+
+/// Reads a board's text, see kBoardForms. Units mm, cm or m are required. Throws UsageError that says what was expected.
 Board ParseBoard(const std::string& text);
+
+/// The text that ParseBoard reads back; kPoints, which has no text, gives `points:N`.
 std::string ToString(const Board& board);
 
-/// Corner positions in the frame board, metres, (3, cols * rows).
+/// Corner positions in the frame board, metres, (3, num_corners()).
 Eigen::Matrix3Xd CornersInBoard(const Board& board);
 
-/// The printed side at `px_per_square` pixels a square, grey, with a quiet margin of `margin_squares` squares of white all
-/// around. Board coordinates (x, y) of image pixel (u, v): x = ((u + 0.5) / px_per_square - margin_squares - 1) * square_m,
-/// same for y (the outer squares lie outside the inner corners).
+/// The printed side at `px_per_square` pixels a square (a tag's side), grey, with a quiet margin of `margin_squares` squares of
+/// white all around: every pixel is the exact mean over its area. Board coordinates (x, y) of image pixel (u, v), with
+/// `low_m` of PrintOf(board) in board_print.h: x = low_m.x + ((u + 0.5) / px_per_square - margin_squares) * square_m, same for
+/// y; chessboard and charuco: low_m = (-square_m, -square_m). Not for kGrid and kPoints, which have no print.
 Image DrawBoard(const Board& board, int px_per_square, double margin_squares);
 
 }  // namespace mvstudio::calib

@@ -10,17 +10,23 @@ namespace mvstudio::calib {
 
 /// What stays fixed so that the solution is unique.
 struct Gauge {
-  enum class Kind { kCamera, kBoard };
-  Kind kind = Kind::kCamera;
-  int index = 0;  ///< of the camera whose cam_from_world, or the frame whose world_from_board, is fixed
+  enum class Kind { kCamera, kBoard, kNone };
+  Kind kind = Kind::kCamera;  ///< kNone: cameras in BundleOptions::fix_camera hold the frame
+  int index = 0;              ///< of the camera whose cam_from_world, or the frame whose world_from_board, is fixed
 };
 
 struct BundleOptions {
   Gauge gauge;
   bool refine_intrinsics = true;
   bool refine_cameras = true;  ///< cam_from_world
+  bool refine_boards = true;   ///< rig_from_board of all boards but the first
+  bool refine_warp = false;    ///< board_warp_m
+  bool refine_time = false;    ///< time_offset_frames of all cameras but the first of each frame rate's clock (camera 0)
+  std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   bool reject_outliers = true;
   double reject_sigmas = 4.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
+  double spline_size_weight = 1e-3, spline_smooth_weight = 1e-2;  ///< of the prior on splined lenses, per px
+  double cost_tolerance = 1e-13;  ///< relative decrease that ends the last adjustment
   int max_iterations = 100;
   int num_threads = 1;
 };
@@ -35,14 +41,17 @@ struct BundleReport {
   Status status = Status::kOk;  ///< kTooFewViews, kNonFiniteInput, kBehindCamera (the start is unusable), kNotConverged
   std::string message;          ///< one line when the status is not kOk
   double rms_px = 0;            ///< 2-D point RMS over the corners that were kept
-  double sigma_px = 0;          ///< standard deviation per coordinate, freed of the number of parameters
+  double sigma_px = 0;          ///< standard deviation per coordinate of a corner of weight 1, freed of the number of parameters
   int num_corners = 0, num_rejected = 0, num_iterations = 0;
 };
 
-/// Joint least squares of all reprojection errors over intrinsics, cameras and boards (Ceres, Schur complement), from a start
-/// in `state`. First with weights that fall with the error (Cauchy), then without them after rejecting outliers, whose weights
-/// become 0. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
+/// Joint least squares of all reprojection errors over lenses, cameras, boards and what else the options free, from a start in
+/// `state` (SolveSchurLm). First with weights that fall with the error (Cauchy), then without them after rejecting outliers,
+/// whose weights become 0. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
+
+/// Motion of the boards per frame from the frames before and after that are seen, at most two frames away; zero without them.
+void EstimateVelocities(const std::vector<View>& views, RigState* state);
 
 /// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.
 std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, const RigState& state);

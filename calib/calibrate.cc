@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <set>
 
-#include "calib/homography.h"
-#include "calib/intrinsics.h"
-#include "calib/model_selection.h"
+#include "calib/calibrate_steps.h"
+#include "calib/frame_offset.h"
+#include "calib/mrcal_engine.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
 #include "core/check.h"
@@ -15,20 +16,7 @@
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
-namespace {
-
-using geometry::LensModel;
-using geometry::Rigid3;
-
-constexpr double kMaxFocalSigma = 0.25;  // of the focal length; beyond it the focal length counts as undetermined
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-/// `--world`, parsed.
-struct World {
-  bool is_board = false;
-  int camera = 0;
-  int64_t frame_idx = 0;
-};
+namespace internal {
 
 World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras) {
   World world;
@@ -49,6 +37,22 @@ World ParseWorld(const std::string& text, const std::vector<CameraInput>& camera
   return world;
 }
 
+void Stop(Status status, const std::string& message, CalibrateReport* report) {
+  report->status = status;
+  report->message = message;
+}
+
+}  // namespace internal
+
+namespace {
+
+using geometry::Rigid3;
+using internal::Stop;
+using internal::Work;
+using internal::World;
+
+constexpr double kMaxFocalSigma = 0.25;  // of the focal length; beyond it the focal length counts as undetermined
+
 /// World of a board that lies face up: x along its columns, z up, so y against its rows.
 Rigid3 WorldFromFloorBoard() {
   Rigid3 world_from_board;
@@ -56,101 +60,81 @@ Rigid3 WorldFromFloorBoard() {
   return world_from_board;
 }
 
-/// What the steps of the pipeline hand on.
-struct Work {
-  std::vector<View> views;
-  std::vector<int64_t> frames;
-  std::vector<MonoSolution> monos;         // per camera
-  std::vector<std::vector<int>> view_ids;  // per camera: indices into views, in the order of its mono solution
-  RigState state;
-  Gauge gauge;
-};
-
-void Stop(Status status, const std::string& message, CalibrateReport* report) {
-  report->status = status;
-  report->message = message;
+/// N of `--holdout every:N`; 0 without it.
+int HoldoutStep(const std::string& text) {
+  if (text.empty()) return 0;
+  const std::string number = text.rfind("every:", 0) == 0 ? text.substr(6) : "";
+  if (number.empty() || number.size() > 6 || number.find_first_not_of("0123456789") != std::string::npos || std::stoi(number) < 2)
+    throw UsageError("--holdout " + text + ": expected every:N with N at least 2");
+  return std::stoi(number);
 }
 
-std::optional<LensModel> FixedModel(const CalibrateOptions& options) {
-  if (options.model == "auto") return std::nullopt;
-  const auto model = geometry::LensModelFromString(options.model);
-  if (!model) throw UsageError("--model " + options.model + ": no such lens model; see --help");
-  return model;
+/// Weights with mean 1, so that sigma_px is that of an average corner.
+void NormalizeWeights(std::vector<View>* views) {
+  double sum = 0;
+  Eigen::Index count = 0;
+  for (const View& view : *views) sum += view.weights.sum(), count += view.size();
+  for (View& view : *views) view.weights *= sum > 0 ? static_cast<double>(count) / sum : 1;
 }
 
-/// Each camera by itself.
-bool CalibrateCameras(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
-                      CalibrateReport* report) {
-  const LensModel model = FixedModel(options).value_or(LensModel::kBrown4);
-  work->monos.resize(input.cameras.size());
-  work->view_ids.resize(input.cameras.size());
-  for (size_t v = 0; v < work->views.size(); ++v) work->view_ids[work->views[v].camera_idx].push_back(static_cast<int>(v));
-  BundleOptions bundle = options.bundle;
-  bundle.num_threads = 1;
-  ParallelFor(static_cast<int64_t>(input.cameras.size()), run.num_threads, [&](int64_t c) {
-    const CameraInput& camera = input.cameras[c];
-    std::vector<View> views;
-    for (int v : work->view_ids[c]) views.push_back(work->views[v]);
-    const geometry::Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, camera.width_px);
-    work->monos[c] = CalibrateMono(WithModel(start, model), views, work->frames, bundle);
-  });
-  for (const MonoSolution& mono : work->monos) {
-    if (mono.status == Status::kOk || mono.status == Status::kNotConverged) continue;
-    Stop(mono.status, mono.message, report);
-    return false;
+void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
+  std::vector<View> all = MakeViews(input.boards, input.detections, &work->frames);
+  NormalizeWeights(&all);
+  const int step = HoldoutStep(options.holdout);
+  for (View& view : all) {
+    const bool out = step > 0 && view.frame % step == step - 1;
+    (out ? work->held_out : work->views).push_back(std::move(view));
   }
-  return true;
+  for (const View& view : work->views) work->prior.push_back(view.weights);
+  work->known_poses.resize(input.cameras.size());
+  work->state.rig_from_board.resize(input.boards.size());
 }
 
-/// Lens model and held-out errors.
-void ChooseLens(const CalibrateOptions& options, const RunContext& run, Work* work, CalibrateReport* report) {
-  const int64_t num_cameras = static_cast<int64_t>(work->monos.size());
-  std::vector<Holdout> holdouts(num_cameras);
-  std::string reason = "given";
-  if (!FixedModel(options)) {
-    const ModelChoice choice =
-        ChooseModel(work->monos, std::max(3, options.holdout_folds), options.holdout_views, run.num_threads);
-    reason = choice.reason;
-    if (choice.index >= 0) holdouts = choice.candidates[choice.index].holdouts;
-    BundleOptions bundle = options.bundle;
-    bundle.num_threads = 1;
-    ParallelFor(num_cameras, run.num_threads, [&](int64_t c) {
-      if (choice.model != work->monos[c].state.cameras[0].model)
-        work->monos[c] = RefineMono(work->monos[c], choice.model, bundle);
-    });
+/// Frames of different cameras that do not belong together are refused, or shifted with `--time-offset auto`.
+bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
+  if (work->monos.size() < 2) return true;
+  std::vector<std::string> names;
+  for (const geometry::Camera& camera : work->state.cameras) names.push_back(camera.name);
+  const FrameOffsets offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, names);
+  if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
+  if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
+  report->frame_shift = offsets.shift;
+  const bool shift = options.time_offset == "auto";
+  Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
+  report->frames_must_shift = shift;
+  return false;
+}
+
+void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
+  const std::vector<bool> fixed = internal::ParseFix(options.fix, "poses", input.cameras);
+  for (size_t c = 0; c < fixed.size(); ++c) {
+    const int index = input.start ? input.start->Find(input.cameras[c].name) : -1;
+    if (fixed[c] && index < 0)
+      throw UsageError("--fix poses: camera " + input.cameras[c].name + " is not in the given calibration");
+    if (index >= 0) work->known_poses[c] = input.start->cameras[index].cam_from_world;
   }
-  const bool missing = options.holdout_folds > 1 && holdouts[0].errors_px.empty();
-  ParallelFor(missing ? num_cameras : 0, run.num_threads, [&](int64_t c) {
-    holdouts[c] =
-        HoldoutError(work->monos[c], work->monos[c].state.cameras[0].model, options.holdout_folds, options.holdout_views);
-  });
-  report->cameras.resize(num_cameras);
-  for (int64_t c = 0; c < num_cameras; ++c) {
-    const bool scored = !holdouts[c].errors_px.empty();
-    report->cameras[c].model_reason = reason;
-    report->cameras[c].holdout_rms_px = scored ? holdouts[c].rms_px : kNan;
-    report->cameras[c].holdout_median_px = scored ? holdouts[c].median_px : kNan;
-  }
+  work->bundle.fix_camera = fixed;
 }
 
 /// Cameras in one frame, the gauge chosen.
 bool PlaceCameras(const World& world, Work* work, CalibrateReport* report) {
-  std::vector<Rigid3> cam_from_board(work->views.size());
   work->state.frames = work->frames;
-  for (size_t c = 0; c < work->monos.size(); ++c) {
-    const MonoSolution& mono = work->monos[c];
-    work->state.cameras.push_back(mono.state.cameras[0]);
-    for (size_t i = 0; i < work->view_ids[c].size(); ++i) {
-      const int v = work->view_ids[c][i];
-      cam_from_board[v] = mono.state.world_from_board[work->views[v].frame];
-      if ((mono.views[i].weights.array() > 0).count() == 0) work->views[v].weights.setZero();
-    }
-  }
-  const RigStart start = InitializeRig(work->views, cam_from_board, world.camera, &work->state);
+  RigInitOptions init;
+  init.known_cam_from_world = work->known_poses;
+  const RigStart start = InitializeRig(work->views, work->cam_from_board, world.camera, &work->state, init);
   report->components = start.components;
-  if (start.status == Status::kOk) return true;
-  Stop(start.status, start.message, report);
-  return false;
+  if (start.status != Status::kOk) {
+    Stop(start.status, start.message, report);
+    return false;
+  }
+  // All corners of the boards that have a pose get their say again.
+  for (size_t v = 0; v < work->views.size(); ++v) {
+    if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
+  }
+  const auto& fixed = work->bundle.fix_camera;
+  const bool held = std::find(fixed.begin(), fixed.end(), true) != fixed.end();
+  work->bundle.gauge = {held ? Gauge::Kind::kNone : Gauge::Kind::kCamera, world.camera};
+  return true;
 }
 
 /// Moves the solution so that the board of the wanted frame defines the world.
@@ -168,15 +152,11 @@ bool UseBoardWorld(const World& world, Work* work, CalibrateReport* report) {
   const Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
   for (Rigid3& world_from_board : work->state.world_from_board) world_from_board = new_from_old * world_from_board;
   for (Rigid3& cam_from_world : work->state.cam_from_world) cam_from_world = cam_from_world * geometry::Inverse(new_from_old);
-  work->gauge = {Gauge::Kind::kBoard, index};
+  work->bundle.gauge = {Gauge::Kind::kBoard, index};
   return true;
 }
 
-bool Adjust(const CalibrateOptions& options, const RunContext& run, Work* work, CalibrateReport* report) {
-  BundleOptions bundle = options.bundle;
-  bundle.gauge = work->gauge;
-  bundle.num_threads = ResolveThreads(run.num_threads);
-  const BundleReport solved = SolveBundle(&work->views, &work->state, bundle);
+bool Keep(const BundleReport& solved, CalibrateReport* report) {
   report->rms_px = solved.rms_px;
   report->sigma_px = solved.sigma_px;
   report->num_corners = solved.num_corners;
@@ -185,95 +165,30 @@ bool Adjust(const CalibrateOptions& options, const RunContext& run, Work* work, 
   return solved.status == Status::kNotConverged;
 }
 
-double Coverage(const std::vector<View>& views, int camera_idx, const CameraInput& camera) {
-  constexpr int kCols = 10, kRows = 8;
-  std::set<int> cells;
-  for (const View& view : views) {
-    if (view.camera_idx != camera_idx) continue;
-    for (Eigen::Index i = 0; i < view.size(); ++i) {
-      if (view.weights[i] <= 0) continue;
-      const int col = static_cast<int>((view.px(0, i) + 0.5) * kCols / camera.width_px);
-      const int row = static_cast<int>((view.px(1, i) + 0.5) * kRows / camera.height_px);
-      cells.insert(std::clamp(row, 0, kRows - 1) * kCols + std::clamp(col, 0, kCols - 1));
-    }
-  }
-  return static_cast<double>(cells.size()) / (kCols * kRows);
+BundleReport Solve(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
+  if (options.engine != "mrcal") return SolveBundle(&work->views, &work->state, work->bundle);
+  MrcalOptions mrcal;
+  mrcal.boards = input.boards;
+  mrcal.bundle = work->bundle;
+  return SolveWithMrcal(&work->views, &work->state, mrcal);
 }
 
-bool CoversImage(const geometry::Projector& projector) {
-  const geometry::Camera& camera = projector.camera();
-  for (double u : {0.0, camera.width_px - 1.0}) {
-    for (double v : {0.0, camera.height_px - 1.0}) {
-      if (projector.Unproject({u, v}).status != Status::kOk) return false;
-    }
+bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
+            CalibrateReport* report) {
+  work->bundle.num_threads = ResolveThreads(run.num_threads);
+  if (!Keep(Solve(input, options, work), report)) return false;
+  if (options.time_offset != "auto" || input.cameras.size() < 2) return true;
+  if (!internal::TimeOffsetsPay(*work, work->bundle, &report->time_reason)) return true;
+  work->bundle.refine_time = true;
+  constexpr int kRounds = 3;  // the boards' motion follows from their poses
+  for (int round = 0; round < kRounds; ++round) {
+    if (!Keep(SolveBundle(&work->views, &work->state, work->bundle), report)) return false;
   }
   return true;
 }
 
-/// Residuals and what is counted from them.
-void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
-  const auto residuals = BundleResiduals(work.views, work.state);
-  std::vector<double> sum(input.cameras.size(), 0);
-  std::set<int> frames;
-  int num_rejected = input.num_corners_dropped;
-  for (size_t v = 0; v < work.views.size(); ++v) {
-    const View& view = work.views[v];
-    CameraReport& camera = report->cameras[view.camera_idx];
-    const bool used = (view.weights.array() > 0).any();
-    camera.num_views += used;
-    if (used) frames.insert(view.frame);
-    for (Eigen::Index i = 0; i < view.size(); ++i) {
-      const bool rejected = view.weights[i] <= 0;
-      const Eigen::Vector2d r = residuals[v].col(i);
-      report->residuals.push_back({view.camera_idx, work.frames[view.frame], view.corner_ids[i], view.px.col(i), r, rejected});
-      rejected ? ++camera.num_rejected : ++camera.num_corners;
-      if (!rejected) sum[view.camera_idx] += r.squaredNorm();
-    }
-  }
-  for (size_t c = 0; c < report->cameras.size(); ++c) {
-    report->cameras[c].rms_px = std::sqrt(sum[c] / std::max(1, report->cameras[c].num_corners));
-    num_rejected += report->cameras[c].num_rejected;
-  }
-  report->num_frames = static_cast<int>(frames.size());
-  report->rejected_fraction = static_cast<double>(num_rejected) / std::max(1, num_rejected + report->num_corners);
-}
-
-void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
-  double squares = 0;
-  std::vector<double> medians;
-  int scored = 0;
-  for (size_t c = 0; c < report->cameras.size(); ++c) {
-    CameraReport& camera = report->cameras[c];
-    const geometry::Camera& lens = work.state.cameras[c];
-    const geometry::Projector projector(lens);
-    camera.name = lens.name;
-    camera.model = lens.model;
-    camera.num_params = static_cast<int>(lens.params.size());
-    camera.focal_px = (lens.fx() + lens.fy()) / 2;
-    camera.coverage = Coverage(work.views, static_cast<int>(c), input.cameras[c]);
-    camera.valid_radius = projector.valid_radius();
-    camera.covers_image = CoversImage(projector);
-    if (!std::isfinite(camera.holdout_rms_px)) continue;
-    squares += camera.num_corners * camera.holdout_rms_px * camera.holdout_rms_px;
-    scored += camera.num_corners;
-    medians.push_back(camera.holdout_median_px);
-  }
-  report->holdout_rms_px = scored ? std::sqrt(squares / scored) : kNan;
-  report->holdout_median_px =
-      medians.empty() ? kNan : Median(Eigen::Map<const Eigen::VectorXd>(medians.data(), medians.size()));
-}
-
-void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report) {
-  report->gauge = report->rig.gauge = gauge;
-  for (size_t c = 0; c < work.state.cameras.size(); ++c) {
-    report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
-  }
-  report->frames = work.frames;
-  report->world_from_board = work.state.world_from_board;
-}
-
 void AddCovariance(const Work& work, CalibrateReport* report) {
-  const RigCovariance covariance = ComputeCovariance(work.views, work.state, work.gauge, report->sigma_px);
+  const RigCovariance covariance = ComputeCovariance(work.views, work.state, work.bundle, report->sigma_px);
   if (covariance.status != Status::kOk) return Stop(covariance.status, covariance.message, report);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras[c].params_covariance = covariance.params[c];
@@ -304,38 +219,104 @@ void CheckInput(const CalibrateInput& input) {
   }
 }
 
-void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
-  const World world = ParseWorld(options.world, input.cameras);
-  Work work;
-  work.views = MakeViews(input.board, input.detections, &work.frames);
-  ProgressStage stage(run, "calibrating", 5);
-  if (!CalibrateCameras(input, options, run, &work, report)) return;
-  stage.Advance(1, "cameras");
-  ChooseLens(options, run, &work, report);
-  stage.Advance(1, "lens model");
-  if (!PlaceCameras(world, &work, report)) return;
-  work.gauge = {Gauge::Kind::kCamera, world.camera};
-  if (world.is_board && !UseBoardWorld(world, &work, report)) return;
-  stage.Advance(1, "rig");
-  if (!Adjust(options, run, &work, report)) return;
-  stage.Advance(1, "adjustment");
-  if (world.is_board) {
-    FillRig(work, "board in frame " + std::to_string(world.frame_idx), report);
-  } else {
-    FillRig(work, "camera " + input.cameras[world.camera].name, report);
+/// Lenses alone: the pools' solution, one frame a view.
+void KeepLensesOnly(Work* work) {
+  RigState& state = work->state;
+  state.frames.clear(), state.world_from_board.clear();
+  for (size_t v = 0; v < work->views.size(); ++v) {
+    state.frames.push_back(work->frames[work->views[v].frame]);
+    state.world_from_board.push_back(work->cam_from_board[v]);
+    work->views[v].frame = static_cast<int>(v);
   }
-  ReportResiduals(input, work, report);
-  ReportCameras(input, work, report);
+  state.rig_from_board.assign(state.rig_from_board.size(), Rigid3());
+  state.cam_from_world.assign(state.cameras.size(), Rigid3());
+  work->bundle.gauge = {Gauge::Kind::kNone, 0};
+  work->bundle.refine_cameras = work->bundle.refine_boards = false;
+}
+
+std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const Work& work) {
+  if (options.intrinsics_only) return "none: lenses only, every camera in a frame of its own";
+  if (world.is_board) return "board in frame " + std::to_string(world.frame_idx);
+  if (work.bundle.gauge.kind == Gauge::Kind::kNone) return "cameras whose poses were given";
+  return "camera " + input.cameras[world.camera].name;
+}
+
+void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
+  const World world = internal::ParseWorld(options.world, input.cameras);
+  Work work;
+  MakeWork(input, options, &work);
+  ProgressStage stage(run, "calibrating", 4);
+  if (!internal::CalibrateLenses(input, options, run, &work, report)) return;
+  stage.Advance(1, "lenses");
+  if (options.intrinsics_only) {
+    KeepLensesOnly(&work);
+  } else {
+    if (!CheckFrames(options, &work, report)) return;
+    TakeKnownPoses(input, options, &work);
+    if (!PlaceCameras(world, &work, report)) return;
+    if (world.is_board && !UseBoardWorld(world, &work, report)) return;
+  }
+  stage.Advance(1, "rig");
+  if (!Adjust(input, options, run, &work, report)) return;
+  stage.Advance(1, "adjustment");
+  internal::FillReport(input, work, GaugeText(input, options, world, work), report);
   AddCovariance(work, report);
   stage.Advance(1, "covariance");
+}
+
+/// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
+std::vector<int> ByName(const CalibrateInput& input) {
+  std::vector<int> order(input.cameras.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return input.cameras[a].name < input.cameras[b].name; });
+  return order;
+}
+
+CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& order) {
+  CalibrateInput sorted = input;
+  std::vector<int> position(order.size());
+  for (size_t i = 0; i < order.size(); ++i) sorted.cameras[i] = input.cameras[order[i]], position[order[i]] = static_cast<int>(i);
+  for (Detection& d : sorted.detections) d.camera_idx = position[d.camera_idx];
+  std::stable_sort(sorted.detections.begin(), sorted.detections.end(), [](const Detection& a, const Detection& b) {
+    return std::tie(a.camera_idx, a.frame_idx, a.board_idx) < std::tie(b.camera_idx, b.frame_idx, b.board_idx);
+  });
+  return sorted;
+}
+
+void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
+  const CalibrateReport sorted = *report;
+  for (size_t i = 0; i < order.size(); ++i) {
+    if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
+    if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];
+  }
+  for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
+  for (auto& component : report->components) {
+    for (int& camera : component) camera = order[camera];
+    std::sort(component.begin(), component.end());
+  }
+}
+
+CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
+  CalibrateReport report;
+  RunPipeline(input, options, run, &report);
+  if (!report.frames_must_shift) return report;
+  CalibrateInput shifted = input;
+  for (Detection& d : shifted.detections) d.frame_idx += report.frame_shift[d.camera_idx];
+  CalibrateReport again;
+  again.frame_shift = report.frame_shift;
+  RunPipeline(shifted, options, run, &again);
+  return again;
 }
 
 }  // namespace
 
 CalibrateReport Calibrate(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CheckInput(input);
-  CalibrateReport report;
-  RunPipeline(input, options, run, &report);
+  CalibrateOptions named = options;
+  if (named.world == "camera") named.world += ":" + input.cameras[0].name;
+  const std::vector<int> order = ByName(input);
+  CalibrateReport report = CalibrateSorted(Permuted(input, order), named, run);
+  RestoreOrder(order, &report);
   report.verdict = Judge(report);
   return report;
 }

@@ -2,12 +2,15 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/board.h"
+#include "calib/board_metrics.h"
 #include "calib/bundle.h"
 #include "calib/detection.h"
+#include "calib/projection_uncertainty.h"
 #include "core/progress.h"
 #include "core/status.h"
 #include "geometry/rig.h"
@@ -15,20 +18,33 @@
 namespace mvstudio::calib {
 
 struct CalibrateOptions {
-  std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify, for all cameras
+  std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify
+  std::string share_intrinsics = "auto";  ///< auto, none, all, or groups "a,b;c,d": cameras with one lens
+  std::string warp = "auto";              ///< auto, on, off: two numbers for the bend of the boards
+  std::string time_offset = "none";       ///< none, or auto: cameras may be late by a constant part of a frame
   std::string world = "camera";  ///< camera[:NAME] (the first one without a name) or board:FRAME
+  std::string holdout;           ///< "every:N": every Nth instant takes no part in the solution and checks it
+  bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
   int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;        ///< at most so many views of a camera take part in it
+  std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": kept as CalibrateInput::start has them
+  std::string engine = "mvstudio";  ///< or "mrcal": the joint adjustment by libmrcal
   BundleOptions bundle;
 };
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, CalibrateOptions& o) {
-  visit("model", o.model,
-        "pinhole, brown1, brown2, brown4, brown5, rational8, kannala4, or auto: the simplest that held-out boards justify");
+  visit("model", o.model, "a lens model (see docs/lens-models.md), or auto: the simplest that held-out boards justify");
+  visit("share-intrinsics", o.share_intrinsics, "one lens for several cameras: auto (if held-out boards say so), none, all, or a,b;c,d");
+  visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
+  visit("time-offset", o.time_offset, "none, or auto: constant offsets in time between cameras, if held-out frames say so");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
+  visit("holdout", o.holdout, "every:N keeps every Nth instant out of the solution and checks the rig on it");
+  visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
+  visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");
+  visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
   VisitFields(visit, o.bundle);
 }
 
@@ -38,10 +54,11 @@ struct CameraInput {
 };
 
 struct CalibrateInput {
-  Board board;
+  std::vector<Board> boards;  ///< rigid to each other when there are several
   std::vector<CameraInput> cameras;
   std::vector<Detection> detections;
   int num_corners_dropped = 0;  ///< corners that the detector found and dropped, for rejected_fraction
+  std::optional<geometry::Rig> start;  ///< a calibration to start from; its cameras keep their lens models
 };
 
 /// A corner after the adjustment.
@@ -61,10 +78,21 @@ struct CameraReport {
   int num_params = 0, num_views = 0, num_corners = 0, num_rejected = 0;
   double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy
   double rms_px = 0;
-  double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views
+  double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
+  double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
+  std::string shares_lens_with;                      ///< names, separated by ", "
+  double time_offset_frames = 0;
   double coverage = 0;                               ///< share of the cells of a 10 x 8 grid over the image that hold a corner
   double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
   bool covers_image = true;                          ///< all image corners lie within the valid radius
+};
+
+/// One line of the table of lens models that were compared, for one camera.
+struct SelectionRow {
+  std::string camera, model;  ///< model as ToString(LensConfig)
+  int num_params = 0;         ///< of this camera; shared ones count for every camera
+  double holdout_rms_px = 0, holdout_median_px = 0, gross_fraction = 0;
+  bool chosen = false;
 };
 
 struct Verdict {
@@ -87,7 +115,17 @@ struct CalibrateReport {
   std::vector<CornerResidual> residuals;
   std::vector<std::vector<int>> components;  ///< groups of cameras linked by shared boards
   double rms_px = 0, sigma_px = 0;           ///< 2-D RMS over kept corners; standard deviation per coordinate
-  double holdout_rms_px = 0, holdout_median_px = 0;
+  double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
+  std::vector<SelectionRow> selection;
+  std::string warp_reason, time_reason;
+  std::vector<int64_t> frame_shift;  ///< per camera, when frames did not belong together
+  bool frames_must_shift = false;
+  std::string frames_doubt;  ///< why frames with the same number may not belong together; empty: no doubt
+  std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it counts as flat
+  std::vector<geometry::Rigid3> rig_from_board;
+  BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
+  double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without
+  UncertaintySummary uncertainty;
   double rejected_fraction = 0;
   int num_corners = 0, num_frames = 0;
   std::string gauge;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/apriltag.h"
 #include "calib/charuco_layout.h"
 #include "core/units.h"
 
@@ -24,16 +25,77 @@ struct Sample {
   double grey = 0, weight = 1;
 };
 
+/// Grey value around a corner with sharp edges, for a and b in {-1, 1} (the side of the edge along x, of that along y; positive
+/// towards +y and +x): level + contrast (one + a + b + ab), the four terms being these factors.
+struct Shape {
+  double one = 0, a = 0, b = 0, ab = 0;
+  static Shape Crossing(double sign) { return {0, 0, 0, sign}; }
+  /// `sign` in the quadrant where the sides are `a_side` and `b_side`, -sign elsewhere.
+  static Shape Angle(double a_side, double b_side, double sign) {
+    return {-0.5 * sign, 0.5 * sign * a_side, 0.5 * sign * b_side, 0.5 * sign * a_side * b_side};
+  }
+};
+
+/// What may be seen around a corner, in squares from it: `x`, `y` along the board's axes.
+class Neighbourhood {
+ public:
+  Neighbourhood(const Board& board, int corner_id, double px_per_square) : board_(board) {
+    blur_ = 1 / px_per_square;
+    board.has_tags() ? SetTag(corner_id) : SetSquares(corner_id);
+  }
+
+  const Shape& shape() const { return shape_; }
+
+  /// False where something else than the corner's two edges may be seen.
+  bool Shows(double x, double y) const { return board_.has_tags() ? ShowsTag(x, y) : ShowsSquares(x, y); }
+
+ private:
+  /// Distance from an edge up to which a strip of width `strip` beside it is free of what lies behind.
+  double Clear(double strip) const { return std::max(strip - blur_, blur_); }
+
+  void SetSquares(int corner_id) {
+    col_ = corner_id % board_.cols, row_ = corner_id / board_.cols;
+    shape_ = Shape::Crossing(IsBlack(board_, {col_, row_}) ? -1 : 1);  // a b is positive in the upper left square
+    strip_ = Clear((board_.square_m - board_.marker_m) / (2 * board_.square_m));
+  }
+
+  bool ShowsSquares(double x, double y) const {
+    if (board_.kind != Board::Kind::kCharuco) return true;
+    const bool white = !IsBlack(board_, {col_ + (x > 0), row_ + (y > 0)});
+    return !white || std::min(std::abs(x), std::abs(y)) <= strip_;
+  }
+
+  void SetTag(int corner_id) {
+    const int k = corner_id % 4;
+    inside_x_ = k == 0 || k == 3 ? 1 : -1, inside_y_ = k >= 2 ? 1 : -1;
+    const auto family = FindTagFamily(board_.dictionary);
+    const double cell = family ? 1.0 / family->border_cells : 0;
+    gap_squares_ = board_.kind == Board::Kind::kAprilGrid && family && !family->white_inside;
+    const double inside = family && family->white_inside ? 1 : -1;
+    shape_ = gap_squares_ ? Shape::Crossing(inside * inside_x_ * inside_y_) : Shape::Angle(inside_y_, inside_x_, inside);
+    strip_ = Clear(cell);
+    outside_ = Clear(gap_squares_ ? board_.tag_spacing : cell);
+  }
+
+  bool ShowsTag(double x, double y) const {
+    const double u = x * inside_x_, v = y * inside_y_;  // positive: inside
+    if (u > 0 && v > 0) return std::min(u, v) <= strip_;
+    return u > -outside_ && v > -outside_;
+  }
+
+  const Board& board_;
+  Shape shape_;
+  double blur_ = 0, strip_ = 1, outside_ = 1;
+  int col_ = 0, row_ = 0, inside_x_ = 1, inside_y_ = 1;
+  bool gap_squares_ = false;
+};
+
 /// The pixels around the guess that show nothing but the corner's two edges.
-std::vector<Sample> CollectSamples(const Board& board, const Image& grey, const CornerGuess& guess, double radius_px) {
+std::vector<Sample> CollectSamples(const Neighbourhood& neighbourhood, const Image& grey, const CornerGuess& guess,
+                                   double radius_px) {
   Eigen::Matrix2d px_from_squares;
   px_from_squares << guess.along_x, guess.along_y;
   const Eigen::Matrix2d squares_from_px = px_from_squares.inverse();
-  const int col = guess.corner_id % board.cols, row = guess.corner_id / board.cols;
-  const double px_per_square = std::min(guess.along_x.norm(), guess.along_y.norm());
-  const bool charuco = board.kind == Board::Kind::kCharuco;
-  const double gap = charuco ? (board.square_m - board.marker_m) / (2 * board.square_m) : 1;
-  const double clear = charuco ? std::max(gap - 1 / px_per_square, 1 / px_per_square) : 1;
   const int u0 = static_cast<int>(std::floor(guess.px.x())), v0 = static_cast<int>(std::floor(guess.px.y()));
   const int reach = static_cast<int>(std::ceil(radius_px)) + 1;
   std::vector<Sample> samples;
@@ -42,8 +104,7 @@ std::vector<Sample> CollectSamples(const Board& board, const Image& grey, const 
       const Eigen::Vector2d d(u - guess.px.x(), v - guess.px.y());
       const Eigen::Vector2d s = squares_from_px * d;
       if (d.norm() > radius_px || s.cwiseAbs().maxCoeff() > kWindowSquares) continue;
-      const bool white = !IsBlack(board, {col + (s.x() > 0), row + (s.y() > 0)});
-      if (charuco && white && s.cwiseAbs().minCoeff() > clear) continue;
+      if (!neighbourhood.Shows(s.x(), s.y())) continue;
       const double taper = 1 - 0.75 * d.squaredNorm() / (radius_px * radius_px);
       samples.push_back({d.x(), d.y(), static_cast<double>(*grey.Pixel(u, v)), taper});
     }
@@ -52,7 +113,7 @@ std::vector<Sample> CollectSamples(const Board& board, const Image& grey, const 
 }
 
 /// Model grey value and its gradient with respect to the parameters.
-double Evaluate(const Params& p, double x, double y, double sign, Params* gradient) {
+double Evaluate(const Params& p, double x, double y, const Shape& shape, Params* gradient) {
   const double dx = x - p[0], dy = y - p[1];
   const double ca = std::cos(p[2]), sa = std::sin(p[2]), cb = std::cos(p[3]), sb = std::sin(p[3]);
   const double across_a = -sa * dx + ca * dy,
@@ -63,17 +124,18 @@ double Evaluate(const Params& p, double x, double y, double sign, Params* gradie
   const double a = std::erf(across_a * k), b = std::erf(across_b * k);
   const double bell = 2 / std::sqrt(kPi) * k;
   const double da = bell * std::exp(-across_a * across_a * k * k), db = bell * std::exp(-across_b * across_b * k * k);
-  const double h = sign * p[6];
-  (*gradient)[0] = h * (sa * da * b - sb * a * db);
-  (*gradient)[1] = h * (-ca * da * b + cb * a * db);
-  (*gradient)[2] = -h * da * along_a * b;
-  (*gradient)[3] = h * a * db * along_b;
-  (*gradient)[4] = -h * (da * across_a * b + a * db * across_b) / p[4];
+  const double pattern = shape.one + shape.a * a + shape.b * b + shape.ab * a * b;
+  const double by_a = p[6] * da * (shape.a + shape.ab * b), by_b = p[6] * db * (shape.b + shape.ab * a);
+  (*gradient)[0] = sa * by_a - sb * by_b;
+  (*gradient)[1] = -ca * by_a + cb * by_b;
+  (*gradient)[2] = -along_a * by_a;
+  (*gradient)[3] = along_b * by_b;
+  (*gradient)[4] = -(across_a * by_a + across_b * by_b) / p[4];
   (*gradient)[5] = 1;
-  (*gradient)[6] = sign * a * b;
+  (*gradient)[6] = pattern;
   (*gradient)[7] = x;
   (*gradient)[8] = y;
-  return p[5] + h * a * b + p[7] * x + p[8] * y;
+  return p[5] + p[6] * pattern + p[7] * x + p[8] * y;
 }
 
 struct Linearized {
@@ -82,11 +144,11 @@ struct Linearized {
   double cost = 0, weight = 0;
 };
 
-Linearized Linearize(const std::vector<Sample>& samples, const Params& p, double sign) {
+Linearized Linearize(const std::vector<Sample>& samples, const Params& p, const Shape& shape) {
   Linearized l;
   Params g;
   for (const Sample& s : samples) {
-    const double r = Evaluate(p, s.x, s.y, sign, &g) - s.grey;
+    const double r = Evaluate(p, s.x, s.y, shape, &g) - s.grey;
     l.hessian.selfadjointView<Eigen::Lower>().rankUpdate(g, s.weight);
     l.gradient += s.weight * r * g;
     l.cost += s.weight * r * r;
@@ -109,9 +171,9 @@ Params FirstParams(const std::vector<Sample>& samples, const CornerGuess& guess)
 }
 
 /// Levenberg-Marquardt; returns the linearisation at the solution in `*at_end`.
-bool Fit(const std::vector<Sample>& samples, double sign, int max_iterations, Params* p, Linearized* at_end) {
+bool Fit(const std::vector<Sample>& samples, const Shape& shape, int max_iterations, Params* p, Linearized* at_end) {
   double damping = 1e-3;
-  Linearized now = Linearize(samples, *p, sign);
+  Linearized now = Linearize(samples, *p, shape);
   for (int i = 0; i < max_iterations; ++i) {
     Normal damped = now.hessian;
     damped.diagonal() *= 1 + damping;
@@ -120,7 +182,7 @@ bool Fit(const std::vector<Sample>& samples, double sign, int max_iterations, Pa
     if (!step.allFinite()) return false;
     Params next = *p + step;
     next[4] = std::clamp(next[4], kMinBlur, kMaxBlur);
-    const Linearized trial = Linearize(samples, next, sign);
+    const Linearized trial = Linearize(samples, next, shape);
     if (trial.cost <= now.cost) {
       *p = next, now = trial, damping = std::max(1e-9, damping * 0.1);
       if (step.head<2>().norm() < 1e-4) break;
@@ -156,14 +218,13 @@ RefinedCorner RefineCorner(const Board& board, const Image& grey, const CornerGu
   if (guess.px.x() < 2 || guess.px.y() < 2 || guess.px.x() > grey.width - 3 || guess.px.y() > grey.height - 3) {
     return Failed(Status::kOutsideValidRadius, guess.px);
   }
-  const std::vector<Sample> samples = CollectSamples(board, grey, guess, radius);
+  const Neighbourhood neighbourhood(board, guess.corner_id, px_per_square);
+  const std::vector<Sample> samples = CollectSamples(neighbourhood, grey, guess, radius);
   if (samples.size() < 2 * kNumParams) return Failed(Status::kTooFewViews, guess.px);
 
-  const Square upper_left{guess.corner_id % board.cols, guess.corner_id / board.cols};
-  const double sign = IsBlack(board, upper_left) ? -1 : 1;  // product of the two edges is positive in the upper left square
   Params p = FirstParams(samples, guess);
   Linearized end;
-  if (!Fit(samples, sign, options.max_iterations, &p, &end)) return Failed(Status::kNotConverged, guess.px);
+  if (!Fit(samples, neighbourhood.shape(), options.max_iterations, &p, &end)) return Failed(Status::kNotConverged, guess.px);
 
   RefinedCorner corner;
   corner.px = guess.px + p.head<2>();
@@ -171,7 +232,7 @@ RefinedCorner RefineCorner(const Board& board, const Image& grey, const CornerGu
   corner.misfit = rms / std::max(1e-9, p[6]);
   const Eigen::Matrix2d covariance = end.hessian.inverse().topLeftCorner<2, 2>() * std::max(rms * rms, 1.0);
   corner.sigma_px = std::sqrt(std::max(0.0, covariance.trace() / 2));
-  const double max_shift = std::max(1.5, 0.3 * px_per_square);
+  const double max_shift = std::max(1.5, (board.has_tags() ? 0.05 : 0.3) * px_per_square);
   const bool plausible = 2 * p[6] >= options.min_contrast && corner.misfit <= options.max_misfit && p[4] < kMaxBlur;
   if (!plausible || p.head<2>().norm() > max_shift || !corner.px.allFinite()) corner.status = Status::kOutlier;
   return corner;

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <optional>
+#include <utility>
 
-#include "calib/corner_refine.h"
+#include "calib/charuco_layout.h"
 #include "calib/corner_search.h"
 #include "calib/homography.h"
 #include "core/check.h"
@@ -18,19 +20,10 @@ constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homo
 constexpr double kMaxSmoothSigmaPx = 1.0;
 constexpr double kMaxMisplaced =
     0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
-constexpr char kMarkersMisplaced[] =
-    "the markers do not lie as on the board (wrong size, or the layout: try with or without legacy)";
+constexpr char kMarkersMisplaced[] = "the markers do not lie as on the board (wrong numbers of squares or tags, gap, or layout)";
+constexpr char kMirrored[] = "the image is mirrored: the markers can be read only in a mirror";
+constexpr int kGrowRounds = 8;  // from tags that were found to their neighbours
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
-
-Image ToGrey(const Image& image) {
-  if (image.channels == 1) return image;
-  Image grey(image.width, image.height, 1);
-  for (size_t i = 0; i < grey.pixels.size(); ++i) {
-    const uint8_t* rgb = image.pixels.data() + i * image.channels;
-    grey.pixels[i] = static_cast<uint8_t>((rgb[0] * 4899 + rgb[1] * 9617 + rgb[2] * 1868 + 8192) >> 14);
-  }
-  return grey;
-}
 
 BoardDetection Failed(Status status, const std::string& reason) {
   BoardDetection result;
@@ -39,10 +32,11 @@ BoardDetection Failed(Status status, const std::string& reason) {
   return result;
 }
 
-Eigen::Vector2d OnBoard(const Board& board, int corner_id) { return {corner_id % board.cols, corner_id / board.cols}; }
-
-/// Corners located so far: id, position, and the expected accuracy of the fit.
+/// Corners located so far: id, position, and the expected accuracy of the fit. Board coordinates in squares.
 struct Located {
+  explicit Located(const Board& board) : on_board(CornersInBoard(board).topRows<2>() / board.square_m) {}
+
+  Eigen::Matrix2Xd on_board;  // (2, num_corners)
   std::vector<int> ids;
   std::vector<Eigen::Vector2d> px;
   std::vector<double> sigma_px, square_px;
@@ -52,11 +46,12 @@ struct Located {
     for (size_t i = 0; i < px.size(); ++i) points.col(i) = px[i];
     return points;
   }
-  Eigen::Matrix2Xd OnBoardPoints(const Board& board) const {
+  Eigen::Matrix2Xd OnBoard() const {
     Eigen::Matrix2Xd points(2, ids.size());
-    for (size_t i = 0; i < ids.size(); ++i) points.col(i) = OnBoard(board, ids[i]);
+    for (size_t i = 0; i < ids.size(); ++i) points.col(i) = on_board.col(ids[i]);
     return points;
   }
+  bool Has(int id) const { return std::find(ids.begin(), ids.end(), id) != ids.end(); }
 };
 
 void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses, const RefineOptions& options,
@@ -72,14 +67,13 @@ void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess
 }
 
 /// Guesses of the corners not located yet, where the located ones say they should be.
-std::vector<CornerGuess> GuessMissing(const Board& board, const Image& grey, const Located& located,
-                                      const PlaneToImage& plane) {
+std::vector<CornerGuess> GuessMissing(const Image& grey, const Located& located, const PlaneToImage& plane) {
   std::vector<CornerGuess> guesses;
-  for (int id = 0; id < board.num_corners(); ++id) {
-    if (std::find(located.ids.begin(), located.ids.end(), id) != located.ids.end()) continue;
-    const Eigen::Vector2d at = OnBoard(board, id);
+  for (int id = 0; id < located.on_board.cols(); ++id) {
+    if (located.Has(id)) continue;
+    const Eigen::Vector2d at = located.on_board.col(id);
     double nearest = 1e9;
-    for (int other : located.ids) nearest = std::min(nearest, (OnBoard(board, other) - at).norm());
+    for (int other : located.ids) nearest = std::min(nearest, (located.on_board.col(other) - at).norm());
     const Eigen::Vector2d px = plane(at);
     if (nearest > 1.5 || !px.allFinite() || px.x() < 0 || px.y() < 0 || px.x() > grey.width || px.y() > grey.height) continue;
     const auto step = [&](double x, double y) { return plane(at + Eigen::Vector2d(x, y)); };
@@ -94,12 +88,17 @@ std::string Describe(const char* format, double value) {
   return text;
 }
 
+int NeededCorners(const Board& board, const DetectOptions& options) {
+  return std::max(4, std::min(options.min_corners, board.num_corners()));
+}
+
 /// Keeps the corners that lie on the smooth image of a plane.
 BoardDetection CheckCorners(const Board& board, const Located& located, const DetectOptions& options) {
   BoardDetection result;
   result.num_found = static_cast<int>(located.ids.size());
-  const auto plane = PlaneToImage::Fit(located.OnBoardPoints(board), located.Px());
+  const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
   if (!plane) return Failed(Status::kDegenerate, "the corners found lie on one line");
+  result.sigma_px = plane->sigma_px();
   const double square_px = Median(Eigen::Map<const Eigen::VectorXd>(located.square_px.data(), located.square_px.size()));
   if (plane->homography_median_px() > kMaxPlaneErrorSquares * square_px || plane->sigma_px() > kMaxSmoothSigmaPx) {
     return Failed(Status::kDegenerate,
@@ -110,7 +109,7 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   for (int i = 0; i < result.num_found; ++i) {
     if (plane->residuals_px()[i] <= limit) kept.push_back(i);
   }
-  if (static_cast<int>(kept.size()) < options.min_corners)
+  if (static_cast<int>(kept.size()) < NeededCorners(board, options))
     return Failed(Status::kOutlier, "too few corners agree with a plane");
   result.detection.points_px.resize(2, kept.size());
   for (size_t k = 0; k < kept.size(); ++k) {
@@ -120,44 +119,183 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   return result;
 }
 
-}  // namespace
-
-bool HasUniqueNumbering(const Board& board) {
-  return board.kind == Board::Kind::kCharuco || (board.cols + board.rows) % 2 == 1;
+Image Mirrored(const Image& grey) {
+  Image mirrored(grey.width, grey.height, 1);
+  for (int v = 0; v < grey.height; ++v) {
+    std::reverse_copy(grey.Pixel(0, v), grey.Pixel(0, v) + grey.width, mirrored.Pixel(0, v));
+  }
+  return mirrored;
 }
 
-BoardDetection DetectBoard(const Board& board, const Image& image, const DetectOptions& options) {
-  MVS_CHECK(image.channels == 1 || image.channels == 3, image.channels << " channels");
-  if (options.detector != "fast" && options.detector != "exact") {
-    throw UsageError("detector '" + options.detector + "' is unknown: use fast or exact");
-  }
-  const Image grey = ToGrey(image);
-  const bool charuco = board.kind == Board::Kind::kCharuco;
-  CharucoSearch search;
-  if (charuco) {
-    search = SearchCharuco(board, grey);
-    const int misplaced = search.num_markers - search.num_agreeing;
-    if (misplaced > std::max(1.0, kMaxMisplaced * search.num_markers)) return Failed(Status::kDegenerate, kMarkersMisplaced);
-  } else {
-    search.guesses = SearchChessboard(board, grey, options.detector == "exact");
-  }
-  if (search.guesses.empty())
-    return Failed(Status::kTooFewViews, charuco ? "no marker of the board found" : "no chessboard found");
+bool Misplaced(const MarkerSearch& search) {
+  return search.num_markers - search.num_agreeing > std::max(1.0, kMaxMisplaced * search.num_markers);
+}
 
+/// Whether the board is there in the mirrored image, in any layout of the same colours: more markers in their places than in
+/// the image itself.
+bool SeenInMirror(const Board& board, const Image& searched, int num_agreeing) {
+  const FoundMarkers found = FindMarkers(board, Mirrored(searched));
+  const int needed = std::max(board.kind == Board::Kind::kTag ? 1 : 3, 2 * num_agreeing);
+  for (const Board& layout : LayoutsOf(board)) {
+    if (layout.inverted != board.inverted) continue;
+    const MarkerSearch search = PlaceCorners(layout, found);
+    if (search.num_agreeing >= needed && !Misplaced(search)) return true;
+  }
+  return false;
+}
+
+BoardDetection DetectAmongMarkers(const Board& board, const Image& searched, const FoundMarkers& found,
+                                  const DetectOptions& options) {
+  const MarkerSearch search = PlaceCorners(board, found);
+  BoardDetection result;
+  if (search.num_markers == 0 && found.num_repeated > 0) {
+    result = Failed(Status::kDegenerate, "a tag of the board is seen more than once");
+  } else if (Misplaced(search)) {
+    result = Failed(Status::kDegenerate, kMarkersMisplaced);
+  } else if (search.guesses.empty()) {
+    result = Failed(Status::kTooFewViews, board.has_tags() ? "no tag of the board found" : "no marker of the board found");
+  } else {
+    result = LocateBoard(board, searched, search.guesses, options);
+  }
+  result.num_markers = search.num_agreeing;
+  result.legacy = board.legacy, result.inverted = board.inverted;
+  return result;
+}
+
+BoardDetection DetectChessboard(const Board& board, const Image& grey, const DetectOptions& options) {
+  const auto guesses =
+      SearchChessboard(board, grey, options.detector == "exact" ? ChessboardSearch::kExact : ChessboardSearch::kFast);
+  if (guesses.empty()) return Failed(Status::kTooFewViews, "no chessboard found");
+  return LocateBoard(board, grey, guesses, options);
+}
+
+/// An image with the markers found in it so far.
+class MarkedImage {
+ public:
+  explicit MarkedImage(Image grey) : grey_(std::move(grey)) {}
+
+  const Image& grey() const { return grey_; }
+  const Image& For(const Board& board) { return board.inverted ? Negative() : grey_; }
+  const FoundMarkers& Markers(const Board& board) {
+    const auto [found, is_new] = markers_.try_emplace(MarkerKey(board));
+    if (is_new) found->second = FindMarkers(board, For(board));
+    return found->second;
+  }
+
+ private:
+  const Image& Negative() {
+    if (!negative_.empty()) return negative_;
+    negative_ = grey_;
+    for (uint8_t& value : negative_.pixels) value = 255 - value;
+    return negative_;
+  }
+
+  Image grey_, negative_;
+  std::map<std::string, FoundMarkers> markers_;
+};
+
+std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOptions& options, MarkedImage* image) {
+  std::vector<BoardDetection> result;
+  bool found = false;
+  int num_agreeing = 0;
+  for (const Board& layout : LayoutsOf(board)) {
+    if (found && layout.inverted != board.inverted) {
+      result.push_back(Failed(Status::kTooFewViews, "black and white are not exchanged"));
+      result.back().legacy = layout.legacy, result.back().inverted = layout.inverted;
+      continue;
+    }
+    result.push_back(DetectAmongMarkers(layout, image->For(layout), image->Markers(layout), options));
+    found = found || result.back().status == Status::kOk;
+    num_agreeing = std::max(num_agreeing, result.back().num_markers);
+  }
+  if (!found && options.check_mirror && SeenInMirror(board, image->For(board), num_agreeing)) {
+    result[0] = Failed(Status::kDegenerate, kMirrored);
+  }
+  return result;
+}
+
+}  // namespace
+
+Image ToGrey(const Image& image) {
+  if (image.channels == 1) return image;
+  Image grey(image.width, image.height, 1);
+  for (size_t i = 0; i < grey.pixels.size(); ++i) {
+    const uint8_t* rgb = image.pixels.data() + i * image.channels;
+    grey.pixels[i] = static_cast<uint8_t>((rgb[0] * 4899 + rgb[1] * 9617 + rgb[2] * 1868 + 8192) >> 14);
+  }
+  return grey;
+}
+
+bool HasUniqueNumbering(const Board& board) {
+  return board.kind != Board::Kind::kChessboard || (board.cols + board.rows) % 2 == 1;
+}
+
+std::vector<Board> LayoutsOf(const Board& board) {
+  std::vector<Board> layouts = {board};
+  if (HasTwoLayouts(board) && !board.legacy) {
+    layouts.push_back(board);
+    layouts.back().legacy = true;
+  }
+  if (board.kind != Board::Kind::kCharuco || board.inverted) return layouts;
+  for (size_t l = 0, n = layouts.size(); l < n; ++l) {
+    layouts.push_back(layouts[l]);
+    layouts.back().inverted = true;
+  }
+  return layouts;
+}
+
+size_t BetterLayout(const std::vector<BoardDetection>& layouts) {
+  const auto score = [](const BoardDetection& d) { return d.status == Status::kOk ? d.detection.num_corners() : 0; };
+  size_t best = 0;
+  for (size_t l = 1; l < layouts.size(); ++l) {
+    if (score(layouts[l]) > score(layouts[best])) best = l;
+  }
+  return best;
+}
+
+BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses,
+                           const DetectOptions& options) {
   RefineOptions refine;
   refine.max_misfit = options.max_misfit;
-  Located located;
-  Locate(board, grey, search.guesses, refine, &located);
-  if (located.ids.size() >= 6) {
-    const auto plane = PlaneToImage::Fit(located.OnBoardPoints(board), located.Px());
-    if (plane) Locate(board, grey, GuessMissing(board, grey, located, *plane), refine, &located);
+  Located located(board);
+  Locate(board, grey, guesses, refine, &located);
+  size_t before = 0;
+  for (int round = 0; round < (board.has_tags() ? kGrowRounds : 1); ++round) {
+    if (located.ids.size() < 6 || located.ids.size() == before) break;
+    before = located.ids.size();
+    const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
+    if (plane) Locate(board, grey, GuessMissing(grey, located, *plane), refine, &located);
   }
-  const int needed = std::max(4, options.min_corners);
+  const int needed = NeededCorners(board, options);
   if (static_cast<int>(located.ids.size()) < needed) {
     return Failed(Status::kOutlier,
                   "only " + std::to_string(located.ids.size()) + " sharp corners (" + std::to_string(needed) + " needed)");
   }
   return CheckCorners(board, located, options);
+}
+
+std::vector<std::vector<BoardDetection>> DetectBoards(const std::vector<Board>& boards, const Image& image,
+                                                      const DetectOptions& options) {
+  MVS_CHECK(image.channels == 1 || image.channels == 3, image.channels << " channels");
+  if (options.detector != "fast" && options.detector != "exact") {
+    throw UsageError("detector '" + options.detector + "' is unknown: use fast or exact");
+  }
+  MarkedImage marked(ToGrey(image));
+  std::vector<std::vector<BoardDetection>> result;
+  for (const Board& board : boards) {
+    if (board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kPoints) {
+      throw UsageError("board " + ToString(board) + " cannot be searched in images: its corners come from files");
+    }
+    result.push_back(board.kind == Board::Kind::kChessboard
+                         ? std::vector<BoardDetection>{DetectChessboard(board, marked.grey(), options)}
+                         : DetectLayouts(board, options, &marked));
+  }
+  return result;
+}
+
+BoardDetection DetectBoard(const Board& board, const Image& image, const DetectOptions& options) {
+  const auto layouts = DetectBoards({board}, image, options)[0];
+  return layouts[BetterLayout(layouts)];
 }
 
 }  // namespace mvstudio::calib

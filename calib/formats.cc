@@ -1,116 +1,121 @@
 #include "calib/formats.h"
 
-#include <charconv>
-#include <cmath>
+#include <algorithm>
 #include <filesystem>
 
 #include "calib/formats_internal.h"
 #include "core/error.h"
 #include "core/files.h"
-#include "geometry/rigid3.h"
+#include "geometry/rig_io.h"
 
 namespace mvstudio::calib {
 namespace {
 
-constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "qualisys", "qca", "opencv"};
-constexpr double kMaxSizePx = 1 << 20;
+namespace fs = std::filesystem;
+using Format = CalibrationFormat;
+
+constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
+                                       "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
+
+[[noreturn]] void Unknown(const std::string& path) {
+  std::string names;
+  for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
+  throw FormatError(path, "", "not a calibration that is known here; name its format with --from (" + names + ")");
+}
+
+Format DetectFolder(const std::string& path) {
+  const auto has = [&](const char* name) { return fs::exists(fs::path(path) / name); };
+  if (has("cameras.bin") && has("images.bin")) return Format::kColmap;
+  if (has("cameras.txt") && has("images.txt")) return Format::kColmapText;
+  if (has("intri.yml")) return Format::kEasyMocap;
+  if (has("transforms.json")) return Format::kNerfstudio;
+  if (!Glob(path + "/*.cameramodel").empty()) return Format::kMrcal;
+  Unknown(path);
+}
+
+/// The paths with folders replaced by the files in them that end in `extension`.
+std::vector<std::string> FilesOf(const std::vector<std::string>& paths, const std::string& extension) {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    if (!fs::is_directory(path)) {
+      files.push_back(path);
+      continue;
+    }
+    const std::vector<std::string> inside = Glob(path + "/*" + extension);
+    if (inside.empty()) throw FormatError(path, "", "there is no *" + extension + " in this folder");
+    files.insert(files.end(), inside.begin(), inside.end());
+  }
+  return files;
+}
 
 }  // namespace
 
 std::string_view ToString(CalibrationFormat format) { return kNames[static_cast<int>(format)]; }
 
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name) {
-  for (int i = 0; i < 5; ++i) {
-    if (kNames[i] == name) return static_cast<CalibrationFormat>(i);
+  for (const CalibrationFormat format : kAllCalibrationFormats) {
+    if (ToString(format) == name) return format;
   }
+  if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return Format::kToml;
   return std::nullopt;
 }
 
 CalibrationFormat DetectFormat(const std::string& path) {
+  if (fs::is_directory(path)) return DetectFolder(path);
+  const std::string name = fs::path(path).filename().string();
+  if (name == "cameras.bin") return Format::kColmap;
   const std::string text = ReadFile(path);
   const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
   const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (start == std::string::npos) throw FormatError(path, "", "the file is empty");
-  if (text.compare(start, 5, "%YAML") == 0) return CalibrationFormat::kOpenCvYaml;
-  if (text[start] == '{') return has("mvstudio.calibration") ? CalibrationFormat::kMvstudio : CalibrationFormat::kPanoptic;
-  if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
-  if (std::filesystem::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
-    return CalibrationFormat::kQualisysToml;
+  if (has("'lensmodel'") || has("\"lensmodel\"")) return Format::kMrcal;
+  if (text.compare(start, 5, "%YAML") == 0) {
+    return has("\nK_") || has("\nRot_") ? Format::kEasyMocap : Format::kOpenCvYaml;
   }
-  throw FormatError(
-      path, "",
-      "not a calibration that is known here; name its format with --from (qualisys, qca, panoptic, opencv, mvstudio)");
-}
-
-namespace internal {
-
-std::string Printable(std::string_view text) {
-  std::string plain(text.substr(0, 40));
-  for (char& c : plain) c = c >= ' ' && c <= '~' ? c : '?';
-  return plain;
-}
-
-double ParseNumber(std::string_view text, const Place& place) {
-  const size_t first = text.find_first_not_of(" \t\r\n+"), last = text.find_last_not_of(" \t\r\n");
-  if (first != std::string_view::npos) text = text.substr(first, last + 1 - first);
-  double number = 0;
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
-    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number");
+  if (text[start] == '{') {
+    if (has("transform_matrix")) return Format::kNerfstudio;
+    return has("mvstudio.calibration") ? Format::kMvstudio : Format::kPanoptic;
   }
-  return number;
-}
-
-Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place) {
-  const double error = (matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).norm();
-  if (!(error < 2e-3) || !(matrix.determinant() > 0)) {
-    throw FormatError(
-        place.path, place.where,
-        "not a rotation: |R R^T - I| = " + std::to_string(error) + ", determinant " + std::to_string(matrix.determinant()));
+  if (text[start] == '<' && has("<calibration")) return Format::kQca;
+  if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return Format::kColmapText;
+  if (has("camera_model:") && has("intrinsics:")) return Format::kKalibr;
+  if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
+    return has("[cameras") ? Format::kCaliscope : Format::kToml;
   }
-  return geometry::NearestRotation(matrix);
+  Unknown(path);
 }
 
-geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
-                            const Eigen::VectorXd& distortion, bool fisheye, const Place& place) {
-  using geometry::LensModel;
-  const auto fail = [&](const std::string& what) { throw FormatError(place.path, place.where, what); };
-  const auto is_size = [](double size) { return size >= 1 && size <= kMaxSizePx && size == std::floor(size); };
-  if (!is_size(width_px) || !is_size(height_px)) {
-    fail("image size " + std::to_string(width_px) + " x " + std::to_string(height_px) + " px is out of range");
+ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
+  if (paths.empty()) throw UsageError("no calibration file given");
+  const bool several = format == Format::kOpenCvYaml || format == Format::kMrcal || format == Format::kEasyMocap;
+  if (paths.size() > 1 && !several) {
+    throw UsageError(paths[1] + ": only opencv, mrcal and easymocap calibrations may be spread over several files");
   }
-  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
-    fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
-  if (k(0, 1) != 0) fail("the camera matrix has skew " + std::to_string(k(0, 1)) + ", which no lens model here has");
-  if (!(k(0, 0) > 0) || !(k(1, 1) > 0)) fail("a focal length is not positive");
-  geometry::Camera camera;
-  camera.name = name;
-  camera.width_px = static_cast<int>(width_px);
-  camera.height_px = static_cast<int>(height_px);
-  const Eigen::Index count = distortion.size();
-  if (fisheye && count == 4)
-    camera.model = LensModel::kKannalaBrandt4;
-  else if (fisheye)
-    fail("a fisheye lens has 4 distortion coefficients, these are " + std::to_string(count));
-  else if (distortion.isZero(0))
-    camera.model = LensModel::kPinhole;
-  else if (count == 1)
-    camera.model = LensModel::kBrown1;
-  else if (count == 2)
-    camera.model = LensModel::kBrown2;
-  else if (count == 4)
-    camera.model = LensModel::kBrown4;
-  else if (count == 5)
-    camera.model = LensModel::kBrown5;
-  else if (count == 8)
-    camera.model = LensModel::kRational8;
-  else
-    fail("no lens model has " + std::to_string(count) + " distortion coefficients (0, 1, 2, 4, 5 and 8 are known)");
-  camera.params.resize(geometry::NumParams(camera.model));
-  camera.params.head<4>() << k(0, 0), k(1, 1), k(0, 2), k(1, 2);
-  camera.params.tail(camera.params.size() - 4) = distortion.head(camera.params.size() - 4);
-  return camera;
+  switch (format) {
+    case Format::kToml:
+    case Format::kCaliscope:
+      return ReadToml(paths[0], options);
+    case Format::kQca:
+      return ReadQca(paths[0], options);
+    case Format::kOpenCvYaml:
+      return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
+    case Format::kMrcal:
+      return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
+    case Format::kColmap:
+    case Format::kColmapText:
+      return ReadColmap(paths[0], options);
+    case Format::kNerfstudio:
+      return ReadNerfstudio(paths[0], options);
+    case Format::kKalibr:
+      return ReadKalibr(paths[0], options);
+    case Format::kEasyMocap:
+      return ReadEasyMocap(paths, options);
+    case Format::kMvstudio:
+    case Format::kPanoptic:
+      break;
+  }
+  if (format == Format::kPanoptic) throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic.h");
+  return {geometry::ReadRig(paths[0]), {}};
 }
 
-}  // namespace internal
 }  // namespace mvstudio::calib

@@ -14,6 +14,8 @@ namespace {
 using internal::Place;
 using Attributes = std::map<std::string, std::string>;
 
+constexpr double kPerPixel = 64;  ///< the file's units of focal lengths and centres
+
 /// A tag of an XML text: <name a="b">, </name> or <name a="b"/>.
 struct Tag {
   std::string name;
@@ -174,7 +176,6 @@ class Numbers {
 /// The camera without its place in the world.
 geometry::Camera ReadIntrinsics(const CameraElement& element, const std::string& name, const Place& place, double divisor) {
   const Numbers window(element, "fov_video", place), intrinsic(element, "intrinsic", place);
-  constexpr double kPerPixel = 64;
   if (intrinsic("skew", 0) != 0) throw FormatError(intrinsic.place().path, intrinsic.place().where, "skew is not supported");
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
   k(0, 0) = intrinsic("focalLengthU") / kPerPixel;
@@ -203,6 +204,14 @@ geometry::Rigid3 ReadTransform(const CameraElement& element, const Place& place)
   return cam_from_world;
 }
 
+std::string Escaped(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    escaped += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
+  }
+  return escaped;
+}
+
 std::string Attribute(const CameraElement& element, const std::string& key) {
   const auto found = element.attributes.find(key);
   return found == element.attributes.end() ? "" : found->second;
@@ -210,7 +219,7 @@ std::string Attribute(const CameraElement& element, const std::string& key) {
 
 }  // namespace
 
-ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
+ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   const std::vector<CameraElement> elements = ReadCameraElements(path, ReadFile(path));
   ImportedRig imported;
   imported.rig.gauge = "as imported";
@@ -226,7 +235,7 @@ ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
            "use its footage unrotated"});
     }
     geometry::RigCamera camera;
-    camera.camera = ReadIntrinsics(elements[i], name, place, options.distortion_divisor);
+    camera.camera = ReadIntrinsics(elements[i], name, place, options.qca_distortion_divisor);
     camera.cam_from_world = ReadTransform(elements[i], place);
     imported.rig.cameras.push_back(camera);
   }
@@ -234,14 +243,39 @@ ImportedRig ReadQca(const std::string& path, const QcaOptions& options) {
   const bool any_distorted = std::any_of(imported.rig.cameras.begin(), imported.rig.cameras.end(), [](const auto& camera) {
     return camera.camera.model != geometry::LensModel::kPinhole;
   });
-  if (any_distorted && options.distortion_divisor != 1) {
+  if (any_distorted && options.qca_distortion_divisor != 1) {
     imported.notes.push_back({"CAL-QCADISTORTION",
                               "the lens distortion was divided by " +
-                                  std::to_string(static_cast<int>(options.distortion_divisor)) +
+                                  std::to_string(static_cast<int>(options.qca_distortion_divisor)) +
                                   ", as Pose2Sim does; board images suggest that Qualisys means the coefficients as they stand",
                               "compare both with board images: calib convert --qca-distortion-divisor 1"});
   }
   return imported;
+}
+
+internal::Files internal::WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor) {
+  const auto attribute = [](const std::string& key, double value) { return " " + key + "=\"" + NumberText(value) + "\""; };
+  std::string text = "<?xml version='1.0' encoding='UTF-8'?>\n<calibration>\n  <cameras>\n";
+  for (const geometry::RigCamera& placed : rig.cameras) {
+    const geometry::Camera& camera = placed.camera;
+    Eigen::VectorXd distortion = Eigen::VectorXd::Zero(5);
+    const OpenCvLens lens = OpenCvLensOf(camera);
+    distortion.head(lens.distortion.size()) = distortion_divisor * lens.distortion;
+    const Eigen::Matrix3d r = Eigen::Vector3d(1, -1, -1).asDiagonal() * placed.cam_from_world.rotation.toRotationMatrix();
+    const Eigen::Vector3d centre_mm = 1000 * placed.CenterInWorld();
+    text += "    <camera active=\"1\" viewrotation=\"0\" serial=\"" + Escaped(camera.name) + "\">\n      <fov_video left=\"0\" top=\"0\"";
+    text += " right=\"" + std::to_string(camera.width_px - 1) + "\" bottom=\"" + std::to_string(camera.height_px - 1) + "\"/>\n";
+    text += "      <transform" + attribute("x", centre_mm.x()) + attribute("y", centre_mm.y()) + attribute("z", centre_mm.z());
+    for (int i = 0; i < 9; ++i) text += attribute("r" + std::to_string(i / 3 + 1) + std::to_string(i % 3 + 1), r(i / 3, i % 3));
+    text += "/>\n      <intrinsic" + attribute("focalLengthU", kPerPixel * camera.fx()) +
+            attribute("focalLengthV", kPerPixel * camera.fy()) + attribute("centerPointU", kPerPixel * camera.cx()) +
+            attribute("centerPointV", kPerPixel * camera.cy()) + " skew=\"0\"" + attribute("radialDistortion1", distortion[0]) +
+            attribute("radialDistortion2", distortion[1]) + attribute("radialDistortion3", distortion[4]) +
+            attribute("tangentalDistortion1", distortion[2]) + attribute("tangentalDistortion2", distortion[3]) +
+            "/>\n    </camera>\n";
+  }
+  WriteFileAtomic(path, text + "  </cameras>\n</calibration>\n");
+  return {path};
 }
 
 }  // namespace mvstudio::calib

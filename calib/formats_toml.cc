@@ -111,7 +111,7 @@ geometry::RigCamera ReadCamera(const CameraTable& table) {
 
 }  // namespace
 
-ImportedRig ReadQualisysToml(const std::string& path) {
+ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
   const toml::table root = Parse(path);
   ImportedRig imported;
   imported.rig.gauge = "as imported";
@@ -121,11 +121,36 @@ ImportedRig ReadQualisysToml(const std::string& path) {
           {"CAL-IGNORED", "camera " + table.name + " is left out: the file says ignore = true", "remove that line to use it"});
       continue;
     }
-    if (imported.rig.Find(table.name) >= 0) Fail(table.place, "the camera name '" + table.name + "' is used twice");
-    imported.rig.cameras.push_back(ReadCamera(table));
+    geometry::RigCamera camera = ReadCamera(table);
+    camera.cam_from_world.translation *= options.metres_per_unit;
+    internal::AddCamera(std::move(camera), table.place, &imported.rig);
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "no camera in it: no table has a key 'matrix'");
   return imported;
+}
+
+internal::Files internal::WriteToml(const geometry::Rig& rig, const std::string& path, bool nested) {
+  std::string text;
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const geometry::Camera& camera = rig.cameras[i].camera;
+    const geometry::Rigid3& pose = rig.cameras[i].cam_from_world;
+    const OpenCvLens lens = OpenCvLensOf(camera);
+    const Eigen::Matrix3d k = camera.K(), r = pose.rotation.toRotationMatrix();
+    Eigen::VectorXd distortion = Eigen::VectorXd::Zero(std::max<Eigen::Index>(lens.distortion.size(), lens.fisheye ? 4 : 5));
+    distortion.head(lens.distortion.size()) = lens.distortion;
+    const auto rows = [](const Eigen::Matrix3d& m) {
+      return "[" + ListText(m.row(0)) + ", " + ListText(m.row(1)) + ", " + ListText(m.row(2)) + "]";
+    };
+    text += nested ? "[cameras." + std::to_string(i) + "]\ncam_id = " + std::to_string(i) + "\nrotation_count = 0\n"
+                   : "[cam_" + std::to_string(i) + "]\n";
+    text += "name = " + Quoted(camera.name) + "\nsize = [" + std::to_string(camera.width_px) + ", " +
+            std::to_string(camera.height_px) + "]\nmatrix = " + rows(k) + "\ndistortions = " + ListText(distortion) +
+            "\nrotation = " + (nested ? rows(r) : ListText(geometry::RotationLog(pose.rotation))) +
+            "\ntranslation = " + ListText(pose.translation) + "\nfisheye = " + (lens.fisheye ? "true" : "false") + "\n\n";
+  }
+  if (!nested) text += "[metadata]\nadjusted = false\nerror = 0.0\n";
+  WriteFileAtomic(path, text);
+  return {path};
 }
 
 }  // namespace mvstudio::calib

@@ -7,6 +7,7 @@
 
 #include "calib/homography.h"
 #include "calib/resection.h"
+#include "geometry/lens_fit.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -15,7 +16,9 @@ using geometry::Camera;
 using geometry::LensModel;
 
 constexpr int kMaxStartViews = 16;
-constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5};  // of the image width, beside the closed form
+constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5};    // of the image width, beside the closed form
+constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};  // horizontal fields of view of fisheye starts
+constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.
 std::vector<View> Thin(const std::vector<View>& views, size_t count) {
@@ -47,14 +50,22 @@ int ResectAll(MonoSolution* solution) {
   return count;
 }
 
-MonoSolution StartFrom(const Camera& camera, double focal_px, const std::vector<View>& views,
-                       const std::vector<int64_t>& frames) {
+MonoSolution StartFrom(const Camera& camera, const std::vector<View>& views) {
   MonoSolution solution;
-  Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, focal_px);
-  start = WithModel(start, camera.model);
-  solution.state = {{start}, {geometry::Rigid3()}, frames, std::vector<geometry::Rigid3>(frames.size())};
+  solution.state.cameras = {camera};
+  solution.state.cam_from_world = {geometry::Rigid3()};
   solution.views = views;
-  for (View& view : solution.views) view.camera_idx = 0;
+  int boards = 1;
+  for (size_t v = 0; v < views.size(); ++v) {
+    solution.views[v].camera_idx = 0;
+    solution.views[v].frame = static_cast<int>(v);
+    solution.state.frames.push_back(static_cast<int64_t>(v));
+    solution.prior.push_back(views[v].weights);
+    boards = std::max(boards, views[v].board + 1);
+  }
+  solution.state.world_from_board.resize(views.size());
+  solution.state.rig_from_board.resize(boards);
+  solution.state.board_warp_m.assign(boards, Eigen::Vector2d::Zero());
   if (ResectAll(&solution) == 0) solution.status = Status::kDegenerate;
   return solution;
 }
@@ -62,7 +73,8 @@ MonoSolution StartFrom(const Camera& camera, double focal_px, const std::vector<
 void Solve(const BundleOptions& options, MonoSolution* solution) {
   BundleOptions mono = options;
   mono.gauge = Gauge();
-  mono.refine_cameras = false;
+  mono.refine_cameras = mono.refine_boards = mono.refine_warp = mono.refine_time = false;
+  mono.fix_lens.clear(), mono.fix_camera.clear();
   solution->bundle = SolveBundle(&solution->views, &solution->state, mono);
   solution->status = solution->bundle.status;
   solution->message = solution->bundle.message;
@@ -73,33 +85,63 @@ bool Plausible(const MonoSolution& solution) {
   if (solution.status != Status::kOk && solution.status != Status::kNotConverged) return false;
   const Camera& camera = solution.state.cameras[0];
   const double size = std::max(camera.width_px, camera.height_px);
-  return camera.params.allFinite() && std::min(camera.fx(), camera.fy()) > 0.05 * size &&
+  return geometry::WhyInvalidLens(camera).empty() && std::min(camera.fx(), camera.fy()) > 0.05 * size &&
          std::max(camera.fx(), camera.fy()) < 200 * size;
 }
 
-/// The start focal length whose short adjustment ends with the smallest error.
-double BestStart(const Camera& camera, const std::vector<View>& views, const std::vector<int64_t>& frames) {
-  const std::vector<View> some = Thin(views, kMaxStartViews);
-  const FocalGuess guess = GuessFocal(views, camera.width_px, camera.height_px);
-  std::vector<double> focals;
-  if (guess.status == Status::kOk) focals.push_back(guess.focal_px);
-  for (double factor : kStartFocals) focals.push_back(factor * std::max(camera.width_px, camera.height_px));
+/// Median error of all corners, those included whose board has no pose (infinite).
+double MedianError(const MonoSolution& solution) {
+  const auto residuals = BundleResiduals(solution.views, solution.state);
+  std::vector<double> errors;
+  for (size_t v = 0; v < residuals.size(); ++v) {
+    const bool posed = (solution.views[v].weights.array() > 0).any();
+    for (Eigen::Index i = 0; i < residuals[v].cols(); ++i)
+      errors.push_back(posed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity());
+  }
+  return errors.empty() ? std::numeric_limits<double>::infinity()
+                        : Median(Eigen::Map<const Eigen::VectorXd>(errors.data(), errors.size()));
+}
+
+struct Start {
+  Camera camera;
+  double error_px = std::numeric_limits<double>::infinity();
+};
+
+void TryStart(const Camera& camera, const std::vector<View>& views, Start* best) {
+  MonoSolution solution = StartFrom(camera, views);
+  if (solution.status != Status::kOk) return;
   BundleOptions options;
   options.max_iterations = 15;
+  options.cost_tolerance = 1e-4;
   options.reject_outliers = false;
-  Camera simple = camera;
-  if (camera.model != LensModel::kKannalaBrandt4 && camera.model != LensModel::kPinhole) simple.model = LensModel::kBrown1;
-  double best_focal = 0, best_rms = std::numeric_limits<double>::infinity();
+  Solve(options, &solution);
+  if (!Plausible(solution)) return;
+  const double error = MedianError(solution);
+  if (error < 0.98 * best->error_px) *best = {solution.state.cameras[0], error};
+}
+
+Start BestStart(const Camera& camera, const std::vector<View>& views) {
+  const std::vector<View> some = Thin(views, kMaxStartViews);
+  const double size = std::max(camera.width_px, camera.height_px);
+  const auto pinhole = [&](double focal_px) {
+    return geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, focal_px);
+  };
+  Start best;
+  std::vector<double> focals;
+  const FocalGuess guess = GuessFocal(views, camera.width_px, camera.height_px);
+  if (guess.status == Status::kOk) focals.push_back(guess.focal_px);
+  for (double factor : kStartFocals) focals.push_back(factor * size);
   for (double focal : focals) {
-    MonoSolution solution = StartFrom(simple, focal, some, frames);
-    if (solution.status != Status::kOk) continue;
-    Solve(options, &solution);
-    if (!Plausible(solution)) continue;
-    if (solution.bundle.rms_px < 0.98 * best_rms)
-      best_rms = solution.bundle.rms_px, best_focal = solution.state.cameras[0].fx();
-    if (best_rms < 1) break;
+    TryStart(WithModel(pinhole(focal), LensModel::kBrown1), some, &best);
+    if (best.error_px < std::min(1.0, kGoodStart * size)) return best;
   }
-  return best_focal;
+  for (double field_deg : kStartFieldsDeg) {
+    Camera fisheye = pinhole(size / (field_deg * M_PI / 180));
+    fisheye.model = LensModel::kKannalaBrandt4;
+    fisheye.params.conservativeResizeLike(Eigen::VectorXd::Zero(8));
+    TryStart(fisheye, some, &best);
+  }
+  return best;
 }
 
 }  // namespace
@@ -128,40 +170,66 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
   return {Status::kOk, width_px / std::sqrt(w)};
 }
 
-Camera WithModel(const Camera& camera, LensModel model) {
+Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
+  if (camera.model == model && camera.spline == spline) return camera;
+  const auto polynomial = [](LensModel m) { return !geometry::IsWide(m) && m != LensModel::kPinholeP && m != LensModel::kBrown1P; };
+  if (!polynomial(camera.model) || !polynomial(model)) {
+    const geometry::LensFit fit = geometry::FitLens(camera, model, {}, spline);
+    if (fit.status == Status::kOk || fit.status == Status::kNotConverged) return fit.camera;
+  }
   Camera result = camera;
   result.model = model;
-  result.params = Eigen::VectorXd::Zero(geometry::NumParams(model));
-  const bool same_family = (camera.model == LensModel::kKannalaBrandt4) == (model == LensModel::kKannalaBrandt4);
-  const Eigen::Index kept = same_family ? std::min(result.params.size(), camera.params.size()) : 4;
+  result.spline = spline;
+  result.params = Eigen::VectorXd::Zero(geometry::NumParams(result));
+  const Eigen::Index kept = polynomial(camera.model) && polynomial(model) ? std::min(result.params.size(), camera.params.size()) : 4;
   result.params.head(kept) = camera.params.head(kept);
   return result;
 }
 
-MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views, const std::vector<int64_t>& frames,
-                           const BundleOptions& options) {
-  if (views.empty()) return Failed(Status::kTooFewViews, "camera " + camera.name + " never sees the board");
+double LargestAngle(const Camera& camera, const std::vector<View>& views) {
+  const geometry::Projector projector(camera);
+  double smallest_cosine = 1;
   for (const View& view : views) {
-    if (!view.px.allFinite())
-      return Failed(Status::kNonFiniteInput, "camera " + camera.name + ": a corner is not a finite number");
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      const geometry::Unprojection ray = projector.Unproject(view.px.col(i));
+      if (view.weights[i] > 0 && ray.status == Status::kOk) smallest_cosine = std::min(smallest_cosine, ray.ray_in_cam.z());
+    }
   }
-  const double focal = BestStart(camera, views, frames);
-  if (!(focal > 0)) {
-    return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " +
-                                           std::to_string(views.size()) +
-                                           " boards; show the board tilted in several directions");
+  return std::acos(smallest_cosine);
+}
+
+MonoSolution RefineMono(const Camera& camera, const std::vector<View>& views, const BundleOptions& options) {
+  if (views.empty()) return Failed(Status::kTooFewViews, "camera " + camera.name + " never sees the board");
+  MonoSolution solution = StartFrom(camera, views);
+  if (solution.status != Status::kOk) {
+    return Failed(Status::kDegenerate, "camera " + camera.name + ": the given lens explains none of its " +
+                                           std::to_string(views.size()) + " boards; is it the right calibration?");
   }
-  MonoSolution solution = StartFrom(camera, focal, views, frames);
-  if (solution.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
   Solve(options, &solution);
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   return solution;
 }
 
-MonoSolution RefineMono(const MonoSolution& start, LensModel model, const BundleOptions& options) {
-  MonoSolution solution = start;
-  solution.state.cameras[0] = WithModel(start.state.cameras[0], model);
+MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views, const BundleOptions& options,
+                           bool keep_model) {
+  if (views.empty()) return Failed(Status::kTooFewViews, "camera " + camera.name + " never sees the board");
+  for (const View& view : views) {
+    if (!view.px.allFinite())
+      return Failed(Status::kNonFiniteInput, "camera " + camera.name + ": a corner is not a finite number");
+  }
+  const Start start = BestStart(camera, views);
+  if (!std::isfinite(start.error_px)) {
+    return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " +
+                                           std::to_string(views.size()) +
+                                           " boards; show the board tilted in several directions");
+  }
+  const bool wide = geometry::IsWide(start.camera.model);
+  const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
+  MonoSolution solution = StartFrom(start.camera, views);
+  if (solution.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
+  solution.state.cameras[0] = WithModel(start.camera, model, keep_model ? camera.spline : geometry::SplineGrid());
   Solve(options, &solution);
+  if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   return solution;
 }
 

@@ -17,25 +17,30 @@ struct FocalGuess {
 };
 FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_px);
 
-/// One camera calibrated by itself: world is the camera, RigState has one camera and the frames of its views.
+/// One camera calibrated by itself: world is the camera, and every view is a frame of its own.
 struct MonoSolution {
   Status status = Status::kOk;
   std::string message;
-  RigState state;           ///< frames as in the views
-  std::vector<View> views;  ///< the given ones; weights 0 for rejected corners
+  RigState state;                      ///< one camera; frame i is views[i]
+  std::vector<View> views;             ///< the given ones, in order; weights 0 for rejected corners
+  std::vector<Eigen::VectorXd> prior;  ///< the given weights
   BundleReport bundle;
 };
 
-/// Start and least squares: closed form and a few other focal lengths as starts, the best kept. `camera` gives name, size and
-/// model.
-MonoSolution CalibrateMono(const geometry::Camera& camera, const std::vector<View>& views, const std::vector<int64_t>& frames,
-                           const BundleOptions& options);
+/// Start and least squares. Starts are the closed form and a few other focal lengths without distortion, and equidistant
+/// fisheye lenses of several fields of view; the one that explains the boards best after a short adjustment is kept. `camera`
+/// gives name, size and model; without `keep_model` the model is brown4 or kannala4, whichever the best start suggests.
+MonoSolution CalibrateMono(const geometry::Camera& camera, const std::vector<View>& views, const BundleOptions& options,
+                           bool keep_model = true);
 
-/// Least squares from a known solution with another lens model (parameters that both have are kept, others start at 0).
-MonoSolution RefineMono(const MonoSolution& start, geometry::LensModel model, const BundleOptions& options);
+/// The same from given intrinsics: poses, then least squares (of the poses alone without refine_intrinsics).
+MonoSolution RefineMono(const geometry::Camera& camera, const std::vector<View>& views, const BundleOptions& options);
 
-/// Parameters of `camera` in the terms of another model: kept where both have them, 0 elsewhere. kannala4 starts from the focal
-/// length alone.
-geometry::Camera WithModel(const geometry::Camera& camera, geometry::LensModel model);
+/// Parameters of `camera` in the terms of another model: kept where both have them and 0 elsewhere within a family, fitted to
+/// the same picture (FitLens) between families.
+geometry::Camera WithModel(const geometry::Camera& camera, geometry::LensModel model, const geometry::SplineGrid& spline = {});
+
+/// Largest angle between the optical axis and a corner with a weight, radians.
+double LargestAngle(const geometry::Camera& camera, const std::vector<View>& views);
 
 }  // namespace mvstudio::calib

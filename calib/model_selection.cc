@@ -12,33 +12,14 @@ namespace {
 
 using geometry::LensModel;
 
-constexpr LensModel kCandidates[] = {LensModel::kPinhole, LensModel::kBrown1, LensModel::kBrown2,
-                                     LensModel::kBrown4,  LensModel::kBrown5, LensModel::kRational8};
-constexpr int kNumCandidates = sizeof kCandidates / sizeof kCandidates[0];
-constexpr size_t kMinViews = 6;
+constexpr int kMinViews = 6;
+constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
+constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
+constexpr int kMinSplineCorners = 5000;  // of one camera
+constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
+constexpr double kCapOfMedian = 6;       // errors count as at most so many medians of the best candidate
 
-/// Smallest mean square of each camera over the candidates, px^2.
-std::vector<double> BestMeanSquares(const std::vector<ModelCandidate>& candidates, size_t num_cameras) {
-  std::vector<double> best(num_cameras, std::numeric_limits<double>::infinity());
-  for (const ModelCandidate& candidate : candidates) {
-    for (size_t c = 0; c < num_cameras; ++c) {
-      const Holdout& holdout = candidate.holdouts[c];
-      if (holdout.status == Status::kOk) best[c] = std::min(best[c], std::max(1e-18, holdout.rms_px * holdout.rms_px));
-    }
-  }
-  return best;
-}
-
-/// Mean squares of all views of all cameras, in units of each camera's smallest. NaN where a view could not be scored.
-std::vector<double> Pool(const ModelCandidate& candidate, const std::vector<double>& best) {
-  std::vector<double> pooled;
-  for (size_t c = 0; c < candidate.holdouts.size(); ++c) {
-    for (double mean_square : candidate.holdouts[c].view_mean_square) pooled.push_back(mean_square / best[c]);
-  }
-  return pooled;
-}
-
-/// Mean of the paired differences and its standard error; infinite when `a` could not score a view that `b` could.
+/// Mean of the paired differences and its standard error.
 struct Difference {
   double mean = 0, standard_error = 0;
 };
@@ -47,8 +28,7 @@ Difference Compare(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0, squares = 0;
   int n = 0;
   for (size_t v = 0; v < b.size(); ++v) {
-    if (std::isnan(b[v])) continue;
-    if (std::isnan(a[v])) return {std::numeric_limits<double>::infinity(), 0};
+    if (std::isnan(b[v]) || std::isnan(a[v])) continue;
     sum += a[v] - b[v], squares += (a[v] - b[v]) * (a[v] - b[v]), ++n;
   }
   if (n < 2) return {};
@@ -56,64 +36,210 @@ Difference Compare(const std::vector<double>& a, const std::vector<double>& b) {
   return {mean, std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1))};
 }
 
-double PooledRms(const std::vector<double>& pooled) {
-  double sum = 0;
-  int n = 0;
-  for (double value : pooled) {
-    if (!std::isnan(value)) sum += value, ++n;
+/// Smallest median over the candidates, per camera.
+std::vector<double> BestMedians(const std::vector<LensCandidate>& candidates, int num_cameras) {
+  std::vector<double> best(num_cameras, std::numeric_limits<double>::infinity());
+  for (const LensCandidate& candidate : candidates) {
+    for (int c = 0; c < num_cameras; ++c) {
+      const double median = Summarize(candidate.fit, candidate.holdout, c).median_px;
+      if (std::isfinite(median)) best[c] = std::min(best[c], std::max(1e-9, median));
+    }
   }
-  return n ? std::sqrt(sum / n) : std::numeric_limits<double>::infinity();
+  return best;
 }
 
-std::string Explain(const ModelCandidate& chosen, const ModelCandidate& best) {
-  char text[240];
-  const std::string name(geometry::ToString(chosen.model)), best_name(geometry::ToString(best.model));
+/// Mean squares of all views in units of each camera's best median, capped; NaN where a view takes no part.
+std::vector<double> ViewScores(const LensCandidate& candidate, const std::vector<double>& best) {
+  std::vector<double> scores;
+  for (size_t v = 0; v < candidate.fit.views.size(); ++v) {
+    const auto& errors = candidate.holdout.view_errors_px[v];
+    double sum = 0;
+    for (double e : errors) {
+      const double relative = std::min(kCapOfMedian, e / best[candidate.fit.views[v].camera_idx]);
+      sum += relative * relative;
+    }
+    scores.push_back(errors.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(errors.size()));
+  }
+  return scores;
+}
+
+double MeanScore(const std::vector<double>& scores) {
+  double sum = 0;
+  int n = 0;
+  for (double value : scores) {
+    if (!std::isnan(value)) sum += value, ++n;
+  }
+  return n ? sum / n : std::numeric_limits<double>::infinity();
+}
+
+std::string Explain(const LensCandidate& chosen, const LensCandidate& best) {
+  char text[300];
+  const std::string name = ToString(chosen.config), best_name = ToString(best.config);
   if (&chosen == &best) {
-    std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lens models tried", name.c_str());
+    std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lenses tried", name.c_str());
   } else {
-    std::snprintf(text, sizeof text,
-                  "%s is the simplest lens model within one standard error of the best (%s): held-out error %.1f %% larger",
+    std::snprintf(text, sizeof text, "%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%",
                   name.c_str(), best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
   }
   return text;
 }
 
-void Select(ModelChoice* choice) {
-  const std::vector<double> scale = BestMeanSquares(choice->candidates, choice->candidates[0].holdouts.size());
-  std::vector<std::vector<double>> pooled;
-  for (ModelCandidate& candidate : choice->candidates) {
-    pooled.push_back(Pool(candidate, scale));
-    candidate.relative_error = PooledRms(pooled.back());
+/// Fills the candidates' scores; returns the index of the simplest within one standard error of the best, or -1.
+int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* reason) {
+  const std::vector<double> best_medians = BestMedians(*candidates, num_cameras);
+  for (double median : best_medians) {
+    if (!std::isfinite(median)) return -1;
   }
-  const auto best = std::min_element(choice->candidates.begin(), choice->candidates.end(),
+  std::vector<std::vector<double>> scores;
+  for (LensCandidate& candidate : *candidates) {
+    scores.push_back(ViewScores(candidate, best_medians));
+    candidate.relative_error = std::sqrt(MeanScore(scores.back()));
+  }
+  const auto best = std::min_element(candidates->begin(), candidates->end(),
                                      [](const auto& a, const auto& b) { return a.relative_error < b.relative_error; });
-  if (!std::isfinite(best->relative_error)) return;
-  for (size_t i = 0; i < choice->candidates.size(); ++i) {
-    const Difference difference = Compare(pooled[i], pooled[best - choice->candidates.begin()]);
-    choice->candidates[i].within_one_se = difference.mean <= difference.standard_error;
-    if (choice->index < 0 && choice->candidates[i].within_one_se) choice->index = static_cast<int>(i);
+  int chosen = -1;
+  for (size_t i = 0; i < candidates->size(); ++i) {
+    const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
+    LensCandidate& candidate = (*candidates)[i];
+    candidate.within_one_se = difference.mean <= difference.standard_error;
+    if (chosen < 0 && candidate.within_one_se) chosen = static_cast<int>(i);
   }
-  if (choice->index < 0) choice->index = static_cast<int>(best - choice->candidates.begin());
-  choice->model = choice->candidates[choice->index].model;
-  choice->reason = Explain(choice->candidates[choice->index], *best);
+  if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
+  return chosen;
+}
+
+int LargestNumCorners(const LensPool& pool) {
+  std::vector<int> corners(pool.state.cameras.size(), 0);
+  for (const View& view : pool.views) corners[view.camera_idx] += static_cast<int>((view.weights.array() > 0).count());
+  return *std::max_element(corners.begin(), corners.end());
+}
+
+double LargestAngleOf(const LensPool& pool) {
+  double angle = 0;
+  for (size_t c = 0; c < pool.state.cameras.size(); ++c) {
+    std::vector<View> of_camera;
+    for (const View& view : pool.views) {
+      if (view.camera_idx == static_cast<int>(c)) of_camera.push_back(view);
+    }
+    angle = std::max(angle, LargestAngle(pool.state.cameras[c], of_camera));
+  }
+  return angle;
+}
+
+/// Models worth comparing for the field of view and the number of corners.
+std::vector<LensConfig> Models(const LensPool& pool) {
+  const double angle = LargestAngleOf(pool);
+  std::vector<LensConfig> models;
+  const auto add = [&](std::initializer_list<LensModel> list) {
+    for (LensModel model : list) models.push_back({model, {}, false, false});
+  };
+  if (angle < kVeryWideRad) {
+    add({LensModel::kPinhole, LensModel::kBrown1, LensModel::kBrown2, LensModel::kBrown4, LensModel::kBrown5,
+         LensModel::kRational8, LensModel::kThinPrism12});
+  }
+  if (angle > kWideRad) {
+    add({LensModel::kUcm, LensModel::kEucm, LensModel::kDoubleSphere, LensModel::kUcmP, LensModel::kKannalaBrandt4,
+         LensModel::kEucmP, LensModel::kDoubleSphereP, LensModel::kKannalaBrandt4P});
+  }
+  if (angle > kWideRad && LargestNumCorners(pool) >= kMinSplineCorners) {
+    for (const LensConfig& config : SplinedConfigs(pool)) models.push_back(config);
+  }
+  return models;
+}
+
+std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options) {
+  const int cameras = static_cast<int>(pool.state.cameras.size());
+  std::vector<LensConfig> configs;
+  for (LensConfig config : options.models.empty() ? Models(pool) : options.models) {
+    config.warp = options.warp;
+    if (options.separate || cameras == 1) configs.push_back(config);
+    config.shared = true;
+    if (options.sharing && cameras > 1) configs.push_back(config);
+  }
+  std::stable_sort(configs.begin(), configs.end(), [&](const LensConfig& a, const LensConfig& b) {
+    return NumLensParams(a, cameras) < NumLensParams(b, cameras);
+  });
+  return configs;
+}
+
+LensCandidate Try(const LensPool& pool, const LensConfig& config, const SelectionOptions& options, const BundleOptions& bundle) {
+  LensCandidate candidate;
+  candidate.config = config;
+  candidate.fit = FitPool(pool, config, bundle);
+  if (candidate.fit.status != Status::kOk && candidate.fit.status != Status::kNotConverged) {
+    candidate.holdout.status = candidate.fit.status;
+    candidate.holdout.view_errors_px.resize(pool.views.size());
+    return candidate;
+  }
+  const int folds = LargestNumCorners(pool) > kManyCorners ? std::min(options.folds, kFewFolds) : options.folds;
+  candidate.holdout = HoldoutErrors(candidate.fit, folds, options.max_views, bundle);
+  return candidate;
+}
+
+int FewestViews(const LensPool& pool) {
+  std::vector<int> views(pool.state.cameras.size(), 0);
+  for (const View& view : pool.views) ++views[view.camera_idx];
+  return *std::min_element(views.begin(), views.end());
+}
+
+/// Candidates without a solution are left out.
+void DropFailed(std::vector<LensCandidate>* candidates) {
+  candidates->erase(std::remove_if(candidates->begin(), candidates->end(),
+                                   [](const LensCandidate& c) { return c.holdout.status != Status::kOk; }),
+                    candidates->end());
 }
 
 }  // namespace
 
-ModelChoice ChooseModel(const std::vector<MonoSolution>& solutions, int num_folds, int max_views, int num_threads) {
-  ModelChoice choice;
-  choice.reason = "brown4: too few views to compare lens models";
-  size_t fewest = std::numeric_limits<size_t>::max();
-  for (const MonoSolution& solution : solutions) fewest = std::min(fewest, solution.views.size());
-  if (solutions.empty() || fewest < kMinViews) return choice;
-  const size_t num_cameras = solutions.size();
-  for (LensModel model : kCandidates) choice.candidates.push_back({model, std::vector<Holdout>(num_cameras), 0, false});
-  ParallelFor(static_cast<int64_t>(num_cameras) * kNumCandidates, num_threads, [&](int64_t i) {
-    ModelCandidate& candidate = choice.candidates[i % kNumCandidates];
-    const int64_t camera = i / kNumCandidates;
-    candidate.holdouts[camera] = HoldoutError(solutions[camera], candidate.model, num_folds, max_views);
+std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
+  constexpr double kMargin = 1.05;
+  const geometry::Camera& camera = pool.state.cameras[0];
+  const double aspect = static_cast<double>(camera.height_px) / camera.width_px;
+  const int field_deg = std::clamp(static_cast<int>(std::ceil(2 * kMargin * LargestAngleOf(pool) * 180 / M_PI)), 30, 300);
+  std::vector<LensConfig> configs;
+  for (int cols : {8, 11, 16}) {
+    const int rows = std::max(5, static_cast<int>(std::lround(cols * aspect)));
+    configs.push_back({LensModel::kSplined, {3, cols, rows, field_deg}, false, false});
+  }
+  return configs;
+}
+
+LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+  LensChoice choice;
+  choice.reason = std::string(geometry::ToString(pool.state.cameras[0].model)) + ": too few views to compare lens models";
+  if (FewestViews(pool) < kMinViews) return choice;
+  const std::vector<LensConfig> configs = Configurations(pool, options);
+  choice.candidates.resize(configs.size());
+  BundleOptions single = bundle;
+  single.num_threads = 1;
+  ParallelFor(static_cast<int64_t>(configs.size()), run.num_threads,
+              [&](int64_t i) { choice.candidates[i] = Try(pool, configs[i], options, single); });
+  DropFailed(&choice.candidates);
+  if (choice.candidates.empty()) return choice;
+  std::string reason;
+  choice.index = Judge(&choice.candidates, static_cast<int>(pool.state.cameras.size()), &reason);
+  if (choice.index >= 0) choice.reason = reason;
+  return choice;
+}
+
+WarpChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+  WarpChoice choice;
+  choice.reason = "too few views to see whether the board is bent";
+  if (FewestViews(pool) < kMinViews) return choice;
+  std::vector<LensCandidate> candidates(2);
+  BundleOptions single = bundle;
+  single.num_threads = 1;
+  ParallelFor(2, run.num_threads, [&](int64_t i) {
+    LensConfig config = pool.config;
+    config.warp = i == 1;
+    candidates[i] = Try(pool, config, options, single);
   });
-  Select(&choice);
+  DropFailed(&candidates);
+  if (candidates.size() < 2) return choice;
+  const int index = Judge(&candidates, static_cast<int>(pool.state.cameras.size()), &choice.reason);
+  choice.bent = index == 1;
+  choice.flat_error = candidates[0].relative_error;
+  choice.bent_error = candidates[1].relative_error;
   return choice;
 }
 

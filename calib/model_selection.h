@@ -3,28 +3,50 @@
 #include <string>
 #include <vector>
 
-#include "calib/holdout.h"
+#include "calib/lens_pool.h"
+#include "core/progress.h"
 
 namespace mvstudio::calib {
 
-struct ModelCandidate {
-  geometry::LensModel model = geometry::LensModel::kPinhole;
-  std::vector<Holdout> holdouts;  ///< per camera
-  double relative_error = 0;      ///< RMS over all held-out views of error over the camera's smallest error
-  bool within_one_se = false;     ///< of the best candidate
+/// One configuration, judged.
+struct LensCandidate {
+  LensConfig config;
+  LensPool fit;
+  PoolHoldout holdout;
+  double relative_error = 0;   ///< RMS over all held-out views of error over the camera's smallest error, gross errors capped
+  bool within_one_se = false;  ///< of the best candidate
 };
 
-struct ModelChoice {
-  geometry::LensModel model = geometry::LensModel::kBrown4;
-  int index = -1;                          ///< of the chosen candidate; -1 when there were too few views to compare
-  std::vector<ModelCandidate> candidates;  ///< simplest first
+struct LensChoice {
+  int index = -1;                         ///< of the chosen candidate; -1 when there were too few views to compare
+  std::vector<LensCandidate> candidates;  ///< fewest numbers first
   std::string reason;
 };
 
-/// The simplest of pinhole, brown1, brown2, brown4, brown5, rational8 whose held-out error, over all cameras, is within one
-/// standard error (of the paired differences between views) of the best. One model serves all cameras: the views of one camera
-/// alone are too few to see a decentring that shifts its principal point, and hence its direction, by a pixel. brown4 when
-/// there are too few views.
-ModelChoice ChooseModel(const std::vector<MonoSolution>& solutions, int num_folds, int max_views, int num_threads);
+struct SelectionOptions {
+  int folds = 10;
+  int max_views = 60;     ///< of a camera
+  bool sharing = true;    ///< also try one lens for all cameras
+  bool separate = true;   ///< also try a lens for each camera
+  bool warp = false;      ///< boards may be bent, under every lens
+  std::vector<LensConfig> models;  ///< to compare; empty: all that the field of view and the number of corners allow
+};
+
+/// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
+/// (of the paired differences between views) of the best. All cameras of a pool get one model: the views of one camera alone are
+/// too few to see a decentring that shifts its principal point, and hence its direction, by a pixel.
+LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+
+/// Splined lenses with control grids of 8, 11 and 16 columns over the field of view that the corners fill.
+std::vector<LensConfig> SplinedConfigs(const LensPool& pool);
+
+/// Do the boards bend? The same judgement for the fits of `pools` with and without two numbers a board; `reason` says why. All
+/// pools share their boards.
+struct WarpChoice {
+  bool bent = false;
+  double flat_error = 0, bent_error = 0;  ///< relative, as in LensCandidate
+  std::string reason;
+};
+WarpChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
 
 }  // namespace mvstudio::calib

@@ -162,7 +162,7 @@ void PlaceBoards(const std::vector<View>& views, const std::vector<Rigid3>& cam_
 }  // namespace
 
 RigStart InitializeRig(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board, int reference,
-                       RigState* state) {
+                       RigState* state, const RigInitOptions&) {
   RigStart result;
   const PairMap pairs = CollectPairs(views);
   result.components = Components(static_cast<int>(state->cameras.size()), pairs);

@@ -1,7 +1,7 @@
 #include "calib/uncertainty.h"
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -10,128 +10,175 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kRankTolerance = 1e-9;
-constexpr const char* kPoseNames[] = {"rotation x", "rotation y", "rotation z", "position x", "position y", "position z"};
+constexpr double kRankTolerance = 1e-12;  // of eigenvalues, that is the square of a ratio of singular values
+constexpr double kNamedShare = 0.15;      // of the largest component of a null direction
+constexpr double kParallelDeg = 3;        // boards tilted less than this count as parallel to the image
 
-/// Where each camera's unknowns stand among the columns.
-struct Columns {
-  std::vector<int> params, pose;  // first column; pose is -1 for the camera that the gauge fixes
-  int total = 0;
-
-  Columns(const RigState& state, const Gauge& gauge) {
-    for (size_t c = 0; c < state.cameras.size(); ++c) {
-      params.push_back(total);
-      total += static_cast<int>(state.cameras[c].params.size());
-      const bool fixed = gauge.kind == Gauge::Kind::kCamera && gauge.index == static_cast<int>(c);
-      pose.push_back(fixed ? -1 : total);
-      if (!fixed) total += 6;
-    }
-  }
+/// A group of unknowns that a user knows by one name.
+struct Group {
+  std::string name;
+  std::vector<int> columns;
+  int camera = -1;
+  bool is_focal = false;
 };
 
-/// The rows of one frame, with the board eliminated unless the gauge fixes it.
-Eigen::MatrixXd ReducedRows(const std::vector<const View*>& views, const RigState& state, const Columns& columns,
-                            bool board_is_fixed) {
-  Eigen::Index rows = 0;
-  for (const View* view : views) rows += 2 * view->size();
-  Eigen::MatrixXd cameras = Eigen::MatrixXd::Zero(rows, columns.total), board = Eigen::MatrixXd::Zero(rows, 6);
-  Eigen::Index row = 0;
-  for (const View* view : views) {
-    const int c = view->camera_idx;
-    const auto linear = LinearizeView(*view, state.cameras[c], state.cam_from_world[c], state.world_from_board[view->frame]);
-    MVS_CHECK(linear.has_value(), "the solution does not project its own corners");
-    const Eigen::Index n = linear->residuals.size();
-    cameras.block(row, columns.params[c], n, linear->d_params.cols()) = linear->d_params;
-    if (columns.pose[c] >= 0) cameras.block(row, columns.pose[c], n, 6) = linear->d_cam;
-    board.middleRows(row, n) = linear->d_board;
-    row += n;
+void AddLensGroups(const RigState& state, int c, int column, int first_param, std::vector<Group>* groups) {
+  const std::string of = " of " + state.cameras[c].name;
+  const std::vector<std::string> names = geometry::ParamNames(state.cameras[c]);
+  Group focal{"focal length" + of, {}, c, true}, center{"principal point" + of, {}, c, false},
+      lens{"distortion" + of, {}, c, false};
+  for (int i = first_param; i < static_cast<int>(names.size()); ++i) {
+    Group& group = i < 2 ? focal : i < 4 ? center : lens;
+    group.columns.push_back(column + i - first_param);
   }
-  if (board_is_fixed || rows <= 6) return board_is_fixed ? cameras : Eigen::MatrixXd(0, columns.total);
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(board);
-  cameras.applyOnTheLeft(qr.householderQ().transpose());
-  return cameras.bottomRows(rows - 6);
+  for (const Group& group : {focal, center, lens}) {
+    if (!group.columns.empty()) groups->push_back(group);
+  }
 }
 
-/// Upper triangle R with R^T R equal to that of the stacked rows.
-Eigen::MatrixXd Triangle(const Eigen::MatrixXd& stacked) {
-  if (stacked.rows() <= stacked.cols()) return stacked;
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(stacked);
-  return qr.matrixQR().topRows(stacked.cols()).triangularView<Eigen::Upper>();
+Group Range(const std::string& name, int first, int count, int camera) {
+  Group group{name, {}, camera, false};
+  for (int i = 0; i < count; ++i) group.columns.push_back(first + i);
+  return group;
 }
 
-Eigen::MatrixXd StackFrames(const std::vector<View>& views, const RigState& state, const Gauge& gauge, const Columns& columns) {
-  Eigen::MatrixXd triangle(0, columns.total);
-  for (int frame = 0; frame < static_cast<int>(state.frames.size()); ++frame) {
-    std::vector<const View*> of_frame;
-    for (const View& view : views) {
-      if (view.frame == frame && (view.weights.array() > 0).any()) of_frame.push_back(&view);
+std::vector<Group> MakeGroups(const RigState& state, const RigColumns& columns) {
+  std::vector<Group> groups;
+  std::vector<bool> named(columns.total, false);
+  for (int c = 0; c < static_cast<int>(state.cameras.size()); ++c) {
+    if (columns.lens[c] >= 0 && !named[columns.lens[c]]) {
+      named[columns.lens[c]] = true;
+      AddLensGroups(state, c, columns.lens[c], columns.first_param[c], &groups);
     }
-    if (of_frame.empty()) continue;
-    const bool fixed = gauge.kind == Gauge::Kind::kBoard && gauge.index == frame;
-    const Eigen::MatrixXd rows = ReducedRows(of_frame, state, columns, fixed);
-    Eigen::MatrixXd stacked(triangle.rows() + rows.rows(), columns.total);
-    stacked << triangle, rows;
-    triangle = Triangle(stacked);
+    const std::string of = " of " + state.cameras[c].name;
+    if (columns.camera[c] >= 0) {
+      groups.push_back(Range("direction" + of, columns.camera[c], 3, c));
+      groups.push_back(Range("position" + of, columns.camera[c] + 3, 3, c));
+    }
+    if (columns.time[c] >= 0) groups.push_back(Range("time offset" + of, columns.time[c], 1, c));
   }
-  return triangle;
+  for (size_t b = 0; b < columns.board.size(); ++b) {
+    const std::string of = " of board " + std::to_string(b);
+    if (columns.board[b] >= 0) groups.push_back(Range("place" + of, columns.board[b], 6, -1));
+    if (columns.warp[b] >= 0) groups.push_back(Range("bend" + of, columns.warp[b], 2, -1));
+  }
+  return groups;
 }
 
-std::vector<std::string> ColumnNames(const RigState& state, const Columns& columns) {
-  std::vector<std::string> names(columns.total);
-  for (size_t c = 0; c < state.cameras.size(); ++c) {
-    const std::string prefix = state.cameras[c].name + ": ";
-    const std::vector<std::string> params = geometry::ParamNames(state.cameras[c].model);
-    for (size_t i = 0; i < params.size(); ++i) names[columns.params[c] + i] = prefix + params[i];
-    for (int i = 0; columns.pose[c] >= 0 && i < 6; ++i) names[columns.pose[c] + i] = prefix + kPoseNames[i];
+/// Largest tilt of the boards of one camera against its image, degrees.
+double LargestTilt(const std::vector<View>& views, const RigState& state, int camera) {
+  double smallest_cosine = 1;
+  for (const View& view : views) {
+    if (view.camera_idx != camera || !(view.weights.array() > 0).any()) continue;
+    const Eigen::Vector3d normal = CamFromBoard(view, state).rotation * Eigen::Vector3d::UnitZ();
+    smallest_cosine = std::min(smallest_cosine, std::abs(normal.z()));
   }
-  return names;
+  return std::acos(std::min(1.0, smallest_cosine)) * 180 / M_PI;
 }
 
-/// The parameter with the largest share in each null direction.
-void NameNullDirections(const Eigen::MatrixXd& directions, const std::vector<std::string>& names, RigCovariance* result) {
+/// "focal length and distance of cam3 cannot be told apart: all its boards are parallel to the image".
+std::string Phrase(const Eigen::VectorXd& direction, const std::vector<Group>& groups, const std::vector<View>& views,
+                   const RigState& state) {
+  std::vector<double> shares;
+  for (const Group& group : groups) {
+    double sum = 0;
+    for (int column : group.columns) sum += direction[column] * direction[column];
+    shares.push_back(std::sqrt(sum));
+  }
+  const double largest = *std::max_element(shares.begin(), shares.end());
+  std::string names, cause;
+  int count = 0;
+  for (size_t i = 0; i < groups.size(); ++i) {
+    if (shares[i] < kNamedShare * largest || ++count > 4) continue;
+    names += (names.empty() ? "" : ", ") + groups[i].name;
+    if (groups[i].is_focal && LargestTilt(views, state, groups[i].camera) < kParallelDeg) {
+      names += " and the distance of its boards";
+      cause = ": all boards are parallel to the image";
+    }
+  }
+  const bool several = count > 1 || !cause.empty();
+  return names + (several ? " cannot be told apart" : " cannot be determined") + cause;
+}
+
+void NameNullDirections(const Eigen::MatrixXd& directions, const std::vector<View>& views, const RigState& state,
+                        RigCovariance* result) {
+  const std::vector<Group> groups = MakeGroups(state, result->columns);
   for (Eigen::Index k = 0; k < directions.cols(); ++k) {
-    Eigen::Index largest = 0;
-    directions.col(k).cwiseAbs().maxCoeff(&largest);
-    if (std::find(result->undetermined.begin(), result->undetermined.end(), names[largest]) == result->undetermined.end()) {
-      result->undetermined.push_back(names[largest]);
-    }
+    const std::string phrase = Phrase(directions.col(k), groups, views, state);
+    if (std::find(result->undetermined.begin(), result->undetermined.end(), phrase) == result->undetermined.end())
+      result->undetermined.push_back(phrase);
   }
   result->status = Status::kDegenerate;
-  result->message = std::to_string(directions.cols()) + " directions of the solution are not determined by the boards, first " +
-                    result->undetermined.front() + ": show the board tilted, nearer and farther, and to cameras in pairs";
+  result->message = result->undetermined.front();
+  if (result->undetermined.size() > 1) result->message += " (and " + std::to_string(result->undetermined.size() - 1) + " more)";
+  result->message += "; show the board tilted, nearer and farther, and to cameras in pairs";
 }
 
-void SplitCovariance(const RigState& state, const Columns& columns, RigCovariance* result) {
-  for (size_t c = 0; c < state.cameras.size(); ++c) {
+void SplitCovariance(const RigState& state, RigCovariance* result) {
+  for (int c = 0; c < static_cast<int>(state.cameras.size()); ++c) {
     const Eigen::Index p = state.cameras[c].params.size();
-    result->params.push_back(result->joint.block(columns.params[c], columns.params[c], p, p));
-    Eigen::Matrix<double, 6, 6> pose = Eigen::Matrix<double, 6, 6>::Zero();
-    if (columns.pose[c] >= 0) pose = result->joint.block<6, 6>(columns.pose[c], columns.pose[c]);
-    result->cam_from_world.push_back(pose);
+    const Eigen::MatrixXd both = CameraCovariance(*result, state, c);
+    result->params.push_back(both.topLeftCorner(p, p));
+    result->cam_from_world.push_back(both.bottomRightCorner<6, 6>());
   }
+}
+
+/// Normal equations of the global unknowns at `state`.
+Eigen::MatrixXd ReducedNormalMatrix(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                                    RigColumns* columns) {
+  RigProblem problem(views, state, options);
+  *columns = problem.columns();
+  SchurSystem system;
+  problem.AllocateSystem(&system);
+  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
+  MVS_CHECK(problem.LinearizeTrial(&system), "the solution does not project its own corners");
+  return Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
 }
 
 }  // namespace
 
-RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px) {
-  const Columns columns(state, gauge);
-  Eigen::MatrixXd triangle = Eigen::MatrixXd::Zero(columns.total, columns.total);
-  const Eigen::MatrixXd stacked = StackFrames(views, state, gauge, columns);
-  triangle.topRows(stacked.rows()) = stacked;
-  Eigen::VectorXd scale = triangle.colwise().norm();
-  for (Eigen::Index i = 0; i < scale.size(); ++i) scale[i] = scale[i] > 0 ? 1 / scale[i] : 1;
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(triangle * scale.asDiagonal(), Eigen::ComputeFullV);
-  const Eigen::VectorXd& values = svd.singularValues();
-  const auto rank = (values.array() > kRankTolerance * values[0]).count();
+Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState& state, int camera_idx) {
+  const RigColumns& columns = covariance.columns;
+  const int p = static_cast<int>(state.cameras[camera_idx].params.size());
+  std::vector<int> ids(p + 6, -1);
+  for (int i = columns.first_param[camera_idx]; columns.lens[camera_idx] >= 0 && i < p; ++i)
+    ids[i] = columns.lens[camera_idx] + i - columns.first_param[camera_idx];
+  for (int i = 0; columns.camera[camera_idx] >= 0 && i < 6; ++i) ids[p + i] = columns.camera[camera_idx] + i;
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(p + 6, p + 6);
+  for (int i = 0; i < p + 6; ++i) {
+    for (int j = 0; j < p + 6; ++j) {
+      if (ids[i] >= 0 && ids[j] >= 0) result(i, j) = covariance.joint(ids[i], ids[j]);
+    }
+  }
+  return result;
+}
+
+RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                                double sigma_px) {
   RigCovariance result;
-  if (rank < columns.total) {
-    NameNullDirections(svd.matrixV().rightCols(columns.total - rank), ColumnNames(state, columns), &result);
+  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &result.columns);
+  const Eigen::Index n = normal.rows();
+  Eigen::VectorXd scale(n);
+  for (Eigen::Index i = 0; i < n; ++i) scale[i] = normal(i, i) > 0 ? 1 / std::sqrt(normal(i, i)) : 1;
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
+  const Eigen::VectorXd& values = eigen.eigenvalues();
+  const auto null = n == 0 ? 0 : (values.array() < kRankTolerance * values[n - 1]).count();
+  if (null > 0) {
+    NameNullDirections(eigen.eigenvectors().leftCols(null), views, state, &result);
     return result;
   }
-  const Eigen::MatrixXd root = sigma_px * scale.asDiagonal() * svd.matrixV() * values.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd root =
+      sigma_px * scale.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
   result.joint = root * root.transpose();
-  SplitCovariance(state, columns, &result);
+  SplitCovariance(state, &result);
   return result;
+}
+
+RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px) {
+  BundleOptions options;
+  options.gauge = gauge;
+  return ComputeCovariance(views, state, options, sigma_px);
 }
 
 }  // namespace mvstudio::calib

@@ -5,24 +5,31 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/rig_problem.h"
 #include "core/status.h"
 #include "geometry/rig.h"
 
 namespace mvstudio::calib {
 
-/// Covariance of a solved rig, boards marginalised.
+/// Covariance of a solved rig, boards marginalised. What the options fix has covariance zero.
 struct RigCovariance {
   Status status = Status::kOk;            ///< kDegenerate when the data leave something undetermined
-  std::string message;                    ///< names what is not determined
-  std::vector<std::string> undetermined;  ///< "left: fx", … the parameters that dominate the null directions
+  std::string message;                    ///< says what cannot be told apart and why
+  std::vector<std::string> undetermined;  ///< one phrase for every null direction
   std::vector<Eigen::MatrixXd> params;    ///< per camera (P, P), units of Camera::params
   std::vector<Eigen::Matrix<double, 6, 6>> cam_from_world;  ///< per camera, left perturbation; zero for the one the gauge fixes
-  Eigen::MatrixXd joint;  ///< of all free numbers: per camera its parameters, then its pose unless fixed
+  Eigen::MatrixXd joint;  ///< (columns.total, columns.total)
+  RigColumns columns;     ///< what the rows of `joint` are
 };
 
-/// sigma^2 (J^T J)^-1 of the camera unknowns, by QR of the Jacobian frame by frame (the boards are eliminated by orthogonal
-/// transformations, J^T J is never formed) and a singular value decomposition with unit columns. Singular values below 1e-9 of
-/// the largest count as zero: rank-deficient problems are named instead of inverted.
+/// sigma^2 (J^T W J)^-1 of the global unknowns, the boards' poses eliminated by the Schur complement, inverted by the
+/// eigenvalues of the matrix with unit diagonal. Eigenvalues below 1e-12 of the largest count as zero: what is not determined is
+/// named by its direction instead of inverted.
+RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                                double sigma_px);
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);
+
+/// (P + 6) square covariance of the lens parameters and the pose of one camera, in this order, with their correlation.
+Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState& state, int camera_idx);
 
 }  // namespace mvstudio::calib

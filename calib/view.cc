@@ -1,19 +1,16 @@
 #include "calib/view.h"
 
-#include <ceres/jet.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/check.h"
-#include "geometry/camera_model.h"
+#include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
 namespace {
 
-using geometry::LensModel;
-using Matrix23 = Eigen::Matrix<double, 2, 3>;
+using geometry::Rigid3;
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   Eigen::Matrix3d m;
@@ -21,78 +18,56 @@ Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   return m;
 }
 
-/// Projection with derivatives with respect to P parameters and the point.
-template <int P>
-bool ProjectJet(LensModel model, const double* params, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* px,
-                Eigen::Ref<Eigen::MatrixXd> d_params, Matrix23* d_x) {
-  using Jet = ceres::Jet<double, P + 3>;
-  Jet p[P];
-  for (int i = 0; i < P; ++i) p[i] = Jet(params[i], i);
-  Eigen::Matrix<Jet, 3, 1> x;
-  for (int i = 0; i < 3; ++i) x[i] = Jet(x_in_cam[i], P + i);
-  Eigen::Matrix<Jet, 2, 1> out;
-  if (!geometry::ProjectByFormula(model, p, x, &out)) return false;
-  for (int row = 0; row < 2; ++row) {
-    (*px)[row] = out[row].a;
-    d_params.row(row) = out[row].v.template head<P>().transpose();
-    d_x->row(row) = out[row].v.template tail<3>().transpose();
-  }
-  return px->allFinite();
-}
-
-using ProjectFunction = bool (*)(LensModel, const double*, const Eigen::Vector3d&, Eigen::Vector2d*,
-                                 Eigen::Ref<Eigen::MatrixXd>, Matrix23*);
-
-ProjectFunction ProjectFunctionFor(int num_params) {
-  switch (num_params) {
-    case 4:
-      return &ProjectJet<4>;
-    case 5:
-      return &ProjectJet<5>;
-    case 6:
-      return &ProjectJet<6>;
-    case 8:
-      return &ProjectJet<8>;
-    case 9:
-      return &ProjectJet<9>;
-    case 12:
-      return &ProjectJet<12>;
-    default:
-      break;
-  }
-  MVS_CHECK(false, "no lens model has " << num_params << " parameters");
-  return nullptr;
-}
-
 }  // namespace
 
-View MakeView(const Board& board, const Detection& detection, const std::vector<int64_t>& frames) {
+Eigen::Matrix2Xd WarpBasis(const Eigen::Matrix3Xd& corners_in_board) {
+  Eigen::Matrix2Xd basis = Eigen::Matrix2Xd::Zero(2, corners_in_board.cols());
+  if (corners_in_board.cols() == 0) return basis;
+  for (int axis = 0; axis < 2; ++axis) {
+    const auto coordinates = corners_in_board.row(axis).array();
+    const double middle = (coordinates.minCoeff() + coordinates.maxCoeff()) / 2;
+    const double half = (coordinates.maxCoeff() - coordinates.minCoeff()) / 2;
+    if (half > 0) basis.row(axis) = (1 - ((coordinates - middle) / half).square()).matrix();
+  }
+  return basis;
+}
+
+View MakeView(const std::vector<Board>& boards, const Detection& detection, const std::vector<int64_t>& frames) {
   MVS_CHECK(detection.points_px.cols() == detection.num_corners(), "points and corner ids differ in number");
+  MVS_CHECK(detection.board_idx >= 0 && detection.board_idx < static_cast<int>(boards.size()), "board " << detection.board_idx);
   const auto frame = std::lower_bound(frames.begin(), frames.end(), detection.frame_idx);
   MVS_CHECK(frame != frames.end() && *frame == detection.frame_idx, "frame " << detection.frame_idx << " is not listed");
+  const Board& board = boards[detection.board_idx];
   const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  const Eigen::Matrix2Xd basis = WarpBasis(corners);
   View view;
   view.camera_idx = detection.camera_idx;
   view.frame = static_cast<int>(frame - frames.begin());
+  view.board = detection.board_idx;
   view.corner_ids = detection.corner_ids;
   view.x_in_board.resize(3, detection.num_corners());
+  view.warp_basis.resize(2, detection.num_corners());
   for (int i = 0; i < detection.num_corners(); ++i) {
     const int id = detection.corner_ids[i];
     MVS_CHECK(id >= 0 && id < board.num_corners(), "corner " << id << " is not on the board");
     view.x_in_board.col(i) = corners.col(id);
+    view.warp_basis.col(i) = basis.col(id);
   }
   view.px = detection.points_px;
-  view.weights = Eigen::VectorXd::Constant(detection.num_corners(), 1 / (detection.sigma_px * detection.sigma_px));
+  const bool each = detection.sigmas_px.size() == detection.points_px.cols();
+  view.weights = each ? Eigen::VectorXd(detection.sigmas_px.array().square().inverse())
+                      : Eigen::VectorXd::Constant(detection.num_corners(), 1 / (detection.sigma_px * detection.sigma_px));
   return view;
 }
 
-std::vector<View> MakeViews(const Board& board, const std::vector<Detection>& detections, std::vector<int64_t>* frames) {
+std::vector<View> MakeViews(const std::vector<Board>& boards, const std::vector<Detection>& detections,
+                            std::vector<int64_t>* frames) {
   frames->clear();
   for (const Detection& detection : detections) frames->push_back(detection.frame_idx);
   std::sort(frames->begin(), frames->end());
   frames->erase(std::unique(frames->begin(), frames->end()), frames->end());
   std::vector<View> views;
-  for (const Detection& detection : detections) views.push_back(MakeView(board, detection, *frames));
+  for (const Detection& detection : detections) views.push_back(MakeView(boards, detection, *frames));
   return views;
 }
 
@@ -104,52 +79,61 @@ View HalfOf(const View& view, int first) {
     half.x_in_board.col(n) = view.x_in_board.col(i);
     half.px.col(n) = view.px.col(i);
     half.weights[n] = view.weights[i];
+    half.warp_basis.col(n) = view.warp_basis.col(i);
   }
   half.corner_ids.resize(n);
   half.x_in_board.conservativeResize(3, n);
   half.px.conservativeResize(2, n);
   half.weights.conservativeResize(n);
+  half.warp_basis.conservativeResize(2, n);
   return half;
 }
 
-std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera,
-                                               const geometry::Rigid3& cam_from_world, const geometry::Rigid3& world_from_board,
-                                               bool weighted) {
-  const Eigen::Index n = view.size(), num_params = camera.params.size();
-  const ProjectFunction project = ProjectFunctionFor(static_cast<int>(num_params));
-  const Eigen::Matrix3d cam_r_world = cam_from_world.rotation.toRotationMatrix();
-  const Eigen::Matrix3d world_r_board = world_from_board.rotation.toRotationMatrix();
-  ViewLinearization out{Eigen::VectorXd::Zero(2 * n), Eigen::MatrixXd::Zero(2 * n, num_params), Eigen::MatrixXd::Zero(2 * n, 6),
-                        Eigen::MatrixXd::Zero(2 * n, 6)};
-  Eigen::MatrixXd d_params(2, num_params);
+Rigid3 CamFromBoard(const View& view, const RigState& state) {
+  Rigid3 world_from_board = state.world_from_board[view.frame];
+  if (!state.time_offset_frames.empty()) {
+    world_from_board =
+        geometry::Perturb(state.time_offset_frames[view.camera_idx] * state.board_velocity[view.frame], world_from_board);
+  }
+  return state.cam_from_world[view.camera_idx] * (world_from_board * state.rig_from_board[view.board]);
+}
+
+Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state) {
+  Eigen::Matrix3Xd corners = view.x_in_board;
+  corners.row(2) += state.board_warp_m[view.board].transpose() * view.warp_basis;
+  return corners;
+}
+
+std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera, const Rigid3& cam_from_board,
+                                               bool with_lens, const Eigen::Matrix3Xd* corners) {
+  const Eigen::Index n = view.size();
+  const Eigen::Matrix3d rotation = cam_from_board.rotation.toRotationMatrix();
+  ViewLinearization out;
+  out.residuals.setZero(2 * n);
+  out.d_pose.setZero(2 * n, 6);
+  if (with_lens) out.d_lens.setZero(2 * n, camera.params.size());
+  geometry::LensDerivatives d;
   for (Eigen::Index i = 0; i < n; ++i) {
-    if (weighted && view.weights[i] <= 0) continue;
-    const Eigen::Vector3d turned_board = world_r_board * view.x_in_board.col(i);
-    const Eigen::Vector3d turned_world = cam_r_world * (turned_board + world_from_board.translation);
+    if (view.weights[i] <= 0) continue;
+    const Eigen::Vector3d turned = rotation * (corners ? corners->col(i) : view.x_in_board.col(i));
     Eigen::Vector2d px;
-    Matrix23 d_x;
-    if (!project(camera.model, camera.params.data(), turned_world + cam_from_world.translation, &px, d_params, &d_x))
-      return std::nullopt;
-    const double scale = weighted ? std::sqrt(view.weights[i]) : 1;
-    d_x *= scale;
+    if (!geometry::ProjectLens(camera, turned + cam_from_board.translation, &px, &d)) return std::nullopt;
+    const double scale = std::sqrt(view.weights[i]);
     out.residuals.segment<2>(2 * i) = scale * (px - view.px.col(i));
-    out.d_params.middleRows(2 * i, 2) = scale * d_params;
-    out.d_cam.block<2, 3>(2 * i, 0) = -d_x * Cross(turned_world);
-    out.d_cam.block<2, 3>(2 * i, 3) = d_x;
-    const Matrix23 d_world = d_x * cam_r_world;
-    out.d_board.block<2, 3>(2 * i, 0) = -d_world * Cross(turned_board);
-    out.d_board.block<2, 3>(2 * i, 3) = d_world;
+    out.d_pose.block<2, 3>(2 * i, 0) = -scale * d.d_px_d_x_in_cam * Cross(turned);
+    out.d_pose.block<2, 3>(2 * i, 3) = scale * d.d_px_d_x_in_cam;
+    for (int k = 0; with_lens && k < d.count; ++k) out.d_lens.block<2, 1>(2 * i, d.columns[k]) = scale * d.d_px.col(k);
   }
   return out;
 }
 
-std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera,
-                                            const geometry::Rigid3& cam_from_board) {
+std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera, const Rigid3& cam_from_board,
+                                            const Eigen::Matrix3Xd* corners) {
   Eigen::Matrix2Xd residuals(2, view.size());
   for (Eigen::Index i = 0; i < view.size(); ++i) {
-    const Eigen::Vector3d x_in_cam = cam_from_board * Eigen::Vector3d(view.x_in_board.col(i));
+    const Eigen::Vector3d x = corners ? corners->col(i) : view.x_in_board.col(i);
     Eigen::Vector2d px;
-    if (geometry::ProjectByFormula<double>(camera.model, camera.params.data(), x_in_cam, &px) && px.allFinite()) {
+    if (geometry::ProjectLens(camera, cam_from_board * x, &px, nullptr)) {
       residuals.col(i) = px - view.px.col(i);
     } else if (view.weights[i] > 0) {
       return std::nullopt;

@@ -16,9 +16,11 @@ namespace mvstudio::calib {
 struct View {
   int camera_idx = 0;
   int frame = 0;                ///< index into RigState::frames
+  int board = 0;                ///< index into RigState::rig_from_board
   std::vector<int> corner_ids;  // (N)
   Eigen::Matrix3Xd x_in_board;  // (3, N) metres
   Eigen::Matrix2Xd px;          // (2, N)
+  Eigen::Matrix2Xd warp_basis;  // (2, N) of WarpBasis at the corners
   Eigen::VectorXd weights;      // (N) of the squared residual; 0 for rejected corners
 
   Eigen::Index size() const { return px.cols(); }
@@ -29,34 +31,50 @@ struct RigState {
   std::vector<geometry::Camera> cameras;
   std::vector<geometry::Rigid3> cam_from_world;    // per camera
   std::vector<int64_t> frames;                     // frame_idx, ascending
-  std::vector<geometry::Rigid3> world_from_board;  // per frame
+  std::vector<geometry::Rigid3> world_from_board;  // per frame: pose of the first board
+  std::vector<geometry::Rigid3> rig_from_board = {geometry::Rigid3()};  // per board: first board from it; boards are rigid
+  std::vector<Eigen::Vector2d> board_warp_m = {Eigen::Vector2d::Zero()};  // per board, see WarpBasis
+  std::vector<double> time_offset_frames;             // per camera: its instant minus that of the frame; empty: none
+  std::vector<geometry::Vector6d> board_velocity;     // per frame, needed with time offsets: perturbation per frame
+  std::vector<int> lens_group;  // per camera: cameras of one group share all parameters; empty: each its own
 };
 
-/// View of a detection; `frames` must hold its frame_idx.
-View MakeView(const Board& board, const Detection& detection, const std::vector<int64_t>& frames);
+/// How far the corners (3, N) of a board leave its plane for a bend of 1 m along x (first row) and along y: a parabola that is 1
+/// in the middle and 0 at the outer corners, as in mrcal. (2, N)
+Eigen::Matrix2Xd WarpBasis(const Eigen::Matrix3Xd& corners_in_board);
+
+/// View of a detection on `boards[detection.board_idx]`; `frames` must hold its frame_idx.
+View MakeView(const std::vector<Board>& boards, const Detection& detection, const std::vector<int64_t>& frames);
 
 /// Views of all detections and the sorted list of their frames.
-std::vector<View> MakeViews(const Board& board, const std::vector<Detection>& detections, std::vector<int64_t>* frames);
+std::vector<View> MakeViews(const std::vector<Board>& boards, const std::vector<Detection>& detections,
+                            std::vector<int64_t>* frames);
 
 /// Every second corner of a view, from `first` (0 or 1).
 View HalfOf(const View& view, int first);
 
-/// Residuals (projection minus observation, px) and their derivatives with respect to the camera's parameters and to left
-/// perturbations (rotation, translation) of cam_from_world and world_from_board.
+/// Pose of the view's board in its camera: cam_from_world * world_from_board (moved by the time offset) * rig_from_board.
+geometry::Rigid3 CamFromBoard(const View& view, const RigState& state);
+
+/// Corners (3, N) of the view on the bent board, metres.
+Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state);
+
+/// Residuals (projection minus observation, px) and their derivatives with respect to the camera's parameters and to a left
+/// perturbation (rotation, translation) of cam_from_board.
 struct ViewLinearization {
-  Eigen::VectorXd residuals;  // (2 N)
-  Eigen::MatrixXd d_params;   // (2 N, P)
-  Eigen::MatrixXd d_cam;      // (2 N, 6)
-  Eigen::MatrixXd d_board;    // (2 N, 6)
+  Eigen::VectorXd residuals;                     // (2 N)
+  Eigen::MatrixXd d_lens;                        // (2 N, P), empty without `with_lens`
+  Eigen::Matrix<double, Eigen::Dynamic, 6> d_pose;  // (2 N, 6)
 };
 
-/// Nothing when a corner with a weight cannot be projected. With `weighted`, rows are multiplied by sqrt(weights).
+/// Nothing when a corner with a weight cannot be projected; rows are multiplied by sqrt(weights). `corners` as from
+/// BentCorners; null: the flat ones of the view.
 std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera,
-                                               const geometry::Rigid3& cam_from_world, const geometry::Rigid3& world_from_board,
-                                               bool weighted = true);
+                                               const geometry::Rigid3& cam_from_board, bool with_lens = true,
+                                               const Eigen::Matrix3Xd* corners = nullptr);
 
 /// Residuals (2, N) px without weights; nothing when a corner with a weight cannot be projected (others give infinity).
 std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera,
-                                            const geometry::Rigid3& cam_from_board);
+                                            const geometry::Rigid3& cam_from_board, const Eigen::Matrix3Xd* corners = nullptr);
 
 }  // namespace mvstudio::calib

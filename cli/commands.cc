@@ -7,6 +7,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterDemo(app, registry);
 #endif
   RegisterSynth(app, registry);
+  RegisterBoard(app, registry);
   RegisterCalibrate(app, registry);
   RegisterCalib(app, registry);
   RegisterTriangulate(app, registry);

@@ -8,6 +8,7 @@ namespace mvstudio::cli {
 
 void RegisterDemo(CLI::App& app, Registry& registry);
 void RegisterSynth(CLI::App& app, Registry& registry);
+void RegisterBoard(CLI::App& app, Registry& registry);
 void RegisterCalibrate(CLI::App& app, Registry& registry);
 void RegisterCalib(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);

@@ -21,6 +21,6 @@ function(mvstudio_add_tests module)
     add_test(NAME ${module}/${unit} COMMAND ${target})
     set_tests_properties(${module}/${unit} PROPERTIES LABELS ${label} TIMEOUT ${timeout})
     set_property(TEST ${module}/${unit} PROPERTY ENVIRONMENT
-      "MVSTUDIO_BIN=${CMAKE_BINARY_DIR}/bin/mvstudio;MVSTUDIO_SOURCE=${CMAKE_SOURCE_DIR};GOMP_SPINCOUNT=1000")
+      "MVSTUDIO_BIN=${CMAKE_BINARY_DIR}/bin/mvstudio;MVSTUDIO_SOURCE=${CMAKE_SOURCE_DIR};MVSTUDIO_CACHE=off;GOMP_SPINCOUNT=1000")
   endforeach()
 endfunction()

@@ -95,13 +95,19 @@ double Centimetres(double metres) {
 Eigen::Matrix<double, 5, 1> BrownCoefficients(const Camera& camera) {
   Eigen::Matrix<double, 5, 1> dist = Eigen::Matrix<double, 5, 1>::Zero();
   const Eigen::VectorXd k = camera.params.tail(camera.params.size() - 4);
-  const bool plain_rational = camera.model == LensModel::kRational8 && k.tail<3>().isZero(0);
-  if (camera.model == LensModel::kKannalaBrandt4 || (camera.model == LensModel::kRational8 && !plain_rational)) {
+  const bool plain_rational = (camera.model == LensModel::kRational8 || camera.model == LensModel::kThinPrism12) &&
+                              k.tail(k.size() - 5).isZero(0);
+  if (camera.model == LensModel::kPinholeP) {
+    dist.segment<2>(2) = k;
+  } else if (camera.model == LensModel::kBrown1P) {
+    dist << k[0], 0, k[1], k[2], 0;
+  } else if (!IsWide(camera.model) && (k.size() <= 5 || plain_rational)) {
+    const Eigen::Index count = std::min<Eigen::Index>(k.size(), 5);
+    dist.head(count) = k.head(count);
+  } else {
     throw UsageError("camera " + camera.name + ": its lens model " + std::string(ToString(camera.model)) +
-                     " cannot be written in Panoptic's five coefficients; calibrate with --lens brown5");
+                     " cannot be written in Panoptic's five coefficients; calibrate with --model brown5");
   }
-  const Eigen::Index count = std::min<Eigen::Index>(k.size(), 5);
-  dist.head(count) = k.head(count);
   return dist;
 }
 

@@ -1,5 +1,6 @@
 #include "geometry/rig_io.h"
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
@@ -56,6 +57,12 @@ struct Node {
     const double number = value->get<double>();
     if (!std::isfinite(number)) Fail("not a finite number");
     return number;
+  }
+  int Integer() const {
+    if (!value->is_number_integer()) Fail("an integer was expected");
+    const double number = value->get<double>();
+    if (!(std::abs(number) <= 1e9)) Fail(value->dump() + " is out of range");
+    return static_cast<int>(number);
   }
   std::string Text() const {
     if (!value->is_string()) Fail(std::string("a string was expected, this is ") + value->type_name());
@@ -124,36 +131,57 @@ Eigen::MatrixXd ReadCovariance(const Node& node, size_t size) {
   return covariance;
 }
 
+SplineGrid ReadSplineGrid(const Node& node) {
+  node.RequireObject({"order", "cols", "rows", "fov_x_deg"});
+  return {node.At("order").Integer(), node.At("cols").Integer(), node.At("rows").Integer(), node.At("fov_x_deg").Integer()};
+}
+
+/// fx, fy, cx, cy and the distortion by name; the control points of a splined lens in one list.
 void ReadIntrinsics(const Node& node, Camera* camera) {
-  const std::vector<std::string> names = ParamNames(camera->model);
+  const bool splined = camera->model == LensModel::kSplined;
+  const std::vector<std::string> names = splined ? ParamNames(LensModel::kPinhole) : ParamNames(camera->model);
   if (!node.value->is_object()) node.Fail("an object with fx, fy, cx, cy and the distortion was expected");
-  camera->params.resize(static_cast<Eigen::Index>(names.size()));
+  camera->params.resize(NumParams(*camera));
   for (size_t i = 0; i < names.size(); ++i) camera->params[static_cast<Eigen::Index>(i)] = node.At(names[i]).Number();
+  if (splined) camera->params.tail(camera->params.size() - 4) = node.At("control_points").Vector(camera->params.size() - 4);
   for (const auto& [key, ignored] : node.value->items()) {
-    if (std::find(names.begin(), names.end(), key) == names.end()) {
+    if (std::find(names.begin(), names.end(), key) == names.end() && !(splined && key == "control_points")) {
       node.Fail("'" + key + "' is no parameter of the model " + std::string(ToString(camera->model)));
     }
   }
   for (const char* focal : {"fx", "fy"}) {
     if (!(node.At(focal).Number() > 0)) node.At(focal).Fail("a focal length must be positive");
   }
+  const std::string why = WhyInvalidLens(*camera);
+  if (!why.empty()) node.Fail(why);
+}
+
+void ReadLens(const Node& node, Camera* camera) {
+  const std::string name = node.At("model").Text();
+  const std::optional<LensModel> model = LensModelFromString(name);
+  if (!model) node.At("model").Fail("unknown lens model '" + name + "'; known are " + LensModelNames());
+  camera->model = *model;
+  if (*model == LensModel::kSplined) {
+    camera->spline = ReadSplineGrid(node.At("spline"));
+    const std::string why = WhyInvalidGrid(camera->spline);
+    if (!why.empty()) node.At("spline").Fail(why);
+  } else if (node.Find("spline")) {
+    node.At("spline").Fail("only the model splined has a control grid");
+  }
+  ReadIntrinsics(node.At("intrinsics"), camera);
 }
 
 RigCamera ReadCamera(const Node& node) {
   node.RequireObject(
-      {"name", "model", "size_px", "intrinsics", "cam_from_world", "intrinsics_covariance", "cam_from_world_covariance"});
+      {"name", "model", "size_px", "spline", "intrinsics", "cam_from_world", "intrinsics_covariance", "cam_from_world_covariance"});
   RigCamera camera;
   camera.camera.name = node.At("name").Text();
   if (camera.camera.name.empty()) node.At("name").Fail("a camera needs a name");
-  const std::string model = node.At("model").Text();
-  const std::optional<LensModel> known = LensModelFromString(model);
-  if (!known) node.At("model").Fail("unknown lens model '" + model + "'");
-  camera.camera.model = *known;
   const Node size = node.At("size_px");
   size.RequireArray(2);
   camera.camera.width_px = size.At(0).SizePx();
   camera.camera.height_px = size.At(1).SizePx();
-  ReadIntrinsics(node.At("intrinsics"), &camera.camera);
+  ReadLens(node, &camera.camera);
   const Node transform = node.At("cam_from_world");
   transform.RequireObject({"rotation_xyzw", "translation"});
   camera.cam_from_world.rotation = ReadRotation(transform.At("rotation_xyzw"));
@@ -182,13 +210,19 @@ Json MatrixToJson(const Eigen::MatrixXd& matrix) {
 
 /// One line for each entry, so that files can be read and compared by eye.
 std::string CameraToText(const RigCamera& camera) {
-  const std::vector<std::string> names = ParamNames(camera.camera.model);
+  const bool splined = camera.camera.model == LensModel::kSplined;
+  const std::vector<std::string> names = ParamNames(splined ? LensModel::kPinhole : camera.camera.model);
   Json intrinsics;
   for (size_t i = 0; i < names.size(); ++i) intrinsics[names[i]] = camera.camera.params[static_cast<Eigen::Index>(i)];
+  if (splined) intrinsics["control_points"] = VectorToJson(camera.camera.params.tail(camera.camera.params.size() - 4));
   Json json;
   json["name"] = camera.camera.name;
   json["model"] = ToString(camera.camera.model);
   json["size_px"] = {camera.camera.width_px, camera.camera.height_px};
+  if (splined) {
+    const SplineGrid& grid = camera.camera.spline;
+    json["spline"] = {{"order", grid.order}, {"cols", grid.cols}, {"rows", grid.rows}, {"fov_x_deg", grid.fov_x_deg}};
+  }
   json["intrinsics"] = intrinsics;
   json["cam_from_world"] = {{"rotation_xyzw", VectorToJson(camera.cam_from_world.rotation.coeffs())},
                             {"translation", VectorToJson(camera.cam_from_world.translation)}};

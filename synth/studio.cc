@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "calib/board.h"
 #include "core/error.h"
@@ -23,10 +24,15 @@ void Require(bool condition, const std::string& option, const std::string& expec
 Eigen::VectorXd Distortion(geometry::LensModel model, Rng& rng) {
   using geometry::LensModel;
   Eigen::VectorXd k(geometry::NumDistortionParams(model));
-  if (model == LensModel::kKannalaBrandt4) {
-    k << -0.020, 0.010, -0.003, 0.0005;
+  const std::vector<std::string> names = geometry::ParamNames(model);
+  if (geometry::IsWide(model)) {
+    const std::map<std::string, double> wide = {{"k1", -0.020}, {"k2", 0.010},   {"k3", -0.003}, {"k4", 0.0005}, {"xi", 0.25},
+                                                {"alpha", 0.4}, {"beta", 1.1},   {"p1", 4e-4},   {"p2", -3e-4}};
+    for (int i = 0; i < k.size(); ++i) k[i] = wide.at(names[4 + i]);
+  } else if (model == LensModel::kPinholeP || model == LensModel::kBrown1P) {
+    for (int i = 0; i < k.size(); ++i) k[i] = names[4 + i] == "k1" ? -0.12 : names[4 + i] == "p1" ? 4e-4 : -3e-4;
   } else {
-    const double brown[8] = {-0.12, 0.06, 4e-4, -3e-4, -0.010, 0.010, 0.004, 0.001};
+    const double brown[12] = {-0.12, 0.06, 4e-4, -3e-4, -0.010, 0.010, 0.004, 0.001, 3e-4, -1e-4, -2e-4, 1e-4};
     for (int i = 0; i < k.size(); ++i) k[i] = brown[i];
   }
   for (int i = 0; i < k.size(); ++i) k[i] *= 1 + 0.15 * rng.Uniform(-1, 1);
@@ -72,7 +78,8 @@ void Validate(const SynthOptions& o) {
   Require(o.arrangement == "ring" || o.arrangement == "dome", "arrangement", "ring or dome, not '" + o.arrangement + "'");
   Require(o.height_m >= 0.7 && o.height_m <= 4, "height-m", "0.7 to 4 m");
   ParseSize(o.size);
-  Require(geometry::LensModelFromString(o.lens).has_value(), "lens", "a lens model, not '" + o.lens + "'");
+  Require(geometry::LensModelFromString(o.lens).has_value() && o.lens != "splined", "lens",
+          "a lens model with a fixed number of parameters, not '" + o.lens + "'");
   Require(o.focal_px == 0 || (o.focal_px > 10 && o.focal_px < 1e5), "focal-px", "0 or 10 to 100000");
   Require(o.noise_px >= 0 && o.noise_px < 1000, "noise-px", "0 to 1000");
   Require(o.board_frames >= 0 && o.board_frames <= 100000, "board-frames", "0 to 100000");
@@ -107,6 +114,8 @@ geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {
         entry.camera.cx() + 0.008 * width * rng.Uniform(-1, 1), entry.camera.cy() + 0.008 * width * rng.Uniform(-1, 1);
     params.tail(params.size() - 4) = Distortion(model, rng);
     entry.camera.params = params;
+    // Models with xi have fx / (1 + xi) px a radian on the axis.
+    entry.camera.params.head<2>() *= own_focal / geometry::PinholeOf(entry.camera).fx();
     const Eigen::Vector3d eye = CameraPlace(options, i, rng);
     const Eigen::Vector3d target(0.04 * rng.Uniform(-1, 1), 0.04 * rng.Uniform(-1, 1), 0.97 + 0.03 * rng.Uniform(-1, 1));
     entry.cam_from_world = LookAt(eye, target, DegToRad(rng.Uniform(-2, 2)));

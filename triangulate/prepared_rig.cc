@@ -5,16 +5,6 @@
 #include "core/check.h"
 
 namespace mvstudio::triangulate {
-namespace {
-
-geometry::Camera WithoutDistortion(const geometry::Camera& camera) {
-  geometry::Camera pinhole = camera;
-  pinhole.model = geometry::LensModel::kPinhole;
-  pinhole.params = camera.params.head<4>();
-  return pinhole;
-}
-
-}  // namespace
 
 PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
   PreparedRig prepared;
@@ -22,12 +12,13 @@ PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
     prepared.origin_in_world += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
   }
   for (const geometry::RigCamera& camera : rig.cameras) {
-    const geometry::Camera lens = ignore_distortion ? WithoutDistortion(camera.camera) : camera.camera;
+    const geometry::Camera lens = ignore_distortion ? geometry::PinholeOf(camera.camera) : camera.camera;
+    const geometry::Camera axis = geometry::PinholeOf(lens);
     const Eigen::Matrix3d rotation = camera.cam_from_world.rotation.toRotationMatrix();
     const Eigen::Vector3d translation = rotation * prepared.origin_in_world + camera.cam_from_world.translation;
     const double rounding = 1e-15 * (camera.cam_from_world.translation.norm() + prepared.origin_in_world.norm());
     prepared.cameras.push_back({lens.name, geometry::Projector(lens), rotation, translation,
-                                -rotation.transpose() * translation, std::sqrt(lens.fx() * lens.fy()), rounding});
+                                -rotation.transpose() * translation, std::sqrt(axis.fx() * axis.fy()), rounding});
   }
   return prepared;
 }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/board_print.h"
 #include "calib/charuco_layout.h"
 #include "core/error.h"
 
@@ -24,7 +25,11 @@ TEST(ParseBoard, ReadsChessboardAndCharuco) {
 
 TEST(ParseBoard, TextRoundTrip) {
   for (const char* text :
-       {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy"}) {
+       {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy",
+        "charuco:5x4:54mm:40.5mm:4x4_1000:inverted", "charuco:8x6:60mm:45mm:4x4_50:legacy:inverted", "aprilgrid:6x6:88mm:0.3:36h11",
+        "aprilgrid:4x3:20mm:0.25:25h9:first=5", "aprilgrid:4x3:20mm:0.25:36h11:first=5:border=1",
+        "aprilgrid:2x2:20mm:0.8:Standard41h12", "tag:36h11:7:100mm", "tag:16h5:3:55mm:border=2", "tag:Circle49h12:60000:55mm",
+        "grid:10x10:77mm"}) {
     EXPECT_EQ(ToString(ParseBoard(text)), text);
   }
 }
@@ -32,7 +37,12 @@ TEST(ParseBoard, TextRoundTrip) {
 TEST(ParseBoard, RefusesWithTheExpectedForm) {
   for (const char* text : {"", "dots:3x3:1m", "chessboard:9x6", "chessboard:9x6:25", "chessboard:9:25mm", "chessboard:9x6:-1mm",
                            "chessboard:9x6:nanmm", "charuco:8x6:60mm", "charuco:8x6:60mm:60mm", "charuco:8x6:60mm:45mm:9x9_9",
-                           "charuco:20x20:60mm:45mm:4x4_50", "chessboard:1x6:25mm", "chessboard:9x6:1e999mm"}) {
+                           "charuco:20x20:60mm:45mm:4x4_50", "chessboard:1x6:25mm", "chessboard:9x6:1e999mm", "aprilgrid:6x6:88mm",
+                           "aprilgrid:6x6:88mm:0", "aprilgrid:6x6:88mm:nan", "aprilgrid:6x6:88mm:0.3:99h9",
+                           "aprilgrid:6x6:88mm:0.3:16h5", "aprilgrid:2x2:88mm:0.3:Standard41h12", "aprilgrid:6x6:88mm:0.3:first=x",
+                           "aprilgrid:6x6:88mm:0.3:border=3", "tag:36h11:587:1m", "tag:36h11:-1:1m", "tag:36h11:7",
+                           "tag:36h11:7:1m:x", "tag:Standard41h12:7:1m:border=2", "grid:10x10", "grid:1x10:77mm",
+                           "chessboard:99999999999x6:25mm"}) {
     try {
       ParseBoard(text);
       FAIL() << text;
@@ -48,6 +58,28 @@ TEST(CornersInBoard, RowByRow) {
   EXPECT_EQ(corners.col(0), Eigen::Vector3d(0, 0, 0));
   EXPECT_EQ(corners.col(5), Eigen::Vector3d(0.01, 0.01, 0));
   EXPECT_EQ(corners.col(11), Eigen::Vector3d(0.03, 0.02, 0));
+}
+
+TEST(CornersInBoard, AprilGridInKalibrsOrder) {
+  const Board board = ParseBoard("aprilgrid:3x2:100mm:0.25");
+  const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  ASSERT_EQ(corners.cols(), 24);
+  EXPECT_EQ(corners.col(0), Eigen::Vector3d(0, 0, 0)) << "bottom left of tag 0";
+  EXPECT_EQ(corners.col(1), Eigen::Vector3d(0.1, 0, 0));
+  EXPECT_EQ(corners.col(2), Eigen::Vector3d(0.1, -0.1, 0)) << "y points down: up is negative";
+  EXPECT_EQ(corners.col(3), Eigen::Vector3d(0, -0.1, 0));
+  EXPECT_TRUE(corners.col(4).isApprox(Eigen::Vector3d(0.125, 0, 0))) << "tag 1 stands to the right";
+  EXPECT_TRUE(corners.col(4 * 3).isApprox(Eigen::Vector3d(0, -0.125, 0))) << "tag 3 stands above tag 0";
+  EXPECT_EQ(CornersInBoard(ParseBoard("tag:36h11:7:100mm")).rightCols<1>(), Eigen::Vector3d(0, -0.1, 0));
+}
+
+TEST(CornersInBoard, PointsAreTheirOwn) {
+  Board board;
+  board.kind = Board::Kind::kPoints;
+  board.points = Eigen::Matrix3Xd::Random(3, 5);
+  EXPECT_EQ(CornersInBoard(board), board.points);
+  EXPECT_EQ(board.num_corners(), 5);
+  EXPECT_EQ(ToString(board), "points:5");
 }
 
 TEST(DrawBoard, ColoursChangeAtTheCorners) {
@@ -72,6 +104,53 @@ TEST(DrawBoard, LegacyDiffersOnlyForEvenRowsOfSquares) {
   EXPECT_EQ(draw("charuco:7x5:40mm:30mm"), draw("charuco:7x5:40mm:30mm:legacy"));
   EXPECT_NE(draw("charuco:7x6:40mm:30mm"), draw("charuco:7x6:40mm:30mm:legacy"));
 }
+
+TEST(DrawBoard, InvertedExchangesBlackAndWhiteOfTheBoardAlone) {
+  const Image plain = DrawBoard(ParseBoard("charuco:5x4:40mm:30mm"), 32, 1),
+              inverted = DrawBoard(ParseBoard("charuco:5x4:40mm:30mm:inverted"), 32, 1);
+  for (int v = 0; v < plain.height; ++v) {
+    for (int u = 0; u < plain.width; ++u) {
+      const bool margin = u < 32 || v < 32 || u >= plain.width - 32 || v >= plain.height - 32;
+      ASSERT_EQ(*inverted.Pixel(u, v), margin ? 255 : 255 - *plain.Pixel(u, v)) << u << " " << v;
+    }
+  }
+}
+
+TEST(DrawBoard, EveryRectangleIsInkOnce) {
+  for (const char* text : {"chessboard:5x4:10mm", "charuco:5x4:40mm:30mm:inverted", "aprilgrid:2x3:50mm:0.3", "tag:Circle21h7:3:1m",
+                           "aprilgrid:2x2:50mm:0.8:Standard41h12"}) {
+    const Board board = ParseBoard(text);
+    const BoardPrint print = PrintOf(board);
+    double area = 0;
+    for (const PrintRect& r : print.black) {
+      area += (r.high - r.low).prod();
+      EXPECT_TRUE((r.low.array() >= print.low_m.array() - 1e-12).all() && (r.high.array() <= print.high_m.array() + 1e-12).all()) << text;
+    }
+    const Image image = DrawBoard(board, 90, 0);
+    double ink = 0;
+    for (uint8_t grey : image.pixels) ink += (255 - grey) / 255.0;
+    EXPECT_NEAR(ink / image.pixels.size(), area / (print.high_m - print.low_m).prod(), 2e-3) << text << ": overlap or gap";
+  }
+}
+
+/// Kalibr's own generator writes tag 0 of 36h11 as the code 0xd5d628584 with the first bit at the top left, white for 1, inside a
+/// black border of 2 cells (kalibr_create_target_pdf).
+TEST(DrawBoard, FirstTagOfAnAprilGridIsKalibrs) {
+  const Board board = ParseBoard("aprilgrid:2x2:100mm:0.3");
+  const Image image = DrawBoard(board, 100, 0);  // 10 px a cell
+  const int left = 30, top = image.height - 30 - 100;
+  for (int row = 0; row < 10; ++row) {
+    for (int col = 0; col < 10; ++col) {
+      const bool inside = row >= 2 && row < 8 && col >= 2 && col < 8;
+      const bool white = inside && (0xd5d628584ull >> (35 - (6 * (row - 2) + col - 2)) & 1);
+      EXPECT_EQ(*image.Pixel(left + 10 * col + 5, top + 10 * row + 5), white ? 255 : 0) << row << " " << col;
+    }
+  }
+  EXPECT_EQ(*image.Pixel(15, image.height - 15), 0) << "black squares at the crossings of the gaps, also outside";
+  EXPECT_EQ(*image.Pixel(80, image.height - 15), 255);
+}
+
+TEST(DrawBoard, RefusesWhatHasNoPrint) { EXPECT_THROW(DrawBoard(ParseBoard("grid:10x10:77mm"), 8, 1), UsageError); }
 
 TEST(MarkerSquares, AreWhiteAndHalfOfAll) {
   for (const char* text : {"charuco:7x6:40mm:30mm", "charuco:7x6:40mm:30mm:legacy"}) {

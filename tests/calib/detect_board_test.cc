@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 
@@ -14,7 +16,7 @@ using testing::RenderBoard;
 geometry::Rigid3 Pose(const Board& board, const Eigen::Vector3d& rotation, double depth) {
   geometry::Rigid3 pose;
   pose.rotation = geometry::RotationExp(rotation);
-  const Eigen::Vector3d center((board.cols - 1) * board.square_m / 2, (board.rows - 1) * board.square_m / 2, 0);
+  const Eigen::Vector3d center = CornersInBoard(board).rowwise().mean();
   pose.translation = Eigen::Vector3d(0.05, -0.03, depth) - pose.rotation * center;
   return pose;
 }
@@ -51,6 +53,104 @@ TEST(DetectBoard, ChessboardUprightAndHalfATurnRound) {
   ExpectAccurate("chessboard:9x6:80mm", {0.3, -0.2, 3.0}, 2);
 }
 
+TEST(DetectBoard, InvertedCharuco) { ExpectAccurate("charuco:5x4:140mm:105mm:4x4_1000:inverted", {0.2, 0.3, 0.4}, 2.0); }
+
+TEST(DetectBoard, WideCharucoDoesNotSlipByASquare) {
+  ExpectAccurate("charuco:12x9:60mm:45mm", {0.3, -0.3, 0.2}, 1.5);
+  ExpectAccurate("charuco:14x10:60mm:45mm:5x5_1000:legacy", {-0.3, 0.3, 0.2}, 2.0);
+  ExpectAccurate("charuco:16x11:50mm:38mm:5x5_1000", {0.1, 0.5, 3.0}, 1.5);
+}
+
+TEST(DetectBoard, AprilGridNearAndFar) {
+  ExpectAccurate("aprilgrid:6x6:88mm:0.3", {0.3, -0.4, 0.3}, 1.5);
+  ExpectAccurate("aprilgrid:6x6:88mm:0.3", {0.1, -0.1, 0.3}, 2.5);
+  ExpectAccurate("aprilgrid:4x3:100mm:0.3:25h9:first=7", {-0.4, 0.2, 2.0}, 1.6);
+}
+
+TEST(DetectBoard, AprilGridWithEitherBorder) {
+  const Board printed = ParseBoard("aprilgrid:4x4:88mm:0.3:border=1"), claimed = ParseBoard("aprilgrid:4x4:88mm:0.3");
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kBrown5, 620);
+  const BoardDetection found = DetectBoard(claimed, RenderBoard(printed, camera, Pose(printed, {0.2, 0.1, 1}, 1.3), 4));
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  EXPECT_EQ(found.detection.num_corners(), 64);
+}
+
+TEST(DetectBoard, TagsOfEveryFamily) {
+  for (const char* family : {"36h11", "25h9", "16h5", "36h10", "Circle21h7", "Circle49h12", "Custom48h12", "Standard41h12",
+                             "Standard52h13"}) {
+    ExpectAccurate("tag:" + std::string(family) + ":7:300mm", {0.3, -0.4, 0.3}, 3);
+  }
+  ExpectAccurate("tag:36h11:7:300mm:border=2", {0.3, -0.4, 2.3}, 3);
+}
+
+TEST(DetectBoard, TagsOfFifteenPixels) { ExpectAccurate("tag:36h11:7:300mm", {0.1, 0.2, 0.3}, 12); }
+
+TEST(DetectBoard, AprilGridsOfTheNewerFamilies) { ExpectAccurate("aprilgrid:4x3:100mm:0.8:Standard41h12", {0.3, -0.4, 0.3}, 1.4); }
+
+TEST(DetectBoard, PartOfAnAprilGrid) {
+  const Board board = ParseBoard("aprilgrid:6x6:88mm:0.3");
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
+  const geometry::Rigid3 pose = Pose(board, {0.2, 0.1, 0.4}, 1.5);
+  Image image = RenderBoard(board, camera, pose, 3);
+  for (int v = 0; v < image.height; ++v) std::fill(image.Pixel(0, v), image.Pixel(300, v), 90);
+  const BoardDetection found = DetectBoard(board, image);
+  ASSERT_EQ(found.status, Status::kOk) << found.reason;
+  const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  for (int i = 0; i < found.detection.num_corners(); ++i) {
+    const Eigen::Vector2d truth = geometry::Project(camera, pose * Eigen::Vector3d(corners.col(found.detection.corner_ids[i]))).px;
+    EXPECT_LT((truth - found.detection.points_px.col(i)).norm(), 0.15);
+    EXPECT_GT(truth.x(), 299);
+  }
+  EXPECT_GT(found.detection.num_corners(), 40);
+}
+
+Image Mirrored(const Image& image) {
+  Image mirrored = image;
+  for (int v = 0; v < image.height; ++v) std::reverse_copy(image.Pixel(0, v), image.Pixel(0, v) + image.width, mirrored.Pixel(0, v));
+  return mirrored;
+}
+
+TEST(DetectBoard, MirroredImagesAreNoticed) {
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
+  for (const char* text : {"charuco:7x5:140mm:105mm", "charuco:7x6:120mm:90mm:4x4_250:legacy", "aprilgrid:5x4:150mm:0.3", "tag:36h11:7:500mm",
+                           "charuco:7x5:140mm:105mm:inverted"}) {
+    const Board board = ParseBoard(text);
+    const BoardDetection found = DetectBoard(board, Mirrored(RenderBoard(board, camera, Pose(board, {0.2, 0.1, 0.4}, 2.5), 3)));
+    EXPECT_EQ(found.status, Status::kDegenerate) << text;
+    EXPECT_NE(found.reason.find("mirror"), std::string::npos) << text << ": " << found.reason;
+  }
+}
+
+TEST(DetectBoard, FindsTheLayoutOfACharucoBoard) {
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
+  for (const char* text : {"charuco:7x6:120mm:90mm:4x4_250", "charuco:7x6:120mm:90mm:4x4_250:legacy", "charuco:6x6:120mm:90mm:4x4_250:legacy",
+                           "charuco:7x6:120mm:90mm:4x4_250:inverted", "charuco:7x6:120mm:90mm:4x4_250:legacy:inverted"}) {
+    const Board printed = ParseBoard(text);
+    Board claimed = printed;
+    claimed.legacy = claimed.inverted = false;
+    const geometry::Rigid3 pose = Pose(printed, {0.2, 0.1, 0.3}, 2.5);
+    const BoardDetection found = DetectBoard(claimed, RenderBoard(printed, camera, pose, 3));
+    ASSERT_EQ(found.status, Status::kOk) << text << ": " << found.reason;
+    EXPECT_EQ(found.legacy, printed.legacy) << text;
+    EXPECT_EQ(found.inverted, printed.inverted) << text;
+    EXPECT_EQ(found.detection.num_corners(), printed.num_corners()) << text;
+    const Eigen::Vector2d truth =
+        geometry::Project(camera, pose * Eigen::Vector3d(CornersInBoard(printed).col(found.detection.corner_ids[3]))).px;
+    EXPECT_LT((truth - found.detection.points_px.col(3)).norm(), 0.15) << text;
+  }
+}
+
+TEST(DetectBoards, SeveralBoardsInOneImage) {
+  const Board tag = ParseBoard("tag:36h11:7:300mm"), other = ParseBoard("tag:36h11:8:300mm"), charuco = ParseBoard("charuco:7x5:60mm:45mm");
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
+  const geometry::Rigid3 pose = Pose(tag, {0.2, 0.1, 0.4}, 2.5);
+  const auto found = DetectBoards({charuco, other, tag}, RenderBoard(tag, camera, pose, 3));
+  ASSERT_EQ(found.size(), 3u);
+  EXPECT_EQ(found[0][0].status, Status::kTooFewViews);
+  EXPECT_EQ(found[1][0].status, Status::kTooFewViews);
+  EXPECT_EQ(found[2][0].status, Status::kOk);
+}
+
 TEST(DetectBoard, EmptyImageSaysWhy) {
   const Image blank(640, 480, 3, 200);
   const BoardDetection chess = DetectBoard(ParseBoard("chessboard:9x6:25mm"), blank);
@@ -60,11 +160,24 @@ TEST(DetectBoard, EmptyImageSaysWhy) {
 }
 
 TEST(DetectBoard, WrongLayoutIsNotTheBoard) {
-  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"),
-              claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
+  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250"), claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy");
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
   const BoardDetection found = DetectBoard(claimed, RenderBoard(printed, camera, Pose(printed, {0.2, 0.1, 0}, 2.5), 3));
   EXPECT_NE(found.status, Status::kOk);
+}
+
+TEST(DetectBoard, WrongNumberOfColumnsIsNotTheBoard) {
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
+  const auto detect = [&](const char* printed_text, const char* claimed) {
+    const Board printed = ParseBoard(printed_text);
+    return DetectBoard(ParseBoard(claimed), RenderBoard(printed, camera, Pose(printed, {0.2, 0.1, 0}, 2.5), 3)).status;
+  };
+  EXPECT_NE(detect("charuco:12x9:90mm:65mm", "charuco:11x9:90mm:65mm"), Status::kOk);
+  EXPECT_NE(detect("aprilgrid:6x5:150mm:0.3", "aprilgrid:5x6:150mm:0.3"), Status::kOk);
+}
+
+TEST(DetectBoard, CornerFileBoardsAreNotSearched) {
+  EXPECT_THROW(DetectBoard(ParseBoard("grid:10x10:77mm"), Image(64, 48, 1)), UsageError);
 }
 
 TEST(DetectBoard, RefusesAnUnknownDetector) {

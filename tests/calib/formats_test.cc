@@ -103,7 +103,7 @@ ImportedRig Read(CalibrationFormat format, const std::string& text) {
   const std::string path = folder / "file.txt";
   std::filesystem::remove(path);  // a file that is truncated instead is flushed to the disk on closing by some file systems
   std::ofstream(path, std::ios::binary) << text;  // not WriteFileAtomic: thousands of files need no flush to the disk
-  if (format == CalibrationFormat::kQualisysToml) return ReadQualisysToml(path);
+  if (format == CalibrationFormat::kToml) return ReadToml(path);
   if (format == CalibrationFormat::kQca) return ReadQca(path);
   return ReadOpenCvYaml({path}, {});
 }
@@ -124,7 +124,7 @@ std::string Replaced(std::string text, const std::string& from, const std::strin
 }
 
 TEST(QualisysToml, ReadsBothKindsOfRotationInFileOrder) {
-  const Rig rig = Read(CalibrationFormat::kQualisysToml, kToml).rig;
+  const Rig rig = Read(CalibrationFormat::kToml, kToml).rig;
   ASSERT_EQ(rig.cameras.size(), 2u);
   const auto &b = rig.cameras[0], &a = rig.cameras[1];
   EXPECT_EQ(b.camera.name, "cam_b");
@@ -140,7 +140,7 @@ TEST(QualisysToml, ReadsBothKindsOfRotationInFileOrder) {
 
 TEST(QualisysToml, ErrorsNameThePlace) {
   const auto expect = [](const std::string& from, const std::string& to, const std::string& place) {
-    const std::string complaint = Complaint(CalibrationFormat::kQualisysToml, Replaced(kToml, from, to));
+    const std::string complaint = Complaint(CalibrationFormat::kToml, Replaced(kToml, from, to));
     EXPECT_EQ(complaint.rfind(place + ": ", 0), 0u) << complaint;
   };
   expect("1681.25", "\"x\"", "cam_b.matrix[0][0]");
@@ -173,7 +173,9 @@ TEST(Qca, ConventionsByHand) {
 TEST(Qca, DistortionDivisorIsAnOption) {
   const TempDir folder;
   WriteFileAtomic(folder / "a.qca.txt", kQca);
-  EXPECT_NEAR(ReadQca(folder / "a.qca.txt", {1.0}).rig.cameras[0].camera.params[4], -6.4, 1e-15);
+  ReadOptions options;
+  options.qca_distortion_divisor = 1;
+  EXPECT_NEAR(ReadQca(folder / "a.qca.txt", options).rig.cameras[0].camera.params[4], -6.4, 1e-15);
 }
 
 TEST(Qca, ErrorsNameThePlace) {
@@ -197,7 +199,7 @@ TEST(OpenCvYaml, ReadsStereoFromTwoFiles) {
   const TempDir folder;
   WriteFileAtomic(folder / "in.yml", kStereo);
   WriteFileAtomic(folder / "ex.yml", kExtrinsics);
-  OpenCvOptions options;
+  ReadOptions options;
   options.metres_per_unit = 1e-3;
   const ImportedRig imported = ReadOpenCvYaml({folder / "in.yml", folder / "ex.yml"}, options);
   ASSERT_EQ(imported.rig.cameras.size(), 2u);
@@ -236,7 +238,7 @@ TEST(OpenCvYaml, ErrorsNameThePlace) {
 /// Truncation at every byte and random bytes: an exception of the contract or a rig, never anything else.
 TEST(Formats, DamagedFilesAreRefusedOrRead) {
   const std::pair<CalibrationFormat, std::string> samples[] = {
-      {CalibrationFormat::kQualisysToml, kToml}, {CalibrationFormat::kQca, kQca}, {CalibrationFormat::kOpenCvYaml, kStereo}};
+      {CalibrationFormat::kToml, kToml}, {CalibrationFormat::kQca, kQca}, {CalibrationFormat::kOpenCvYaml, kStereo}};
   Rng rng(1);
   for (const auto& [format, text] : samples) {
     int refused = 0;
@@ -273,7 +275,7 @@ TEST(Formats, AreDetectedByTheirContent) {
     WriteFileAtomic(folder / name, text);
     return DetectFormat(folder / name);
   };
-  EXPECT_EQ(detect("a", kToml), CalibrationFormat::kQualisysToml);
+  EXPECT_EQ(detect("a", kToml), CalibrationFormat::kToml);
   EXPECT_EQ(detect("b", kQca), CalibrationFormat::kQca);
   EXPECT_EQ(detect("c", kStereo), CalibrationFormat::kOpenCvYaml);
   EXPECT_EQ(detect("d", "{\"schema\": \"mvstudio.calibration/1\"}"), CalibrationFormat::kMvstudio);
@@ -281,8 +283,7 @@ TEST(Formats, AreDetectedByTheirContent) {
   EXPECT_THROW(detect("f", "hello"), FormatError);
   EXPECT_THROW(detect("g", " \n"), FormatError);
   EXPECT_THROW(DetectFormat(folder / "none"), IoError);
-  for (const auto format : {CalibrationFormat::kMvstudio, CalibrationFormat::kPanoptic, CalibrationFormat::kQualisysToml,
-                            CalibrationFormat::kQca, CalibrationFormat::kOpenCvYaml}) {
+  for (const auto format : kAllCalibrationFormats) {
     EXPECT_EQ(CalibrationFormatFromString(ToString(format)), format);
   }
 }
@@ -291,8 +292,8 @@ TEST(RealFiles, QcaAndTomlGiveTheSameRig) {
   MVS_NEEDS_DATA("pose2sim");
   const std::string folder = DataRoot() + "/pose2sim/calibration/";
   EXPECT_EQ(DetectFormat(folder + "Calib.qca.txt"), CalibrationFormat::kQca);
-  EXPECT_EQ(DetectFormat(folder + "Calib_qualisys.toml"), CalibrationFormat::kQualisysToml);
-  const Rig qca = ReadQca(folder + "Calib.qca.txt").rig, toml = ReadQualisysToml(folder + "Calib_qualisys.toml").rig;
+  EXPECT_EQ(DetectFormat(folder + "Calib_qualisys.toml"), CalibrationFormat::kToml);
+  const Rig qca = ReadQca(folder + "Calib.qca.txt").rig, toml = ReadToml(folder + "Calib_qualisys.toml").rig;
   ASSERT_EQ(toml.cameras.size(), 4u);
   ASSERT_EQ(qca.cameras.size(), 4u);
   for (size_t i = 0; i < 4; ++i) {
@@ -321,7 +322,7 @@ TEST(RealFiles, OpenCvSamples) {
   EXPECT_DOUBLE_EQ(old.cameras[0].camera.fx(), 657.46697810243404);
   EXPECT_EQ(old.cameras[0].camera.height_px, 480);
   EXPECT_THROW(ReadOpenCvYaml({folder + "intrinsics.yml"}), UsageError) << "has no image size";
-  OpenCvOptions options;
+  ReadOptions options;
   options.width_px = 640, options.height_px = 480;
   const ImportedRig stereo = ReadOpenCvYaml({folder + "intrinsics.yml"}, options);
   EXPECT_EQ(stereo.rig.cameras.size(), 2u);
@@ -332,11 +333,11 @@ TEST(RealFiles, OpenCvSamples) {
 TEST(RealFiles, CaliscopeTomls) {
   MVS_NEEDS_DATA("caliscope");
   const std::string folder = DataRoot() + "/caliscope/sessions/post_optimization/";
-  const Rig rig = ReadQualisysToml(folder + "camera_array.toml").rig;
+  const Rig rig = ReadToml(folder + "camera_array.toml").rig;
   ASSERT_EQ(rig.cameras.size(), 4u);
   EXPECT_EQ(rig.cameras[0].camera.name, "cam_0");
   EXPECT_EQ(rig.cameras[0].camera.model, LensModel::kBrown5);
-  const Rig config = ReadQualisysToml(folder + "config.toml").rig;
+  const Rig config = ReadToml(folder + "config.toml").rig;
   const geometry::RigDifference difference = geometry::CompareRigs(config, rig);
   EXPECT_EQ(difference.max_focal_relative, 0);
 }

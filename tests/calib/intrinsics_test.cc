@@ -11,7 +11,7 @@ using testing::MakeScene;
 using testing::SceneOptions;
 
 std::vector<View> ViewsOf(const testing::Scene& scene, std::vector<int64_t>* frames) {
-  return MakeViews(scene.board, scene.detections, frames);
+  return MakeViews({scene.board}, scene.detections, frames);
 }
 
 TEST(GuessFocal, ClosedFormIsExactForAPinholeAtTheCentre) {

@@ -15,7 +15,7 @@ MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px, u
   options.noise_px = noise_px;
   const auto scene = testing::MakeScene(options);
   std::vector<int64_t> frames;
-  const std::vector<View> views = MakeViews(scene.board, scene.detections, &frames);
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &frames);
   return CalibrateMono(testing::MakeCamera("c", geometry::LensModel::kBrown4), views, frames, BundleOptions());
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/board.h"
+#include "calib/board_print.h"
 #include "calib/calibrate.h"
 #include "calib/view.h"
 #include "core/random.h"
@@ -17,12 +18,47 @@
 /// Synthetic rigs, boards and pictures with known truth, for the tests of calib/.
 namespace mvstudio::calib::testing {
 
+/// Distortion of a lens that exists, per model.
+inline std::vector<double> SampleDistortion(geometry::LensModel model) {
+  using geometry::LensModel;
+  switch (model) {
+    case LensModel::kKannalaBrandt4:
+      return {-0.025, 0.009, 8e-5, -6e-5};
+    case LensModel::kKannalaBrandt4P:
+      return {-0.025, 0.009, 8e-5, -6e-5, 8e-4, -6e-4};
+    case LensModel::kUcm:
+      return {0.8};
+    case LensModel::kUcmP:
+      return {0.8, 8e-4, -6e-4};
+    case LensModel::kEucm:
+      return {0.6, 1.1};
+    case LensModel::kEucmP:
+      return {0.6, 1.1, 8e-4, -6e-4};
+    case LensModel::kDoubleSphere:
+      return {-0.2, 0.55};
+    case LensModel::kDoubleSphereP:
+      return {-0.2, 0.55, 8e-4, -6e-4};
+    case LensModel::kPinholeP:
+      return {8e-4, -6e-4};
+    case LensModel::kBrown1P:
+      return {-0.25, 8e-4, -6e-4};
+    default:
+      break;
+  }
+  std::vector<double> all = {-0.25, 0.09, 8e-4, -6e-4, -0.012, 0.01, -0.004, 0.002, 6e-4, -4e-4, -5e-4, 3e-4};
+  all.resize(geometry::NumDistortionParams(model));
+  return all;
+}
+
+/// `focal_px` is that of the pinhole which agrees at the axis.
 inline geometry::Camera MakeCamera(const std::string& name, geometry::LensModel model, double focal_px = 560) {
-  geometry::Camera camera{name, model, 640, 480, Eigen::VectorXd::Zero(geometry::NumParams(model))};
+  geometry::Camera camera{name, model, 640, 480, Eigen::VectorXd::Zero(geometry::NumParams(model)), {}};
   camera.params.head<4>() << focal_px, focal_px * 1.002, 322.5, 236.25;
-  const double kDistortion[] = {-0.25, 0.09, 8e-4, -6e-4, -0.012, 0.01, -0.004, 0.002};
-  for (Eigen::Index i = 4; i < camera.params.size(); ++i)
-    camera.params[i] = kDistortion[i - 4] * (model == geometry::LensModel::kKannalaBrandt4 ? 0.1 : 1);
+  const std::vector<double> distortion = SampleDistortion(model);
+  for (size_t i = 0; i < distortion.size(); ++i) camera.params[4 + i] = distortion[i];
+  const bool shifted = model == geometry::LensModel::kUcm || model == geometry::LensModel::kUcmP ||
+                       model == geometry::LensModel::kDoubleSphere || model == geometry::LensModel::kDoubleSphereP;
+  if (shifted) camera.params.head<2>() *= 1 + distortion[0];
   return camera;
 }
 
@@ -50,6 +86,7 @@ struct SceneOptions {
   double noise_px = 0;
   double arc_rad = 0.6;       ///< of the cameras around the volume
   double max_tilt_rad = 0.6;  ///< of the boards; 0: parallel to the image of camera 0
+  double focal_px = 540;      ///< of camera 0; the others 15 more each
   uint64_t seed = 1;
 };
 
@@ -75,12 +112,24 @@ inline Detection Observe(const Scene& scene, int camera, int frame, double noise
   return detection;
 }
 
+/// Detections of all boards by all cameras, frame after frame.
+inline void ObserveAll(Scene* scene, double noise_px, uint64_t seed) {
+  Rng noise(seed);
+  scene->detections.clear();
+  for (size_t f = 0; f < scene->truth.frames.size(); ++f) {
+    for (size_t c = 0; c < scene->truth.cameras.size(); ++c) {
+      Detection detection = Observe(*scene, static_cast<int>(c), static_cast<int>(f), noise_px, &noise);
+      if (detection.num_corners() > 0) scene->detections.push_back(detection);
+    }
+  }
+}
+
 inline Scene MakeScene(const SceneOptions& options) {
   Scene scene;
   scene.board = ParseBoard("chessboard:9x6:60mm");
   Rng rng(options.seed);
   for (int c = 0; c < options.num_cameras; ++c) {
-    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, 540 + 15 * c));
+    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + 15 * c));
     const double angle = options.num_cameras > 1 ? options.arc_rad * (c / (options.num_cameras - 1.0) - 0.5) : 0;
     const Eigen::Vector3d eye(1.2 * std::sin(angle), -1.2 * std::cos(angle), 0.1 * c);
     scene.truth.cam_from_world.push_back(LookAt(eye, Eigen::Vector3d::Zero()));
@@ -96,19 +145,13 @@ inline Scene MakeScene(const SceneOptions& options) {
     scene.truth.frames.push_back(3 * f + 1);
     scene.truth.world_from_board.push_back(world_from_cam0 * cam0_from_board);
   }
-  Rng noise(options.seed + 1000);
-  for (int f = 0; f < options.num_frames; ++f) {
-    for (int c = 0; c < options.num_cameras; ++c) {
-      Detection detection = Observe(scene, c, f, options.noise_px, &noise);
-      if (detection.num_corners() > 0) scene.detections.push_back(detection);
-    }
-  }
+  ObserveAll(&scene, options.noise_px, options.seed + 1000);
   return scene;
 }
 
 inline CalibrateInput ToInput(const Scene& scene) {
   CalibrateInput input;
-  input.board = scene.board;
+  input.boards = {scene.board};
   for (const auto& camera : scene.truth.cameras) input.cameras.push_back({camera.name, camera.width_px, camera.height_px});
   input.detections = scene.detections;
   return input;
@@ -136,15 +179,19 @@ inline Eigen::Vector2d OnBoardPlane(const geometry::Projector& projector, const 
 /// corners, bilinear in between.
 inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board,
                          int samples) {
-  constexpr int kPxPerSquare = 96;
+  const int kPxPerSquare = board.has_tags() ? 480 : 96;
   constexpr double kMargin = 0.5;
   const Image print = DrawBoard(board, kPxPerSquare, kMargin);
+  const BoardPrint sheet = PrintOf(board);
+  const double margin_m = kMargin * board.square_m;
   const geometry::Projector projector(camera);
   const geometry::Rigid3 board_from_cam = geometry::Inverse(cam_from_board);
   Eigen::AlignedBox2d box;
-  for (double x : {-1.5, board.cols / 2.0, board.cols + 0.5}) {
-    for (double y : {-1.5, board.rows / 2.0, board.rows + 0.5}) {
-      box.extend(projector.Project(cam_from_board * Eigen::Vector3d(x * board.square_m, y * board.square_m, 0)).px);
+  for (double a : {0.0, 0.5, 1.0}) {
+    for (double b : {0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d x = sheet.low_m.array() - margin_m +
+                                Eigen::Array2d(a, b) * (sheet.high_m - sheet.low_m + Eigen::Vector2d::Constant(2 * margin_m)).array();
+      box.extend(projector.Project(cam_from_board * Eigen::Vector3d(x.x(), x.y(), 0)).px);
     }
   }
   const int u0 = std::max(0, static_cast<int>(box.min().x()) - 8),
@@ -163,7 +210,7 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
         const double a = (s % samples + 0.5) / samples, b = (s / samples + 0.5) / samples;
         const Eigen::Vector2d x =
             (1 - b) * ((1 - a) * above[k] + a * above[k + 1]) + b * ((1 - a) * below[k] + a * below[k + 1]);
-        const Eigen::Vector2d at = (x / board.square_m).array() * kPxPerSquare + (1 + kMargin) * kPxPerSquare - 0.5;
+        const Eigen::Vector2d at = ((x - sheet.low_m).array() + margin_m) / board.square_m * kPxPerSquare - 0.5;
         const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y()));
         const bool inside = i >= 0 && j >= 0 && i < print.width && j < print.height;
         sum += inside ? 40 + 0.7 * *print.Pixel(i, j) : 128;

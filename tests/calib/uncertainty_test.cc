@@ -41,7 +41,7 @@ TEST(ComputeCovariance, PredictsTheErrorsOfSeededSolutions) {
       }
     }
     RigState state = scene.truth;
-    std::vector<View> views = MakeViews(scene.board, scene.detections, &state.frames);
+    std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
     BundleOptions bundle;
     bundle.reject_outliers = false;
     ASSERT_EQ(SolveBundle(&views, &state, bundle).status, Status::kOk);
@@ -63,7 +63,7 @@ TEST(ComputeCovariance, NamesWhatIsNotDetermined) {
   options.model = geometry::LensModel::kPinhole;
   const auto scene = MakeScene(options);
   RigState state = scene.truth;
-  const std::vector<View> views = MakeViews(scene.board, scene.detections, &state.frames);
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
   const RigCovariance covariance = ComputeCovariance(views, state, Gauge(), 1);
   EXPECT_EQ(covariance.status, Status::kDegenerate);
   ASSERT_FALSE(covariance.undetermined.empty());
@@ -74,7 +74,7 @@ TEST(ComputeCovariance, NamesWhatIsNotDetermined) {
 TEST(ComputeCovariance, GaugeFixesACameraOrABoard) {
   const auto scene = MakeScene({});
   RigState state = scene.truth;
-  const std::vector<View> views = MakeViews(scene.board, scene.detections, &state.frames);
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
   const RigCovariance camera = ComputeCovariance(views, state, {Gauge::Kind::kCamera, 0}, 0.1);
   const RigCovariance board = ComputeCovariance(views, state, {Gauge::Kind::kBoard, 3}, 0.1);
   ASSERT_EQ(camera.status, Status::kOk);

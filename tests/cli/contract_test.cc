@@ -7,7 +7,7 @@ namespace mvstudio::testing {
 namespace {
 
 const char* const kCommands[] = {"demo",          "synth",         "calibrate",     "calib convert",  "calib show",
-                                 "calib compare", "triangulate",   "dataset build", "dataset verify", "dataset info",
+                                 "calib compare", "calib eval", "triangulate",   "dataset build", "dataset verify", "dataset info",
                                  "avatar train",  "avatar resume", "avatar eval",   "avatar info",    "metrics",
                                  "report",        "version"};
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -31,13 +32,22 @@ long double Root(const Function& f, long double low, long double high) {
 
 /// The radial function in long double, from the shared formula.
 long double RadialLong(const Camera& camera, long double radius) {
-  const testing::VectorXld params = camera.params.cast<long double>();
-  if (camera.model == LensModel::kKannalaBrandt4) return KannalaBrandtRadius(params.data() + 4, radius);
-  testing::VectorXld k = params.tail(params.size() - 4);
-  if (k.size() >= 4) k[2] = k[3] = 0;
-  long double a = 0, b = 0;
-  DistortNormalized(camera.model, k.data(), radius, 0.0L, &a, &b);
-  return a;
+  testing::VectorXld params = camera.params.cast<long double>();
+  params.head<4>() << 1, 1, 0, 0;
+  const std::vector<std::string> names = ParamNames(camera);
+  for (size_t i = 4; i < names.size(); ++i) {
+    if (names[i][0] == 'p' || names[i][0] == 's') params[static_cast<Eigen::Index>(i)] = 0;
+  }
+  const bool wide = IsWide(camera.model);
+  const testing::Vector3ld x(wide ? std::sin(radius) : radius, 0, wide ? std::cos(radius) : 1);
+  return testing::ProjectLong(camera, params, x)[0];
+}
+
+/// The largest distorted radius: infinity where the radial function ends at a pole.
+long double ReachLong(const Camera& camera, double fold) {
+  if (std::isinf(fold)) return kInfinity;
+  const long double before = RadialLong(camera, fold * (1 - 1e-10L));
+  return before > 1e4 ? kInfinity : std::max(before, RadialLong(camera, fold));
 }
 
 TEST(ValidRadius, IsTheFoldOfThePolynomial) {
@@ -65,6 +75,56 @@ TEST(ValidRadius, ClosedForms) {
   EXPECT_NEAR(ValidRadius(MakeLens(LensModel::kRational8, {0, 0, 0, 0, 0, 1, 0, 0})), 1, 1e-15);
   EXPECT_EQ(ValidRadius(MakeLens(LensModel::kKannalaBrandt4, {0, 0, 0, 0})), kPi);
   EXPECT_NEAR(ValidRadius(MakeLens(LensModel::kKannalaBrandt4, {-0.1, 0, 0, 0})), std::sqrt(1 / 0.3), 1e-15);
+}
+
+/// The cones of the papers. Mei and Rives: a fold at cos(theta) = -1/xi for xi > 1, else a pole at -xi. Usenko et al., section
+/// 4.3: z > -w sqrt(beta rho^2 + z^2) with w of alpha; for the double sphere the same with the second sphere's z and distance.
+/// (The cone around the first sphere's centre that section 4.4 gives, w2 = (w + xi) / sqrt(2 w xi + xi^2 + 1), is another
+/// one: for alpha = 1, rho / d2 is largest at cos(theta) = -xi.)
+TEST(ValidRadius, ConesOfTheSphereModels) {
+  for (const double xi : {-0.9, -0.3, 0.0, 0.4, 1.0}) {
+    EXPECT_NEAR(ValidRadius(MakeLens(LensModel::kUcm, {xi})), std::acos(-xi), 1e-15) << xi;
+  }
+  for (const double xi : {1.1, 2.5, 40.0}) {
+    EXPECT_NEAR(ValidRadius(MakeLens(LensModel::kUcm, {xi})), std::acos(-1 / xi), 1e-15) << xi;
+  }
+  for (const double alpha : {0.1, 0.4, 0.5, 0.55, 0.8, 1.0}) {
+    const double w = alpha > 0.5 ? (1 - alpha) / alpha : alpha / (1 - alpha);
+    for (const double beta : {0.5, 1.0, 1.7}) {
+      // z = -w sqrt(beta rho^2 + z^2) on the cone, that is tan(theta) = sqrt((1 / w^2 - 1) / beta) past 90 degrees.
+      const double cone = std::atan2(std::sqrt((1 - w * w) / beta), -w);
+      EXPECT_NEAR(ValidRadius(MakeLens(LensModel::kEucm, {alpha, beta})), cone, 1e-14) << alpha << " " << beta;
+    }
+    for (const double xi : {-0.6, -0.2, 0.0, 0.3, 0.9}) {
+      const double radius = ValidRadius(MakeLens(LensModel::kDoubleSphere, {xi, alpha})), z = std::cos(radius) + xi;
+      EXPECT_NEAR(z / std::hypot(std::sin(radius), z), -w, 1e-14) << xi << " " << alpha;
+    }
+  }
+}
+
+TEST(ValidRadius, SphereModelsIncreaseUpToItAndNoFurther) {
+  Rng rng(6);
+  for (int i = 0; i < 900; ++i) {
+    const LensModel model = i % 3 == 0 ? LensModel::kUcm : i % 3 == 1 ? LensModel::kEucm : LensModel::kDoubleSphere;
+    std::vector<double> k = {rng.Uniform(-0.95, 3), 0};
+    if (model == LensModel::kEucm) k = {rng.Uniform(-1, 2), rng.Uniform(0.1, 4)};
+    if (model == LensModel::kDoubleSphere) k[1] = rng.Uniform(-0.5, 1.5);
+    if (model == LensModel::kUcm) k.resize(1);
+    const Camera camera = MakeLens(model, k);
+    const double fold = ValidRadius(camera);
+    long double last = 0;
+    for (int j = 1; j < 400; ++j) {
+      const long double value = RadialLong(camera, fold * j / 400.0L);
+      ASSERT_GT(value, last) << ToString(model) << " " << k[0] << " folds before " << fold;
+      last = value;
+    }
+    if (fold > kPi - 1e-6) continue;
+    const long double before = RadialLong(camera, fold * (1 - 1e-5L)), at = RadialLong(camera, fold * (1 - 1e-12L)),
+                      after = RadialLong(camera, fold * (1 + 1e-4L));
+    ASSERT_GE(at, before) << ToString(model) << " " << k[0];
+    // A pole's other side has no formula, for which RadialLong gives 0.
+    ASSERT_LT(after, at) << ToString(model) << " " << k[0] << " goes on rising beyond " << fold;
+  }
 }
 
 TEST(ValidRadius, RandomLensesIncreaseUpToItAndNoFurther) {
@@ -107,13 +167,17 @@ TEST(Projector, RefusesToProjectBeyondTheFold) {
   }
 }
 
+/// Where decentring and prism terms, quadratic on the image plane of wide lenses, are still far from folding it.
+long double HarmlessRadius(const Camera& camera) {
+  return IsWide(camera.model) || camera.model == LensModel::kThinPrism12 ? 1.0L : kInfinity;
+}
+
 TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
   for (const Camera& camera : testing::ExtremeLenses()) {
     const Projector projector(camera);
-    const bool radial_only =
-        camera.params.size() < 8 || camera.model == LensModel::kKannalaBrandt4 || camera.params.segment<2>(6).isZero(0);
+    const bool radial_only = testing::IsRadial(camera);
     const double fold = projector.valid_radius();
-    const long double reach = std::isinf(fold) ? kInfinity : RadialLong(camera, fold);
+    const long double reach = ReachLong(camera, fold);
     int solved = 0;
     for (double v = -700; v < 1700; v += 47) {
       for (double u = -900; u < 2200; u += 53) {
@@ -122,7 +186,7 @@ TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
         if (radial_only) {
           ASSERT_EQ(result.status, radius <= reach ? Status::kOk : Status::kOutsideValidRadius)
               << camera.name << " " << u << " " << v;
-        } else if (radius < 0.9L * reach) {
+        } else if (radius < 0.9L * reach && radius < HarmlessRadius(camera)) {
           ASSERT_EQ(result.status, Status::kOk) << camera.name << " " << u << " " << v;
         }
         if (result.status != Status::kOk) continue;
@@ -135,6 +199,32 @@ TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
   }
 }
 
+/// Walks along rays from the optical axis as far as the lens is not folded (Jacobian determinant of one sign): no pixel that a walk
+/// comes to may be said to have no ray.
+TEST(Projector, RefusesNoPixelThatARayReaches) {
+  for (const Camera& camera : testing::ExtremeLenses()) {
+    const Projector projector(camera);
+    int reached = 0;
+    for (double phi = 0; phi < 6.28; phi += 0.07) {
+      const double end = std::min(projector.valid_radius(), IsWide(camera.model) ? kPi : 6.0);
+      for (double radius = 0.01; radius < 0.999 * end; radius += 0.01) {
+        const Eigen::Vector3d x = Direction(camera.model, radius, phi).normalized();
+        const ProjectionWithJacobians at = projector.ProjectWithJacobians(x);
+        if (at.status != Status::kOk) break;
+        Eigen::Matrix3d with_ray;
+        with_ray << at.d_px_d_x, x.transpose();
+        if (!(with_ray.determinant() > 0.01 * camera.fx() * camera.fy())) break;
+        ++reached;
+        const Unprojection back = projector.Unproject(at.px);
+        ASSERT_EQ(back.status, Status::kOk) << camera.name << " radius " << radius << " phi " << phi << ": " << at.px.transpose();
+        ASSERT_LT((projector.Project(back.ray_in_cam).px - at.px).norm(), 2e-9 * std::max(1.0, at.px.norm() / 1e4))
+            << camera.name << " radius " << radius << " phi " << phi;
+      }
+    }
+    EXPECT_GT(reached, 1000) << camera.name;
+  }
+}
+
 /// Newton's method in long double from the answer must not move it by more than the answer's own rounding.
 TEST(Projector, AgreesWithNewtonInLongDouble) {
   for (const Camera& camera : testing::ExtremeLenses()) {
@@ -143,19 +233,96 @@ TEST(Projector, AgreesWithNewtonInLongDouble) {
     for (int i = 1; i <= 60; ++i) {
       const double radius = fold * i / 64;
       const Eigen::Vector2d px = projector.Project(Direction(camera.model, radius, 0)).px;
-      if (camera.params.size() > 7 && camera.model != LensModel::kKannalaBrandt4 && !camera.params.segment<2>(6).isZero(0))
-        continue;
+      if (!testing::IsRadial(camera)) continue;
       const long double target = (static_cast<long double>(px[0]) - camera.cx()) / camera.fx();
       const long double oracle = Root([&](long double r) { return target - RadialLong(camera, r); }, 0,
                                       projector.valid_radius() < 10 ? projector.valid_radius() : 10.0L);
       const Eigen::Vector3d ray = projector.Unproject(px).ray_in_cam;
       const double found =
-          camera.model == LensModel::kKannalaBrandt4 ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
+          IsWide(camera.model) ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
       const long double slope = (RadialLong(camera, oracle + 1e-7L) - RadialLong(camera, oracle - 1e-7L)) / 2e-7L;
       ASSERT_NEAR(found, static_cast<double>(oracle), 1e-14 / std::min(1.0, static_cast<double>(slope)))
           << camera.name << " " << radius;
     }
   }
+}
+
+/// For lenses that are not radial: Newton's method in long double on the ray's two tangent coordinates.
+TEST(Projector, AgreesWithNewtonInLongDoubleOffTheAxisOfSymmetry) {
+  std::vector<Camera> lenses = testing::OrdinaryLenses();
+  for (const Camera& camera : testing::ExtremeLenses()) lenses.push_back(camera);
+  lenses.push_back(testing::MakeSplined({3, 11, 10, 150}, 0.01, 1e5, 400000, 300000));
+  lenses.push_back(MakeLens(LensModel::kUcmP, {1.2, 0.003, -0.002}, 1280, 960, 1e5));
+  lenses.push_back(MakeLens(LensModel::kThinPrism12, {0.4, 0.1, 4e-4, -3e-4, 0, 0.7, 0.2, 0, 1e-3, 0, 0, 0}, 1280, 960, 1e5));
+  for (const Camera& camera : lenses) {
+    const Projector projector(camera);
+    const testing::VectorXld params = camera.params.cast<long double>();
+    for (int i = 0; i < 40; ++i) {
+      const Eigen::Vector3d x = Direction(camera.model, testing::Reach(camera) * (i + 1) / 41, 2.39996 * i).normalized();
+      const Eigen::Vector2d px = projector.Project(x).px;
+      const Unprojection answer = projector.Unproject(px);
+      ASSERT_EQ(answer.status, Status::kOk) << camera.name;
+      testing::Vector3ld ray = answer.ray_in_cam.cast<long double>();
+      for (int step = 0; step < 3; ++step) {
+        const Eigen::Matrix<long double, 2, 3> by_x =
+            projector.ProjectWithJacobians(ray.cast<double>()).d_px_d_x.cast<long double>();
+        // The shortest change of the ray that removes the residual; its own direction has no effect on the pixel.
+        ray -= by_x.transpose() * (by_x * by_x.transpose()).inverse() *
+               (testing::ProjectLong(camera, params, ray) - px.cast<long double>());
+      }
+      ASSERT_LT((testing::ProjectLong(camera, params, ray) - px.cast<long double>()).norm(), 1e-12L * (1 + px.norm()));
+      ASSERT_LT((ray - answer.ray_in_cam.cast<long double>()).norm(), 1e-13L) << camera.name;
+      ASSERT_LT((ray - x.cast<long double>()).norm(), 1e-12L) << camera.name;
+    }
+  }
+}
+
+TEST(Projector, SplinesEndAtTheirGrid) {
+  const Camera camera = testing::MakeSplined({3, 11, 10, 150}, 0.01);
+  const Projector projector(camera);
+  const double edge = DegToRad(75);
+  EXPECT_NEAR(projector.valid_radius(), 2 * std::atan(std::tan(edge / 2) * 7 / 8), 1e-14);
+  EXPECT_EQ(projector.Project({std::sin(edge - 1e-9), 0, std::cos(edge - 1e-9)}).status, Status::kOk);
+  EXPECT_EQ(projector.Project({std::sin(edge + 1e-9), 0, std::cos(edge + 1e-9)}).status, Status::kOutsideValidRadius);
+  EXPECT_EQ(projector.Project({0, 0, -1}).status, Status::kBehindCamera);
+  for (const Eigen::Vector2d& px : {Eigen::Vector2d(-3000, 400), Eigen::Vector2d(640, 5000), Eigen::Vector2d(1e9, -1e9)}) {
+    EXPECT_EQ(projector.Unproject(px).status, Status::kOutsideValidRadius);
+  }
+}
+
+/// Control points so wild that the surface folds: what comes back is exact and on the side that is not folded.
+TEST(Projector, FoldedSplinesGiveAStatusOrAnExactRay) {
+  const Camera camera = testing::MakeSplined({3, 16, 12, 120}, 0.15);
+  const Projector projector(camera);
+  int folded = 0, solved = 0, refused = 0;
+  for (double theta = 0.02; theta < 1; theta += 0.02) {
+    for (double phi = 0; phi < 6.28; phi += 0.05) {
+      const Projection there = projector.Project(Direction(camera.model, theta, phi));
+      if (there.status != Status::kOk) {
+        ++folded;
+        continue;
+      }
+      const Unprojection back = projector.Unproject(there.px);
+      ASSERT_EQ(back.status, Status::kOk) << theta << " " << phi;
+      const Projection again = projector.Project(back.ray_in_cam);
+      ASSERT_EQ(again.status, Status::kOk);
+      ASSERT_LT((again.px - there.px).norm(), 2e-9);
+      ++solved;
+    }
+  }
+  for (double v = -500; v < 1500; v += 50) {
+    for (double u = -500; u < 1800; u += 50) {
+      const Unprojection back = projector.Unproject({u, v});
+      if (back.status == Status::kOk) {
+        ASSERT_LT((testing::ProjectLong(camera, back.ray_in_cam) - Vector2ld(u, v)).norm(), 1e-9L);
+      } else {
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(folded, 100);
+  EXPECT_GT(solved, 1000);
+  EXPECT_GT(refused, 100);
 }
 
 TEST(Projector, FisheyeSeesBesideAndBehindItself) {
@@ -178,7 +345,7 @@ TEST(Projector, FisheyeSeesBesideAndBehindItself) {
 
 TEST(Projector, PerspectiveLensesRefusePointsBehind) {
   for (const Camera& camera : testing::OrdinaryLenses()) {
-    if (camera.model == LensModel::kKannalaBrandt4) continue;
+    if (IsWide(camera.model)) continue;
     const Projector projector(camera);
     for (const double z : {0.0, -0.0, -1e-300, -1.0}) EXPECT_EQ(projector.Project({0.1, 0, z}).status, Status::kBehindCamera);
     EXPECT_EQ(projector.ProjectWithJacobians({0, 0, -1}).status, Status::kBehindCamera);
@@ -215,8 +382,9 @@ TEST(Projector, HugePixelsGiveAStatusOrAnExactRay) {
         EXPECT_TRUE(result.ray_in_cam.allFinite());
         if (result.status != Status::kOk || size > 1e15) continue;
         const Vector2ld back = ProjectLong(camera, result.ray_in_cam);
-        // Rays of unit length near 90 degrees carry size^2 roundings of their own in the pixel.
-        EXPECT_LT((back - px.cast<long double>()).norm(), 1e-9 + 1e-15 * size * (1 + size / camera.fx()))
+        // Rays of unit length near 90 degrees, or near the pole of a wide lens, carry size^2 roundings of their own in the pixel.
+        const double radius = size / camera.fx(), stretch = IsWide(camera.model) ? 3 * (1 + radius * radius) : 1 + radius;
+        EXPECT_LT((back - px.cast<long double>()).norm(), 1e-9 + 1e-15 * stretch * (IsWide(camera.model) ? camera.fx() : size))
             << camera.name << " " << size;
       }
     }

@@ -21,18 +21,27 @@ Rig SampleRig() {
   Rig rig;
   rig.gauge = "camera \"pinhole\", \n in UTF-8: ü";
   for (const Camera& camera : testing::OrdinaryLenses()) {
+    const SplineGrid smallest = {camera.spline.order, camera.spline.order + 2, camera.spline.order + 1, 100};
     RigCamera entry;
-    entry.camera = camera;
+    entry.camera = camera.model == LensModel::kSplined ? testing::MakeSplined(smallest, 0.01) : camera;
     entry.cam_from_world = {RotationExp(Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal())),
                             Eigen::Vector3d(rng.Normal(), 1e-310, -1e17 / 3)};
     if (rig.cameras.size() % 2) {
-      const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(camera.params.size(), 20, [&] { return rng.Normal(); });
+      const Eigen::MatrixXd a = Eigen::MatrixXd::NullaryExpr(entry.camera.params.size(), 20, [&] { return rng.Normal(); });
       entry.params_covariance = a * a.transpose();
       const Eigen::MatrixXd b = Eigen::MatrixXd::NullaryExpr(6, 20, [&] { return 1e-5 * rng.Normal(); });
       entry.cam_from_world_covariance = b * b.transpose();
     }
     rig.cameras.push_back(entry);
   }
+  return rig;
+}
+
+/// Four cameras, one of them splined.
+Rig SmallRig() {
+  const Rig all = SampleRig();
+  Rig rig;
+  for (const size_t i : {size_t{0}, size_t{3}, size_t{6}, size_t{17}}) rig.cameras.push_back(all.cameras.at(i));
   return rig;
 }
 
@@ -47,6 +56,7 @@ void ExpectSame(const Rig& a, const Rig& b) {
     const RigCamera &x = a.cameras[i], &y = b.cameras[i];
     EXPECT_EQ(x.camera.name, y.camera.name);
     EXPECT_EQ(x.camera.model, y.camera.model);
+    EXPECT_TRUE(x.camera.spline == y.camera.spline);
     EXPECT_EQ(x.camera.width_px, y.camera.width_px);
     EXPECT_EQ(x.camera.height_px, y.camera.height_px);
     EXPECT_TRUE(SameBits(x.camera.params, y.camera.params));
@@ -83,7 +93,7 @@ std::string Complaint(const std::string& text) {
 }
 
 TEST(RigIo, EveryTruncationIsAFormatError) {
-  std::string text = RigToJsonText(SampleRig());
+  std::string text = RigToJsonText(SmallRig());
   text.erase(text.find_last_of('}'));
   for (size_t length = 0; length <= text.size(); length += length < 600 ? 1 : 13) {
     ASSERT_NE(Complaint(text.substr(0, length)), "accepted") << length;
@@ -91,7 +101,7 @@ TEST(RigIo, EveryTruncationIsAFormatError) {
 }
 
 TEST(RigIo, MutatedBytesNeverCrash) {
-  const std::string text = RigToJsonText(SampleRig());
+  const std::string text = RigToJsonText(SmallRig());
   Rng rng(2);
   int refused = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -151,6 +161,27 @@ TEST(RigIo, ErrorsNameThePlace) {
          "cameras[1].cam_from_world_covariance");
   expect(Edited([](auto& j) { j["cameras"][1]["cam_from_world_covariance"].erase(0); }),
          "cameras[1].cam_from_world_covariance");
+}
+
+TEST(RigIo, ErrorsOfSplinedLensesNameThePlace) {
+  const auto place = [](const auto& edit) {
+    const std::string complaint = Complaint(Edited([&](auto& j) { edit(j["cameras"][17]); }));
+    return complaint.substr(0, complaint.find(": ", std::string("calib.json: ").size()));
+  };
+  const std::string camera = "calib.json: cameras[17]";
+  EXPECT_EQ(place([](auto& c) { c.erase("spline"); }), camera);
+  EXPECT_EQ(place([](auto& c) { c["spline"]["order"] = 4; }), camera + ".spline");
+  EXPECT_EQ(place([](auto& c) { c["spline"]["cols"] = 1 << 29; }), camera + ".spline");
+  EXPECT_EQ(place([](auto& c) { c["spline"]["cols"] = 1e30; }), camera + ".spline.cols");
+  EXPECT_EQ(place([](auto& c) { c["spline"]["rows"] = 2.5; }), camera + ".spline.rows");
+  EXPECT_EQ(place([](auto& c) { c["spline"]["fov_x_deg"] = 400; }), camera + ".spline");
+  EXPECT_EQ(place([](auto& c) { c["intrinsics"]["control_points"].erase(0); }), camera + ".intrinsics.control_points");
+  EXPECT_EQ(place([](auto& c) { c["intrinsics"]["control_points"][3] = "a"; }), camera + ".intrinsics.control_points[3]");
+  EXPECT_EQ(place([](auto& c) { c["intrinsics"]["k1"] = 0; }), camera + ".intrinsics");
+  EXPECT_NE(Complaint(Edited([](auto& j) { j["cameras"][3]["spline"] = j["cameras"][17]["spline"]; })).find("cameras[3].spline"),
+            std::string::npos);
+  EXPECT_NE(Complaint(Edited([](auto& j) { j["cameras"][8]["intrinsics"]["xi"] = -1; })).find("cameras[8].intrinsics: xi"),
+            std::string::npos);
 }
 
 TEST(RigIo, HostileTexts) {

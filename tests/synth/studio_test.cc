@@ -60,6 +60,7 @@ TEST(SynthOptions, NonsenseIsRefusedByName) {
   EXPECT_TRUE(refused("--size", [](auto& o) { o.size = "641x480"; }));
   EXPECT_TRUE(refused("--size", [](auto& o) { o.size = "640x480x3"; }));
   EXPECT_TRUE(refused("--lens", [](auto& o) { o.lens = "fisheye"; }));
+  EXPECT_TRUE(refused("--lens", [](auto& o) { o.lens = "splined"; }));
   EXPECT_TRUE(refused("--arrangement", [](auto& o) { o.arrangement = "line"; }));
   EXPECT_TRUE(refused("--cameras", [](auto& o) { o.cameras = 0; }));
   EXPECT_TRUE(refused("--noise-px", [](auto& o) { o.noise_px = -1; }));
@@ -70,7 +71,8 @@ TEST(SynthOptions, NonsenseIsRefusedByName) {
 }
 
 TEST(LensRays, GoThroughTheExactLens) {
-  for (const char* lens : {"pinhole", "brown5", "rational8", "kannala4"}) {
+  for (const geometry::LensModel lens_model : geometry::ModelsSimplestFirst()) {
+    const std::string lens(ToString(lens_model));
     SynthOptions options;
     options.lens = lens;
     const geometry::RigCamera camera = MakeStudio(options, 5).cameras[2];

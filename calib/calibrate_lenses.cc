@@ -1,0 +1,295 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "calib/calibrate_steps.h"
+#include "calib/resection.h"
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+using geometry::LensModel;
+using geometry::Rigid3;
+
+constexpr double kSameKind = 1.25;       // ratio of focal lengths up to which cameras may have one lens model
+
+/// Cameras that are judged together, and what is assumed of their lenses.
+struct Kind {
+  std::vector<int> cameras;
+  LensPool pool;
+  LensChoice choice;
+  bool forced_sharing = false;
+};
+
+std::vector<std::string> SplitNames(const std::string& text, char separator) {
+  std::vector<std::string> parts;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find(separator, begin), text.size());
+    parts.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
+int CameraIndex(const std::vector<CameraInput>& cameras, const std::string& name, const std::string& option) {
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    if (cameras[c].name == name) return static_cast<int>(c);
+  }
+  throw UsageError(option + ": there is no camera called '" + name + "'");
+}
+
+/// Group number of each camera in `--share-intrinsics a,b;c,d`, -1 for those not named.
+std::vector<int> ParseGroups(const std::string& text, const std::vector<CameraInput>& cameras) {
+  std::vector<int> group(cameras.size(), -1);
+  const std::vector<std::string> groups = SplitNames(text, ';');
+  for (size_t g = 0; g < groups.size(); ++g) {
+    for (const std::string& name : SplitNames(groups[g], ',')) {
+      const int camera = CameraIndex(cameras, name, "--share-intrinsics " + text);
+      if (group[camera] >= 0) throw UsageError("--share-intrinsics " + text + ": camera " + name + " stands twice");
+      group[camera] = static_cast<int>(g);
+    }
+  }
+  return group;
+}
+
+bool SameSize(const geometry::Camera& a, const geometry::Camera& b) {
+  return a.width_px == b.width_px && a.height_px == b.height_px;
+}
+
+bool SameKind(const geometry::Camera& a, const geometry::Camera& b) {
+  const double ratio = a.fx() / b.fx();
+  return SameSize(a, b) && geometry::IsWide(a.model) == geometry::IsWide(b.model) && ratio < kSameKind && ratio > 1 / kSameKind;
+}
+
+std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<bool>& fixed,
+                            const Work& work) {
+  const bool automatic = options.share_intrinsics == "auto", none = options.share_intrinsics == "none";
+  const std::vector<int> groups = automatic || none || options.share_intrinsics == "all"
+                                      ? std::vector<int>(work.monos.size(), automatic || none ? -1 : 0)
+                                      : ParseGroups(options.share_intrinsics, input.cameras);
+  std::vector<Kind> kinds;
+  std::vector<bool> done(work.monos.size(), false);
+  for (size_t a = 0; a < work.monos.size(); ++a) {
+    if (done[a]) continue;
+    Kind kind;
+    kind.forced_sharing = groups[a] >= 0;
+    const geometry::Camera& first = work.monos[a].state.cameras[0];
+    for (size_t b = a; b < work.monos.size(); ++b) {
+      const geometry::Camera& other = work.monos[b].state.cameras[0];
+      if (done[b] || fixed[a] != fixed[b] || groups[a] != groups[b]) continue;
+      if (kind.forced_sharing && !SameSize(first, other))
+        throw UsageError("--share-intrinsics: cameras " + first.name + " and " + other.name + " have images of different sizes");
+      if (!kind.forced_sharing && !SameKind(first, other)) continue;
+      kind.cameras.push_back(static_cast<int>(b));
+      done[b] = true;
+    }
+    kinds.push_back(std::move(kind));
+  }
+  return kinds;
+}
+
+std::optional<LensModel> FixedModel(const CalibrateOptions& options) {
+  if (options.model == "auto") return std::nullopt;
+  const auto model = geometry::LensModelFromString(options.model);
+  if (!model) throw UsageError("--model " + options.model + ": no such lens model; there are " + geometry::LensModelNames());
+  return model;
+}
+
+/// A camera from a given calibration.
+const geometry::RigCamera* Given(const CalibrateInput& input, const std::string& name) {
+  const int index = input.start ? input.start->Find(name) : -1;
+  return index < 0 ? nullptr : &input.start->cameras[index];
+}
+
+MonoSolution SolveMono(const CalibrateInput& input, const CalibrateOptions& options, const CameraInput& camera,
+                       const std::vector<View>& views, bool fixed) {
+  BundleOptions bundle = options.bundle;
+  bundle.num_threads = 1;
+  if (const geometry::RigCamera* given = Given(input, camera.name)) {
+    bundle.refine_intrinsics = !fixed;
+    return RefineMono(given->camera, views, bundle);
+  }
+  const geometry::Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, camera.width_px);
+  const auto model = FixedModel(options);
+  const bool keep = model && *model != LensModel::kSplined;
+  return CalibrateMono(WithModel(start, keep ? *model : LensModel::kBrown4), views, bundle, keep);
+}
+
+bool SolveMonos(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<bool>& fixed,
+                const RunContext& run, Work* work, CalibrateReport* report) {
+  work->monos.resize(input.cameras.size());
+  work->view_ids.assign(input.cameras.size(), {});
+  for (size_t v = 0; v < work->views.size(); ++v) work->view_ids[work->views[v].camera_idx].push_back(static_cast<int>(v));
+  ParallelFor(static_cast<int64_t>(input.cameras.size()), run.num_threads, [&](int64_t c) {
+    std::vector<View> views;
+    for (int v : work->view_ids[c]) views.push_back(work->views[v]);
+    work->monos[c] = SolveMono(input, options, input.cameras[c], views, fixed[c]);
+  });
+  for (const MonoSolution& mono : work->monos) {
+    if (mono.status == Status::kOk || mono.status == Status::kNotConverged) continue;
+    Stop(mono.status, mono.message, report);
+    return false;
+  }
+  return true;
+}
+
+/// What a kind of cameras is to be judged on.
+SelectionOptions SelectionFor(const CalibrateInput& input, const CalibrateOptions& options, const Kind& kind, bool fixed) {
+  SelectionOptions selection;
+  selection.folds = std::max(3, options.holdout_folds);
+  selection.max_views = options.holdout_views;
+  selection.sharing = (options.share_intrinsics == "auto" && !fixed) || kind.forced_sharing;
+  selection.separate = !kind.forced_sharing;
+  const geometry::Camera& first = kind.pool.state.cameras[0];
+  const auto model = FixedModel(options);
+  if (fixed || Given(input, first.name)) {
+    selection.models = {{first.model, first.spline, false, false}};
+  } else if (model) {
+    selection.models = {{*model, {}, false, false}};
+    if (*model == LensModel::kSplined) selection.models = SplinedConfigs(kind.pool);
+  }
+  return selection;
+}
+
+/// Held-out figures of one camera, and its rows of the table.
+void ReportKind(const Kind& kind, CalibrateReport* report) {
+  for (size_t k = 0; k < kind.cameras.size(); ++k) {
+    CameraReport& camera = report->cameras[kind.cameras[k]];
+    camera.model_reason = kind.choice.reason;
+    camera.holdout_rms_px = camera.holdout_median_px = camera.holdout_gross_fraction = std::numeric_limits<double>::quiet_NaN();
+    for (size_t i = 0; i < kind.choice.candidates.size(); ++i) {
+      const LensCandidate& candidate = kind.choice.candidates[i];
+      const HoldoutSummary s = Summarize(candidate.fit, candidate.holdout, static_cast<int>(k));
+      const bool chosen = static_cast<int>(i) == kind.choice.index;
+      LensConfig one = candidate.config;
+      one.shared = false;
+      report->selection.push_back({kind.pool.state.cameras[k].name, ToString(candidate.config), NumLensParams(one, 1), s.rms_px,
+                                   s.median_px, s.gross_fraction, chosen});
+      if (!chosen) continue;
+      camera.holdout_rms_px = s.rms_px;
+      camera.holdout_median_px = s.median_px;
+      camera.holdout_gross_fraction = s.gross_fraction;
+    }
+  }
+}
+
+void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, bool fixed, bool warp, const RunContext& run,
+               Kind* kind) {
+  SelectionOptions selection = SelectionFor(input, options, *kind, fixed);
+  selection.warp = warp;
+  BundleOptions bundle = options.bundle;
+  bundle.refine_intrinsics = !fixed;
+  kind->choice = ChooseLens(kind->pool, selection, bundle, run);
+  if (kind->choice.index >= 0) {
+    kind->pool = kind->choice.candidates[kind->choice.index].fit;
+    if (!selection.models.empty() && kind->choice.candidates.size() < 2) kind->choice.reason = fixed ? "fixed" : "given";
+    return;
+  }
+  LensConfig config = selection.models.empty() ? LensConfig{kind->pool.config.model, {}, false, false} : selection.models.back();
+  config.shared = kind->forced_sharing && kind->cameras.size() > 1;
+  config.warp = warp;
+  kind->pool = FitPool(kind->pool, config, bundle);
+}
+
+/// Whether the boards are bent, judged on the kind with most views, which comes first: its bend is the start of the rig's.
+bool BoardsAreBent(const CalibrateOptions& options, const RunContext& run, std::vector<Kind>* kinds, CalibrateReport* report) {
+  if (options.warp != "off" && options.warp != "on" && options.warp != "auto")
+    throw UsageError("--warp " + options.warp + ": expected auto, on or off");
+  const auto largest = std::max_element(kinds->begin(), kinds->end(), [](const Kind& a, const Kind& b) {
+    return a.pool.views.size() < b.pool.views.size();
+  });
+  std::iter_swap(kinds->begin(), largest);
+  WarpChoice choice{options.warp == "on", 0, 0, options.warp == "on" ? "asked for" : "not asked for"};
+  if (options.warp == "auto") {
+    SelectionOptions selection;
+    selection.folds = std::max(3, options.holdout_folds);
+    selection.max_views = options.holdout_views;
+    choice = ChooseWarp((*kinds)[0].pool, selection, options.bundle, run);
+  }
+  report->warp_reason = choice.reason;
+  return choice.bent;
+}
+
+void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report) {
+  const size_t cameras = work->monos.size();
+  work->state.cameras.resize(cameras);
+  work->state.lens_group.resize(cameras);
+  work->cam_from_board.resize(work->views.size());
+  for (size_t c = 0; c < cameras; ++c) work->state.lens_group[c] = static_cast<int>(c);
+  for (const Kind& kind : kinds) {
+    std::vector<size_t> next(kind.cameras.size(), 0);
+    for (size_t k = 0; k < kind.cameras.size(); ++k) {
+      const int c = kind.cameras[k];
+      work->state.cameras[c] = kind.pool.state.cameras[k];
+      if (!kind.pool.config.shared) continue;
+      work->state.lens_group[c] = kind.cameras[0];
+      for (size_t other = 0; other < kind.cameras.size(); ++other) {
+        if (other == k) continue;
+        std::string& names = report->cameras[c].shares_lens_with;
+        names += (names.empty() ? "" : ", ") + kind.pool.state.cameras[other].name;
+      }
+    }
+    for (size_t i = 0; i < kind.pool.views.size(); ++i) {
+      const int k = kind.pool.views[i].camera_idx;
+      const int v = work->view_ids[kind.cameras[k]][next[k]++];
+      work->cam_from_board[v] = kind.pool.state.world_from_board[i];
+      work->views[v].weights = kind.pool.views[i].weights;
+    }
+  }
+  work->state.board_warp_m = kinds[0].pool.state.board_warp_m;
+  work->bundle.refine_warp = kinds[0].pool.config.warp;
+}
+
+}  // namespace
+
+std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what,
+                           const std::vector<CameraInput>& cameras) {
+  std::vector<bool> flags(cameras.size(), false);
+  for (const std::string& text : fix) {
+    const auto colon = text.find(':');
+    const std::string kind = text.substr(0, colon);
+    if (kind != "lenses" && kind != "poses") throw UsageError("--fix " + text + ": expected lenses, poses, or lenses:NAME,NAME");
+    if (kind != what) continue;
+    if (colon == std::string::npos) {
+      flags.assign(cameras.size(), true);
+      continue;
+    }
+    for (const std::string& name : SplitNames(text.substr(colon + 1), ','))
+      flags[CameraIndex(cameras, name, "--fix " + text)] = true;
+  }
+  return flags;
+}
+
+bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
+                     CalibrateReport* report) {
+  const std::vector<bool> fixed = ParseFix(options.fix, "lenses", input.cameras);
+  for (size_t c = 0; c < fixed.size(); ++c) {
+    if (fixed[c] && !Given(input, input.cameras[c].name))
+      throw UsageError("--fix lenses: camera " + input.cameras[c].name + " is not in the given calibration");
+  }
+  if (!SolveMonos(input, options, fixed, run, work, report)) return false;
+  report->cameras.resize(input.cameras.size());
+  std::vector<Kind> kinds = FindKinds(input, options, fixed, *work);
+  work->bundle = options.bundle;
+  work->bundle.fix_lens = fixed;
+  bool bent = false;
+  for (int round = 0; round < 2; ++round) {
+    for (Kind& kind : kinds) {
+      if (round == 0) kind.pool = MakePool(work->monos, kind.cameras, static_cast<int>(input.boards.size()));
+      JudgeKind(input, options, fixed[kind.cameras[0]], bent, run, &kind);
+      if (kind.pool.status == Status::kOk || kind.pool.status == Status::kNotConverged) continue;
+      Stop(kind.pool.status, "camera " + kind.pool.state.cameras[0].name + ": " + kind.pool.message, report);
+      return false;
+    }
+    // A bent board looks like a stranger lens: lenses are judged again when it is.
+    if (round == 0 && !(bent = BoardsAreBent(options, run, &kinds, report))) break;
+  }
+  for (const Kind& kind : kinds) ReportKind(kind, report);
+  HandOn(kinds, work, report);
+  return true;
+}
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,129 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "calib/calibrate_steps.h"
+#include "calib/homography.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+double Coverage(const std::vector<View>& views, int camera_idx, const CameraInput& camera) {
+  constexpr int kCols = 10, kRows = 8;
+  std::set<int> cells;
+  for (const View& view : views) {
+    if (view.camera_idx != camera_idx) continue;
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      if (view.weights[i] <= 0) continue;
+      const int col = static_cast<int>((view.px(0, i) + 0.5) * kCols / camera.width_px);
+      const int row = static_cast<int>((view.px(1, i) + 0.5) * kRows / camera.height_px);
+      cells.insert(std::clamp(row, 0, kRows - 1) * kCols + std::clamp(col, 0, kCols - 1));
+    }
+  }
+  return static_cast<double>(cells.size()) / (kCols * kRows);
+}
+
+bool CoversImage(const geometry::Projector& projector) {
+  const geometry::Camera& camera = projector.camera();
+  for (double u : {0.0, camera.width_px - 1.0}) {
+    for (double v : {0.0, camera.height_px - 1.0}) {
+      if (projector.Unproject({u, v}).status != Status::kOk) return false;
+    }
+  }
+  return true;
+}
+
+/// Residuals and what is counted from them.
+void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
+  const auto residuals = BundleResiduals(work.views, work.state);
+  std::vector<double> sum(input.cameras.size(), 0);
+  std::set<int> frames;
+  int num_rejected = input.num_corners_dropped;
+  for (size_t v = 0; v < work.views.size(); ++v) {
+    const View& view = work.views[v];
+    CameraReport& camera = report->cameras[view.camera_idx];
+    const bool used = (view.weights.array() > 0).any();
+    camera.num_views += used;
+    if (used) frames.insert(view.frame);
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      const bool rejected = view.weights[i] <= 0;
+      const Eigen::Vector2d r = residuals[v].col(i);
+      report->residuals.push_back({view.camera_idx, work.state.frames[view.frame], view.corner_ids[i], view.px.col(i), r, rejected});
+      rejected ? ++camera.num_rejected : ++camera.num_corners;
+      if (!rejected) sum[view.camera_idx] += r.squaredNorm();
+    }
+  }
+  for (size_t c = 0; c < report->cameras.size(); ++c) {
+    report->cameras[c].rms_px = std::sqrt(sum[c] / std::max(1, report->cameras[c].num_corners));
+    num_rejected += report->cameras[c].num_rejected;
+  }
+  report->num_frames = static_cast<int>(frames.size());
+  report->rejected_fraction = static_cast<double>(num_rejected) / std::max(1, num_rejected + report->num_corners);
+}
+
+void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
+  double squares = 0, gross = 0;
+  std::vector<double> medians;
+  int scored = 0;
+  for (size_t c = 0; c < report->cameras.size(); ++c) {
+    CameraReport& camera = report->cameras[c];
+    const geometry::Camera& lens = work.state.cameras[c];
+    const geometry::Projector projector(lens);
+    camera.name = lens.name;
+    camera.model = lens.model;
+    camera.num_params = static_cast<int>(lens.params.size());
+    camera.focal_px = (lens.fx() + lens.fy()) / 2;
+    camera.coverage = Coverage(work.views, static_cast<int>(c), input.cameras[c]);
+    camera.valid_radius = projector.valid_radius();
+    camera.covers_image = CoversImage(projector);
+    if (!std::isfinite(camera.holdout_rms_px)) continue;
+    squares += camera.num_corners * camera.holdout_rms_px * camera.holdout_rms_px;
+    gross += camera.num_corners * camera.holdout_gross_fraction;
+    scored += camera.num_corners;
+    medians.push_back(camera.holdout_median_px);
+  }
+  report->holdout_rms_px = scored ? std::sqrt(squares / scored) : kNan;
+  report->holdout_gross_fraction = scored ? gross / scored : kNan;
+  report->holdout_median_px =
+      medians.empty() ? kNan : Median(Eigen::Map<const Eigen::VectorXd>(medians.data(), medians.size()));
+}
+
+void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report) {
+  report->gauge = report->rig.gauge = gauge;
+  for (size_t c = 0; c < work.state.cameras.size(); ++c) {
+    report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
+    if (!work.state.time_offset_frames.empty()) report->cameras[c].time_offset_frames = work.state.time_offset_frames[c];
+  }
+  report->frames = work.state.frames;
+  report->world_from_board = work.state.world_from_board;
+  report->rig_from_board = work.state.rig_from_board;
+  report->board_warp_m = work.state.board_warp_m;
+}
+
+void ReportHeldOut(const Work& work, CalibrateReport* report) {
+  report->rig_holdout_rms_px = report->rig_holdout_median_px = kNan;
+  if (work.held_out.empty()) return;
+  std::vector<double> errors = RigErrors(work.held_out, work.state);
+  if (errors.empty()) return;
+  double sum = 0;
+  int good = 0;
+  for (double e : errors) {
+    if (e <= kGrossPx) sum += e * e, ++good;
+  }
+  report->rig_holdout_rms_px = good ? std::sqrt(sum / good) : kNan;
+  report->rig_holdout_median_px = Median(Eigen::Map<const Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size())));
+}
+
+}  // namespace
+
+void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
+  FillRig(work, gauge, report);
+  ReportResiduals(input, work, report);
+  ReportCameras(input, work, report);
+  ReportHeldOut(work, report);
+}
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/calibrate.h"
+#include "calib/intrinsics.h"
+#include "calib/lens_pool.h"
+#include "calib/model_selection.h"
+
+/// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
+namespace mvstudio::calib::internal {
+
+/// `--world`, parsed.
+struct World {
+  bool is_board = false;
+  int camera = 0;
+  int64_t frame_idx = 0;
+};
+
+struct Work {
+  std::vector<View> views;                // of the frames that take part
+  std::vector<View> held_out;             // of the others
+  std::vector<int64_t> frames;            // of both
+  std::vector<MonoSolution> monos;        // per camera
+  std::vector<std::vector<int>> view_ids; // per camera: indices into views, in the order of its mono solution
+  std::vector<geometry::Rigid3> cam_from_board;  // per view, from that view alone
+  std::vector<Eigen::VectorXd> prior;     // per view: weights before anything was rejected
+  std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
+  RigState state;
+  BundleOptions bundle;                   // of the last adjustment
+};
+
+void Stop(Status status, const std::string& message, CalibrateReport* report);
+
+World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras);
+
+/// Names after "lenses" or "poses" in `--fix`: one flag a camera.
+std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what, const std::vector<CameraInput>& cameras);
+
+/// Cameras by themselves, lens models, sharing and bend by held-out error. Fills state.cameras, lens_group, board_warp_m,
+/// cam_from_board and the lens part of the report. False when there is no solution.
+bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
+                     CalibrateReport* report);
+
+/// The time offsets of the cameras by held-out frames; true when they are to be estimated.
+bool TimeOffsetsPay(const Work& work, const BundleOptions& bundle, std::string* reason);
+
+/// Reprojection errors of held-out frames: the pose of every board from half of the corners of all cameras, the error on the
+/// others. `views` are those frames' views, lenses and cameras are those of `state`.
+std::vector<double> RigErrors(const std::vector<View>& views, const RigState& state);
+
+/// Everything that is counted from the solution.
+void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report);
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/intrinsics.h"
+#include "calib/view.h"
+#include "core/status.h"
+
+namespace mvstudio::calib {
+
+/// What is assumed of the lenses of several cameras and of their boards.
+struct LensConfig {
+  geometry::LensModel model = geometry::LensModel::kBrown4;
+  geometry::SplineGrid spline;  ///< kSplined only
+  bool shared = false;          ///< one lens for all cameras
+  bool warp = false;            ///< boards may be bent
+};
+
+/// "brown4", "splined 16x11", "brown2, shared".
+std::string ToString(const LensConfig& config);
+/// Numbers of all lenses of `num_cameras` cameras.
+int NumLensParams(const LensConfig& config, int num_cameras);
+
+/// Views of several cameras, every board a pose by itself: where lenses are judged before the cameras are put together.
+struct LensPool {
+  Status status = Status::kOk;
+  std::string message;
+  LensConfig config;
+  RigState state;                      ///< cameras at the origin; one frame a view
+  std::vector<View> views;             ///< View::frame is the position in this list
+  std::vector<Eigen::VectorXd> prior;  ///< weights before anything was rejected
+  BundleReport bundle;
+};
+
+/// The views of cameras that were calibrated one by one; `cameras` are indices into `monos` and become 0, 1, … `boards` is the
+/// number of boards.
+LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>& cameras, int boards);
+
+/// Adjusts all lenses (and bends) of the pool under another configuration.
+LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOptions& options);
+
+/// Errors on boards that took no part in the estimation.
+struct PoolHoldout {
+  Status status = Status::kOk;                      ///< kTooFewViews below 3 views
+  std::vector<std::vector<double>> view_errors_px;  ///< per view of the pool, of every corner; infinite where it has no pose
+};
+
+/// K-fold over the views: lenses from the other folds, the pose of a held-out board from every second corner (robustly), the
+/// error on the other half, then with the halves swapped. All corners count, those that a solution rejected too. At most
+/// `max_views` views of a camera, evenly spread, take part; the others have no errors.
+PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
+
+inline constexpr double kGrossPx = 5;  ///< held-out corners beyond this are gross errors
+
+struct HoldoutSummary {
+  double rms_px = 0;          ///< over corners within kGrossPx, 2-D
+  double median_px = 0;       ///< over all corners
+  double gross_fraction = 0;  ///< of all corners
+  int num_corners = 0;
+};
+/// NaN without corners. `camera_idx` of the pool, or -1 for all.
+HoldoutSummary Summarize(const LensPool& pool, const PoolHoldout& holdout, int camera_idx);
+
+}  // namespace mvstudio::calib

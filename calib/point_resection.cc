@@ -1,0 +1,417 @@
+#include "calib/point_resection.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opengv/absolute_pose/CentralAbsoluteAdapter.hpp>
+#include <opengv/absolute_pose/NoncentralAbsoluteAdapter.hpp>
+#include <opengv/absolute_pose/methods.hpp>
+
+#include "calib/point_bundle.h"
+#include "core/check.h"
+#include "core/random.h"
+#include "geometry/lens_derivatives.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using geometry::Rigid3;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kMaxTriples = 1500;
+
+/// What a fit works on.
+struct Problem {
+  std::vector<PointClick> clicks;
+  Eigen::Matrix3Xd x_in_world;
+  std::vector<Rigid3> cam_from_rig;
+  std::vector<geometry::Camera> cameras;
+  std::vector<Eigen::MatrixXd> directions;  ///< per camera, see PointBundleOptions; all empty unless the lens is refined
+  Rigid3 rig_from_world;
+};
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+Eigen::Matrix2Xd Residuals(const Problem& problem) {
+  Eigen::Matrix2Xd residuals(2, static_cast<Eigen::Index>(problem.clicks.size()));
+  for (size_t i = 0; i < problem.clicks.size(); ++i) {
+    const PointClick& click = problem.clicks[i];
+    const auto c = static_cast<size_t>(click.camera_idx);
+    const Eigen::Vector3d x_in_rig = problem.rig_from_world * Eigen::Vector3d(problem.x_in_world.col(click.point_idx));
+    Eigen::Vector2d px;
+    const bool ok = geometry::ProjectLens(problem.cameras[c], problem.cam_from_rig[c] * x_in_rig, &px, nullptr);
+    residuals.col(static_cast<Eigen::Index>(i)) = ok ? Eigen::Vector2d(px - click.px) : Eigen::Vector2d(kInfinity, kInfinity);
+  }
+  return residuals;
+}
+
+/// Normal equations over (pose 6, lens directions of all cameras).
+struct Normal {
+  double cost = 0;
+  Eigen::MatrixXd h;
+  Eigen::VectorXd g;
+};
+
+bool Linearize(const Problem& problem, const std::vector<bool>& used, Normal* out) {
+  Eigen::Index size = 6;
+  std::vector<Eigen::Index> column;
+  for (const Eigen::MatrixXd& d : problem.directions) column.push_back(size), size += d.cols();
+  *out = {0, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  for (size_t i = 0; i < problem.clicks.size(); ++i) {
+    if (!used[i]) continue;
+    const PointClick& click = problem.clicks[i];
+    const auto c = static_cast<size_t>(click.camera_idx);
+    const Eigen::Vector3d turned = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
+    geometry::LensDerivatives d;
+    Eigen::Vector2d px;
+    const Eigen::Vector3d x_in_cam = problem.cam_from_rig[c] * Eigen::Vector3d(turned + problem.rig_from_world.translation);
+    if (!geometry::ProjectLens(problem.cameras[c], x_in_cam, &px, &d)) return false;
+    const Eigen::Vector2d r = px - click.px;
+    Eigen::MatrixXd j = Eigen::MatrixXd::Zero(2, size);
+    const Eigen::Matrix<double, 2, 3> d_rig = d.d_px_d_x_in_cam * problem.cam_from_rig[c].rotation.toRotationMatrix();
+    j.leftCols<3>() = -d_rig * Cross(turned);
+    j.middleCols<3>(3) = d_rig;
+    const Eigen::MatrixXd& directions = problem.directions[c];
+    for (int k = 0; directions.cols() > 0 && k < d.count; ++k)
+      j.middleCols(column[c], directions.cols()) += d.d_px.col(k) * directions.row(d.columns[static_cast<size_t>(k)]);
+    out->cost += r.squaredNorm();
+    out->h += j.transpose() * j;
+    out->g += j.transpose() * r;
+  }
+  return std::isfinite(out->cost);
+}
+
+Problem Moved(const Problem& problem, const Eigen::VectorXd& step) {
+  Problem moved = problem;
+  moved.rig_from_world = geometry::Perturb(step.head<6>(), problem.rig_from_world);
+  Eigen::Index column = 6;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const Eigen::MatrixXd& d = problem.directions[c];
+    if (d.cols() > 0) moved.cameras[c].params += d * step.segment(column, d.cols());
+    column += d.cols();
+  }
+  return moved;
+}
+
+/// Levenberg-Marquardt over the used clicks; false when it does not converge.
+bool Refine(const std::vector<bool>& used, Problem* problem, Normal* at_end) {
+  Normal now;
+  if (!Linearize(*problem, used, &now)) return false;
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < 100 && damping < 1e12; ++iteration) {
+    Eigen::MatrixXd h = now.h;
+    h.diagonal() += damping * now.h.diagonal();
+    const Eigen::VectorXd step = -h.ldlt().solve(now.g);
+    const double predicted = -now.g.dot(step);
+    if (step.allFinite() && predicted <= 1e-14 * now.cost + 1e-24) {
+      *at_end = now;
+      return true;
+    }
+    const Problem trial = Moved(*problem, step);
+    Normal next;
+    if (step.allFinite() && Linearize(trial, used, &next) && next.cost < now.cost) {
+      problem->rig_from_world = trial.rig_from_world;
+      problem->cameras = trial.cameras;
+      now = next;
+      damping = std::max(damping / 10, 1e-12);
+    } else if (step.allFinite() && predicted <= 1e-10 * now.cost) {
+      *at_end = now;
+      return true;
+    } else {
+      damping *= 10;
+    }
+  }
+  return false;
+}
+
+/// Rays and points for OpenGV, of the clicks whose pixels a lens can have.
+struct Bearings {
+  opengv::bearingVectors_t rays;
+  opengv::points_t points;
+  std::vector<int> cameras, clicks;
+};
+
+Bearings ToBearings(const Problem& problem) {
+  std::vector<geometry::Projector> projectors;
+  for (const geometry::Camera& camera : problem.cameras) projectors.emplace_back(camera);
+  Bearings out;
+  for (size_t i = 0; i < problem.clicks.size(); ++i) {
+    const PointClick& click = problem.clicks[i];
+    const geometry::Unprojection ray = projectors[static_cast<size_t>(click.camera_idx)].Unproject(click.px);
+    if (ray.status != Status::kOk) continue;
+    out.rays.push_back(ray.ray_in_cam);
+    out.points.push_back(problem.x_in_world.col(click.point_idx));
+    out.cameras.push_back(click.camera_idx);
+    out.clicks.push_back(static_cast<int>(i));
+  }
+  return out;
+}
+
+std::vector<Rigid3> FromOpenGv(const opengv::transformations_t& world_from_rig) {
+  std::vector<Rigid3> poses;
+  for (const opengv::transformation_t& m : world_from_rig) {
+    if (!m.allFinite() || !(m.leftCols<3>().determinant() > 0.5)) continue;
+    Rigid3 pose;
+    pose.rotation = geometry::NearestRotation(m.leftCols<3>());
+    pose.translation = m.col(3);
+    poses.push_back(geometry::Inverse(pose));
+  }
+  return poses;
+}
+
+/// Poses rig_from_world that three clicks allow.
+std::vector<Rigid3> FromTriple(const Problem& problem, const Bearings& b, const std::vector<int>& triple) {
+  opengv::bearingVectors_t rays;
+  opengv::points_t points;
+  std::vector<int> cameras;
+  for (const int i : triple) {
+    const auto k = static_cast<size_t>(i);
+    rays.push_back(b.rays[k]), points.push_back(b.points[k]), cameras.push_back(b.cameras[k]);
+  }
+  const bool central = cameras[0] == cameras[1] && cameras[1] == cameras[2];
+  if (central) {
+    opengv::absolute_pose::CentralAbsoluteAdapter adapter(rays, points);
+    std::vector<Rigid3> poses = FromOpenGv(opengv::absolute_pose::p3p_kneip(adapter, std::vector<int>{0, 1, 2}));
+    const Rigid3 rig_from_cam = geometry::Inverse(problem.cam_from_rig[static_cast<size_t>(cameras[0])]);
+    for (Rigid3& pose : poses) pose = rig_from_cam * pose;
+    return poses;
+  }
+  opengv::translations_t offsets;
+  opengv::rotations_t rotations;
+  for (const Rigid3& cam_from_rig : problem.cam_from_rig) {
+    const Rigid3 rig_from_cam = geometry::Inverse(cam_from_rig);
+    offsets.push_back(rig_from_cam.translation);
+    rotations.push_back(rig_from_cam.rotation.toRotationMatrix());
+  }
+  opengv::absolute_pose::NoncentralAbsoluteAdapter adapter(rays, cameras, points, offsets, rotations);
+  return FromOpenGv(opengv::absolute_pose::gp3p(adapter, std::vector<int>{0, 1, 2}));
+}
+
+std::vector<std::vector<int>> Triples(int n) {
+  std::vector<std::vector<int>> triples;
+  const int64_t all = static_cast<int64_t>(n) * (n - 1) * (n - 2) / 6;
+  if (all <= kMaxTriples) {
+    for (int a = 0; a < n; ++a)
+      for (int b = a + 1; b < n; ++b)
+        for (int c = b + 1; c < n; ++c) triples.push_back({a, b, c});
+    return triples;
+  }
+  Rng rng(1);
+  while (triples.size() < kMaxTriples) {
+    const int a = static_cast<int>(rng.Index(n)), b = static_cast<int>(rng.Index(n)), c = static_cast<int>(rng.Index(n));
+    if (a != b && b != c && a != c) triples.push_back({a, b, c});
+  }
+  return triples;
+}
+
+/// The pose whose error at the click just past the middle is least.
+bool FindStart(Problem* problem, double* middle_px) {
+  const Bearings bearings = ToBearings(*problem);
+  const auto n = static_cast<int>(bearings.clicks.size());
+  if (n < 4) return false;
+  const size_t rank = std::min<size_t>(problem->clicks.size() - 1, std::max<size_t>(3, (problem->clicks.size() + 3) / 2));
+  Problem trial = *problem;
+  *middle_px = kInfinity;
+  for (const std::vector<int>& triple : Triples(n)) {
+    for (const Rigid3& pose : FromTriple(*problem, bearings, triple)) {
+      trial.rig_from_world = pose;
+      const Eigen::Matrix2Xd residuals = Residuals(trial);
+      Eigen::VectorXd lengths = residuals.colwise().norm().transpose();
+      std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(rank), lengths.end());
+      const double middle = lengths[static_cast<Eigen::Index>(rank)];
+      if (!(middle < *middle_px)) continue;
+      *middle_px = middle;
+      problem->rig_from_world = pose;
+    }
+  }
+  return std::isfinite(*middle_px);
+}
+
+std::vector<bool> Within(const Problem& problem, double limit_px) {
+  const Eigen::Matrix2Xd residuals = Residuals(problem);
+  std::vector<bool> within;
+  for (Eigen::Index i = 0; i < residuals.cols(); ++i) within.push_back(residuals.col(i).norm() <= limit_px);
+  return within;
+}
+
+int Count(const std::vector<bool>& flags) { return static_cast<int>(std::count(flags.begin(), flags.end(), true)); }
+
+/// Adjusts and rejects in turn until the kept clicks stay the same.
+bool FitRobustly(double click_sigma_px, double middle_px, Problem* problem, std::vector<bool>* used, Normal* normal) {
+  constexpr double kFarInSigmas = 4.5;
+  // A minimal pose errs at the other clicks by more than a click does.
+  *used = Within(*problem, std::max(3 * middle_px, 3 * kFarInSigmas * click_sigma_px));
+  for (int round = 0; round < 10; ++round) {
+    if (Count(*used) < 4 || !Refine(*used, problem, normal)) return false;
+    const int freedom = 2 * Count(*used) - static_cast<int>(normal->g.size());
+    const double estimated = freedom > 0 ? std::sqrt(normal->cost / freedom) : 0;
+    const double sigma = std::max(click_sigma_px, std::min(estimated, 3 * click_sigma_px));
+    const std::vector<bool> next = Within(*problem, kFarInSigmas * sigma);
+    if (next == *used || Count(next) < 4) return true;
+    *used = next;
+  }
+  return true;
+}
+
+/// Errors of the used clicks when each is left out of the fit.
+std::vector<double> LeaveOneOut(const Problem& problem, const std::vector<bool>& used) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < used.size(); ++i) {
+    if (!used[i]) continue;
+    std::vector<bool> others = used;
+    others[i] = false;
+    Problem fit = problem;
+    Normal normal;
+    const bool ok = Refine(others, &fit, &normal);
+    errors.push_back(ok ? Residuals(fit).col(static_cast<Eigen::Index>(i)).norm() : kInfinity);
+  }
+  return errors;
+}
+
+double Rms(const std::vector<double>& errors) {
+  double sum = 0;
+  for (const double e : errors) sum += e * e;
+  return errors.empty() ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum / static_cast<double>(errors.size()));
+}
+
+/// Extent of the points that were clicked along their principal axes, largest first.
+Eigen::Vector3d Extents(const Problem& problem, const std::vector<bool>& used) {
+  std::vector<int> points;
+  for (size_t i = 0; i < used.size(); ++i) {
+    if (used[i]) points.push_back(problem.clicks[i].point_idx);
+  }
+  Eigen::Matrix3Xd x(3, static_cast<Eigen::Index>(points.size()));
+  for (size_t i = 0; i < points.size(); ++i) x.col(static_cast<Eigen::Index>(i)) = problem.x_in_world.col(points[i]);
+  x.colwise() -= Eigen::Vector3d(x.rowwise().mean());
+  Eigen::Vector3d extents = Eigen::Vector3d::Zero();
+  const Eigen::VectorXd values = x.jacobiSvd().singularValues();
+  extents.head(values.size()) = values;
+  return extents;
+}
+
+/// Frees the focal length, then k1, while leaving out points one by one shows that it pays.
+std::string RefineLens(const std::vector<bool>& used, std::vector<double>* errors, Problem* problem, Normal* normal) {
+  const Eigen::Vector3d extents = Extents(*problem, used);
+  if (problem->cameras.size() > 1) return "lenses of a rigid group are kept";
+  if (extents[2] < 0.05 * extents[0]) return "lens kept: the points are nearly coplanar, which does not fix a focal length";
+  std::string reason = "lens kept: left-out points get no better with the focal length free";
+  geometry::Camera& camera = problem->cameras[0];
+  for (int distortion = 0; distortion <= 1; ++distortion) {
+    Problem candidate = *problem;
+    if (distortion == 1 && camera.model == geometry::LensModel::kPinhole) {
+      candidate.cameras[0].model = geometry::LensModel::kBrown1;
+      candidate.cameras[0].params.conservativeResizeLike(Eigen::VectorXd::Zero(5));
+    }
+    if (camera.model == geometry::LensModel::kSplined) return "lens kept: it is a splined one";
+    const bool has_k1 = distortion == 0 || geometry::ParamNames(candidate.cameras[0].model).at(4) == "k1";
+    if (Count(used) < 8 + 2 * distortion || !has_k1) break;
+    candidate.directions[0] = FocalDirections(candidate.cameras[0], distortion);
+    Normal fit;
+    if (!Refine(used, &candidate, &fit)) break;
+    const std::vector<double> left_out = LeaveOneOut(candidate, used);
+    if (!(Rms(left_out) < 0.9 * Rms(*errors))) break;
+    *problem = candidate, *normal = fit, *errors = left_out;
+    reason = distortion == 0 ? "focal length refined: left-out points are better for it" : "focal length and k1 refined: left-out points are better for it";
+  }
+  return reason;
+}
+
+PointResection Refuse(Status status, const std::string& message, size_t num_clicks) {
+  PointResection out;
+  out.status = status, out.message = message;
+  out.residuals_px = Eigen::Matrix2Xd::Constant(2, static_cast<Eigen::Index>(num_clicks), kInfinity);
+  out.rejected.assign(num_clicks, false);
+  return out;
+}
+
+int DistinctPoints(const std::vector<PointClick>& clicks) {
+  std::vector<int> ids;
+  for (const PointClick& click : clicks) ids.push_back(click.point_idx);
+  std::sort(ids.begin(), ids.end());
+  return static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin());
+}
+
+void FillCovariance(const Problem& problem, const Normal& normal, double sigma_px, PointResection* out) {
+  const Eigen::MatrixXd covariance = sigma_px * sigma_px * normal.h.inverse();
+  out->covariance = covariance.topLeftCorner<6, 6>();
+  out->params_covariance.resize(problem.cameras.size());
+  Eigen::Index column = 6;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const Eigen::MatrixXd& d = problem.directions[c];
+    if (d.cols() > 0) out->params_covariance[c] = d * covariance.block(column, column, d.cols(), d.cols()) * d.transpose();
+    column += d.cols();
+  }
+}
+
+/// Distance of the nearest used point and the largest standard deviation of the centre.
+bool IsDetermined(const Problem& problem, const std::vector<bool>& used, const PointResection& out) {
+  double nearest = kInfinity;
+  for (size_t i = 0; i < used.size(); ++i) {
+    if (!used[i]) continue;
+    const auto c = static_cast<size_t>(problem.clicks[i].camera_idx);
+    const Eigen::Vector3d x_in_rig = problem.rig_from_world * Eigen::Vector3d(problem.x_in_world.col(problem.clicks[i].point_idx));
+    nearest = std::min(nearest, (problem.cam_from_rig[c] * x_in_rig).norm());
+  }
+  // Rotations of the whole group about world's origin move the centre: c = -R^T t.
+  Eigen::Matrix<double, 3, 6> j;
+  const Eigen::Matrix3d world_r_rig = problem.rig_from_world.rotation.toRotationMatrix().transpose();
+  j << -world_r_rig * Cross(problem.rig_from_world.translation), -world_r_rig;
+  const Eigen::Matrix3d centre = j * out.covariance * j.transpose();
+  const double worst = std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(centre).eigenvalues()[2]));
+  return out.covariance.allFinite() && worst <= 0.25 * nearest;
+}
+
+}  // namespace
+
+PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
+                                const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
+  MVS_CHECK(!rig.empty(), "no camera");
+  MVS_CHECK(options.click_sigma_px > 0, "click_sigma_px = " << options.click_sigma_px);
+  const int distinct = DistinctPoints(clicks);
+  if (distinct < 4) return Refuse(Status::kTooFewViews, std::to_string(distinct) + " points are marked; at least 4 are needed", clicks.size());
+  Problem problem{clicks, x_in_world, {}, {}, {}, {}};
+  for (const geometry::RigCamera& camera : rig) {
+    problem.cam_from_rig.push_back(camera.cam_from_world);
+    problem.cameras.push_back(camera.camera);
+    problem.directions.push_back(FixedLens(camera.camera));
+  }
+  const std::vector<bool> all(clicks.size(), true);
+  const Eigen::Vector3d extents = Extents(problem, all);
+  if (!(extents[1] > 1e-3 * extents[0])) return Refuse(Status::kDegenerate, "the marked points lie on one line", clicks.size());
+  double middle_px = 0;
+  std::vector<bool> used;
+  Normal normal;
+  if (!FindStart(&problem, &middle_px)) return Refuse(Status::kDegenerate, "no pose of the camera fits the marked points", clicks.size());
+  if (!FitRobustly(options.click_sigma_px, middle_px, &problem, &used, &normal))
+    return Refuse(Status::kNotConverged, "the pose could not be fitted to the marked points: too many of them disagree", clicks.size());
+  if (2 * Count(used) <= static_cast<int>(clicks.size()))
+    return Refuse(Status::kNotConverged, "most marked points disagree with each other: check their numbering and the intrinsics", clicks.size());
+  PointResection out;
+  std::vector<double> errors = LeaveOneOut(problem, used);
+  if (options.refine_lens) out.lens_reason = RefineLens(used, &errors, &problem, &normal);
+  out.num_used = Count(used);
+  out.leave_one_out_px = out.num_used >= 5 ? Rms(errors) : std::numeric_limits<double>::quiet_NaN();
+  out.rig_from_world = problem.rig_from_world;
+  out.cameras = problem.cameras;
+  out.residuals_px = Residuals(problem);
+  for (const bool u : used) out.rejected.push_back(!u);
+  out.rms_px = std::sqrt(normal.cost / out.num_used);
+  const int freedom = 2 * out.num_used - static_cast<int>(normal.g.size());
+  constexpr int kEnoughToEstimate = 20;
+  const double estimated = freedom > 0 ? std::sqrt(normal.cost / freedom) : 0;
+  out.sigma_px = freedom >= kEnoughToEstimate ? estimated : std::max(estimated, options.click_sigma_px);
+  FillCovariance(problem, normal, out.sigma_px, &out);
+  if (!IsDetermined(problem, used, out)) {
+    out.status = Status::kDegenerate;
+    out.message = "the marked points leave the camera's place uncertain by more than a quarter of its distance: mark points farther "
+                  "apart, not on one line";
+  }
+  return out;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,151 @@
+#include "cli/calibrate_result.h"
+
+#include <cmath>
+#include <cstdio>
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
+
+ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::FootageDetections* found) {
+  ordered_json json;
+  json["name"] = camera.name;
+  json["model"] = std::string(geometry::ToString(camera.model));
+  json["model_reason"] = camera.model_reason;
+  json["num_params"] = camera.num_params;
+  json["focal_px"] = Number(camera.focal_px);
+  json["focal_sigma_px"] = Number(camera.focal_sigma_px);
+  json["rms_px"] = Number(camera.rms_px);
+  json["holdout_rms_px"] = Number(camera.holdout_rms_px);
+  json["holdout_median_px"] = Number(camera.holdout_median_px);
+  json["holdout_gross_fraction"] = Number(camera.holdout_gross_fraction);
+  if (!camera.shares_lens_with.empty()) json["shares_lens_with"] = camera.shares_lens_with;
+  if (camera.time_offset_frames != 0) json["time_offset_frames"] = Number(camera.time_offset_frames);
+  if (found) json["num_images"] = found->num_images;
+  json["num_views"] = camera.num_views;
+  json["num_corners"] = camera.num_corners;
+  json["num_rejected"] = camera.num_rejected + (found ? found->num_corners_dropped : 0);
+  json["coverage"] = Number(camera.coverage);
+  json["valid_radius"] = Number(camera.valid_radius);
+  json["covers_image"] = camera.covers_image;
+  if (found) json["boards_not_used"] = found->reasons;
+  return json;
+}
+
+/// At most 2000 kept corners of each camera: [x_px, y_px, dx, dy].
+ordered_json ResidualSamples(const calib::CalibrateReport& report) {
+  constexpr size_t kMaxPoints = 2000;
+  ordered_json json = ordered_json::object();
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    std::vector<const calib::CornerResidual*> kept;
+    for (const calib::CornerResidual& r : report.residuals) {
+      if (r.camera_idx == static_cast<int>(c) && !r.rejected) kept.push_back(&r);
+    }
+    const size_t stride = std::max<size_t>(1, (kept.size() + kMaxPoints - 1) / kMaxPoints);
+    ordered_json points = ordered_json::array();
+    for (size_t i = 0; i < kept.size(); i += stride) {
+      const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
+      const Eigen::Vector2d observed_minus_projected = -kept[i]->residual_px;
+      points.push_back({rounded(kept[i]->px.x(), 1e-3), rounded(kept[i]->px.y(), 1e-3),
+                        rounded(observed_minus_projected.x(), 1e-5), rounded(observed_minus_projected.y(), 1e-5)});
+    }
+    json[report.cameras[c].name] = points;
+  }
+  return json;
+}
+
+double BaselineMm(const geometry::Rig& rig) {
+  return 1e3 * (rig.cameras[0].CenterInWorld() - rig.cameras[1].CenterInWorld()).norm();
+}
+
+ordered_json Selection(const calib::CalibrateReport& report) {
+  ordered_json table = ordered_json::array();
+  for (const calib::SelectionRow& row : report.selection) {
+    table.push_back({{"camera", row.camera},
+                     {"model", row.model},
+                     {"num_params", row.num_params},
+                     {"holdout_rms_px", Number(row.holdout_rms_px)},
+                     {"holdout_median_px", Number(row.holdout_median_px)},
+                     {"gross_fraction", Number(row.gross_fraction)},
+                     {"chosen", row.chosen}});
+  }
+  return table;
+}
+
+void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  const auto& boards = report.board_metrics;
+  m["board_edge_mm"] = {{"rms", Number(boards.edge_rms_mm)}, {"median", Number(boards.edge_median_mm)}, {"bias", Number(boards.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = Number(boards.pair_rms_mm);
+  m["pair_distance_bias_mm"] = Number(boards.pair_bias_mm);
+  m["triangulated_rms_px"] = Number(boards.reprojection_rms_px);
+  m["triangulated_median_px"] = Number(boards.reprojection_median_px);
+  if (!report.board_warp_m.empty())
+    m["board_warp_mm"] = {Number(1e3 * report.board_warp_m[0].x()), Number(1e3 * report.board_warp_m[0].y())};
+  m["board_warp_reason"] = report.warp_reason;
+  if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
+  if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
+}
+
+}  // namespace
+
+void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
+                          ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  m["rms_px"] = Number(report.rms_px);
+  m["sigma_px"] = Number(report.sigma_px);
+  m["holdout_rms_px"] = Number(report.holdout_rms_px);
+  m["holdout_median_px"] = Number(report.holdout_median_px);
+  m["holdout_gross_fraction"] = Number(report.holdout_gross_fraction);
+  m["rig_holdout_rms_px"] = Number(report.rig_holdout_rms_px);
+  m["rig_holdout_median_px"] = Number(report.rig_holdout_median_px);
+  m["rejected_fraction"] = Number(report.rejected_fraction);
+  if (report.rig.cameras.size() == 2) m["baseline_mm"] = Number(BaselineMm(report.rig));
+  m["num_frames"] = report.num_frames;
+  m["num_corners"] = report.num_corners;
+  m["gauge"] = report.gauge;
+  m["verdict"] = VerdictJson(report.verdict);
+  m["uncertainty"] = {{"centre_px", Number(report.uncertainty.centre_px)},
+                      {"edge_px", Number(report.uncertainty.edge_px)},
+                      {"volume_mm", Number(report.uncertainty.volume_mm)}};
+  FillBoards(report, metrics);
+  m["model_selection"] = Selection(report);
+  m["cameras"] = ordered_json::array();
+  for (size_t c = 0; c < report.cameras.size(); ++c)
+    m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
+  m["residuals"] = ResidualSamples(report);
+}
+
+ordered_json VerdictJson(const calib::Verdict& verdict) {
+  ordered_json json{{"status", verdict.status}, {"reasons", ordered_json::array()}};
+  for (const auto& reason : verdict.reasons) json["reasons"].push_back(reason.text);
+  return json;
+}
+
+std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
+  char line[300];
+  std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
+  for (const calib::CameraReport& c : report.cameras) {
+    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6.2f %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
+                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, c.focal_sigma_px, c.rms_px, c.holdout_rms_px,
+                  c.num_views, 100 * c.coverage);
+    text += line;
+  }
+  std::snprintf(line, sizeof line, "rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n",
+                report.rms_px, report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
+                report.gauge.c_str());
+  text += line;
+  if (report.rig.cameras.size() == 2) {
+    std::snprintf(line, sizeof line, "baseline %.3f mm\n", BaselineMm(report.rig));
+    text += line;
+  }
+  text += "verdict: " + report.verdict.status + "\n";
+  for (const auto& reason : report.verdict.reasons)
+    text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
+  return text + "wrote " + path + "\n";
+}
+
+}  // namespace mvstudio::cli

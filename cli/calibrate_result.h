@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/calibrate.h"
+#include "calib/detect_footage.h"
+#include "cli/command.h"
+
+namespace mvstudio::cli {
+
+/// Metrics of `calibrate` and `calib refine`. `found` is empty for corner files.
+void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
+                          nlohmann::ordered_json* metrics);
+
+/// What a person reads.
+std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path);
+
+nlohmann::ordered_json VerdictJson(const calib::Verdict& verdict);
+
+}  // namespace mvstudio::cli

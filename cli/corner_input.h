@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/calibrate.h"
+#include "calib/corner_files.h"
+#include "calib/detect_footage.h"
+#include "cli/command.h"
+
+namespace mvstudio::cli {
+
+/// Where board corners come from: footage of --camera, searched for --board, or a file, --corners.
+struct CornerArguments {
+  std::vector<std::string> boards, cameras;
+  std::string corners;
+  calib::FootageOptions footage;
+  calib::CornerFileOptions corner_files;
+};
+
+void AddCornerArguments(CLI::App* sub, CornerArguments& arguments);
+
+/// Corners of both kinds; image sizes are 0 where a corner file does not say. Notes become warnings, files inputs. Throws UsageError, IoError, FormatError.
+calib::CalibrateInput ReadCornerInput(const CornerArguments& arguments, CommandContext& context, CommandResult* result);
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,10 @@
+# Finds libmrcal, which brings no CMake files of its own. Defines Mrcal::mrcal.
+find_path(Mrcal_INCLUDE_DIR mrcal/mrcal.h)
+find_library(Mrcal_LIBRARY mrcal)
+mark_as_advanced(Mrcal_INCLUDE_DIR Mrcal_LIBRARY)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(Mrcal REQUIRED_VARS Mrcal_LIBRARY Mrcal_INCLUDE_DIR)
+if(Mrcal_FOUND AND NOT TARGET Mrcal::mrcal)
+  add_library(Mrcal::mrcal UNKNOWN IMPORTED)
+  set_target_properties(Mrcal::mrcal PROPERTIES IMPORTED_LOCATION ${Mrcal_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${Mrcal_INCLUDE_DIR})
+endif()

@@ -1,0 +1,234 @@
+#include "geometry/lens_fit.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/check.h"
+#include "core/units.h"
+#include "geometry/lens_derivatives.h"
+#include "geometry/lens_fit_internal.h"
+#include "geometry/spline_grid.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kMaxPerspectiveAngle = 80 * kPi / 180;
+constexpr int kMaxTries = 3;  // starts that are adjusted to the end
+
+RayBundle RaysOf(const Camera& from, int cols, double max_angle) {
+  const Projector projector(from);
+  RayBundle bundle;
+  const int rows = std::max(2, static_cast<int>(std::lround(static_cast<double>(cols) * from.height_px / from.width_px)));
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < cols; ++i) {
+      const Eigen::Vector2d px((from.width_px - 1.0) * i / (cols - 1), (from.height_px - 1.0) * j / (rows - 1));
+      const Unprojection back = projector.Unproject(px);
+      if (back.status != Status::kOk) continue;
+      bundle.rays.push_back(back.ray_in_cam);
+      bundle.px.push_back(px);
+    }
+  }
+  return RaysUpTo(bundle, max_angle);
+}
+
+struct Evaluation {
+  double cost = kInfinity;  // sum of squares; a ray without a pixel counts as the image's diagonal
+  Eigen::MatrixXd jacobian;  // (2 N, P)
+  Eigen::VectorXd residuals;  // (2 N) px
+};
+
+Evaluation Evaluate(const Camera& camera, const RayBundle& bundle, bool with_jacobian) {
+  Evaluation result;
+  if (!WhyInvalidLens(camera).empty()) return result;
+  const double lost_px = std::hypot(camera.width_px, camera.height_px);
+  const Eigen::Index n = static_cast<Eigen::Index>(bundle.size());
+  result.residuals = Eigen::VectorXd::Zero(2 * n);
+  if (with_jacobian) result.jacobian = Eigen::MatrixXd::Zero(2 * n, camera.params.size());
+  LensDerivatives d;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Eigen::Vector2d px;
+    if (!ProjectLens(camera, bundle.rays[i], &px, with_jacobian ? &d : nullptr)) {
+      result.residuals[2 * i] = lost_px;
+      continue;
+    }
+    result.residuals.segment<2>(2 * i) = px - bundle.px[i];
+    if (!with_jacobian) continue;
+    for (int j = 0; j < d.count; ++j) result.jacobian.block<2, 1>(2 * i, d.columns[j]) = d.d_px.col(j);
+  }
+  result.cost = result.residuals.squaredNorm();
+  return result;
+}
+
+/// The step of damped least squares, columns scaled to one, by QR of the stacked system.
+Eigen::VectorXd DampedStep(const Evaluation& at, double damping) {
+  const Eigen::Index rows = at.jacobian.rows(), cols = at.jacobian.cols();
+  Eigen::VectorXd scale = at.jacobian.colwise().norm();
+  for (double& s : scale) s = s > 0 ? 1 / s : 0;
+  Eigen::MatrixXd stacked(rows + cols, cols);
+  stacked.topRows(rows) = at.jacobian * scale.asDiagonal();
+  stacked.bottomRows(cols) = std::sqrt(damping) * Eigen::MatrixXd::Identity(cols, cols);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(rows + cols);
+  right.head(rows) = -at.residuals;
+  return stacked.householderQr().solve(right).cwiseProduct(scale);
+}
+
+/// Levenberg-Marquardt; true when it came to rest.
+bool Adjust(const RayBundle& bundle, const LensFitOptions& options, Camera* camera, double* cost) {
+  double damping = 1e-4;
+  Evaluation at = Evaluate(*camera, bundle, true);
+  *cost = at.cost;
+  if (std::isinf(at.cost)) return false;
+  const double exact = 1e-22 * static_cast<double>(bundle.size());
+  int small_steps = 0;
+  for (int i = 0; i < options.max_iterations; ++i) {
+    if (options.keep_principal_point) at.jacobian.middleCols<2>(2).setZero();
+    bool lowered = false;
+    for (; damping < 1e12 && !lowered; damping *= 8) {
+      Camera next = *camera;
+      next.params += DampedStep(at, damping);
+      const double next_cost = next.params.allFinite() ? Evaluate(next, bundle, false).cost : kInfinity;
+      if (!(next_cost < at.cost)) continue;
+      lowered = true;
+      // Along a flat valley (focal length against xi) steps stay small until the damping has gone.
+      const bool small = (damping < 1e-9 && next_cost > (1 - 1e-7) * at.cost) || next_cost < exact;
+      small_steps = small ? small_steps + 1 : 0;
+      *camera = next;
+      damping /= 64;
+    }
+    // No step lowers the cost: rounding, or an optimum.
+    if (!lowered || small_steps >= 3) return true;
+    damping = std::max(damping, 1e-18);
+    at = Evaluate(*camera, bundle, true);
+    *cost = at.cost;
+  }
+  return false;
+}
+
+/// Adjusts to the inner half of the angles first, then to all.
+bool AdjustInStages(const RayBundle& bundle, const LensFitOptions& options, Camera* camera, double* cost) {
+  const RayBundle inner = RaysUpTo(bundle, 0.5 * bundle.max_angle);
+  if (static_cast<Eigen::Index>(inner.size()) >= camera->params.size()) Adjust(inner, options, camera, cost);
+  return Adjust(bundle, options, camera, cost);
+}
+
+/// About `count` of the rays, evenly.
+RayBundle Thin(const RayBundle& bundle, int count) {
+  RayBundle some;
+  some.max_angle = bundle.max_angle;
+  const double step = std::max(1.0, static_cast<double>(bundle.size()) / count);
+  for (double i = 0; i < static_cast<double>(bundle.size()); i += step) {
+    some.rays.push_back(bundle.rays[static_cast<size_t>(i)]);
+    some.px.push_back(bundle.px[static_cast<size_t>(i)]);
+  }
+  return some;
+}
+
+void Judge(const RayBundle& bundle, LensFit* fit) {
+  const Projector projector(fit->camera);
+  double sum = 0;
+  for (size_t i = 0; i < bundle.size(); ++i) {
+    const Projection projection = projector.Project(bundle.rays[i]);
+    if (projection.status != Status::kOk) {
+      ++fit->num_lost;
+      continue;
+    }
+    const double error = (projection.px - bundle.px[i]).norm();
+    sum += error * error;
+    fit->max_px = std::max(fit->max_px, error);
+  }
+  fit->num_rays = static_cast<int>(bundle.size());
+  const int seen = fit->num_rays - fit->num_lost;
+  fit->rms_px = seen > 0 ? std::sqrt(sum / seen) : 0;
+}
+
+void FitParametric(const Camera& axis, LensModel to, const RayBundle& bundle, const LensFitOptions& options, LensFit* fit) {
+  std::vector<std::pair<double, Camera>> starts;
+  const RayBundle some = Thin(bundle, 4 * NumParams(to));
+  LensFitOptions few = options;
+  few.max_iterations = 12;
+  for (Camera start : LensFitStarts(axis, to, bundle)) {
+    double cost = kInfinity;
+    Adjust(some, few, &start, &cost);
+    cost = Evaluate(start, bundle, false).cost;
+    if (std::isfinite(cost)) starts.emplace_back(cost, start);
+  }
+  if (starts.empty()) {
+    fit->status = Status::kDegenerate;
+    return;
+  }
+  std::stable_sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  if (starts.size() > kMaxTries) starts.resize(kMaxTries);
+  const double good = 1e-14 * static_cast<double>(bundle.size());
+  double best = kInfinity;
+  for (auto& [start_cost, start] : starts) {
+    for (const bool staged : {false, true}) {
+      Camera camera = start;
+      double cost = kInfinity;
+      const bool rests = staged ? AdjustInStages(bundle, options, &camera, &cost) : Adjust(bundle, options, &camera, &cost);
+      if (!(cost < best)) continue;
+      best = cost;
+      fit->camera = camera;
+      fit->status = rests ? Status::kOk : Status::kNotConverged;
+    }
+    if (best < good) break;
+  }
+}
+
+}  // namespace
+
+RayBundle RaysUpTo(const RayBundle& bundle, double angle) {
+  RayBundle kept;
+  for (size_t i = 0; i < bundle.size(); ++i) {
+    const double own = std::atan2(bundle.rays[i].head<2>().norm(), bundle.rays[i][2]);
+    if (own > angle) continue;
+    kept.rays.push_back(bundle.rays[i]);
+    kept.px.push_back(bundle.px[i]);
+    kept.max_angle = std::max(kept.max_angle, own);
+  }
+  return kept;
+}
+
+LensFit FitLens(const Camera& from, LensModel to, const LensFitOptions& options, const SplineGrid& spline) {
+  Validate(from);
+  MVS_CHECK(options.grid_cols >= 2 && options.grid_cols <= 4096, "grid_cols is " << options.grid_cols);
+  MVS_CHECK(to != LensModel::kSplined || WhyInvalidGrid(spline).empty(), WhyInvalidGrid(spline));
+  LensFit fit;
+  const Camera axis = PinholeOf(from);
+  fit.camera = axis;
+  double limit = options.max_angle > 0 ? options.max_angle : kPi;
+  if (!IsWide(to)) limit = std::min(limit, kMaxPerspectiveAngle);
+  const int cols = to == LensModel::kSplined ? std::max(options.grid_cols, 4 * spline.cols) : options.grid_cols;
+  const RayBundle bundle = RaysOf(from, cols, limit);
+  fit.max_angle = bundle.max_angle;
+  const int needed = to == LensModel::kSplined ? 4 : NumParams(to);
+  if (static_cast<int>(bundle.size()) < needed) {
+    fit.status = Status::kTooFewViews;
+    return fit;
+  }
+  if (to == LensModel::kSplined) {
+    fit.camera = FitSpline(axis, spline, bundle);
+  } else {
+    FitParametric(axis, to, bundle, options, &fit);
+  }
+  if (fit.status != Status::kDegenerate) Judge(bundle, &fit);
+  return fit;
+}
+
+SplineGrid SplineGridFor(const Camera& from, int order, int cols) {
+  MVS_CHECK((order == 2 || order == 3) && cols > order, "order " << order << ", " << cols << " columns");
+  Eigen::Vector2d reach(1e-3, 1e-3);
+  for (const Eigen::Vector3d& ray : RaysOf(from, 64, 0.99 * kPi).rays) {
+    reach = reach.cwiseMax((2 / (1 + ray[2]) * ray.head<2>()).cwiseAbs());
+  }
+  SplineGrid grid;
+  grid.order = order;
+  grid.cols = cols;
+  grid.fov_x_deg = std::clamp(static_cast<int>(std::ceil(RadToDeg(4 * std::atan(1.05 * reach[0] / 2)))), 1, 359);
+  grid.rows = order + std::max(1, static_cast<int>(std::ceil(2 * 1.05 * reach[1] * SegmentsPerU(grid))));
+  return grid;
+}
+
+}  // namespace mvstudio::geometry

@@ -1,0 +1,244 @@
+#include "calib/detect_footage.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <memory>
+
+#include "calib/detection_cache.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "tests/calib/synthetic.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using ::mvstudio::testing::MessageOf;
+using ::mvstudio::testing::TempDir;
+using testing::MakeCamera;
+using testing::RenderBoard;
+
+/// Footage of given images; counts how many were asked for.
+Footage FootageOf(const std::string& camera, const std::vector<Image>& images, std::shared_ptr<int> asked = {},
+                  const std::string& path = "memory") {
+  Footage footage;
+  footage.camera = camera;
+  footage.path = path;
+  footage.num_frames = static_cast<int64_t>(images.size());
+  auto position = std::make_shared<size_t>(0);
+  footage.next = [images, position, asked]() -> std::optional<FootageFrame> {
+    if (asked) ++*asked;
+    if (*position == images.size()) return std::nullopt;
+    const auto k = static_cast<int64_t>((*position)++);
+    return FootageFrame{k, "frame " + std::to_string(k), images[k]};
+  };
+  return footage;
+}
+
+Image Render(const Board& board, const Eigen::Vector3d& rotation, double depth) {
+  geometry::Rigid3 pose;
+  pose.rotation = geometry::RotationExp(rotation);
+  pose.translation = Eigen::Vector3d(0, 0, depth) - pose.rotation * Eigen::Vector3d(CornersInBoard(board).rowwise().mean());
+  return RenderBoard(board, MakeCamera("c", geometry::LensModel::kPinhole, 620), pose, 2);
+}
+
+std::vector<Image> Waving(const Board& board, int count) {
+  std::vector<Image> images;
+  for (int i = 0; i < count; ++i) images.push_back(Render(board, {0.1 * i - 0.2, 0.3 - 0.1 * i, 0.4 * i}, 2.5 + 0.1 * i));
+  return images;
+}
+
+FootageOptions Uncached() {
+  FootageOptions options;
+  options.cache = "off";
+  return options;
+}
+
+void ExpectSame(const std::vector<FootageDetections>& a, const std::vector<FootageDetections>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t c = 0; c < a.size(); ++c) {
+    EXPECT_EQ(a[c].reasons, b[c].reasons);
+    EXPECT_EQ(a[c].notes, b[c].notes);
+    EXPECT_EQ(a[c].num_images, b[c].num_images);
+    EXPECT_EQ(a[c].camera.width_px, b[c].camera.width_px);
+    EXPECT_EQ(a[c].num_corners_dropped, b[c].num_corners_dropped);
+    ASSERT_EQ(a[c].detections.size(), b[c].detections.size());
+    for (size_t i = 0; i < a[c].detections.size(); ++i) {
+      EXPECT_EQ(a[c].detections[i].frame_idx, b[c].detections[i].frame_idx);
+      EXPECT_EQ(a[c].detections[i].board_idx, b[c].detections[i].board_idx);
+      EXPECT_EQ(a[c].detections[i].camera_idx, b[c].detections[i].camera_idx);
+      EXPECT_EQ(a[c].detections[i].corner_ids, b[c].detections[i].corner_ids);
+      EXPECT_EQ(a[c].detections[i].points_px, b[c].detections[i].points_px);
+    }
+  }
+}
+
+TEST(DetectFootage, ResultDoesNotDependOnTheThreads) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  std::vector<Image> images = Waving(board, 6);
+  images.insert(images.begin() + 2, Image(640, 480, 1, 200));
+  std::vector<std::vector<FootageDetections>> results;
+  for (const int threads : {1, 4, 7}) {
+    std::vector<Footage> footage;
+    footage.push_back(FootageOf("a", images));
+    footage.push_back(FootageOf("b", {images[0], images[3]}));
+    RunContext run;
+    run.num_threads = threads;
+    results.push_back(DetectFootage(board, footage, Uncached(), run));
+  }
+  ASSERT_EQ(results[0][0].detections.size(), 6u);
+  EXPECT_EQ(results[0][0].num_images, 7);
+  EXPECT_EQ(results[0][0].reasons.at("no marker of the board found"), 1);
+  EXPECT_EQ(results[0][0].detections[2].frame_idx, 3);
+  EXPECT_EQ(results[0][1].detections[0].camera_idx, 1);
+  ExpectSame(results[0], results[1]);
+  ExpectSame(results[0], results[2]);
+}
+
+TEST(DetectFootage, SeveralBoards) {
+  const std::vector<Board> boards = {ParseBoard("tag:36h11:7:300mm"), ParseBoard("tag:36h11:8:300mm"), ParseBoard("tag:36h11:9:300mm")};
+  std::vector<Footage> footage;
+  footage.push_back(FootageOf("a", {Render(boards[0], {0.2, 0.1, 0}, 2), Render(boards[1], {0.2, 0.1, 0}, 2)}));
+  const auto found = DetectFootage(boards, footage, Uncached(), RunContext());
+  ASSERT_EQ(found[0].detections.size(), 2u);
+  EXPECT_EQ(found[0].detections[0].board_idx, 0);
+  EXPECT_EQ(found[0].detections[1].board_idx, 1);
+  EXPECT_EQ(found[0].reasons.at("tag:36h11:7:300mm: no tag of the board found"), 1);
+  ASSERT_EQ(found[0].notes.size(), 1u);
+  EXPECT_NE(found[0].notes[0].find("tag:36h11:9:300mm was never seen"), std::string::npos);
+  const CalibrateInput input = ToCalibrateInput(boards, found);
+  EXPECT_EQ(input.boards.size(), 3u);
+  EXPECT_EQ(input.detections.size(), 2u);
+}
+
+/// An image that shows one row of markers alone fits both layouts; the other images decide for it.
+TEST(DetectFootage, LayoutIsDecidedForAllImagesTogether) {
+  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"), claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
+  std::vector<Image> images = Waving(printed, 3);
+  Image strip = Render(printed, {0, 0, 0}, 1.8);
+  for (int v = 0; v < strip.height; ++v) {
+    if (v < 232 || v > 282) std::fill(strip.Pixel(0, v), strip.Pixel(0, v) + strip.width, 128);
+  }
+  images.push_back(strip);
+  std::vector<Footage> footage, asked;
+  footage.push_back(FootageOf("a", images));
+  FootageOptions options = Uncached();
+  options.detect.min_corners = 4;
+  const auto found = DetectFootage(claimed, footage, options, RunContext());
+  EXPECT_GE(found[0].detections.size(), 3u);
+  ASSERT_EQ(found[0].notes.size(), 1u);
+  EXPECT_NE(found[0].notes[0].find("charuco:7x6:120mm:90mm:4x4_250:legacy"), std::string::npos) << found[0].notes[0];
+  asked.push_back(FootageOf("a", images));
+  const auto told = DetectFootage(printed, asked, options, RunContext());
+  ASSERT_EQ(told[0].detections.size(), found[0].detections.size());
+  for (size_t i = 0; i < told[0].detections.size(); ++i) {
+    EXPECT_EQ(told[0].detections[i].points_px, found[0].detections[i].points_px);
+  }
+}
+
+TEST(DetectFootage, SaysWhenTheImagesAreMirrored) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  std::vector<Image> images = Waving(board, 2);
+  for (Image& image : images) {
+    for (int v = 0; v < image.height; ++v) std::reverse(image.Pixel(0, v), image.Pixel(0, v) + image.width);
+  }
+  std::vector<Footage> footage;
+  footage.push_back(FootageOf("a", images));
+  const std::string message = MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); });
+  EXPECT_NE(message.find("mirror"), std::string::npos) << message;
+}
+
+TEST(DetectFootage, RefusesMixedSizesAndRepeatedNumbers) {
+  const Board board = ParseBoard("tag:36h11:7:300mm");
+  std::vector<Footage> footage;
+  footage.push_back(FootageOf("a", {Image(64, 48, 1), Image(48, 64, 1)}));
+  EXPECT_NE(MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); }).find("one size"),
+            std::string::npos);
+  footage[0] = FootageOf("a", {});
+  footage[0].next = [] { return FootageFrame{3, "again", Image(64, 48, 1)}; };
+  EXPECT_NE(MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); }).find("number 3 twice"),
+            std::string::npos);
+}
+
+class Impatient : public ProgressSink {
+ public:
+  bool Cancelled() const override { return true; }
+};
+
+TEST(DetectFootage, CanBeCancelled) {
+  Impatient sink;
+  RunContext run;
+  run.progress = &sink;
+  run.num_threads = 3;
+  std::vector<Footage> footage;
+  footage.push_back(FootageOf("a", std::vector<Image>(20, Image(64, 48, 1))));
+  EXPECT_THROW(DetectFootage(ParseBoard("tag:36h11:7:300mm"), footage, Uncached(), run), CancelledError);
+}
+
+class CachedFootage : public ::testing::Test {
+ protected:
+  std::vector<FootageDetections> Detect(const std::string& board, int every = 1) {
+    std::vector<Footage> footage;
+    footage.push_back(FootageOf("a", images_, asked_, folder_ / "video"));
+    FootageOptions options;
+    options.cache = folder_ / "cache";
+    options.every = every;
+    *asked_ = 0;
+    return DetectFootage(ParseBoard(board), footage, options, RunContext());
+  }
+  void WriteVideo(const std::string& content) { WriteFileAtomic(folder_ / "video", content); }
+
+  TempDir folder_;
+  std::vector<Image> images_ = Waving(ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"), 3);
+  std::shared_ptr<int> asked_ = std::make_shared<int>(0);
+};
+
+TEST_F(CachedFootage, IsNotSearchedAgain) {
+  WriteVideo("one");
+  const auto first = Detect("charuco:7x6:120mm:90mm:4x4_250");
+  EXPECT_FALSE(first[0].cached);
+  EXPECT_GT(*asked_, 0);
+  const auto second = Detect("charuco:7x6:120mm:90mm:4x4_250");
+  EXPECT_TRUE(second[0].cached);
+  EXPECT_EQ(*asked_, 0);
+  ExpectSame(first, second);
+}
+
+TEST_F(CachedFootage, DependsOnContentBoardAndOptions) {
+  WriteVideo("one");
+  Detect("charuco:7x6:120mm:90mm:4x4_250");
+  EXPECT_FALSE(Detect("charuco:7x6:120mm:90mm:4x4_250:legacy")[0].cached);
+  EXPECT_FALSE(Detect("charuco:7x6:120mm:90mm:4x4_250", 2)[0].cached);
+  EXPECT_TRUE(Detect("charuco:7x6:120mm:90mm:4x4_250")[0].cached);
+  WriteVideo("two");
+  EXPECT_FALSE(Detect("charuco:7x6:120mm:90mm:4x4_250")[0].cached);
+}
+
+TEST_F(CachedFootage, DamagedEntriesAreMadeAnew) {
+  WriteVideo("one");
+  const auto first = Detect("charuco:7x6:120mm:90mm:4x4_250");
+  const std::vector<std::string> entries = Glob(folder_ / "cache/detections/*.detections");
+  ASSERT_EQ(entries.size(), 1u);
+  const std::string good = ReadFile(entries[0]);
+  std::string flipped = good;
+  flipped[good.size() / 2] ^= 1;
+  for (const std::string& bad : {std::string(), good.substr(0, good.size() / 2), flipped, std::string(500, 'x')}) {
+    WriteFileAtomic(entries[0], bad);
+    const auto again = Detect("charuco:7x6:120mm:90mm:4x4_250");
+    EXPECT_FALSE(again[0].cached);
+    ExpectSame(first, again);
+    EXPECT_EQ(ReadFile(entries[0]), good) << "rewritten";
+  }
+}
+
+TEST_F(CachedFootage, AnUnwritableFolderCostsNothingButTime) {
+  WriteVideo("one");
+  std::ofstream(folder_ / "cache") << "a file where the folder should be";
+  EXPECT_FALSE(Detect("charuco:7x6:120mm:90mm:4x4_250")[0].cached);
+}
+
+}  // namespace
+}  // namespace mvstudio::calib

@@ -1,0 +1,143 @@
+#include "calib/detection_cache.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using ::mvstudio::testing::TempDir;
+
+StoredFootage Example(int pictures) {
+  StoredFootage footage{640, 480, {}};
+  for (int i = 0; i < pictures; ++i) {
+    BoardDetection found, missing;
+    found.detection.corner_ids = {i, 7, 3};
+    found.detection.points_px = Eigen::Matrix2Xd::Random(2, 3) * 1e3;
+    found.detection.sigmas_px = Eigen::VectorXd::Random(3);
+    found.num_found = 5, found.sigma_px = 0.1 / 3, found.legacy = true, found.num_markers = 4;
+    missing.status = Status::kTooFewViews;
+    missing.reason = "no marker of the board found";
+    footage.pictures.push_back({int64_t{1} << (40 + i), {found, missing}});
+  }
+  return footage;
+}
+
+void ExpectEqual(const StoredFootage& a, const StoredFootage& b) {
+  EXPECT_EQ(a.width_px, b.width_px);
+  ASSERT_EQ(a.pictures.size(), b.pictures.size());
+  for (size_t i = 0; i < a.pictures.size(); ++i) {
+    EXPECT_EQ(a.pictures[i].frame_idx, b.pictures[i].frame_idx);
+    ASSERT_EQ(a.pictures[i].layouts.size(), b.pictures[i].layouts.size());
+    for (size_t l = 0; l < a.pictures[i].layouts.size(); ++l) {
+      const BoardDetection &x = a.pictures[i].layouts[l], &y = b.pictures[i].layouts[l];
+      EXPECT_EQ(x.status, y.status);
+      EXPECT_EQ(x.reason, y.reason);
+      EXPECT_EQ(x.detection.corner_ids, y.detection.corner_ids);
+      EXPECT_EQ(x.detection.points_px, y.detection.points_px);
+      EXPECT_EQ(x.detection.sigmas_px, y.detection.sigmas_px);
+      EXPECT_EQ(x.num_found, y.num_found);
+      EXPECT_EQ(x.num_markers, y.num_markers);
+      EXPECT_EQ(x.sigma_px, y.sigma_px);
+      EXPECT_EQ(x.legacy, y.legacy);
+    }
+  }
+}
+
+TEST(DetectionCache, RoundTripToTheLastBit) {
+  const TempDir folder;
+  const DetectionCache cache(folder.path());
+  EXPECT_FALSE(cache.Load("key").has_value());
+  const StoredFootage footage = Example(5);
+  cache.Store("key", footage);
+  const auto loaded = cache.Load("key");
+  ASSERT_TRUE(loaded.has_value());
+  ExpectEqual(footage, *loaded);
+}
+
+TEST(DetectionCache, EveryFlippedByteIsNoticed) {
+  const TempDir folder;
+  const DetectionCache cache(folder.path());
+  cache.Store("key", Example(1));
+  const std::string path = folder / "detections/key.detections", good = ReadFile(path);
+  for (size_t i = 0; i < good.size(); i += 7) {
+    std::string bad = good;
+    bad[i] ^= 0x10;
+    WriteFileAtomic(path, bad);
+    EXPECT_FALSE(cache.Load("key").has_value()) << i;
+  }
+  for (size_t size = 0; size < good.size(); size += 31) {
+    WriteFileAtomic(path, good.substr(0, size));
+    EXPECT_FALSE(cache.Load("key").has_value()) << size;
+  }
+}
+
+TEST(DetectionCache, TwoProcessesMayShareAFolder) {
+  const TempDir folder;
+  const DetectionCache cache(folder.path());
+  cache.Store("key", Example(3));
+  const pid_t child = fork();
+  bool good = true;
+  for (int i = 0; i < 40; ++i) {
+    cache.Store("key", Example(3));
+    const auto loaded = cache.Load("key");
+    good = good && loaded && loaded->pictures.size() == 3;
+  }
+  if (child == 0) _exit(good ? 0 : 1);
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(good);
+  EXPECT_EQ(status, 0);
+}
+
+TEST(DetectionCache, WhereItLies) {
+  const TempDir folder;
+  EXPECT_FALSE(DetectionCache("off").enabled());
+  EXPECT_THROW(DetectionCache(""), UsageError);
+  const char* chosen = std::getenv("MVSTUDIO_CACHE");
+  const std::string before = chosen ? chosen : "";
+  unsetenv("MVSTUDIO_CACHE");
+  setenv("XDG_CACHE_HOME", folder.path().c_str(), 1);
+  EXPECT_EQ(DetectionCache("auto").folder(), folder / "mvstudio/detections");
+  setenv("MVSTUDIO_CACHE", "off", 1);
+  EXPECT_FALSE(DetectionCache("auto").enabled());
+  if (chosen) setenv("MVSTUDIO_CACHE", before.c_str(), 1);
+}
+
+TEST(ContentDigest, FollowsNamesAndContents) {
+  const TempDir folder;
+  EXPECT_FALSE(ContentDigest(folder / "*.png").has_value());
+  WriteFileAtomic(folder / "a.png", "1");
+  WriteFileAtomic(folder / "b.png", "2");
+  const auto two = ContentDigest(folder / "*.png");
+  ASSERT_TRUE(two.has_value());
+  EXPECT_EQ(ContentDigest(folder.path()), two);
+  WriteFileAtomic(folder / "b.png", "3");
+  EXPECT_NE(ContentDigest(folder / "*.png"), two);
+  WriteFileAtomic(folder / "b.png", "2");
+  EXPECT_EQ(ContentDigest(folder / "*.png"), two);
+  WriteFileAtomic(folder / "c.png", "4");
+  EXPECT_NE(ContentDigest(folder / "*.png"), two);
+}
+
+TEST(DetectionKey, DependsOnEverything) {
+  const Board board = ParseBoard("chessboard:9x6:25mm"), other = ParseBoard("chessboard:9x6:26mm");
+  DetectOptions options, exact;
+  exact.detector = "exact";
+  const std::string key = DetectionKey("d", board, options, 1);
+  EXPECT_EQ(key, DetectionKey("d", board, options, 1));
+  EXPECT_NE(key, DetectionKey("e", board, options, 1));
+  EXPECT_NE(key, DetectionKey("d", other, options, 1));
+  EXPECT_NE(key, DetectionKey("d", board, exact, 1));
+  EXPECT_NE(key, DetectionKey("d", board, options, 2));
+}
+
+}  // namespace
+}  // namespace mvstudio::calib

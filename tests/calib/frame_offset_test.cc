@@ -1,0 +1,150 @@
+#include "calib/frame_offset.h"
+
+#include <gtest/gtest.h>
+
+#include "calib/corner_files.h"
+#include "calib/formats.h"
+#include "calib/resection.h"
+#include "tests/calib/synthetic.h"
+#include "tests/support/test_data.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using mvstudio::testing::DataRoot;
+using Kind = FrameOffsets::Kind;
+
+FrameOffsets Find(const std::vector<Board>& boards, const std::vector<geometry::Camera>& cameras,
+                  const std::vector<Detection>& detections) {
+  std::vector<int64_t> frames;
+  const std::vector<View> views = MakeViews(boards, detections, &frames);
+  std::vector<geometry::Rigid3> poses;
+  for (const View& view : views) poses.push_back(ResectPlane(cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
+  std::vector<std::string> names;
+  for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
+  return FindFrameOffsets(views, poses, frames, names);
+}
+
+/// A board that moves smoothly in front of three cameras; frame numbers are consecutive.
+testing::Scene MovingScene(double noise_px, double step) {
+  testing::SceneOptions options;
+  options.num_cameras = 3;
+  options.num_frames = 60;
+  testing::Scene scene = testing::MakeScene(options);
+  scene.detections.clear();
+  Rng noise(7);
+  const geometry::Rigid3 world_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0]);
+  for (int f = 0; f < options.num_frames; ++f) {
+    const double t = step * f;
+    geometry::Rigid3 pose;
+    pose.rotation = geometry::RotationExp(0.4 * Eigen::Vector3d(std::sin(1.3 * t), std::cos(0.9 * t), std::sin(0.4 * t)));
+    pose.translation = Eigen::Vector3d(0.2 * std::sin(t), 0.15 * std::cos(1.7 * t), 1.1 + 0.2 * std::sin(0.7 * t)) -
+                       pose.rotation * Eigen::Vector3d(0.24, 0.15, 0);
+    scene.truth.frames[f] = f;
+    scene.truth.world_from_board[f] = world_from_cam0 * pose;
+    for (int c = 0; c < 3; ++c) {
+      Detection detection = testing::Observe(scene, c, f, noise_px, &noise);
+      if (detection.num_corners() > 0) scene.detections.push_back(detection);
+    }
+  }
+  return scene;
+}
+
+void ShiftCamera(int camera, int64_t by, std::vector<Detection>* detections) {
+  for (Detection& d : *detections) d.frame_idx += d.camera_idx == camera ? by : 0;
+}
+
+TEST(FrameOffset, SynchronisedIsConsistent) {
+  const testing::Scene scene = MovingScene(0.3, 0.2);
+  const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, scene.detections);
+  EXPECT_EQ(offsets.kind, Kind::kConsistent);
+  EXPECT_EQ(offsets.shift, (std::vector<int64_t>{0, 0, 0}));
+  EXPECT_EQ(offsets.text, "");
+}
+
+TEST(FrameOffset, ShiftsAreFound) {
+  testing::Scene scene = MovingScene(0.3, 0.2);
+  for (const int64_t by : {1, -3, 25}) {
+    std::vector<Detection> detections = scene.detections;
+    ShiftCamera(1, by, &detections);
+    FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, detections);
+    ASSERT_EQ(offsets.kind, Kind::kShifted) << by << ": " << offsets.text;
+    EXPECT_EQ(offsets.shift, (std::vector<int64_t>{0, -by, 0})) << by;
+    EXPECT_NE(offsets.text.find("cam1 by " + std::to_string(-by)), std::string::npos) << offsets.text;
+    ApplyFrameOffsets(offsets, &detections);
+    EXPECT_EQ(Find({scene.board}, scene.truth.cameras, detections).kind, Kind::kConsistent);
+  }
+}
+
+TEST(FrameOffset, EachCameraItsOwn) {
+  testing::Scene scene = MovingScene(0.3, 0.2);
+  ShiftCamera(1, 4, &scene.detections);
+  ShiftCamera(2, -7, &scene.detections);
+  const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, scene.detections);
+  ASSERT_EQ(offsets.kind, Kind::kShifted);
+  EXPECT_EQ(offsets.shift[1] - offsets.shift[0], -4);
+  EXPECT_EQ(offsets.shift[2] - offsets.shift[0], 7);
+}
+
+TEST(FrameOffset, ScrambledFramesAreInconsistent) {
+  testing::Scene scene = MovingScene(0.3, 0.2);
+  Rng rng(5);
+  std::vector<int64_t> order(60);
+  for (int i = 0; i < 60; ++i) order[i] = i;
+  for (int i = 59; i > 0; --i) std::swap(order[i], order[rng.Index(i + 1)]);
+  for (Detection& d : scene.detections) d.frame_idx = d.camera_idx == 2 ? order[d.frame_idx] : d.frame_idx;
+  const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, scene.detections);
+  EXPECT_EQ(offsets.kind, Kind::kInconsistent);
+  EXPECT_NE(offsets.text.find("cam2"), std::string::npos) << offsets.text;
+}
+
+TEST(FrameOffset, StillBoardAndFewFramesAreUndecided) {
+  EXPECT_EQ(Find({MovingScene(0, 0).board}, MovingScene(0, 0).truth.cameras, MovingScene(0.3, 0).detections).kind,
+            Kind::kUndecided);
+  testing::Scene scene = MovingScene(0.3, 0.2);
+  scene.detections.resize(12);
+  EXPECT_EQ(Find({scene.board}, scene.truth.cameras, scene.detections).kind, Kind::kUndecided);
+}
+
+struct Caliscope {
+  CornerFile file;
+  std::vector<geometry::Camera> cameras;
+};
+
+Caliscope ReadSession() {
+  const std::string session = DataRoot() + "/caliscope/sessions/post_optimization";
+  Caliscope out{ReadCornerFile(session + "/calibration/extrinsic/xy.csv"), {}};
+  const std::string path = session + "/camera_array.toml";
+  for (const auto& camera : ReadCalibration(DetectFormat(path), {path}).rig.cameras) out.cameras.push_back(camera.camera);
+  return out;
+}
+
+TEST(FrameOffset, RealWebcams) {
+  MVS_NEEDS_DATA("caliscope");
+  const Caliscope session = ReadSession();
+  EXPECT_EQ(Find(session.file.boards, session.cameras, session.file.detections).kind, Kind::kConsistent);
+  for (int camera = 0; camera < 4; ++camera) {
+    for (const int64_t by : {-2, 3, 10}) {
+      std::vector<Detection> detections = session.file.detections;
+      ShiftCamera(camera, by, &detections);
+      const FrameOffsets offsets = Find(session.file.boards, session.cameras, detections);
+      EXPECT_EQ(offsets.kind, Kind::kShifted) << camera << " by " << by << ": " << offsets.text;
+      // These webcams are synchronised by software: pictures of one instant lie up to half a frame apart, so that the nearest
+      // frame of a camera may be either neighbour.
+      ASSERT_EQ(offsets.shift.size(), 4u);
+      for (int c = 0; c < 4; ++c) EXPECT_NEAR(offsets.shift[c], c == camera ? -by : 0, 1) << camera << " by " << by;
+    }
+  }
+}
+
+TEST(FrameOffset, RealWebcamsByFileOrder) {
+  MVS_NEEDS_DATA("caliscope");
+  Caliscope session = ReadSession();
+  std::vector<int64_t> next(4, 0);
+  for (Detection& d : session.file.detections) d.frame_idx = next[d.camera_idx]++;
+  const FrameOffsets offsets = Find(session.file.boards, session.cameras, session.file.detections);
+  EXPECT_EQ(offsets.kind, Kind::kInconsistent) << offsets.text;
+}
+
+}  // namespace
+}  // namespace mvstudio::calib

@@ -1,0 +1,159 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calib/corner_files.h"
+#include "core/units.h"
+#include "geometry/rig_io.h"
+#include "tests/calib/synthetic.h"
+#include "tests/support/run_cli.h"
+
+/// calib convert, show, compare and eval as a user runs them.
+namespace mvstudio::testing {
+namespace {
+
+using calib::testing::Scene;
+using ::testing::HasSubstr;
+
+Scene MakeRig(int num_cameras, geometry::LensModel model = geometry::LensModel::kBrown5) {
+  calib::testing::SceneOptions options;
+  options.num_cameras = num_cameras;
+  options.noise_px = 0.2;
+  options.model = model;
+  return calib::testing::MakeScene(options);
+}
+
+std::string WriteTruth(const TempDir& folder, const Scene& scene) {
+  geometry::WriteRig(calib::testing::TruthRig(scene), folder / "truth.json");
+  return folder / "truth.json";
+}
+
+TEST(CalibConvert, ThereAndBackThroughEveryFormat) {
+  const TempDir folder;
+  const std::string truth = WriteTruth(folder, MakeRig(3));
+  for (const std::string format : {"mvstudio", "panoptic", "toml", "caliscope", "qca", "opencv", "mrcal", "colmap", "colmap-text",
+                                   "easymocap", "nerfstudio", "kalibr"}) {
+    SCOPED_TRACE(format);
+    const std::string there = folder / format, back = folder / (format + ".json");
+    // brown5 has a k3 that the last two lack.
+    const bool approximate = format == "nerfstudio" || format == "kalibr";
+    std::vector<std::string> words = {"calib", "convert", truth, "--to", format, "--out", there, "--json"};
+    if (approximate) words.insert(words.end(), {"--allow-approximation", "0.5"});
+    CliRun run = RunCli(words);
+    ASSERT_EQ(run.exit, 0) << run.out << run.err;
+    EXPECT_EQ(run.Json()["metrics"]["format"], format);
+    EXPECT_FALSE(run.Json()["outputs"].empty());
+    run = RunCli({"calib", "convert", there, "--from", format, "--out", back});
+    ASSERT_EQ(run.exit, 0) << run.err;
+    if (format == "panoptic") continue;  // its cameras have other names
+    run = RunCli({"calib", "compare", back, truth, "--json"});
+    ASSERT_EQ(run.exit, 0) << run.err;
+    EXPECT_LT(run.Json()["metrics"]["max_rotation_deg"].get<double>(), 1e-6);
+    EXPECT_LT(run.Json()["metrics"]["max_translation_mm"].get<double>(), 1e-6);
+    EXPECT_LT(run.Json()["metrics"]["max_projection_rms_px"].get<double>(), approximate ? 0.5 : 1e-6);
+  }
+}
+
+TEST(CalibConvert, ALensThatDoesNotFitIsBadInput) {
+  const TempDir folder;
+  const std::string truth = WriteTruth(folder, MakeRig(2, geometry::LensModel::kRational8));
+  const CliRun run = RunCli({"calib", "convert", truth, "--to", "panoptic", "--out", folder / "p.json", "--json"});
+  EXPECT_EQ(run.exit, 3);
+  EXPECT_THAT(run.out, HasSubstr("--allow-approximation"));
+  EXPECT_EQ(RunCli({"calib", "convert", truth, "--to", "panoptic", "--out", folder / "p.json", "--allow-approximation", "1"}).exit, 0);
+  EXPECT_EQ(RunCli({"calib", "convert", truth, "--to", "nonsense", "--out", folder / "p.json"}).exit, 2);
+}
+
+TEST(CalibShow, TableAndBaselines) {
+  const TempDir folder;
+  Scene scene = MakeRig(3);
+  geometry::Rig rig = calib::testing::TruthRig(scene);
+  // The camera stands 10 m from the world's origin; a turn of sigma 1 mrad about its own axes leaves its place alone.
+  geometry::RigCamera& camera = rig.cameras[1];
+  camera.cam_from_world.translation = {0, 0, 10};
+  Eigen::Matrix<double, 6, 3> about_centre;  // rotation w about the camera's own centre: t' = Exp(w) t
+  about_centre << Eigen::Matrix3d::Identity(), Eigen::Vector3d::UnitY() * -10 * Eigen::RowVector3d::UnitX() +
+                                                   Eigen::Vector3d::UnitX() * 10 * Eigen::RowVector3d::UnitY();
+  camera.cam_from_world_covariance = 1e-6 * about_centre * about_centre.transpose();
+  camera.params_covariance = Eigen::MatrixXd::Identity(camera.camera.params.size(), camera.camera.params.size()) * 0.25;
+  geometry::WriteRig(rig, folder / "a.json");
+  const nlohmann::json metrics = RunCli({"calib", "show", folder / "a.json", "--json"}).Json()["metrics"];
+  const nlohmann::json& shown = metrics["cameras"][1];
+  EXPECT_NEAR(shown["sigma_focal_px"].get<double>(), 0.5, 1e-12);
+  EXPECT_NEAR(shown["sigma_rotation_deg"].get<double>(), RadToDeg(1e-3), 1e-9);
+  EXPECT_NEAR(shown["sigma_position_mm"].get<double>(), 0, 1e-6);
+  EXPECT_TRUE(metrics["cameras"][0]["sigma_focal_px"].is_null());
+  EXPECT_NEAR(metrics["baselines_m"][0][2].get<double>(), (rig.cameras[0].CenterInWorld() - rig.cameras[2].CenterInWorld()).norm(), 1e-12);
+  EXPECT_NEAR(shown["fov_deg"][0].get<double>(), 2 * RadToDeg(std::atan(320 / 555.0)), 8);
+  EXPECT_THAT(RunCli({"calib", "show", folder / "a.json"}).out, HasSubstr("distances between cameras"));
+}
+
+TEST(CalibCompare, FocalLengthAndLimits) {
+  const TempDir folder;
+  const std::string truth = WriteTruth(folder, MakeRig(3));
+  geometry::Rig other = geometry::ReadRig(truth);
+  other.cameras[1].camera.params.head<2>() *= 1.01;
+  geometry::WriteRig(other, folder / "other.json");
+  CliRun run = RunCli({"calib", "compare", folder / "other.json", truth, "--range-m", "2,inf", "--grid", "8", "--json"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const nlohmann::json projection = run.Json()["metrics"]["projection"];
+  ASSERT_EQ(projection.size(), 3u);
+  EXPECT_LT(projection[0]["ranges"][0]["rms_px"].get<double>(), 1e-9);
+  EXPECT_GT(projection[1]["ranges"][1]["rms_px"].get<double>(), 0.3);
+  EXPECT_EQ(projection[1]["ranges"][0]["range_m"], 2);
+  EXPECT_TRUE(projection[1]["ranges"][1]["range_m"].is_null());
+  EXPECT_EQ(projection[1]["ranges"][0]["grid_px"].size(), 6u);
+  EXPECT_EQ(projection[1]["ranges"][0]["grid_px"][0].size(), 8u);
+  run = RunCli({"calib", "compare", folder / "other.json", truth, "--max-projection-px", "0.1"});
+  EXPECT_EQ(run.exit, 4);
+  EXPECT_EQ(RunCli({"calib", "compare", truth, truth, "--range-m", "1,x"}).exit, 2);
+}
+
+std::string WriteCorners(const TempDir& folder, const Scene& scene) {
+  const calib::CalibrateInput input = ToInput(scene);
+  calib::CornerFile corners;
+  corners.cameras = input.cameras;
+  corners.boards = input.boards;
+  corners.detections = input.detections;
+  calib::WriteCornerFile(corners, folder / "corners.csv");
+  return folder / "corners.csv";
+}
+
+TEST(CalibEval, NamesTheBumpedCameraAndRepairs) {
+  const TempDir folder;
+  const Scene scene = MakeRig(4);
+  const std::string truth = WriteTruth(folder, scene), corners = WriteCorners(folder, scene);
+  CliRun run = RunCli({"calib", "eval", truth, "--corners", corners, "--json"});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["verdict"]["status"], "pass");
+  EXPECT_LT(run.Json()["metrics"]["board_edge_mm"]["rms"].get<double>(), 1);
+
+  geometry::Rig bumped = geometry::ReadRig(truth);
+  geometry::Rigid3& pose = bumped.cameras[2].cam_from_world;
+  pose.rotation = geometry::RotationExp(Eigen::Vector3d(0, DegToRad(0.2), 0)) * pose.rotation;
+  geometry::WriteRig(bumped, folder / "bumped.json");
+  run = RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners, "--repair", folder / "repaired.json", "--json"});
+  EXPECT_EQ(run.exit, 4) << run.out;
+  const nlohmann::json metrics = run.Json()["metrics"];
+  ASSERT_EQ(metrics["moved"], nlohmann::json({"cam2"}));
+  EXPECT_NEAR(metrics["cameras"][2]["rotation_deg"].get<double>(), 0.2, 3 * metrics["cameras"][2]["rotation_sigma_deg"].get<double>());
+  EXPECT_EQ(RunCli({"calib", "eval", folder / "repaired.json", "--corners", corners}).exit, 0);
+  EXPECT_THAT(RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners}).out, HasSubstr("camera cam2 has moved"));
+}
+
+TEST(CalibEval, ErrorsOfTheCaller) {
+  const TempDir folder;
+  const Scene scene = MakeRig(2);
+  const std::string truth = WriteTruth(folder, scene), corners = WriteCorners(folder, scene);
+  EXPECT_EQ(RunCli({"calib", "eval", truth}).exit, 2);
+  EXPECT_EQ(RunCli({"calib", "eval", truth, "--corners", corners, "--camera", "a=b"}).exit, 2);
+  EXPECT_EQ(RunCli({"calib", "eval", folder / "none.json", "--corners", corners}).exit, 3);
+  geometry::Rig renamed = geometry::ReadRig(truth);
+  renamed.cameras[0].camera.name = "other";
+  geometry::WriteRig(renamed, folder / "renamed.json");
+  const CliRun run = RunCli({"calib", "eval", folder / "renamed.json", "--corners", corners});
+  EXPECT_EQ(run.exit, 2);
+  EXPECT_THAT(run.err, HasSubstr("cam0 is not in the calibration"));
+}
+
+}  // namespace
+}  // namespace mvstudio::testing
