@@ -17,7 +17,7 @@ using TensorPair = std::pair<at::Tensor, at::Tensor>;
 /// A model's radial function and what stands on top of it.
 struct Lens {
   enum Family { kBrown, kKannala, kUcm, kEucm, kDoubleSphere } family;
-  int64_t count;  ///< distortion parameters
+  int64_t count;   ///< distortion parameters
   bool decentred;  ///< p1, p2 come last and act on the image plane of the radial part; Brown's own stand in OpenCV's order
 };
 
@@ -66,8 +66,7 @@ TensorPair Decentring(const at::Tensor& p1, const at::Tensor& p2, const at::Tens
 
 TensorPair Brown(const std::vector<at::Tensor>& k, const at::Tensor& a, const at::Tensor& b) {
   const at::Tensor r2 = a * a + b * b;
-  const at::Tensor radial =
-      (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
+  const at::Tensor radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])));
   const auto [da, db] = Decentring(k[2], k[3], a, b);
   return {a * radial + da + r2 * (k[8] + r2 * k[9]), b * radial + db + r2 * (k[10] + r2 * k[11])};
 }
@@ -103,7 +102,8 @@ TensorPair Wide(const Lens& lens, const at::Tensor& params, const at::Tensor& x,
 
 at::Tensor ProjectTensor(const std::string& lens_model, const at::Tensor& params, const at::Tensor& x_in_cam) {
   const Lens& lens = LensOf(lens_model);
-  MVS_CHECK(params.size(-1) == 4 + lens.count, lens_model << " has " << 4 + lens.count << " parameters, not " << params.size(-1));
+  MVS_CHECK(params.size(-1) == 4 + lens.count,
+            lens_model << " has " << 4 + lens.count << " parameters, not " << params.size(-1));
   MVS_CHECK(x_in_cam.size(-1) == 3, "points must be (..., 3)");
   const at::Tensor x = x_in_cam.select(-1, 0), y = x_in_cam.select(-1, 1), z = x_in_cam.select(-1, 2);
   const bool perspective = lens.family == Lens::kBrown;

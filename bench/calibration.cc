@@ -9,6 +9,7 @@
 #include <string>
 
 #include "bench/quality.h"
+#include "calib/projection_uncertainty.h"
 #include "core/parallel.h"
 
 namespace mvstudio::bench {
@@ -31,6 +32,19 @@ Solution SolveByUs(const RigScene& scene, calib::BundleOptions options, int num_
   solution.report = calib::SolveBundle(&solution.views, &solution.state, options);
   solution.seconds = watch.Seconds();
   return solution;
+}
+
+UncertaintyMap MapByUs(const Solution& solution, calib::BundleOptions options, int num_threads) {
+  options.num_threads = num_threads;
+  const Stopwatch watch;
+  const calib::ProjectionUncertainty uncertainty(solution.views, solution.state, options, kNoisePx);
+  const Eigen::MatrixXd sigmas = uncertainty.UncertaintyMap(0, kMapCols, kMapRows, kMapDistance);
+  UncertaintyMap map;
+  map.seconds = watch.Seconds();
+  for (int row = 0; row < kMapRows; ++row) {
+    for (int col = 0; col < kMapCols; ++col) map.sigma_px.push_back(sigmas(row, col));
+  }
+  return map;
 }
 
 /// 2-D root mean square over the corners that were kept, and how many were not.
@@ -80,15 +94,16 @@ class Table {
                      {"seconds", solution.seconds},
                      {"ratio", ratio}});
   }
-  void AddMap(const std::string& problem, const std::string& method, UncertaintyMap map, double peer_seconds) {
+  void AddMap(const std::string& problem, const std::string& method, UncertaintyMap map, double peer_seconds, double difference) {
     std::sort(map.sigma_px.begin(), map.sigma_px.end());
     const double median = map.sigma_px[map.sigma_px.size() / 2], largest = map.sigma_px.back();
-    std::printf("%-34s %-22s median %.4f px, largest %.4f px %20.3f %7.2f\n", problem.c_str(), method.c_str(), median, largest,
-                map.seconds, map.seconds / peer_seconds);
+    std::printf("%-34s %-22s median %.4f px, largest %.4f px, differ %7.1e %7.3f %7.2f\n", problem.c_str(), method.c_str(), median, largest,
+                difference, map.seconds, map.seconds / peer_seconds);
     rows_.push_back({{"problem", problem},
                      {"method", method},
                      {"median_sigma_px", median},
                      {"max_sigma_px", largest},
+                     {"max_relative_difference", difference},
                      {"seconds", map.seconds},
                      {"ratio", map.seconds / peer_seconds}});
   }
@@ -122,7 +137,12 @@ void BenchSize(const Size& size, uint64_t seed, Table* table) {
     table->Add(name, "mvstudio, " + std::to_string(threads) + " threads", all, peer);
     if (reject) continue;
     const UncertaintyMap map = MapByMrcal(peer, scene.board, options, 0, kMapCols, kMapRows, kMapDistance, kNoisePx);
-    table->AddMap(Name(scene, ", 12x8 map"), "mrcal's way", map, map.seconds);
+    const UncertaintyMap ours = MapByUs(peer, options, threads);
+    double difference = 0;
+    for (size_t i = 0; i < map.sigma_px.size(); ++i)
+      difference = std::max(difference, std::abs(ours.sigma_px[i] / map.sigma_px[i] - 1));
+    table->AddMap(Name(scene, ", 12x8 map"), "mrcal's way", map, map.seconds, 0);
+    table->AddMap(Name(scene, ", 12x8 map"), "mvstudio, " + std::to_string(threads) + " threads", ours, map.seconds, difference);
   }
 }
 

@@ -1,5 +1,5 @@
-// The three bundle adjustment problems that come with Ceres (data/libmv-ba-problems: camera motion from film shots, one lens for
-// all images, focal length, k1 and k2 free), solved by SolvePointBundle and by Ceres in the same run.
+// The three bundle adjustment problems that come with Ceres (data/libmv-ba-problems: camera motion from film shots, one lens
+// for all images, focal length, k1 and k2 free), solved by SolvePointBundle and by Ceres in the same run.
 //   bench_libmv_ba [FOLDER [OUT.json]]
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
@@ -126,8 +126,8 @@ Outcome SolveByCeres(const Problem& input, bool as_example, int threads) {
   const Stopwatch watch;
   ceres::Problem problem;
   for (const PointObservation& o : p.observations) {
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ReprojectionError, 2, 8, 6, 3>(new ReprojectionError{o.px}), nullptr, lens,
-                             poses[o.camera_idx].data(), p.scene.points.col(o.point_idx).data());
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ReprojectionError, 2, 8, 6, 3>(new ReprojectionError{o.px}),
+                             nullptr, lens, poses[o.camera_idx].data(), p.scene.points.col(o.point_idx).data());
   }
   problem.SetParameterBlockConstant(poses[input.observations[0].camera_idx].data());
   problem.SetManifold(lens, new ceres::SubsetManifold(8, {1, 2, 5, 6, 7}));
@@ -177,12 +177,17 @@ int Run(const std::string& folder, const std::string& out) {
                                            SolveByCeres(problem, false, threads)};
     for (const Outcome& o : outcomes) {
       const double excess = o.cost / reference[i] - 1;
-      std::printf("%-10s %-24s %12.4f %+10.1e %9.3f %6d %10.2f\n", name.c_str(), o.method.c_str(), o.cost, excess, o.seconds, o.iterations,
-                  o.focal_px);
-      rows.push_back({{"problem", name}, {"method", o.method}, {"cost", o.cost}, {"reference_cost", reference[i]}, {"seconds", o.seconds}, {"steps", o.iterations}});
+      std::printf("%-10s %-24s %12.4f %+10.1e %9.3f %6d %10.2f\n", name.c_str(), o.method.c_str(), o.cost, excess, o.seconds,
+                  o.iterations, o.focal_px);
+      rows.push_back({{"problem", name},
+                      {"method", o.method},
+                      {"cost", o.cost},
+                      {"reference_cost", reference[i]},
+                      {"seconds", o.seconds},
+                      {"steps", o.iterations}});
     }
-    std::printf("%-10s time ratio to Ceres' example %.3f, to sparse Cholesky %.3f\n", "", outcomes[0].seconds / outcomes[1].seconds,
-                outcomes[0].seconds / outcomes[2].seconds);
+    std::printf("%-10s time ratio to Ceres' example %.3f, to sparse Cholesky %.3f\n", "",
+                outcomes[0].seconds / outcomes[1].seconds, outcomes[0].seconds / outcomes[2].seconds);
     reached &= outcomes[0].cost <= reference[i] * (1 + 1e-4);
   }
   if (!out.empty()) WriteFileAtomic(out, rows.dump(2) + "\n");
@@ -195,7 +200,8 @@ int Run(const std::string& folder, const std::string& out) {
 
 int main(int argc, char** argv) {
   const char* data = std::getenv("MVSTUDIO_DATA");
-  const std::string folder = argc > 1 ? argv[1] : std::string(data ? data : "../shared/data") + "/libmv_ba/data/libmv-ba-problems";
+  const std::string folder =
+      argc > 1 ? argv[1] : std::string(data ? data : "../shared/data") + "/libmv_ba/data/libmv-ba-problems";
   try {
     return mvstudio::bench::Run(folder, argc > 2 ? argv[2] : "");
   } catch (const mvstudio::Error& error) {

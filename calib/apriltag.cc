@@ -30,12 +30,15 @@ struct Creator {
   apriltag_family_t* (*create)();
 };
 
-constexpr Creator kCreators[] = {
-    {"36h11", tag36h11_create},           {"25h9", tag25h9_create},
-    {"16h5", tag16h5_create},             {"36h10", tag36h10_create},
-    {"Circle21h7", tagCircle21h7_create}, {"Circle49h12", tagCircle49h12_create},
-    {"Custom48h12", tagCustom48h12_create}, {"Standard41h12", tagStandard41h12_create},
-    {"Standard52h13", tagStandard52h13_create}};
+constexpr Creator kCreators[] = {{"36h11", tag36h11_create},
+                                 {"25h9", tag25h9_create},
+                                 {"16h5", tag16h5_create},
+                                 {"36h10", tag36h10_create},
+                                 {"Circle21h7", tagCircle21h7_create},
+                                 {"Circle49h12", tagCircle49h12_create},
+                                 {"Custom48h12", tagCustom48h12_create},
+                                 {"Standard41h12", tagStandard41h12_create},
+                                 {"Standard52h13", tagStandard52h13_create}};
 
 constexpr int kMinImagePx = 16;        // the library's tiles need a few pixels
 constexpr uint32_t kManyTags = 10000;  // a table of all words two bits away from so many would take gigabytes
@@ -139,7 +142,8 @@ std::string TagFamilyNames() {
 std::optional<TagFamily> FindTagFamily(const std::string& name) {
   const apriltag_family_t* family = AllFamilies().Get(name, 1);
   if (!family) return std::nullopt;
-  return TagFamily{name, static_cast<int>(family->ncodes), family->width_at_border, family->total_width, family->reversed_border};
+  return TagFamily{name, static_cast<int>(family->ncodes), family->width_at_border, family->total_width,
+                   family->reversed_border};
 }
 
 TagPattern PatternOf(const TagFamily& family, int id, int border) {
@@ -162,14 +166,14 @@ std::vector<Tag> FindTags(const TagFamily& family, TagBorder border, const Image
   MVS_CHECK(grey.channels == 1, grey.channels << " channels");
   if (std::min(grey.width, grey.height) < kMinImagePx) return {};
   const std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector(apriltag_detector_create(),
-                                                                                     &Families::Release);
+                                                                                      &Families::Release);
   detector->quad_decimate = 1;
   detector->refine_edges = false;
   detector->nthreads = 1;
   const apriltag_family_t* wide = nullptr;
   for (const int cells : {1, 2}) {
-    const bool wanted = cells == 1 ? border != TagBorder::kWide || family.white_inside
-                                   : border != TagBorder::kNarrow && !family.white_inside;
+    const bool wanted =
+        cells == 1 ? border != TagBorder::kWide || family.white_inside : border != TagBorder::kNarrow && !family.white_inside;
     if (!wanted) continue;
     apriltag_family_t* ready = AllFamilies().GetReady(family.name, cells);
     apriltag_detector_add_family(detector.get(), ready);

@@ -25,12 +25,14 @@ constexpr int kFewTags = 100;         // families with so few tags see some in a
 constexpr int kLeastMarkersSeen = 3;  // in all images together, for a dictionary to count as seen
 
 /// The dictionaries that hold all others as their beginning.
-constexpr const char* kWholeDictionaries[] = {"4x4_1000",      "5x5_1000",      "6x6_1000",       "7x7_1000",      "aruco_original",
-                                              "apriltag_16h5", "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+constexpr const char* kWholeDictionaries[] = {"4x4_1000",      "5x5_1000",       "6x6_1000",
+                                              "7x7_1000",      "aruco_original", "apriltag_16h5",
+                                              "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
 
 Image Mirrored(const Image& grey) {
   Image mirrored(grey.width, grey.height, 1);
-  for (int v = 0; v < grey.height; ++v) std::reverse_copy(grey.Pixel(0, v), grey.Pixel(0, v) + grey.width, mirrored.Pixel(0, v));
+  for (int v = 0; v < grey.height; ++v)
+    std::reverse_copy(grey.Pixel(0, v), grey.Pixel(0, v) + grey.width, mirrored.Pixel(0, v));
   return mirrored;
 }
 
@@ -80,8 +82,9 @@ int Count(const std::vector<MarkersOfImage>& images) {
 
 /// 4x4 of 4x4_1000: dictionaries of one kind differ in length only.
 std::string FamilyOf(const std::string& dictionary) {
-  return dictionary.rfind("apriltag", 0) == 0 || dictionary.find("x") == std::string::npos ? dictionary
-                                                                                           : dictionary.substr(0, dictionary.find('_'));
+  return dictionary.rfind("apriltag", 0) == 0 || dictionary.find("x") == std::string::npos
+             ? dictionary
+             : dictionary.substr(0, dictionary.find('_'));
 }
 
 struct Candidate {
@@ -110,7 +113,8 @@ class Candidates {
     board.marker_m *= scale;
     const bool alike = given_ && given_->kind == board.kind;
     if (alike && FamilyOf(board.dictionary) == FamilyOf(given_->dictionary)) board.dictionary = given_->dictionary;
-    const bool same_ratio = alike && board.kind == Board::Kind::kCharuco && std::abs(board.marker_m - given_->marker_m) < 0.03 * scale;
+    const bool same_ratio =
+        alike && board.kind == Board::Kind::kCharuco && std::abs(board.marker_m - given_->marker_m) < 0.03 * scale;
     if (same_ratio) board.marker_m = given_->marker_m;
     if (alike && board.kind == Board::Kind::kAprilGrid && std::abs(board.tag_spacing - given_->tag_spacing) < 0.03) {
       board.tag_spacing = given_->tag_spacing;
@@ -127,7 +131,8 @@ class Candidates {
 
 /// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
 void AddMiscounts(const Board& given, Candidates* candidates) {
-  if (given.kind != Board::Kind::kChessboard && given.kind != Board::Kind::kCharuco && given.kind != Board::Kind::kAprilGrid) return;
+  if (given.kind != Board::Kind::kChessboard && given.kind != Board::Kind::kCharuco && given.kind != Board::Kind::kAprilGrid)
+    return;
   for (const int more : {0, -1, 1}) {
     for (const bool exchanged : {false, true}) {
       Board board = given;
@@ -195,44 +200,56 @@ TagFinds TagsIn(const std::vector<Image>& images, const TagFamily& family, int n
   return finds;
 }
 
-/// AprilGrids and lone tags of every family, also mirrored. Fills `tags` with what is seen in the images as they are.
+/// The grid that the tags make, or each of them alone.
+void AddBoardsOfTags(const TagFinds& finds, const std::string& family, int border, const std::optional<Board>& given,
+                     bool mirrored, Candidates* candidates) {
+  if (auto grid = GuessAprilGrid(family, finds.markers, given)) {
+    grid->tag_border = border;
+    candidates->AddGuess(*grid, mirrored);
+    return;
+  }
+  std::set<int> ids;
+  for (const SeenTag& tag : finds.tags) ids.insert(tag.id);
+  for (int id : ids) {
+    Board board;
+    board.kind = Board::Kind::kTag;
+    board.cols = board.rows = 1;
+    board.dictionary = family;
+    board.first_tag = id;
+    board.tag_border = border;
+    candidates->AddGuess(board, mirrored);
+  }
+}
+
+/// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
+/// seen in the images as they are.
 void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
                    std::vector<SeenTag>* tags) {
-  for (const std::string& name : AllTagFamilies()) {
+  std::vector<std::string> names = AllTagFamilies();
+  const bool has_wish = given && given->has_tags();
+  if (has_wish) std::stable_partition(names.begin(), names.end(), [&](const auto& name) { return name == given->dictionary; });
+  for (const std::string& name : names) {
     const TagFamily family = *FindTagFamily(name);
-    const TagFinds plain = TagsIn(pictures.grey, family, num_threads), mirrored = TagsIn(pictures.mirrored, family, num_threads);
+    const TagFinds plain = TagsIn(pictures.grey, family, num_threads),
+                   mirrored = TagsIn(pictures.mirrored, family, num_threads);
     const bool is_mirrored = mirrored.tags.size() > plain.tags.size();
     const TagFinds& finds = is_mirrored ? mirrored : plain;
-    const bool asked = given && given->has_tags() && given->dictionary == name;
+    const bool asked = has_wish && given->dictionary == name;
     if (!asked && (family.num_tags < kFewTags || finds.tags.size() < kLeastMarkersSeen)) continue;
     if (!is_mirrored) tags->insert(tags->end(), finds.tags.begin(), finds.tags.end());
+    const bool enough = asked && !finds.tags.empty();
     int wide = 0;
     for (const SeenTag& tag : finds.tags) wide += tag.border == 2 ? 1 : -1;
-    const auto grid = GuessAprilGrid(name, finds.markers, given);
-    if (grid) {
-      Board board = *grid;
-      board.tag_border = wide > 0 ? 2 : 1;
-      candidates->AddGuess(board, is_mirrored);
-      continue;
-    }
-    std::set<int> ids;
-    for (const SeenTag& tag : finds.tags) ids.insert(tag.id);
-    for (int id : ids) {
-      Board board;
-      board.kind = Board::Kind::kTag;
-      board.cols = board.rows = 1;
-      board.dictionary = name;
-      board.first_tag = id;
-      board.tag_border = wide > 0 ? 2 : 1;
-      candidates->AddGuess(board, is_mirrored);
-    }
+    AddBoardsOfTags(finds, name, wide > 0 ? 2 : 1, given, is_mirrored, candidates);
+    if (enough) return;
   }
 }
 
 void AddChessboardGuesses(const Pictures& pictures, int num_threads, Candidates* candidates) {
   const int looks = std::min<int>(kChessboardLooks, static_cast<int>(pictures.grey.size()));
   std::vector<std::optional<std::pair<int, int>>> sizes(looks);
-  ParallelFor(looks, num_threads, [&](int64_t i) { sizes[i] = GuessChessboard(pictures.grey[i * pictures.grey.size() / looks]); });
+  ParallelFor(looks, num_threads,
+              [&](int64_t i) { sizes[i] = GuessChessboard(pictures.grey[i * pictures.grey.size() / looks]); });
   for (const auto& size : sizes) {
     if (!size) continue;
     Board board;
@@ -308,7 +325,9 @@ void TryNew(const Candidates& candidates, const std::optional<Board>& given, con
 
 void Sort(BoardCheckReport* report) {
   std::stable_sort(report->trials.begin(), report->trials.end(), [](const BoardTrial& a, const BoardTrial& b) {
-    const auto rank = [](const BoardTrial& t) { return std::make_pair(t.num_corners, t.board.kind != Board::Kind::kChessboard); };
+    const auto rank = [](const BoardTrial& t) {
+      return std::make_pair(t.num_corners, t.board.kind != Board::Kind::kChessboard);
+    };
     return rank(a) > rank(b);
   });
   report->best.reset();

@@ -21,8 +21,8 @@ constexpr double kPtPerMm = 72 / 25.4;
 constexpr double kPrinterMargin = 5;  // mm that printers leave white
 constexpr double kStrip = 17;         // mm below the board for ruler and text
 constexpr double kRuler = 100, kRulerRoom = 112;
-constexpr double kFont = 2.8;             // mm
-constexpr double kCharWidth = 0.56;       // of the font's height, Helvetica's digits and small letters
+constexpr double kFont = 2.8;        // mm
+constexpr double kCharWidth = 0.56;  // of the font's height, Helvetica's digits and small letters
 constexpr double kMaxPixels = 4e8;
 
 struct Paper {
@@ -55,9 +55,10 @@ void ChoosePage(const Board& board, const std::string& paper, double width, doub
   } else if (width <= room_y && height <= room_x) {
     page->width = found->height, page->height = found->width;
   } else {
-    throw UsageError(Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
-                            "paper (--paper a3 or none) or a smaller board",
-                            ToString(board).c_str(), width, height, found->name, room_x, room_y));
+    throw UsageError(
+        Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
+               "paper (--paper a3 or none) or a smaller board",
+               ToString(board).c_str(), width, height, found->name, room_x, room_y));
   }
 }
 
@@ -131,7 +132,9 @@ std::string PhysChunk(uint32_t px_per_m) {
 void Darken(const BoardPage::Rect& rect, double px_per_mm, cv::Mat* page) {
   const double x0 = rect.x * px_per_mm, x1 = (rect.x + rect.width) * px_per_mm;
   const double y0 = rect.y * px_per_mm, y1 = (rect.y + rect.height) * px_per_mm;
-  const auto share = [](double low, double high, int i) { return std::max(0.0, std::min(high, i + 1.0) - std::max(low, double(i))); };
+  const auto share = [](double low, double high, int i) {
+    return std::max(0.0, std::min(high, i + 1.0) - std::max(low, double(i)));
+  };
   for (int v = std::max(0, static_cast<int>(y0)); v < std::min<double>(page->rows, std::ceil(y1)); ++v) {
     float* row = page->ptr<float>(v);
     const double height = share(y0, y1, v);
@@ -188,7 +191,8 @@ std::string ToSvg(const BoardPage& page) {
   for (const auto& r : page.rects) svg += Format("M%.5f %.5fh%.5fv%.5fh%.5fz\n", r.x, r.y, r.width, r.height, -r.width);
   svg += "\"/>\n";
   for (const auto& t : page.texts) {
-    svg += Format("<text x=\"%.4f\" y=\"%.4f\" font-family=\"Helvetica,Arial,sans-serif\" font-size=\"%.4f\">", t.x, t.y, t.size);
+    svg +=
+        Format("<text x=\"%.4f\" y=\"%.4f\" font-family=\"Helvetica,Arial,sans-serif\" font-size=\"%.4f\">", t.x, t.y, t.size);
     svg += EscapeXml(t.text) + "</text>\n";
   }
   return svg + "</svg>\n";
@@ -206,7 +210,7 @@ std::string ToPng(const BoardPage& page, double dpi) {
   constexpr double kCapHeight = 22;  // px of the font at scale 1
   for (const auto& t : page.texts) {
     const cv::Point at(static_cast<int>(t.x * px_per_mm), static_cast<int>(t.y * px_per_mm));
-    cv::putText(grey, t.text, at, cv::FONT_HERSHEY_SIMPLEX, 0.7 * t.size * px_per_mm / kCapHeight, cv::Scalar(0), 
+    cv::putText(grey, t.text, at, cv::FONT_HERSHEY_SIMPLEX, 0.7 * t.size * px_per_mm / kCapHeight, cv::Scalar(0),
                 std::max(1, static_cast<int>(0.08 * t.size * px_per_mm)), cv::LINE_AA);
   }
   std::vector<uint8_t> bytes;

@@ -14,7 +14,7 @@ namespace mvstudio::calib {
 namespace {
 
 constexpr int kMaxCols = 30;
-constexpr int kLeastMarkers = 5;     // of an image, for its layout to be told
+constexpr int kLeastMarkers = 5;       // of an image, for its layout to be told
 constexpr double kMaxMisplaced = 0.2;  // of a marker's side
 constexpr int kLargestPx = 1600;
 
@@ -63,6 +63,12 @@ LayoutFit FitLayout(const std::vector<MarkersOfImage>& images, const CentreOf& c
 
 double MedianOf(const std::vector<double>& values) {
   return Median(Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())));
+}
+
+/// To a hundredth, or to a twentieth when that is as likely: the detectors' outlines are a fraction of a pixel off.
+double RoundRatio(double ratio) {
+  const double coarse = std::round(ratio * 20) / 20, fine = std::round(ratio * 100) / 100;
+  return coarse > 0 && std::abs(ratio - coarse) < 0.021 ? coarse : fine;
 }
 
 int LargestId(const std::vector<MarkersOfImage>& images) {
@@ -117,7 +123,7 @@ std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vect
   }
   if (!best || side <= 0.05 || side >= 1) return std::nullopt;
   best->square_m = 1;
-  best->marker_m = std::round(side * 100) / 100;
+  best->marker_m = RoundRatio(side);
   const bool same = hint && hint->kind == Board::Kind::kCharuco && hint->cols == best->cols && hint->rows >= best->rows;
   if (same && (!best->legacy || hint->rows % 2 == 1)) best->rows = hint->rows;
   return best;
@@ -148,7 +154,7 @@ std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector
       board.cols = cols;
       board.rows = (LargestId(images) - first) / cols + 1;
       board.square_m = 1;
-      board.tag_spacing = std::round(100 * (1 / side - 1)) / 100;
+      board.tag_spacing = RoundRatio(1 / side - 1);
       board.first_tag = first;
       best = board;
     }

@@ -18,7 +18,7 @@ using MarkersOfImage = std::map<int, Eigen::Matrix<double, 2, 4>>;
 std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& images,
                                   const std::optional<Board>& hint);
 
-/// Same for an AprilGrid (square_m = 1), with the gap measured to a hundredth of a tag's side.
+/// Same for an AprilGrid (square_m = 1), with the gap measured to a few hundredths of a tag's side.
 std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector<MarkersOfImage>& images,
                                     const std::optional<Board>& hint);
 

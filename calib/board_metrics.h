@@ -1,12 +1,30 @@
 #pragma once
 
+#include <utility>
+#include <vector>
+
+#include "calib/board.h"
+#include "calib/view.h"
+
 namespace mvstudio::calib {
 
-/// Board corners triangulated from all cameras that see them, against the board.
+/// Board corners triangulated from all cameras that see them, against the board. NaN where nothing could be measured.
 struct BoardMetrics {
-  double edge_rms_mm = 0, edge_median_mm = 0, edge_bias_mm = 0;
-  double pair_rms_mm = 0, pair_bias_mm = 0;
-  double reprojection_rms_px = 0, reprojection_median_px = 0;
+  double edge_rms_mm = 0, edge_median_mm = 0,
+         edge_bias_mm = 0;                                     ///< of neighbouring corners; median of |error|, bias: mean error
+  double pair_rms_mm = 0, pair_bias_mm = 0;                    ///< of all pairs of corners of a board in a frame
+  double reprojection_rms_px = 0, reprojection_median_px = 0;  ///< 2-D, of the triangulated points in all their images
+  int num_frames = 0, num_points = 0, num_edges = 0;
 };
+
+/// Triangulates every corner that two cameras or more see in a frame, cameras fixed as in `state`, by least squares of the
+/// pixel errors; boards' poses in `state` are not used, weights neither: no corner is rejected, only those that have no ray, no
+/// parallax or no place in front of their cameras are left out. Distances are measured minus true (positive bias: too long).
+/// Neighbours: along rows and columns of a grid; the sides of a tag; of single points, those that are each other's nearest.
+/// `views` decide which frames take part. Time offsets are left out of account. (caliscope, "scale accuracy").
+BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state);
+
+/// Pairs of neighbouring corners as above, each once, the smaller id first.
+std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board);
 
 }  // namespace mvstudio::calib

@@ -34,7 +34,8 @@ void AddCells(const std::vector<uint8_t>& black, int cols, double x, double y, d
 void AddMarker(const cv::Mat& bits, const Board& board, const Eigen::Vector2d& low, BoardPrint* print) {
   const double side = board.square_m, marker = board.marker_m, gap = (side - marker) / 2;
   std::vector<uint8_t> black;
-  for (int i = 0; i < bits.rows * bits.cols; ++i) black.push_back((bits.at<uint8_t>(i / bits.cols, i % bits.cols) < 128) != board.inverted);
+  for (int i = 0; i < bits.rows * bits.cols; ++i)
+    black.push_back((bits.at<uint8_t>(i / bits.cols, i % bits.cols) < 128) != board.inverted);
   AddCells(black, bits.cols, low.x() + gap, low.y() + gap, marker / bits.cols, print);
   if (!board.inverted) return;
   Add(low.x(), low.y(), side, gap, print);
@@ -98,7 +99,9 @@ BoardPrint TagsPrint(const Board& board) {
 
 /// Adds 255 times the share of every pixel that the rectangle [x0, x1] x [y0, y1] (pixel edges are whole numbers) covers.
 void Cover(double x0, double y0, double x1, double y1, int width, int height, std::vector<float>* grey) {
-  const auto share = [](double low, double high, int i) { return std::max(0.0, std::min(high, i + 1.0) - std::max(low, double(i))); };
+  const auto share = [](double low, double high, int i) {
+    return std::max(0.0, std::min(high, i + 1.0) - std::max(low, double(i)));
+  };
   const int v0 = std::max(0, static_cast<int>(std::floor(y0))), v1 = std::min(height - 1, static_cast<int>(std::ceil(y1)) - 1);
   const int u0 = std::max(0, static_cast<int>(std::floor(x0))), u1 = std::min(width - 1, static_cast<int>(std::ceil(x1)) - 1);
   for (int v = v0; v <= v1; ++v) {

@@ -18,7 +18,30 @@ constexpr int kRejectRounds = 6;
 constexpr double kRobustTolerance = 1e-3, kRejectTolerance = 1e-5;  // relative decrease of the cost that ends these rounds
 constexpr double kDistanceToSigma = 0.8493218;  // median 2-D distance to standard deviation per coordinate
 constexpr double kMinSigmaPx = 1e-7;            // below it, residuals are rounding errors and nothing is an outlier
-constexpr double kRoundingPx = 3e-12;
+
+/// Residuals below this are the rounding errors of pixel coordinates.
+double RoundingPx(const RigState& state) {
+  int size = 0;
+  for (const geometry::Camera& camera : state.cameras) size = std::max({size, camera.width_px, camera.height_px});
+  return 16 * std::numeric_limits<double>::epsilon() * std::max(1000, size);
+}
+
+/// Moves the world so that its origin lies at `origin_in_world`.
+void MoveOrigin(const Eigen::Vector3d& origin_in_world, RigState* state) {
+  for (Rigid3& world_from_board : state->world_from_board) world_from_board.translation -= origin_in_world;
+  for (Rigid3& cam_from_world : state->cam_from_world) cam_from_world.translation += cam_from_world.rotation * origin_in_world;
+}
+
+/// Where the boards are, when that is so far from the origin that coordinates would lose digits; zero otherwise.
+Eigen::Vector3d FarCentre(const RigState& state) {
+  constexpr double kFar = 1e3;  // spreads
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  if (state.world_from_board.empty()) return centre;
+  for (const Rigid3& pose : state.world_from_board) centre += pose.translation / static_cast<double>(state.world_from_board.size());
+  double spread = 0;
+  for (const Rigid3& pose : state.world_from_board) spread = std::max(spread, (pose.translation - centre).norm());
+  return centre.norm() > kFar * spread ? centre : Eigen::Vector3d(Eigen::Vector3d::Zero());
+}
 
 /// One least-squares solution with the weights as they are.
 Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, double tolerance, RigState* state,
@@ -35,7 +58,9 @@ Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, d
   SchurLmOptions lm;
   lm.max_iterations = options.max_iterations;
   lm.cost_tolerance = tolerance;
-  lm.negligible_cost = 2 * static_cast<double>(corners) * kRoundingPx * kRoundingPx;
+  lm.first_damping = options.first_damping;
+  const double rounding_px = RoundingPx(*state);
+  lm.negligible_cost = 2 * static_cast<double>(corners) * rounding_px * rounding_px;
   lm.num_threads = options.num_threads;
   const SchurLmReport report = SolveSchurLm(&problem, &system, lm);
   *iterations += report.num_iterations;
@@ -189,27 +214,43 @@ std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, co
   return all;
 }
 
-BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options) {
-  if (const auto failed = CheckInput(*views, *state)) return *failed;
-  std::vector<Eigen::VectorXd> prior;
-  for (const View& view : *views) prior.push_back(view.weights);
-  BundleReport report;
-  const char* const kUnusable = "the start of the adjustment puts corners behind a camera";
+namespace {
+
+Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& options, const std::vector<Eigen::VectorXd>& prior,
+               BundleReport* report) {
   for (double scale : kRobustScales) {
     if (!options.reject_outliers) break;
     SetRobustWeights(*state, prior, scale, views);
-    if (SolveOnce(*views, options, kRobustTolerance, state, &report.num_iterations) == Status::kBehindCamera)
-      return Failed(Status::kBehindCamera, kUnusable);
+    if (SolveOnce(*views, options, kRobustTolerance, state, &report->num_iterations) == Status::kBehindCamera)
+      return Status::kBehindCamera;
   }
   for (size_t v = 0; v < views->size(); ++v) (*views)[v].weights = prior[v];
   for (int round = 0; options.reject_outliers && round < kRejectRounds; ++round) {
     const int changes = SetRejections(*state, prior, options.reject_sigmas, views);
     if (round > 0 && changes == 0) break;
-    if (SolveOnce(*views, options, kRejectTolerance, state, &report.num_iterations) == Status::kBehindCamera)
-      return Failed(Status::kBehindCamera, kUnusable);
+    if (SolveOnce(*views, options, kRejectTolerance, state, &report->num_iterations) == Status::kBehindCamera)
+      return Status::kBehindCamera;
   }
-  report.status = SolveOnce(*views, options, options.cost_tolerance, state, &report.num_iterations);
-  if (report.status == Status::kBehindCamera) return Failed(Status::kBehindCamera, kUnusable);
+  const Status status = SolveOnce(*views, options, options.cost_tolerance, state, &report->num_iterations);
+  // The last digits may let corners back in (without noise, hundreds).
+  if (status != Status::kOk || !options.reject_outliers) return status;
+  if (SetRejections(*state, prior, options.reject_sigmas, views) == 0) return status;
+  return SolveOnce(*views, options, options.cost_tolerance, state, &report->num_iterations);
+}
+
+}  // namespace
+
+BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options) {
+  if (const auto failed = CheckInput(*views, *state)) return *failed;
+  std::vector<Eigen::VectorXd> prior;
+  for (const View& view : *views) prior.push_back(view.weights);
+  BundleReport report;
+  const Eigen::Vector3d centre = FarCentre(*state);
+  MoveOrigin(centre, state);
+  report.status = Iterate(views, state, options, prior, &report);
+  MoveOrigin(-centre, state);
+  if (report.status == Status::kBehindCamera)
+    return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
   if (report.status != Status::kOk) report.message = "the adjustment did not reach its tolerance";
   Summarize(*views, *state, options, prior, &report);
   return report;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <set>
+#include <tuple>
 
 #include "calib/calibrate_steps.h"
 #include "calib/frame_offset.h"
@@ -82,7 +83,9 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
   NormalizeWeights(&all);
   const int step = HoldoutStep(options.holdout);
   for (View& view : all) {
-    const bool out = step > 0 && view.frame % step == step - 1;
+    const auto& listed = input.held_out_frames;
+    const bool named = std::find(listed.begin(), listed.end(), work->frames[view.frame]) != listed.end();
+    const bool out = named || (step > 0 && view.frame % step == step - 1);
     (out ? work->held_out : work->views).push_back(std::move(view));
   }
   for (const View& view : work->views) work->prior.push_back(view.weights);
@@ -117,7 +120,7 @@ void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options
 }
 
 /// Cameras in one frame, the gauge chosen.
-bool PlaceCameras(const World& world, Work* work, CalibrateReport* report) {
+bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {
   work->state.frames = work->frames;
   RigInitOptions init;
   init.known_cam_from_world = work->known_poses;
@@ -127,6 +130,9 @@ bool PlaceCameras(const World& world, Work* work, CalibrateReport* report) {
     Stop(start.status, start.message, report);
     return false;
   }
+  // Boards that no frame links to the first one have no place of their own to be found.
+  work->bundle.fix_board.assign(input.boards.size(), false);
+  for (const std::vector<int>& group : start.board_components) work->bundle.fix_board[group[0]] = true;
   // All corners of the boards that have a pose get their say again.
   for (size_t v = 0; v < work->views.size(); ++v) {
     if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
@@ -210,12 +216,30 @@ void CheckInput(const CalibrateInput& input) {
               "camera " << camera.name << " is " << camera.width_px << "x" << camera.height_px);
     if (!names.insert(camera.name).second) throw UsageError("camera '" + camera.name + "' is given twice");
   }
-  std::set<std::pair<int, int64_t>> seen;
+  std::set<std::tuple<int, int64_t, int>> seen;
   for (const Detection& d : input.detections) {
     MVS_CHECK(d.camera_idx >= 0 && d.camera_idx < static_cast<int>(input.cameras.size()),
               "detection of camera " << d.camera_idx);
-    MVS_CHECK(seen.insert({d.camera_idx, d.frame_idx}).second,
+    MVS_CHECK(seen.insert({d.camera_idx, d.frame_idx, d.board_idx}).second,
               "camera " << d.camera_idx << " has frame " << d.frame_idx << " twice");
+  }
+}
+
+/// Triangulated corners against the boards, and what the noise does to projections.
+void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, CalibrateReport* report) {
+  if (!options.intrinsics_only) {
+    const std::vector<View>& judged = work.held_out.empty() ? work.views : work.held_out;
+    report->board_metrics = ComputeBoardMetrics(input.boards, judged, work.state);
+  } else {
+    report->board_metrics = ComputeBoardMetrics(input.boards, {}, work.state);
+  }
+  if (report->status != Status::kOk) return;
+  const ProjectionUncertainty uncertainty(work.views, work.state, work.bundle, report->sigma_px);
+  report->uncertainty = uncertainty.Summarize();
+  constexpr int kCols = 12, kRows = 8;
+  for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
+    const double range_m = report->uncertainty.cameras[c].range_m;
+    report->uncertainty_maps.push_back(uncertainty.UncertaintyMap(static_cast<int>(c), kCols, kRows, range_m));
   }
 }
 
@@ -253,7 +277,7 @@ void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, c
   } else {
     if (!CheckFrames(options, &work, report)) return;
     TakeKnownPoses(input, options, &work);
-    if (!PlaceCameras(world, &work, report)) return;
+    if (!PlaceCameras(input, world, &work, report)) return;
     if (world.is_board && !UseBoardWorld(world, &work, report)) return;
   }
   stage.Advance(1, "rig");
@@ -261,6 +285,7 @@ void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, c
   stage.Advance(1, "adjustment");
   internal::FillReport(input, work, GaugeText(input, options, world, work), report);
   AddCovariance(work, report);
+  AddUncertainty(input, options, work, report);
   stage.Advance(1, "covariance");
 }
 
@@ -288,6 +313,8 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   for (size_t i = 0; i < order.size(); ++i) {
     if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
     if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];
+    if (!sorted.uncertainty_maps.empty()) report->uncertainty_maps[order[i]] = sorted.uncertainty_maps[i];
+    if (!sorted.uncertainty.cameras.empty()) report->uncertainty.cameras[order[i]] = sorted.uncertainty.cameras[i];
   }
   for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
   for (auto& component : report->components) {

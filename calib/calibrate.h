@@ -58,6 +58,7 @@ struct CalibrateInput {
   std::vector<CameraInput> cameras;
   std::vector<Detection> detections;
   int num_corners_dropped = 0;  ///< corners that the detector found and dropped, for rejected_fraction
+  std::vector<int64_t> held_out_frames;  ///< kept out of the solution besides those of CalibrateOptions::holdout
   std::optional<geometry::Rig> start;  ///< a calibration to start from; its cameras keep their lens models
 };
 
@@ -126,6 +127,7 @@ struct CalibrateReport {
   BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
   double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without
   UncertaintySummary uncertainty;
+  std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;
   int num_corners = 0, num_frames = 0;
   std::string gauge;

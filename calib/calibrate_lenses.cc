@@ -176,10 +176,23 @@ void ReportKind(const Kind& kind, CalibrateReport* report) {
   }
 }
 
+/// What is worth another look with bent boards.
+std::vector<LensConfig> Promising(const LensChoice& choice) {
+  constexpr double kWorthwhile = 1.3;
+  double best = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : choice.candidates) best = std::min(best, candidate.relative_error);
+  std::vector<LensConfig> configs;
+  for (const LensCandidate& candidate : choice.candidates) {
+    if (candidate.relative_error <= kWorthwhile * best) configs.push_back(candidate.config);
+  }
+  return configs;
+}
+
 void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, bool fixed, bool warp, const RunContext& run,
                Kind* kind) {
   SelectionOptions selection = SelectionFor(input, options, *kind, fixed);
   selection.warp = warp;
+  if (warp) selection.only = Promising(kind->choice);
   BundleOptions bundle = options.bundle;
   bundle.refine_intrinsics = !fixed;
   kind->choice = ChooseLens(kind->pool, selection, bundle, run);

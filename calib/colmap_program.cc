@@ -39,7 +39,8 @@ std::string FindProgram(const std::string& name) {
   for (std::string folder; name.find('/') == std::string::npos && std::getline(folders, folder, ':');) {
     if (!folder.empty() && runs(folder + "/" + name)) return folder + "/" + name;
   }
-  throw MissingToolError("the program '" + name + "' is not there; install COLMAP (Debian: apt install colmap) or say where it is "
+  throw MissingToolError("the program '" + name +
+                         "' is not there; install COLMAP (Debian: apt install colmap) or say where it is "
                          "with --colmap");
 }
 
@@ -131,22 +132,55 @@ struct Work {
   int threads = 1;
 };
 
-void ExtractFeatures(const std::vector<SceneImage>& images, const Work& work, const ColmapOptions& options, ProgressStage* stage) {
+void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Work& work, const ColmapOptions& options,
+                 ProgressStage* stage) {
+  std::string list;
+  for (const std::string& name : names) list += name + "\n";
+  WriteFileAtomic(work.folder + "/list.txt", list);
+  const auto [model, params] = ToColmap(image.lens, image.lens_known);
+  RunProgram({work.program,
+              "feature_extractor",
+              "--database_path",
+              work.database,
+              "--image_path",
+              work.folder + "/images",
+              "--image_list_path",
+              work.folder + "/list.txt",
+              "--ImageReader.single_camera",
+              "1",
+              "--ImageReader.camera_model",
+              model,
+              "--ImageReader.camera_params",
+              params,
+              "--SiftExtraction.use_gpu",
+              "0",
+              "--SiftExtraction.num_threads",
+              std::to_string(work.threads),
+              "--SiftExtraction.max_num_features",
+              std::to_string(options.max_features)},
+             work.log, stage);
+  stage->Advance(static_cast<int64_t>(names.size()), image.camera);
+}
+
+/// Images whose lenses are not known share one, those of a size.
+void ExtractFeatures(const std::vector<SceneImage>& images, const Work& work, const ColmapOptions& options,
+                     ProgressStage* stage) {
   MakeFolder(work.folder + "/images");
+  std::map<std::pair<int, int>, std::pair<const SceneImage*, std::vector<std::string>>> unknown;
   for (const SceneImage& image : images) {
     const std::string name = image.camera + fs::path(image.path).extension().string();
     std::error_code error;
     fs::create_symlink(fs::absolute(image.path), work.folder + "/images/" + name, error);
     if (error) throw IoError(work.folder + "/images/" + name, "cannot be linked: " + error.message());
-    WriteFileAtomic(work.folder + "/list.txt", name + "\n");
-    const auto [model, params] = ToColmap(image.lens, image.lens_known);
-    RunProgram({work.program, "feature_extractor", "--database_path", work.database, "--image_path", work.folder + "/images",
-                "--image_list_path", work.folder + "/list.txt", "--ImageReader.camera_model", model, "--ImageReader.camera_params", params,
-                "--SiftExtraction.use_gpu", "0", "--SiftExtraction.num_threads", std::to_string(work.threads),
-                "--SiftExtraction.max_num_features", std::to_string(options.max_features)},
-               work.log, stage);
-    stage->Advance(1, image.camera);
+    if (image.lens_known) {
+      ExtractFrom({name}, image, work, options, stage);
+    } else {
+      auto& [first, names] = unknown[{image.lens.width_px, image.lens.height_px}];
+      first = &image;
+      names.push_back(name);
+    }
   }
+  for (const auto& [size, group] : unknown) ExtractFrom(group.second, *group.first, work, options, stage);
 }
 
 void Map(const std::vector<SceneImage>& images, const Work& work, ProgressStage* stage) {
@@ -154,14 +188,34 @@ void Map(const std::vector<SceneImage>& images, const Work& work, ProgressStage*
   for (const SceneImage& image : images) known &= image.lens_known;
   const std::string threads = std::to_string(work.threads), refine = known ? "0" : "1";
   RunProgram({work.program, "exhaustive_matcher", "--database_path", work.database, "--SiftMatching.use_gpu", "0",
-              "--SiftMatching.num_threads", threads, "--SiftMatching.guided_matching", "1"},
+              "--SiftMatching.num_threads", threads},
              work.log, stage);
   stage->Advance(1, "matching");
   MakeFolder(work.folder + "/model");
-  RunProgram({work.program, "mapper", "--database_path", work.database, "--image_path", work.folder + "/images", "--output_path",
-              work.folder + "/model", "--Mapper.num_threads", threads, "--Mapper.multiple_models", "0", "--Mapper.min_model_size", "2",
-              "--Mapper.extract_colors", "0", "--Mapper.init_min_tri_angle", "4", "--Mapper.tri_ignore_two_view_tracks", "0",
-              "--Mapper.ba_refine_focal_length", refine, "--Mapper.ba_refine_extra_params", refine},
+  RunProgram({work.program,
+              "mapper",
+              "--database_path",
+              work.database,
+              "--image_path",
+              work.folder + "/images",
+              "--output_path",
+              work.folder + "/model",
+              "--Mapper.num_threads",
+              threads,
+              "--Mapper.multiple_models",
+              "0",
+              "--Mapper.min_model_size",
+              "2",
+              "--Mapper.extract_colors",
+              "0",
+              "--Mapper.init_min_tri_angle",
+              "4",
+              "--Mapper.tri_ignore_two_view_tracks",
+              "0",
+              "--Mapper.ba_refine_focal_length",
+              refine,
+              "--Mapper.ba_refine_extra_params",
+              refine},
              work.log, stage);
   stage->Advance(1, "mapping");
 }
@@ -224,8 +278,9 @@ std::map<uint64_t, int> ReadPoints(const std::string& path, Eigen::Matrix3Xd* po
 }  // namespace
 
 bool ColmapCanCarry(LensModel model) {
-  return model == LensModel::kPinhole || model == LensModel::kBrown1 || model == LensModel::kBrown2 || model == LensModel::kBrown4 ||
-         model == LensModel::kBrown5 || model == LensModel::kRational8 || model == LensModel::kKannalaBrandt4;
+  return model == LensModel::kPinhole || model == LensModel::kBrown1 || model == LensModel::kBrown2 ||
+         model == LensModel::kBrown4 || model == LensModel::kBrown5 || model == LensModel::kRational8 ||
+         model == LensModel::kKannalaBrandt4;
 }
 
 geometry::Camera GuessLens(const std::string& camera, int width_px, int height_px) {
@@ -268,7 +323,8 @@ ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& 
   ExtractFeatures(images, work, options, &stage);
   Map(images, work, &stage);
   if (!fs::exists(work_folder + "/model/0/images.bin")) {
-    throw IoError(work.log, "colmap found no two images that fit together; the scene needs more texture, or cameras more overlap");
+    throw IoError(work.log,
+                  "colmap found no two images that fit together; the scene needs more texture, or cameras more overlap");
   }
   return ReadColmapScene(work_folder + "/model/0");
 }

@@ -35,8 +35,8 @@ struct ColmapTrackPoint {
 };
 
 struct ColmapScene {
-  geometry::Rig rig;       ///< the images that were placed, named by their camera; the unit of length is arbitrary
-  Eigen::Matrix3Xd points; ///< (3, N)
+  geometry::Rig rig;        ///< the images that were placed, named by their camera; the unit of length is arbitrary
+  Eigen::Matrix3Xd points;  ///< (3, N)
   std::vector<ColmapTrackPoint> tracks;
 };
 
@@ -47,8 +47,9 @@ bool ColmapCanCarry(geometry::LensModel model);
 geometry::Camera GuessLens(const std::string& camera, int width_px, int height_px);
 
 /// SIFT features on the CPU, exhaustive matching and incremental mapping by the colmap program (Schoenberger and Frahm, CVPR
-/// 2016) in `work_folder`, which is created; its output goes to `work_folder`/colmap.log. Lenses that are known are kept.
-/// Throws MissingToolError when there is no colmap, IoError when it fails or finds no model.
+/// 2016) in `work_folder`, which is created; its output goes to `work_folder`/colmap.log. Lenses that are known are kept; the
+/// other images of one size share one. Throws MissingToolError when there is no colmap, IoError when it fails or finds no
+/// model.
 ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& work_folder, const ColmapOptions& options,
                       const RunContext& run);
 

@@ -28,8 +28,9 @@ void DetectionBuilder::Add(int camera_idx, int64_t frame_idx, int board_idx, int
   const bool is_new = views_[{camera_idx, frame_idx, board_idx}].insert({corner, {px, sigma_px}}).second;
   if (!is_new) {
     throw FormatError(path_, where,
-                      "corner " + std::to_string(corner) + " of camera " + Printable(cameras_[static_cast<size_t>(camera_idx)]) +
-                          " in frame " + std::to_string(frame_idx) + " is given twice");
+                      "corner " + std::to_string(corner) + " of camera " +
+                          Printable(cameras_[static_cast<size_t>(camera_idx)]) + " in frame " + std::to_string(frame_idx) +
+                          " is given twice");
   }
 }
 
@@ -86,8 +87,8 @@ std::string DetectCornerFormat(const std::string& path) {
   if (has("img_loc_x")) return "caliscope";
   if (has("x_px")) return "csv";
   if (std::filesystem::path(path).extension() == ".vnl" || has("# filename x y")) return "vnl";
-  throw FormatError(path, "",
-                    "not a corner file that is known here; name its format with --corners-format vnl, caliscope, opencv or csv");
+  throw FormatError(
+      path, "", "not a corner file that is known here; name its format with --corners-format vnl, caliscope, opencv or csv");
 }
 
 void ApplySizes(const CornerFileOptions& options, CornerFile* file) {
@@ -157,12 +158,12 @@ void NoteMirroredCameras(const std::vector<OrientationCount>& counts, CornerFile
   for (size_t c = 0; c < counts.size(); ++c) {
     const int views = counts[c].mirrored + counts[c].straight;
     if (counts[c].mirrored < 3 || counts[c].mirrored < 0.95 * views) continue;
-    file->notes.push_back({"CAL-MIRRORED-CAMERA",
-                           "camera " + file->cameras[c].name + " sees the board mirrored in " +
-                               std::to_string(counts[c].mirrored) + " of " + std::to_string(views) +
-                               " views, other cameras do not",
-                           "fine for a board printed through or on both sides; otherwise this camera's images are flipped: turn "
-                           "its mirror mode off and film again"});
+    file->notes.push_back(
+        {"CAL-MIRRORED-CAMERA",
+         "camera " + file->cameras[c].name + " sees the board mirrored in " + std::to_string(counts[c].mirrored) + " of " +
+             std::to_string(views) + " views, other cameras do not",
+         "fine for a board printed through or on both sides; otherwise this camera's images are flipped: turn "
+         "its mirror mode off and film again"});
   }
 }
 
@@ -174,7 +175,7 @@ void CheckOrientation(CornerFile* file) {
     for (const Detection& detection : file->detections) {
       if (detection.board_idx != static_cast<int>(b)) continue;
       const int sign = ViewOrientation(file->boards[b], detection);
-      mirrored += sign < 0, straight += sign > 0;
+      mirrored += sign<0, straight += sign> 0;
       counts[static_cast<size_t>(detection.camera_idx)].mirrored += sign < 0;
       counts[static_cast<size_t>(detection.camera_idx)].straight += sign > 0;
     }
@@ -183,12 +184,13 @@ void CheckOrientation(CornerFile* file) {
       NoteMirroredCameras(counts, file);
       continue;
     }
-    const std::string text = "the corners of board " + std::to_string(b) + " run mirrored in " + std::to_string(mirrored) + " of " +
-                             std::to_string(mirrored + straight) + " views";
+    const std::string text = "the corners of board " + std::to_string(b) + " run mirrored in " + std::to_string(mirrored) +
+                             " of " + std::to_string(mirrored + straight) + " views";
     const bool mended = Unmirror(static_cast<int>(b), file);
-    file->notes.push_back({"CAL-MIRRORED", text + (mended ? "; they are numbered the other way round from here on" : ""),
-                           "rows and columns swapped, or a y axis that points up, are the usual reasons; if the images themselves "
-                           "are mirrored, poses of cameras and boards come out mirrored too"});
+    file->notes.push_back(
+        {"CAL-MIRRORED", text + (mended ? "; they are numbered the other way round from here on" : ""),
+         "rows and columns swapped, or a y axis that points up, are the usual reasons; if the images themselves "
+         "are mirrored, poses of cameras and boards come out mirrored too"});
   }
 }
 

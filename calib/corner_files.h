@@ -41,7 +41,8 @@ void VisitFields(Visitor&& visit, CornerFileOptions& o) {
 }
 
 /// Reads corners from one of
-///   vnl        `# filename x y level` of mrcal and mrgingham: the corners of an image row by row; sigma = 2^level (or 1/weight),
+///   vnl        `# filename x y level` of mrcal and mrgingham: the corners of an image row by row; sigma = 2^level (or
+///   1/weight),
 ///              rows with '-' are corners that were not found. Camera and frame come from the image's name.
 ///   caliscope  xy.csv: sync_index is the instant; the file's own object points make the board. Sizes come from the
 ///              camera_array.toml of the session when it lies in the same folder or up to three above.

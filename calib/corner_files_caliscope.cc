@@ -120,7 +120,8 @@ std::map<int64_t, std::pair<int, int>> FindSizes(const std::string& path, std::s
     for (const auto& [key, node] : nested ? *nested : root) {
       const toml::table* table = node.as_table();
       if (!table) continue;
-      const auto id = table->contains("cam_id") ? table->at_path("cam_id").value<int64_t>() : table->at_path("port").value<int64_t>();
+      const auto id =
+          table->contains("cam_id") ? table->at_path("cam_id").value<int64_t>() : table->at_path("port").value<int64_t>();
       const auto width = table->at_path("size[0]").value<double>(), height = table->at_path("size[1]").value<double>();
       if (!id || !width || !height || !(*width >= 1 && *width <= 1 << 20) || !(*height >= 1 && *height <= 1 << 20)) continue;
       sizes[*id] = {static_cast<int>(*width), static_cast<int>(*height)};

@@ -120,7 +120,8 @@ namespace internal {
 CornerFile ReadCornerCsv(const std::string& path, const CornerFileOptions& options) {
   const CsvTable table(path);
   const int camera = table.Require({"camera"}), frame = table.Require({"frame"}), corner = table.Require({"corner"}),
-            x = table.Require({"x_px"}), y = table.Require({"y_px"}), board = table.Find({"board"}), sigma = table.Find({"sigma_px"});
+            x = table.Require({"x_px"}), y = table.Require({"y_px"}), board = table.Find({"board"}),
+            sigma = table.Find({"sigma_px"});
   CornerFile file;
   DetectionBuilder builder(path);
   const Header header(table, &builder, &file);

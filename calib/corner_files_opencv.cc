@@ -76,7 +76,8 @@ std::vector<Eigen::MatrixXd> ReadPointLists(const Element& list, int channels) {
     if (static_cast<double>(data.size()) != expected || data.size() % static_cast<size_t>(channels) != 0) {
       Fail(place, std::to_string(data.size()) + " numbers for a list of " + std::to_string(channels) + "-D points");
     }
-    matrices.push_back(Eigen::Map<const Eigen::MatrixXd>(data.data(), channels, static_cast<Eigen::Index>(data.size()) / channels));
+    matrices.push_back(
+        Eigen::Map<const Eigen::MatrixXd>(data.data(), channels, static_cast<Eigen::Index>(data.size()) / channels));
   }
   return matrices;
 }
@@ -118,7 +119,8 @@ struct ImageList {
 CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& options) {
   const std::string text = ReadFile(path);
   const auto objects = Find(text, path, "objectPoints");
-  if (!objects) throw FormatError(path, "", "no <objectPoints> in it; OpenCV's XML with objectPoints and imagePoints was expected");
+  if (!objects)
+    throw FormatError(path, "", "no <objectPoints> in it; OpenCV's XML with objectPoints and imagePoints was expected");
   const std::vector<Eigen::MatrixXd> points = ReadPointLists(*objects, 3);
   std::vector<ImageList> lists{{"left", "imagePoints1", "imageSize1"}, {"right", "imagePoints2", "imageSize2"}};
   if (Find(text, path, "imagePoints")) lists = {{"camera", "imagePoints", "imageSize"}};
@@ -137,8 +139,9 @@ CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& o
     for (size_t view = 0; view < images.size(); ++view) {
       const std::string where = list.tag + "[" + std::to_string(view) + "]";
       if (images[view].cols() != points[view].cols() && images[view].cols() > 0) {
-        throw FormatError(path, where,
-                          std::to_string(images[view].cols()) + " points, objectPoints has " + std::to_string(points[view].cols()));
+        throw FormatError(
+            path, where,
+            std::to_string(images[view].cols()) + " points, objectPoints has " + std::to_string(points[view].cols()));
       }
       for (Eigen::Index i = 0; i < images[view].cols(); ++i) {
         const int corner = number(scale * Eigen::Vector3d(points[view].col(i)));

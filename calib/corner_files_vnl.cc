@@ -223,8 +223,8 @@ CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
     if (!name) continue;
     if (image.rows.size() != num_corners) {
       throw FormatError(path, where,
-                        "image '" + Printable(image.name) + "' has " + std::to_string(image.rows.size()) + " corners, the board " +
-                            std::to_string(num_corners));
+                        "image '" + Printable(image.name) + "' has " + std::to_string(image.rows.size()) +
+                            " corners, the board " + std::to_string(num_corners));
     }
     const int camera = builder.Camera(name->camera);
     for (size_t i = 0; i < num_corners; ++i) {
@@ -242,7 +242,8 @@ CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
   file.detections = builder.Finish();
   for (const std::string& camera : builder.cameras()) file.cameras.push_back({camera, 0, 0});
   if (num_foreign > 0) {
-    file.notes.push_back({"CAL-IGNORED", std::to_string(num_foreign) + " images fit no --corners-camera pattern and are left out",
+    file.notes.push_back({"CAL-IGNORED",
+                          std::to_string(num_foreign) + " images fit no --corners-camera pattern and are left out",
                           "add a pattern for their camera"});
   }
   return file;

@@ -87,8 +87,8 @@ void Orient(const Board& board, const Image& grey, Grid* grid) {
 
 /// Corners of one marker or tag, with where they lie on the board in squares from corner (0, 0).
 struct Marker {
-  Square square;      // charuco
-  int first_id = 0;   // tags: id of corner 0
+  Square square;     // charuco
+  int first_id = 0;  // tags: id of corner 0
   Eigen::Matrix<double, 2, 4> px, on_board;
 };
 
@@ -234,7 +234,8 @@ std::vector<Marker> AgreeingMarkers(const std::vector<Marker>& markers) {
     agreeing[i] = votes >= 3;
   }
   const auto count = [](const std::vector<bool>& flags) { return std::count(flags.begin(), flags.end(), true); };
-  for (int round = 0; round < kGrowRounds && count(agreeing) >= 3 && count(agreeing) < static_cast<std::ptrdiff_t>(markers.size()); ++round) {
+  for (int round = 0;
+       round < kGrowRounds && count(agreeing) >= 3 && count(agreeing) < static_cast<std::ptrdiff_t>(markers.size()); ++round) {
     const std::vector<bool> more = OnPlaneOf(Chosen(markers, agreeing), markers, limit);
     if (count(more) <= count(agreeing)) break;
     agreeing = more;
@@ -303,7 +304,8 @@ std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey,
 }
 
 std::string MarkerKey(const Board& board) {
-  if (!board.has_tags()) return board.dictionary + (board.inverted ? " inverted" : "") + " " + std::to_string(MarkerSquares(board).size());
+  if (!board.has_tags())
+    return board.dictionary + (board.inverted ? " inverted" : "") + " " + std::to_string(MarkerSquares(board).size());
   if (board.kind == Board::Kind::kTag) return "tag" + board.dictionary + (board.tag_border == 2 ? " wide" : "");
   return "grid" + board.dictionary + " " + std::to_string(board.first_tag) + " " + std::to_string(board.cols * board.rows);
 }

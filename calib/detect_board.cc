@@ -20,7 +20,8 @@ constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homo
 constexpr double kMaxSmoothSigmaPx = 1.0;
 constexpr double kMaxMisplaced =
     0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
-constexpr char kMarkersMisplaced[] = "the markers do not lie as on the board (wrong numbers of squares or tags, gap, or layout)";
+constexpr char kMarkersMisplaced[] =
+    "the markers do not lie as on the board (wrong numbers of squares or tags, gap, or layout)";
 constexpr char kMirrored[] = "the image is mirrored: the markers can be read only in a mirror";
 constexpr int kGrowRounds = 8;  // from tags that were found to their neighbours
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;

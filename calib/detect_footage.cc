@@ -129,7 +129,8 @@ class FrameQueue {
 };
 
 /// A frame of any queue, beginning with `first` so that the threads read different cameras while they can.
-std::optional<std::pair<FrameQueue*, FrameQueue::Frame>> TakeAny(std::vector<std::unique_ptr<FrameQueue>>& queues, size_t first) {
+std::optional<std::pair<FrameQueue*, FrameQueue::Frame>> TakeAny(std::vector<std::unique_ptr<FrameQueue>>& queues,
+                                                                 size_t first) {
   for (const bool wait : {false, true}) {
     for (size_t k = 0; k < queues.size(); ++k) {
       FrameQueue& queue = *queues[(first + k) % queues.size()];
@@ -283,7 +284,8 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
       num_seen += seen;
       if (layout > 0 && seen) found[c].notes.push_back(LayoutNote(boards[b], layouts[layout]));
     }
-    if (num_seen == 0 && boards.size() > 1) found[0].notes.push_back("board " + ToString(boards[b]) + " was never seen by any camera");
+    if (num_seen == 0 && boards.size() > 1)
+      found[0].notes.push_back("board " + ToString(boards[b]) + " was never seen by any camera");
   }
   for (size_t c = 0; c < footage.size(); ++c) {
     found[c].camera = results[c].camera;

@@ -47,9 +47,9 @@ class ValueView {
   double Number() const;
   double Number(std::string_view key, double fallback) const { return Has(key) ? (*this)[key].Number() : fallback; }
   const std::string& Text() const;
-  Eigen::VectorXd Vector() const;                           ///< a list of numbers
-  Eigen::VectorXd Vector(size_t size) const;                ///< of exactly `size`
-  Eigen::MatrixXd Matrix(size_t rows, size_t cols) const;   ///< a list of rows
+  Eigen::VectorXd Vector() const;                          ///< a list of numbers
+  Eigen::VectorXd Vector(size_t size) const;               ///< of exactly `size`
+  Eigen::MatrixXd Matrix(size_t rows, size_t cols) const;  ///< a list of rows
   /// Rotation and translation of a 3x4 or 4x4 matrix [R t; 0 1].
   geometry::Rigid3 Transform() const;
   const Value& value() const { return *value_; }

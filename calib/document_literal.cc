@@ -92,7 +92,8 @@ class LiteralScanner {
 
   bool IsStringStart() const {
     size_t at = position_;
-    while (at < text_.size() && at < position_ + 2 && std::string_view("bBrRuU").find(text_[at]) != std::string_view::npos) ++at;
+    while (at < text_.size() && at < position_ + 2 && std::string_view("bBrRuU").find(text_[at]) != std::string_view::npos)
+      ++at;
     return at < text_.size() && (text_[at] == '\'' || text_[at] == '"');
   }
 
@@ -168,7 +169,8 @@ class LiteralScanner {
       value.number = truth;
       return value;
     }
-    const bool looks_numeric = std::isdigit(static_cast<unsigned char>(word[0])) || word[0] == '-' || word[0] == '+' || word[0] == '.';
+    const bool looks_numeric =
+        std::isdigit(static_cast<unsigned char>(word[0])) || word[0] == '-' || word[0] == '+' || word[0] == '.';
     if (bare_words_ && !looks_numeric) {
       value.kind = Value::Kind::kText;
       value.text = std::string(word);

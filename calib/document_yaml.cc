@@ -56,7 +56,8 @@ class YamlParser {
 
   void AddLine(const std::string& line, int number) {
     const size_t first = line.find_first_not_of(" \t\r");
-    if (first == std::string::npos || line.compare(0, 3, "---") == 0 || line.compare(0, 3, "...") == 0 || line[0] == '%') return;
+    if (first == std::string::npos || line.compare(0, 3, "---") == 0 || line.compare(0, 3, "...") == 0 || line[0] == '%')
+      return;
     const size_t last = line.find_last_not_of(" \t\r");
     lines_.push_back({first, line.substr(first, last + 1 - first), number});
   }

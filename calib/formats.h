@@ -7,9 +7,9 @@
 
 #include "geometry/rig.h"
 
-/// Calibrations of other programs. Every reader gives metres, `cam_from_world`, pixel (0, 0) at the centre of the top-left pixel,
-/// and throws IoError or FormatError with the place. Every writer takes the same. What each format means, and what was assumed
-/// where it does not say, is in docs/calibration-formats.md. (CMU Panoptic's JSON lives in dataset/panoptic.h.)
+/// Calibrations of other programs. Every reader gives metres, `cam_from_world`, pixel (0, 0) at the centre of the top-left
+/// pixel, and throws IoError or FormatError with the place. Every writer takes the same. What each format means, and what was
+/// assumed where it does not say, is in docs/calibration-formats.md. (CMU Panoptic's JSON lives in dataset/panoptic.h.)
 namespace mvstudio::calib {
 
 enum class CalibrationFormat {
@@ -28,8 +28,8 @@ enum class CalibrationFormat {
 };
 
 inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
-    CalibrationFormat::kMvstudio, CalibrationFormat::kPanoptic,   CalibrationFormat::kToml,   CalibrationFormat::kCaliscope,
-    CalibrationFormat::kQca,      CalibrationFormat::kOpenCvYaml, CalibrationFormat::kMrcal,  CalibrationFormat::kColmap,
+    CalibrationFormat::kMvstudio,   CalibrationFormat::kPanoptic,   CalibrationFormat::kToml,   CalibrationFormat::kCaliscope,
+    CalibrationFormat::kQca,        CalibrationFormat::kOpenCvYaml, CalibrationFormat::kMrcal,  CalibrationFormat::kColmap,
     CalibrationFormat::kColmapText, CalibrationFormat::kNerfstudio, CalibrationFormat::kKalibr, CalibrationFormat::kEasyMocap};
 
 std::string_view ToString(CalibrationFormat format);
@@ -50,8 +50,8 @@ struct ImportedRig {
 
 /// What files may leave open.
 struct ReadOptions {
-  int width_px = 0, height_px = 0;  ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
-  double metres_per_unit = 1;       ///< of formats that name no unit: all but mvstudio, panoptic and qca
+  int width_px = 0, height_px = 0;     ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
+  double metres_per_unit = 1;          ///< of formats that name no unit: all but mvstudio, panoptic and qca
   double qca_distortion_divisor = 64;  ///< see ReadQca
 };
 
@@ -60,7 +60,7 @@ struct ReadOptions {
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 struct WriteOptions {
-  double metres_per_unit = 1;        ///< of formats that name no unit; 0.001 writes millimetres
+  double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres
   double allow_approximation_px = 0;  ///< a lens that the format cannot carry is replaced by the nearest one that it can, when
                                       ///< no pixel of the image moves farther; 0: such a lens is refused
 };
@@ -78,8 +78,8 @@ bool CanCarry(CalibrationFormat format, const geometry::Camera& camera);
 geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, const WriteOptions& options,
                            const std::string& path, std::vector<ImportNote>* notes);
 
-/// Any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when the rig has one
-/// camera and the path ends in .cameramodel).
+/// Any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when the rig has
+/// one camera and the path ends in .cameramodel).
 ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format, const std::string& path,
                               const WriteOptions& options = {});
 
@@ -92,8 +92,8 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
 /// Conventions, found by comparing files with the TOML made from them: positions are the camera centre in world, mm; with
 /// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
 /// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
-/// The distortion is divided by `qca_distortion_divisor`. 64 gives what Pose2Sim makes of the file, so that its TOML and the QCA
-/// agree. 1 takes the coefficients as OpenCV's, dimensionless; chessboard images of one studio speak for 1 (k1 = -0.051 +-
+/// The distortion is divided by `qca_distortion_divisor`. 64 gives what Pose2Sim makes of the file, so that its TOML and the
+/// QCA agree. 1 takes the coefficients as OpenCV's, dimensionless; chessboard images of one studio speak for 1 (k1 = -0.051 +-
 /// 0.012 measured, -0.047 in the QCA, -0.0007 in the TOML). A note says so whenever the divisor is not 1 and the lens has
 /// distortion.
 ImportedRig ReadQca(const std::string& path, const ReadOptions& options = {});

@@ -65,7 +65,8 @@ Eigen::VectorXd OwnDistortion(const ColmapCamera& camera, LensModel* lens) {
       return own;
     }
     case 7:
-      throw FormatError(camera.place.path, camera.place.where, "the lens FOV is no lens model here; use OPENCV_FISHEYE in COLMAP");
+      throw FormatError(camera.place.path, camera.place.where,
+                        "the lens FOV is no lens model here; use OPENCV_FISHEYE in COLMAP");
     default:
       *lens = LensModel::kPinhole;
       return k;
@@ -122,7 +123,8 @@ const ColmapModel* FindColmapModel(const std::string& name) {
 
 Eigen::Quaterniond ColmapRotation(double w, double x, double y, double z, const Place& place) {
   const Eigen::Quaterniond rotation(w, x, y, z);
-  if (!(std::abs(rotation.norm() - 1) < 1e-3)) throw FormatError(place.path, place.where, "the quaternion is not of unit length");
+  if (!(std::abs(rotation.norm() - 1) < 1e-3))
+    throw FormatError(place.path, place.where, "the quaternion is not of unit length");
   return rotation.normalized();
 }
 
@@ -133,7 +135,8 @@ Files WriteColmap(const geometry::Rig& rig, const std::string& path, bool text) 
   for (const geometry::RigCamera& camera : rig.cameras) {
     const std::string& name = camera.camera.name;
     if (name.find_first_of(" \t\n\r") != std::string::npos) {
-      throw UsageError("the camera name '" + Printable(name) + "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
+      throw UsageError("the camera name '" + Printable(name) +
+                       "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
     }
     const uint32_t id = static_cast<uint32_t>(model.images.size() + 1);
     model.cameras[id] = FromCamera(camera.camera);
@@ -149,9 +152,9 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
   const std::string folder = fs::is_directory(path) ? path : fs::path(path).parent_path().string();
   const bool named_text = fs::path(path).extension() == ".txt";
   const bool binary = !named_text && fs::exists(fs::path(folder) / "cameras.bin");
-  const internal::ColmapFiles model =
-      binary ? internal::ReadColmapBinary(folder) : internal::ReadColmapText(folder);
-  if (model.images.empty()) throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
+  const internal::ColmapFiles model = binary ? internal::ReadColmapBinary(folder) : internal::ReadColmapText(folder);
+  if (model.images.empty())
+    throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
   ImportedRig imported;
   imported.rig.gauge = "COLMAP's world";
   for (const internal::ColmapImage& image : model.images) {

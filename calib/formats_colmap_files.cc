@@ -59,7 +59,8 @@ void ReadTextImages(const std::string& path, ColmapFiles* model) {
     const std::vector<std::string> words = Words(line);
     if (words.empty() || words[0][0] == '#') continue;
     if (words.size() < 10) {
-      throw FormatError(path, place.where, "'IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME' was expected; is the file truncated?");
+      throw FormatError(path, place.where,
+                        "'IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME' was expected; is the file truncated?");
     }
     double values[7];
     for (size_t i = 0; i < 7; ++i) values[i] = ParseNumber(words[i + 1], place);
@@ -129,7 +130,8 @@ void ReadBinaryCameras(const std::string& path, ColmapFiles* model) {
     const uint32_t id = in.Read<uint32_t>();
     const int model_id = in.Read<int32_t>();
     camera.model = FindColmapModel(model_id);
-    if (!camera.model) throw FormatError(path, camera.place.where, "lens model " + std::to_string(model_id) + " is not known here");
+    if (!camera.model)
+      throw FormatError(path, camera.place.where, "lens model " + std::to_string(model_id) + " is not known here");
     camera.width_px = static_cast<double>(in.Read<uint64_t>());
     camera.height_px = static_cast<double>(in.Read<uint64_t>());
     for (int i = 0; i < camera.model->num_params; ++i) camera.params.push_back(in.Number());
@@ -186,17 +188,21 @@ ColmapFiles ReadColmapBinary(const std::string& folder) {
 
 Files WriteColmapText(const ColmapFiles& model, const std::string& folder) {
   const std::string count = std::to_string(model.images.size());
-  std::string cameras = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-                        "# Number of cameras: " + count + "\n";
+  std::string cameras =
+      "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+      "# Number of cameras: " +
+      count + "\n";
   for (const auto& [id, camera] : model.cameras) {
     cameras += std::to_string(id) + " " + camera.model->name + " " + std::to_string(static_cast<int>(camera.width_px)) + " " +
                std::to_string(static_cast<int>(camera.height_px));
     for (const double param : camera.params) cameras += " " + NumberText(param);
     cameras += "\n";
   }
-  std::string images = "# Image list with two lines of data per image:\n"
-                       "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n"
-                       "# Number of images: " + count + ", mean observations per image: 0\n";
+  std::string images =
+      "# Image list with two lines of data per image:\n"
+      "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n"
+      "# Number of images: " +
+      count + ", mean observations per image: 0\n";
   for (const ColmapImage& image : model.images) {
     images += std::to_string(image.camera_id);
     for (const double value : PoseNumbers(image)) images += " " + NumberText(value);

@@ -25,7 +25,8 @@ std::vector<std::string> ReadNames(const Entry& entry) {
     start = end + 1;
     const size_t dash = item.find('-');
     const size_t first = dash == std::string::npos ? dash : item.find_first_not_of(" \t\"'", dash + 1);
-    if (first == std::string::npos) throw FormatError(entry.place.path, entry.place.where, "'- name' was expected in every line");
+    if (first == std::string::npos)
+      throw FormatError(entry.place.path, entry.place.where, "'- name' was expected in every line");
     item = item.substr(first, item.find_last_not_of(" \t\"'\r") + 1 - first);
     names.push_back(item);
   }
@@ -75,8 +76,8 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
   if (files.size() != 2) throw UsageError("EasyMocap's calibration is two files, intri.yml and extri.yml, or their folder");
   internal::ReadEntries(files[0], false, &intrinsics);
   internal::ReadEntries(files[1], false, &extrinsics);
-  const bool swapped = std::any_of(extrinsics.begin(), extrinsics.end(),
-                                   [](const auto& entry) { return entry.first.compare(0, 2, "K_") == 0; });
+  const bool swapped =
+      std::any_of(extrinsics.begin(), extrinsics.end(), [](const auto& entry) { return entry.first.compare(0, 2, "K_") == 0; });
   if (swapped) std::swap(intrinsics, extrinsics), std::swap(files[0], files[1]);
   ImportedRig imported;
   imported.rig.gauge = "as imported";
@@ -100,7 +101,8 @@ internal::Files internal::WriteEasyMocap(const geometry::Rig& rig, const std::st
   for (const geometry::RigCamera& camera : rig.cameras) {
     const std::string& name = camera.camera.name;
     if (name.find_first_of(" \t:'\"\\#") != std::string::npos) {
-      throw UsageError("the camera name '" + Printable(name) + "' cannot be part of a key of EasyMocap's; use --rename OLD=NEW");
+      throw UsageError("the camera name '" + Printable(name) +
+                       "' cannot be part of a key of EasyMocap's; use --rename OLD=NEW");
     }
     names += "  - " + Quoted(FileName(name)) + "\n";
   }

@@ -16,9 +16,7 @@ namespace {
 using Format = CalibrationFormat;
 using geometry::LensModel;
 
-bool NamesNoUnit(Format format) {
-  return format != Format::kMvstudio && format != Format::kPanoptic && format != Format::kQca;
-}
+bool NamesNoUnit(Format format) { return format != Format::kMvstudio && format != Format::kPanoptic && format != Format::kQca; }
 
 geometry::Rig Scaled(geometry::Rig rig, double metres_per_unit) {
   for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world.translation /= metres_per_unit;
@@ -121,7 +119,8 @@ geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, c
     }
     notes->push_back({"CAL-APPROXIMATED",
                       "camera " + camera.camera.name + ": " + what + "; written as " +
-                          std::string(ToString(nearest->camera.model)) + ", off by " + PxText(nearest->error_px) + " px at worst",
+                          std::string(ToString(nearest->camera.model)) + ", off by " + PxText(nearest->error_px) +
+                          " px at worst",
                       "keep the original beside it"});
     camera.camera = nearest->camera;
     camera.params_covariance.reset();

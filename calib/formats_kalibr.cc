@@ -47,7 +47,8 @@ std::optional<KalibrLens> ToKalibr(const geometry::Camera& camera) {
   const Eigen::VectorXd own = camera.params.tail(camera.params.size() - 4);
   const auto with_p = [&](const char* projection, Eigen::Index count) {
     KalibrLens lens{projection, "none", own.head(count), {}};
-    if (own.size() > count) lens.distortion_model = "radtan", lens.distortion = Eigen::Vector4d(0, 0, own[count], own[count + 1]);
+    if (own.size() > count)
+      lens.distortion_model = "radtan", lens.distortion = Eigen::Vector4d(0, 0, own[count], own[count + 1]);
     return lens;
   };
   switch (camera.model) {
@@ -143,8 +144,8 @@ internal::Files internal::WriteKalibr(const geometry::Rig& rig, const std::strin
     }
     text += "  cam_overlaps: []\n  camera_model: " + lens.projection + "\n  distortion_coeffs: " + ListText(lens.distortion) +
             "\n  distortion_model: " + lens.distortion_model + "\n  intrinsics: " + ListText(intrinsics) + "\n  resolution: [" +
-            std::to_string(camera.width_px) + ", " + std::to_string(camera.height_px) + "]\n  rostopic: " +
-            Quoted("/" + FileName(camera.name) + "/image_raw") + "\n";
+            std::to_string(camera.width_px) + ", " + std::to_string(camera.height_px) +
+            "]\n  rostopic: " + Quoted("/" + FileName(camera.name) + "/image_raw") + "\n";
   }
   WriteFileAtomic(path, text);
   return {path};

@@ -33,8 +33,8 @@ geometry::Camera ReadModel(const ValueView& lensmodel) {
     camera.model = LensModel::kSplined;
     geometry::SplineGrid& grid = camera.spline;
     char end = 0;
-    const int read = std::sscanf(name.c_str() + sizeof kSplined - 1, "order=%d_Nx=%d_Ny=%d_fov_x_deg=%d%c", &grid.order, &grid.cols,
-                                 &grid.rows, &grid.fov_x_deg, &end);
+    const int read = std::sscanf(name.c_str() + sizeof kSplined - 1, "order=%d_Nx=%d_Ny=%d_fov_x_deg=%d%c", &grid.order,
+                                 &grid.cols, &grid.rows, &grid.fov_x_deg, &end);
     const bool sane = read == 4 && grid.cols > 0 && grid.cols < 1000 && grid.rows > 0 && grid.rows < 1000;
     if (!sane) lensmodel.Fail("the configuration in '" + internal::Printable(name) + "' cannot be read");
     return camera;
@@ -86,7 +86,8 @@ std::string ModelText(const geometry::RigCamera& camera) {
   const auto [name, params] = ToMrcal(camera.camera);
   Eigen::VectorXd rt(6);
   rt << geometry::RotationLog(camera.cam_from_world.rotation), camera.cam_from_world.translation;
-  return "{\n    'lensmodel':  '" + name + "',\n\n    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n    'intrinsics': " +
+  return "{\n    'lensmodel':  '" + name +
+         "',\n\n    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n    'intrinsics': " +
          internal::ListText(params) + ",\n\n    # extrinsics are rt_fromref\n    'extrinsics': " + internal::ListText(rt) +
          ",\n\n    'imagersize': [ " + std::to_string(camera.camera.width_px) + ", " + std::to_string(camera.camera.height_px) +
          ",]\n}\n";
@@ -108,7 +109,8 @@ bool internal::MrcalCanCarry(const geometry::Camera& camera) { return !ToMrcal(c
 internal::Files internal::WriteMrcal(const geometry::Rig& rig, const std::string& path) {
   const bool is_file = std::filesystem::path(path).extension() == ".cameramodel";
   if (is_file && rig.cameras.size() > 1) {
-    throw UsageError(path + ": mrcal has a file for each camera; give a folder for these " + std::to_string(rig.cameras.size()));
+    throw UsageError(path + ": mrcal has a file for each camera; give a folder for these " +
+                     std::to_string(rig.cameras.size()));
   }
   Files files;
   for (const geometry::RigCamera& camera : rig.cameras) {

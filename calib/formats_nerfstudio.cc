@@ -108,12 +108,14 @@ bool internal::NerfstudioCanCarry(const geometry::Camera& camera) {
 internal::Files internal::WriteNerfstudio(const geometry::Rig& rig, const std::string& path) {
   const std::string file = std::filesystem::path(path).extension() == ".json" ? path : path + "/transforms.json";
   const bool fisheye = OpenCvLensOf(rig.cameras[0].camera).fisheye;
-  std::string text = std::string("{\n  \"camera_model\": ") + (fisheye ? "\"OPENCV_FISHEYE\"" : "\"OPENCV\"") + ",\n  \"frames\": [\n";
+  std::string text =
+      std::string("{\n  \"camera_model\": ") + (fisheye ? "\"OPENCV_FISHEYE\"" : "\"OPENCV\"") + ",\n  \"frames\": [\n";
   for (size_t i = 0; i < rig.cameras.size(); ++i) {
     const geometry::Camera& camera = rig.cameras[i].camera;
     const OpenCvLens lens = OpenCvLensOf(camera);
     if (lens.fisheye != fisheye) {
-      throw FormatError(file, camera.name, "nerfstudio reads one kind of lens for all cameras; here are fisheye and perspective ones");
+      throw FormatError(file, camera.name,
+                        "nerfstudio reads one kind of lens for all cameras; here are fisheye and perspective ones");
     }
     const Eigen::Matrix4d matrix = ToMatrix(TurnAxes(Inverse(rig.cameras[i].cam_from_world)));
     text += "    {\"file_path\": " + Quoted("images/" + camera.name + ".png") + ", \"w\": " + std::to_string(camera.width_px) +
@@ -122,7 +124,8 @@ internal::Files internal::WriteNerfstudio(const geometry::Rig& rig, const std::s
             ", \"cy\": " + NumberText(camera.cy() + kCornerOriginShiftPx) + ",\n     ";
     const char* const keys[2][4] = {{"k1", "k2", "p1", "p2"}, {"k1", "k2", "k3", "k4"}};
     for (int k = 0; k < 4; ++k) {
-      text += "\"" + std::string(keys[fisheye][k]) + "\": " + NumberText(k < lens.distortion.size() ? lens.distortion[k] : 0) + ", ";
+      text += "\"" + std::string(keys[fisheye][k]) + "\": " + NumberText(k < lens.distortion.size() ? lens.distortion[k] : 0) +
+              ", ";
     }
     text += "\n     \"transform_matrix\": [";
     for (int r = 0; r < 4; ++r) text += (r ? ", " : "") + ListText(matrix.row(r));

@@ -92,7 +92,8 @@ ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<En
 
 std::string LensText(const geometry::Camera& camera, const std::string& matrix_key, const std::string& distortion_key) {
   const internal::OpenCvLens lens = internal::OpenCvLensOf(camera);
-  Eigen::RowVectorXd distortion = Eigen::RowVectorXd::Zero(std::max<Eigen::Index>(lens.distortion.size(), lens.fisheye ? 4 : 5));
+  Eigen::RowVectorXd distortion =
+      Eigen::RowVectorXd::Zero(std::max<Eigen::Index>(lens.distortion.size(), lens.fisheye ? 4 : 5));
   distortion.head(lens.distortion.size()) = lens.distortion.transpose();
   return internal::MatrixEntry(matrix_key, camera.K()) + internal::MatrixEntry(distortion_key, distortion);
 }
@@ -145,7 +146,8 @@ internal::Files internal::WriteOpenCvYaml(const geometry::Rig& rig, const std::s
   if (is_file && IsStereo(rig)) {
     const geometry::Camera &left = rig.cameras[0].camera, &right = rig.cameras[1].camera;
     const geometry::Rigid3 right_from_left = rig.cameras[1].cam_from_world * Inverse(rig.cameras[0].cam_from_world);
-    WriteFileAtomic(path, HeadText(left) + LensText(left, "M1", "D1") + LensText(right, "M2", "D2") + PoseText(right_from_left));
+    WriteFileAtomic(path,
+                    HeadText(left) + LensText(left, "M1", "D1") + LensText(right, "M2", "D2") + PoseText(right_from_left));
     return {path};
   }
   if (is_file && rig.cameras.size() > 1) {

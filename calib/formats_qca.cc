@@ -263,8 +263,10 @@ internal::Files internal::WriteQca(const geometry::Rig& rig, const std::string& 
     distortion.head(lens.distortion.size()) = distortion_divisor * lens.distortion;
     const Eigen::Matrix3d r = Eigen::Vector3d(1, -1, -1).asDiagonal() * placed.cam_from_world.rotation.toRotationMatrix();
     const Eigen::Vector3d centre_mm = 1000 * placed.CenterInWorld();
-    text += "    <camera active=\"1\" viewrotation=\"0\" serial=\"" + Escaped(camera.name) + "\">\n      <fov_video left=\"0\" top=\"0\"";
-    text += " right=\"" + std::to_string(camera.width_px - 1) + "\" bottom=\"" + std::to_string(camera.height_px - 1) + "\"/>\n";
+    text += "    <camera active=\"1\" viewrotation=\"0\" serial=\"" + Escaped(camera.name) +
+            "\">\n      <fov_video left=\"0\" top=\"0\"";
+    text +=
+        " right=\"" + std::to_string(camera.width_px - 1) + "\" bottom=\"" + std::to_string(camera.height_px - 1) + "\"/>\n";
     text += "      <transform" + attribute("x", centre_mm.x()) + attribute("y", centre_mm.y()) + attribute("z", centre_mm.z());
     for (int i = 0; i < 9; ++i) text += attribute("r" + std::to_string(i / 3 + 1) + std::to_string(i % 3 + 1), r(i / 3, i % 3));
     text += "/>\n      <intrinsic" + attribute("focalLengthU", kPerPixel * camera.fx()) +

@@ -141,7 +141,8 @@ std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera) {
 
 OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {
   const auto lens = ToOpenCvLens(camera);
-  if (!lens) throw ContractViolation("camera '" + camera.name + "': " + std::string(ToString(camera.model)) + " is not OpenCV's");
+  if (!lens)
+    throw ContractViolation("camera '" + camera.name + "': " + std::string(ToString(camera.model)) + " is not OpenCV's");
   return *lens;
 }
 

@@ -14,8 +14,8 @@ namespace {
 
 using geometry::Rigid3;
 
-constexpr double kStill = 0.02;         // unrelated frames that agree this well: the board hardly moves
-constexpr double kClearlyOff = 0.05;    // a spread below this is no reason to refuse
+constexpr double kStill = 0.02;       // unrelated frames that agree this well: the board hardly moves
+constexpr double kClearlyOff = 0.05;  // a spread below this is no reason to refuse
 constexpr double kBetterThanGiven = 1.35;
 constexpr double kBetterThanOthers = 2;
 
@@ -159,7 +159,8 @@ using Shifts = std::vector<int64_t>;
 double Energy(const std::vector<Curve>& curves, const Shifts& shift) {
   double sum = 0;
   for (const Curve& curve : curves) {
-    if (curve.sharp()) sum += std::log(curve.At(shift[static_cast<size_t>(curve.pair.b)] - shift[static_cast<size_t>(curve.pair.a)]));
+    if (curve.sharp())
+      sum += std::log(curve.At(shift[static_cast<size_t>(curve.pair.b)] - shift[static_cast<size_t>(curve.pair.a)]));
   }
   return sum;
 }
@@ -243,7 +244,8 @@ void DropIdleShifts(const std::vector<Curve>& curves, Shifts* shift) {
     Shifts without = *shift;
     without[c] = 0;
     int pairs = 0;
-    for (const Curve& curve : curves) pairs += curve.sharp() && (curve.pair.a == static_cast<int>(c) || curve.pair.b == static_cast<int>(c));
+    for (const Curve& curve : curves)
+      pairs += curve.sharp() && (curve.pair.a == static_cast<int>(c) || curve.pair.b == static_cast<int>(c));
     if (Energy(curves, without) - Energy(curves, *shift) <= pairs * std::log(kBetterThanGiven)) *shift = without;
   }
 }
@@ -251,7 +253,8 @@ void DropIdleShifts(const std::vector<Curve>& curves, Shifts* shift) {
 /// The shifts with the least energy; none where they do not clearly pay for the pairs that they change.
 Shifts SolveShifts(const std::vector<Curve>& curves, size_t num_cameras, int64_t max_shift) {
   const Shifts zero(num_cameras, 0);
-  const Shifts from_zero = Descend(curves, zero, max_shift), from_pairs = Descend(curves, PairwiseBest(curves, num_cameras), max_shift);
+  const Shifts from_zero = Descend(curves, zero, max_shift),
+               from_pairs = Descend(curves, PairwiseBest(curves, num_cameras), max_shift);
   Shifts best = Energy(curves, from_pairs) < Energy(curves, from_zero) ? from_pairs : from_zero;
   Centre(Groups(curves, num_cameras), &best);
   DropIdleShifts(curves, &best);
@@ -284,8 +287,10 @@ void Describe(const std::vector<std::string>& names, FrameOffsets* out) {
       if (out->shift[c] == 0) continue;
       list += (list.empty() ? "" : ", ") + names[c] + " by " + std::to_string(out->shift[c]);
     }
-    out->text = "frames with the same number were not taken at the same time; the boards agree when these are added to the frame "
-                "numbers: " + list;
+    out->text =
+        "frames with the same number were not taken at the same time; the boards agree when these are added to the frame "
+        "numbers: " +
+        list;
     out->hint = "shift the frame numbers, or pair the frames by their time stamps";
   } else if (out->kind == FrameOffsets::Kind::kInconsistent) {
     std::set<std::string> pairs;

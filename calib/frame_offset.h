@@ -9,8 +9,8 @@
 namespace mvstudio::calib {
 
 struct FrameOffsetOptions {
-  int max_shift = 60;   ///< frames; larger offsets between two cameras are not looked for
-  int min_shared = 8;   ///< frames that two cameras must share for a verdict on them
+  int max_shift = 60;    ///< frames; larger offsets between two cameras are not looked for
+  int min_shared = 8;    ///< frames that two cameras must share for a verdict on them
   int max_frames = 120;  ///< at most so many shared frames of a pair are compared
 };
 

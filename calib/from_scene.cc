@@ -18,7 +18,8 @@ namespace {
 using geometry::Rigid3;
 
 /// Point nearest to all rays; nothing when they are parallel.
-std::optional<Eigen::Vector3d> NearestToRays(const std::vector<Eigen::Vector3d>& origins, const std::vector<Eigen::Vector3d>& directions) {
+std::optional<Eigen::Vector3d> NearestToRays(const std::vector<Eigen::Vector3d>& origins,
+                                             const std::vector<Eigen::Vector3d>& directions) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (size_t i = 0; i < origins.size(); ++i) {
@@ -65,7 +66,8 @@ Matched TriangulateKnown(const geometry::Rig& rig, const KnownPoints& known) {
 }
 
 Eigen::VectorXd Distances(const geometry::Alignment& a, const Matched& m) {
-  const Eigen::Matrix3Xd moved = (a.b_from_a.rotation.toRotationMatrix() * (a.scale * m.in_scene)).colwise() + a.b_from_a.translation;
+  const Eigen::Matrix3Xd moved =
+      (a.b_from_a.rotation.toRotationMatrix() * (a.scale * m.in_scene)).colwise() + a.b_from_a.translation;
   return (moved - m.in_world).colwise().norm().transpose();
 }
 
@@ -139,15 +141,15 @@ struct Adjustment {
   PointScene scene;
   std::vector<PointObservation> observations;
   PointBundleOptions options;
-  int first_known = 0;          ///< points from here on are known
-  size_t first_click = 0;       ///< observations from here on are of known points
+  int first_known = 0;     ///< points from here on are known
+  size_t first_click = 0;  ///< observations from here on are of known points
 };
 
 Eigen::MatrixXd LensDirections(const SceneImage& image, const geometry::Camera& lens, bool refine) {
   if (image.lens_known || !refine) return FixedLens(lens);
   const int radial = lens.model == geometry::LensModel::kPinhole || lens.model == geometry::LensModel::kPinholeP ? 0
-                     : lens.model == geometry::LensModel::kBrown1                                                 ? 1
-                                                                                                                  : 2;
+                     : lens.model == geometry::LensModel::kBrown1                                                ? 1
+                                                                                                                 : 2;
   return FocalDirections(lens, radial);
 }
 
@@ -168,17 +170,23 @@ void AddKnown(const KnownPoints& known, const geometry::Rig& rig, Adjustment* wo
   }
   for (const KnownPoints::Click& click : known.clicks) {
     const int c = rig.Find(click.camera);
-    if (c >= 0) work->observations.push_back({c, static_cast<int>(n) + click.point_idx, click.px, 1 / (known.sigma_px * known.sigma_px)});
+    if (c >= 0)
+      work->observations.push_back({c, static_cast<int>(n) + click.point_idx, click.px, 1 / (known.sigma_px * known.sigma_px)});
   }
 }
 
-Adjustment Prepare(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options, int num_threads) {
+Adjustment Prepare(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
+                   int num_threads) {
   Adjustment work;
+  std::map<std::pair<int, int>, int> shared;  // lens of the cameras of one image size whose lenses are not known
   for (const geometry::RigCamera& camera : scene.rig.cameras) {
     const SceneImage& image = ImageOf(images, camera.camera.name);
-    work.scene.lenses.push_back(image.lens_known ? image.lens : camera.camera);
-    work.scene.lens_of_camera.push_back(static_cast<int>(work.scene.lens_of_camera.size()));
     work.scene.cam_from_world.push_back(camera.cam_from_world);
+    const std::pair<int, int> size(camera.camera.width_px, camera.camera.height_px);
+    const auto next = static_cast<int>(work.scene.lenses.size());
+    work.scene.lens_of_camera.push_back(image.lens_known ? next : shared.insert({size, next}).first->second);
+    if (work.scene.lens_of_camera.back() != next) continue;
+    work.scene.lenses.push_back(image.lens_known ? image.lens : camera.camera);
     work.options.lens_directions.push_back(LensDirections(image, work.scene.lenses.back(), options.refine_intrinsics));
   }
   work.scene.points = scene.points;
@@ -216,7 +224,7 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
   const PointBundleReport report = SolvePointBundle(&work.scene, &work.observations, work.options);
   for (size_t c = 0; c < scene->rig.cameras.size(); ++c) {
     const std::string name = scene->rig.cameras[c].camera.name;
-    scene->rig.cameras[c].camera = work.scene.lenses[c];
+    scene->rig.cameras[c].camera = work.scene.LensOf(static_cast<int>(c));
     scene->rig.cameras[c].camera.name = name;
     scene->rig.cameras[c].cam_from_world = work.scene.cam_from_world[c];
   }
@@ -225,15 +233,17 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
   return std::max(report.sigma_px, kFinestPx);
 }
 
-void FillRig(const Adjustment& work, const ColmapScene& scene, const PointBundleCovariance& covariance, FromSceneReport* report) {
+void FillRig(const Adjustment& work, const ColmapScene& scene, const PointBundleCovariance& covariance,
+             FromSceneReport* report) {
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     geometry::RigCamera camera;
-    camera.camera = work.scene.lenses[c];
+    camera.camera = work.scene.LensOf(static_cast<int>(c));
     camera.camera.name = scene.rig.cameras[c].camera.name;
     camera.cam_from_world = work.scene.cam_from_world[c];
     if (covariance.status == Status::kOk) {
       camera.cam_from_world_covariance = covariance.cam_from_world[c];
-      if (work.options.lens_directions[c].cols() > 0) camera.params_covariance = covariance.lens[c];
+      const auto lens = static_cast<size_t>(work.scene.lens_of_camera[c]);
+      if (work.options.lens_directions[lens].cols() > 0) camera.params_covariance = covariance.lens[lens];
     }
     report->rig.cameras.push_back(camera);
   }
@@ -278,12 +288,14 @@ KnownPoints KnownFromScenePoints(const ScenePoints& points, double click_sigma_p
   return known;
 }
 
-KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& detections, const std::vector<std::string>& camera_names) {
+KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& detections,
+                           const std::vector<std::string>& camera_names) {
   std::map<int64_t, std::set<int>> seen;
   for (const Detection& detection : detections) seen[detection.frame_idx].insert(detection.camera_idx);
   KnownPoints known;
   if (seen.empty()) return known;
-  const auto best = std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+  const auto best = std::max_element(seen.begin(), seen.end(),
+                                     [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
   known.x_in_world = CornersInBoard(board);
   known.sigma_px = 0.3;
   known.gauge = "the board in frame " + std::to_string(best->first);
@@ -291,14 +303,16 @@ KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& det
   for (const Detection& detection : detections) {
     if (detection.frame_idx != best->first) continue;
     for (int i = 0; i < detection.num_corners(); ++i)
-      known.clicks.push_back({camera_names[static_cast<size_t>(detection.camera_idx)], detection.corner_ids[static_cast<size_t>(i)],
-                              detection.points_px.col(i)});
+      known.clicks.push_back({camera_names[static_cast<size_t>(detection.camera_idx)],
+                              detection.corner_ids[static_cast<size_t>(i)], detection.points_px.col(i)});
   }
   return known;
 }
 
 SceneScale::Distance ParseCameraDistance(const std::string& text) {
-  const auto fail = [&] { return UsageError("--camera-distance '" + text + "': expected CAMERA:CAMERA:LENGTH, e.g. left:right:1.234m"); };
+  const auto fail = [&] {
+    return UsageError("--camera-distance '" + text + "': expected CAMERA:CAMERA:LENGTH, e.g. left:right:1.234m");
+  };
   const size_t last = text.rfind(':'), first = text.find(':');
   if (last == std::string::npos || first == last) throw fail();
   SceneScale::Distance distance{text.substr(0, first), text.substr(first + 1, last - first - 1), 0, 0};
@@ -311,7 +325,8 @@ SceneScale::Distance ParseCameraDistance(const std::string& text) {
   const std::string unit = text.substr(last + 1 + used);
   if (unit != "m" && unit != "cm" && unit != "mm") throw fail();
   distance.distance_m *= unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1;
-  if (!(distance.distance_m > 0) || !std::isfinite(distance.distance_m) || distance.a == distance.b || distance.a.empty()) throw fail();
+  if (!(distance.distance_m > 0) || !std::isfinite(distance.distance_m) || distance.a == distance.b || distance.a.empty())
+    throw fail();
   return distance;
 }
 
@@ -340,18 +355,22 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   ColmapScene scene = input;
   FromSceneReport report;
   report.feature_sigma_px = AdjustAlone(images, options, threads, &scene, &report.colmap_rms_px);
-  const SceneSimilarity similarity = scale.points ? AlignScene(scene.rig, *scale.points) : FromDistance(scene.rig, *scale.distance);
+  const SceneSimilarity similarity =
+      scale.points ? AlignScene(scene.rig, *scale.points) : FromDistance(scene.rig, *scale.distance);
   if (similarity.status != Status::kOk) return Refused(similarity.status, similarity.message);
   Scale(similarity, &scene.rig, &scene.points);
   Adjustment work = Prepare(scene, images, options, threads);
   for (PointObservation& o : work.observations) o.weight = 1 / (report.feature_sigma_px * report.feature_sigma_px);
+  work.options.min_sigma = 1;
   AddScale(scale, scene.rig, &work);
-  report.rig.gauge = scale.points ? scale.points->gauge : "camera " + scale.distance->a + ", its distance to " + scale.distance->b;
+  report.rig.gauge =
+      scale.points ? scale.points->gauge : "camera " + scale.distance->a + ", its distance to " + scale.distance->b;
   report.bundle = SolvePointBundle(&work.scene, &work.observations, work.options);
   report.status = report.bundle.status, report.message = report.bundle.message;
   const double sigma = std::max(1.0, report.bundle.sigma_px);
   const PointBundleCovariance covariance = CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma);
-  if (report.status == Status::kOk && covariance.status != Status::kOk) report.status = covariance.status, report.message = covariance.message;
+  if (report.status == Status::kOk && covariance.status != Status::kOk)
+    report.status = covariance.status, report.message = covariance.message;
   FillRig(work, scene, covariance, &report);
   if (scale.points) NameGross(work, *scale.points, scene.rig, &report);
   for (const SceneImage& image : images) {

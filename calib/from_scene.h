@@ -29,7 +29,8 @@ struct KnownPoints {
 KnownPoints KnownFromScenePoints(const ScenePoints& points, double click_sigma_px);
 /// The corners of the board in the frame that most cameras saw; world is the board's frame. `camera_names` by
 /// Detection::camera_idx.
-KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& detections, const std::vector<std::string>& camera_names);
+KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& detections,
+                           const std::vector<std::string>& camera_names);
 
 struct SceneScale {
   std::optional<KnownPoints> points;  ///< taken first: place and scale
@@ -45,27 +46,28 @@ SceneScale::Distance ParseCameraDistance(const std::string& text);
 
 struct FromSceneOptions {
   ColmapOptions colmap;
-  bool refine_intrinsics = true;  ///< of cameras whose lens is not known: focal length, k1, k2
+  bool refine_intrinsics = true;  ///< focal length, k1, k2 of lenses that are not known; cameras of one image size share them
   double reject_sigmas = 4.5;
 };
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, FromSceneOptions& o) {
   VisitFields(visit, o.colmap);
-  visit("refine-intrinsics", o.refine_intrinsics, "--from-scene: refine focal length, k1 and k2 of lenses that are not given");
-  visit("reject-sigmas-scene", o.reject_sigmas, "--from-scene: standard deviations beyond which a feature is rejected");
+  visit("refine-unknown-lenses", o.refine_intrinsics,
+        "--from-scene: adjust focal length, k1 and k2 of lenses that --start does not give");
+  visit("scene-reject-sigmas", o.reject_sigmas, "--from-scene: standard deviations beyond which a feature is rejected");
 }
 
 struct FromSceneReport {
-  Status status = Status::kOk;  ///< kTooFewViews, kDegenerate, kNotConverged
-  std::string message;          ///< one line when the status is not kOk
-  geometry::Rig rig;            ///< with covariances, when the status allows
+  Status status = Status::kOk;       ///< kTooFewViews, kDegenerate, kNotConverged
+  std::string message;               ///< one line when the status is not kOk
+  geometry::Rig rig;                 ///< with covariances, when the status allows
   std::vector<std::string> missing;  ///< cameras that could not be placed
   PointBundleReport bundle;
-  int num_points = 0;           ///< with at least two kept observations
-  std::vector<int> num_seen;    ///< per camera of the rig: kept features
-  double feature_sigma_px = 0;  ///< standard deviation of a feature per coordinate, as estimated
-  double colmap_rms_px = 0;     ///< 2-D RMS of all features before our adjustment, with colmap's cameras
+  int num_points = 0;              ///< with at least two kept observations
+  std::vector<int> num_seen;       ///< per camera of the rig: kept features
+  double feature_sigma_px = 0;     ///< standard deviation of a feature per coordinate, as estimated
+  double colmap_rms_px = 0;        ///< 2-D RMS of all features before our adjustment, with colmap's cameras
   std::vector<std::string> gross;  ///< known points that disagree
 };
 
@@ -79,8 +81,8 @@ FromSceneReport AdjustScene(const ColmapScene& scene, const std::vector<SceneIma
 struct SceneSimilarity {
   Status status = Status::kOk;
   std::string message;
-  double scale = 1;                    ///< metres per unit of the scene
-  geometry::Rigid3 world_from_scene;   ///< x_in_world = R (scale x_in_scene) + t
+  double scale = 1;                   ///< metres per unit of the scene
+  geometry::Rigid3 world_from_scene;  ///< x_in_world = R (scale x_in_scene) + t
   double rms_m = 0;
   int num_points = 0;
 };

@@ -72,7 +72,8 @@ Eigen::Quaterniond MeanRotation(const std::vector<Rigid3>& poses) {
 }
 
 /// Park and Martin; q_from_p is the mean over the pairs.
-std::optional<Solution> ClosedForm(const std::vector<HandEyePair>& pairs, const std::vector<Motion>& motions, double min_spread) {
+std::optional<Solution> ClosedForm(const std::vector<HandEyePair>& pairs, const std::vector<Motion>& motions,
+                                   double min_spread) {
   if (AxisSpread(motions) < min_spread) return std::nullopt;
   Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
   for (const Motion& motion : motions) cross += motion.turn_a * motion.turn_b.transpose();
@@ -198,7 +199,8 @@ std::optional<double> Step(const std::vector<HandEyePair>& pairs, Refined* refin
     right.segment<6>(6 * i) = -root * miss;
   }
   const Eigen::RowVectorXd scale = left.colwise().norm().cwiseMax(1e-300);
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(left * scale.cwiseInverse().asDiagonal(), Eigen::ComputeThinU | Eigen::ComputeThinV);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(left * scale.cwiseInverse().asDiagonal(),
+                                              Eigen::ComputeThinU | Eigen::ComputeThinV);
   if (svd.singularValues()[11] < 1e-10 * svd.singularValues()[0]) return std::nullopt;
   const Vector12d scaled = svd.solve(right);
   const Vector12d delta = scaled.cwiseQuotient(scale.transpose());
@@ -268,7 +270,8 @@ HandEye SolveHandEye(const std::vector<HandEyePair>& pairs, const HandEyeOptions
     if (!IsFinite(pair.a_from_p) || !IsFinite(pair.b_from_q)) return Refuse(Status::kNonFiniteInput, "a pose is not finite");
   }
   if (pairs.size() < 3) {
-    return Refuse(Status::kTooFewViews, "only " + std::to_string(pairs.size()) + " of the 3 simultaneous frames that are needed");
+    return Refuse(Status::kTooFewViews,
+                  "only " + std::to_string(pairs.size()) + " of the 3 simultaneous frames that are needed");
   }
   const double distance = TypicalDistance(pairs);
   const auto start = BestStart(pairs, distance, options.min_axis_spread_rad);

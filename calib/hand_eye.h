@@ -8,16 +8,17 @@
 
 namespace mvstudio::calib {
 
-/// Two poses taken at one instant by devices that never see the same thing: `a_from_p` of body p in a, `b_from_q` of body q in b.
+/// Two poses taken at one instant by devices that never see the same thing: `a_from_p` of body p in a, `b_from_q` of body q in
+/// b.
 struct HandEyePair {
   geometry::Rigid3 a_from_p, b_from_q;
 };
 
 struct HandEyeOptions {
-  double max_rotation_sigma_rad = 0.05;   ///< of a_from_b; beyond it the motion counts as degenerate
-  double max_translation_sigma = 0.1;     ///< of a_from_b, relative to the median distance of the bodies
-  double min_axis_spread_rad = 0.005;     ///< RMS turn about the second strongest axis below which it counts as none
-  double min_axis_spread_noise = 3;       ///< the same in units of the noise of a rotation, which looks like a turn itself
+  double max_rotation_sigma_rad = 0.05;  ///< of a_from_b; beyond it the motion counts as degenerate
+  double max_translation_sigma = 0.1;    ///< of a_from_b, relative to the median distance of the bodies
+  double min_axis_spread_rad = 0.005;    ///< RMS turn about the second strongest axis below which it counts as none
+  double min_axis_spread_noise = 3;      ///< the same in units of the noise of a rotation, which looks like a turn itself
 };
 
 struct HandEye {

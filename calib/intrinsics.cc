@@ -5,8 +5,11 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/focal_evidence.h"
+#include "calib/gross_errors.h"
 #include "calib/homography.h"
 #include "calib/resection.h"
+#include "calib/rig_problem.h"
 #include "geometry/lens_fit.h"
 
 namespace mvstudio::calib {
@@ -16,7 +19,7 @@ using geometry::Camera;
 using geometry::LensModel;
 
 constexpr int kMaxStartViews = 16;
-constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5};    // of the image width, beside the closed form
+constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};  // horizontal fields of view of fisheye starts
 constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
 
@@ -86,7 +89,7 @@ bool Plausible(const MonoSolution& solution) {
   const Camera& camera = solution.state.cameras[0];
   const double size = std::max(camera.width_px, camera.height_px);
   return geometry::WhyInvalidLens(camera).empty() && std::min(camera.fx(), camera.fy()) > 0.05 * size &&
-         std::max(camera.fx(), camera.fy()) < 200 * size;
+         std::max(camera.fx(), camera.fy()) < 1000 * size;
 }
 
 /// Median error of all corners, those included whose board has no pose (infinite).
@@ -100,6 +103,13 @@ double MedianError(const MonoSolution& solution) {
   }
   return errors.empty() ? std::numeric_limits<double>::infinity()
                         : Median(Eigen::Map<const Eigen::VectorXd>(errors.data(), errors.size()));
+}
+
+MonoSolution Undetermined(const std::string& name, size_t num_boards) {
+  return Failed(Status::kDegenerate, "camera " + name + ": its " + std::to_string(num_boards) +
+                                         (num_boards == 1 ? " board does" : " boards do") +
+                                         " not tell the focal length from the distance; show the board tilted in several "
+                                         "directions");
 }
 
 struct Start {
@@ -166,7 +176,7 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
   }
   if (used == 0) return {Status::kTooFewViews, 0};
   const double w = denominator > 0 ? numerator / denominator : 0;
-  if (!(scale / used > 1e-6) || !(w > 1e-4)) return {Status::kDegenerate, 0};
+  if (!(scale / used > 1e-6) || !(w > 1e-7)) return {Status::kDegenerate, 0};
   return {Status::kOk, width_px / std::sqrt(w)};
 }
 
@@ -175,7 +185,8 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
   const auto polynomial = [](LensModel m) { return !geometry::IsWide(m) && m != LensModel::kPinholeP && m != LensModel::kBrown1P; };
   if (!polynomial(camera.model) || !polynomial(model)) {
     const geometry::LensFit fit = geometry::FitLens(camera, model, {}, spline);
-    if (fit.status == Status::kOk || fit.status == Status::kNotConverged) return fit.camera;
+    const bool usable = fit.status == Status::kOk || fit.status == Status::kNotConverged;
+    if (usable && WithinBounds(fit.camera)) return fit.camera;
   }
   Camera result = camera;
   result.model = model;
@@ -183,6 +194,10 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
   result.params = Eigen::VectorXd::Zero(geometry::NumParams(result));
   const Eigen::Index kept = polynomial(camera.model) && polynomial(model) ? std::min(result.params.size(), camera.params.size()) : 4;
   result.params.head(kept) = camera.params.head(kept);
+  const bool eucm = model == LensModel::kEucm || model == LensModel::kEucmP;
+  const bool sphere = model == LensModel::kDoubleSphere || model == LensModel::kDoubleSphereP;
+  if (eucm) result.params.segment<2>(4) << 0.5, 1;
+  if (sphere) result.params.segment<2>(4) << 0, 0.5;
   return result;
 }
 
@@ -217,7 +232,10 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
     if (!view.px.allFinite())
       return Failed(Status::kNonFiniteInput, "camera " + camera.name + ": a corner is not a finite number");
   }
-  const Start start = BestStart(camera, views);
+  std::vector<View> screened = views;
+  for (View& view : screened) ScreenView(&view);
+  if (views.size() < 2) return Undetermined(camera.name, views.size());
+  const Start start = BestStart(camera, screened);
   if (!std::isfinite(start.error_px)) {
     return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " +
                                            std::to_string(views.size()) +
@@ -225,11 +243,19 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   }
   const bool wide = geometry::IsWide(start.camera.model);
   const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
-  MonoSolution solution = StartFrom(start.camera, views);
+  MonoSolution solution = StartFrom(start.camera, screened);
   if (solution.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
   solution.state.cameras[0] = WithModel(start.camera, model, keep_model ? camera.spline : geometry::SplineGrid());
+  for (size_t v = 0; v < views.size(); ++v) {
+    solution.prior[v] = views[v].weights;
+    if ((solution.views[v].weights.array() > 0).any()) solution.views[v].weights = views[v].weights;
+  }
   Solve(options, &solution);
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
+  const auto evidence = FocalEvidence(solution);
+  if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {
+    if (evidence && *evidence < kMinFocalEvidence) return Undetermined(camera.name, views.size());
+  }
   return solution;
 }
 

@@ -150,7 +150,8 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
   }
   BundleOptions bundle = options;
   bundle.reject_outliers = false;
-  bundle.cost_tolerance = 1e-7;
+  bundle.cost_tolerance = 1e-6;
+  bundle.first_damping = 1e-8;
   for (int fold = 0; fold < folds; ++fold) {
     LensPool train = fit;
     for (size_t v = 0; v < train.views.size(); ++v) {

@@ -12,7 +12,8 @@ namespace {
 
 using geometry::LensModel;
 
-constexpr int kMinViews = 6;
+constexpr int kMinViews = 6, kMinViewsOfCamera = 3;
+constexpr double kNegligible = 0.01;     // of the held-out error
 constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
 constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
 constexpr int kMinSplineCorners = 5000;  // of one camera
@@ -101,7 +102,8 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
   for (size_t i = 0; i < candidates->size(); ++i) {
     const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
     LensCandidate& candidate = (*candidates)[i];
-    candidate.within_one_se = difference.mean <= difference.standard_error;
+    candidate.within_one_se = difference.mean <= difference.standard_error ||
+                              candidate.relative_error <= (1 + kNegligible) * best->relative_error;
     if (chosen < 0 && candidate.within_one_se) chosen = static_cast<int>(i);
   }
   if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
@@ -149,7 +151,9 @@ std::vector<LensConfig> Models(const LensPool& pool) {
 
 std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options) {
   const int cameras = static_cast<int>(pool.state.cameras.size());
-  std::vector<LensConfig> configs;
+  std::vector<LensConfig> configs = options.only;
+  for (LensConfig& config : configs) config.warp = options.warp;
+  if (!configs.empty()) return configs;
   for (LensConfig config : options.models.empty() ? Models(pool) : options.models) {
     config.warp = options.warp;
     if (options.separate || cameras == 1) configs.push_back(config);
@@ -176,10 +180,10 @@ LensCandidate Try(const LensPool& pool, const LensConfig& config, const Selectio
   return candidate;
 }
 
-int FewestViews(const LensPool& pool) {
+bool EnoughViews(const LensPool& pool) {
   std::vector<int> views(pool.state.cameras.size(), 0);
   for (const View& view : pool.views) ++views[view.camera_idx];
-  return *std::min_element(views.begin(), views.end());
+  return static_cast<int>(pool.views.size()) >= kMinViews && *std::min_element(views.begin(), views.end()) >= kMinViewsOfCamera;
 }
 
 /// Candidates without a solution are left out.
@@ -207,7 +211,7 @@ std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
   LensChoice choice;
   choice.reason = std::string(geometry::ToString(pool.state.cameras[0].model)) + ": too few views to compare lens models";
-  if (FewestViews(pool) < kMinViews) return choice;
+  if (!EnoughViews(pool)) return choice;
   const std::vector<LensConfig> configs = Configurations(pool, options);
   choice.candidates.resize(configs.size());
   BundleOptions single = bundle;
@@ -225,7 +229,7 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
 WarpChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
   WarpChoice choice;
   choice.reason = "too few views to see whether the board is bent";
-  if (FewestViews(pool) < kMinViews) return choice;
+  if (!EnoughViews(pool)) return choice;
   std::vector<LensCandidate> candidates(2);
   BundleOptions single = bundle;
   single.num_threads = 1;

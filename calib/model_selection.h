@@ -30,10 +30,11 @@ struct SelectionOptions {
   bool separate = true;   ///< also try a lens for each camera
   bool warp = false;      ///< boards may be bent, under every lens
   std::vector<LensConfig> models;  ///< to compare; empty: all that the field of view and the number of corners allow
+  std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (but for warp)
 };
 
 /// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
-/// (of the paired differences between views) of the best. All cameras of a pool get one model: the views of one camera alone are
+/// (of the paired differences between views) of the best, or within 1 % of it, which is not worth a number. All cameras of a pool get one model: the views of one camera alone are
 /// too few to see a decentring that shifts its principal point, and hence its direction, by a pixel.
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
 

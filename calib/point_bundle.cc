@@ -22,7 +22,8 @@ int NumUnknowns(const PointScene& scene, const std::vector<PointObservation>& ob
   for (const Eigen::MatrixXd& directions : options.lens_directions) unknowns += static_cast<int>(directions.cols());
   for (size_t c = 0; c < scene.cam_from_world.size(); ++c) unknowns += IsFixed(options.fix_camera, c) ? 0 : 6;
   std::vector<bool> seen(static_cast<size_t>(scene.points.cols()), false);
-  for (const PointObservation& o : observations) seen[static_cast<size_t>(o.point_idx)] = seen[static_cast<size_t>(o.point_idx)] || o.weight > 0;
+  for (const PointObservation& o : observations)
+    seen[static_cast<size_t>(o.point_idx)] = seen[static_cast<size_t>(o.point_idx)] || o.weight > 0;
   for (size_t p = 0; p < seen.size(); ++p) unknowns += seen[p] && !IsFixed(options.fix_point, p) ? 3 : 0;
   return unknowns;
 }
@@ -37,11 +38,13 @@ void DropUnusable(const PointScene& scene, const PointBundleOptions& options, st
     kept[static_cast<size_t>(o.point_idx)] += o.weight > 0;
   }
   for (PointObservation& o : *observations) {
-    if (kept[static_cast<size_t>(o.point_idx)] < 2 && !IsFixed(options.fix_point, static_cast<size_t>(o.point_idx))) o.weight = 0;
+    if (kept[static_cast<size_t>(o.point_idx)] < 2 && !IsFixed(options.fix_point, static_cast<size_t>(o.point_idx)))
+      o.weight = 0;
   }
 }
 
-/// Robust standard deviation per coordinate of the weighted residuals: the median length of a 2-D normal vector is 1.1774 sigma.
+/// Robust standard deviation per coordinate of the weighted residuals: the median length of a 2-D normal vector is 1.1774
+/// sigma.
 double RobustSigma(const PointScene& scene, const std::vector<PointObservation>& observations) {
   const Eigen::Matrix2Xd residuals = PointResiduals(scene, observations);
   std::vector<double> lengths;
@@ -75,7 +78,7 @@ SchurLmReport Adjust(PointScene* scene, const std::vector<PointObservation>& obs
 /// Rejects observations beyond the limit and takes back those within it; true when something changed.
 bool Reject(const PointScene& scene, const PointBundleOptions& options, const std::vector<double>& weights,
             std::vector<PointObservation>* observations) {
-  const double limit = options.reject_sigmas * std::max(RobustSigma(scene, *observations), 1e-9);
+  const double limit = options.reject_sigmas * std::max({RobustSigma(scene, *observations), options.min_sigma, 1e-9});
   const Eigen::Matrix2Xd residuals = PointResiduals(scene, *observations);
   std::vector<double> before;
   for (size_t i = 0; i < observations->size(); ++i) {
@@ -152,11 +155,13 @@ PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservati
                                    const PointBundleOptions& options) {
   MVS_CHECK(scene->lens_of_camera.size() == scene->cam_from_world.size(), "a lens for each camera");
   PointBundleReport report;
-  if (!IsFinite(*scene, *observations)) return report.status = Status::kNonFiniteInput, report.message = "a number is not finite", report;
+  if (!IsFinite(*scene, *observations))
+    return report.status = Status::kNonFiniteInput, report.message = "a number is not finite", report;
   std::vector<double> weights;
   for (const PointObservation& o : *observations) weights.push_back(o.weight);
   DropUnusable(*scene, options, observations);
-  const int usable = static_cast<int>(std::count_if(observations->begin(), observations->end(), [](const auto& o) { return o.weight > 0; }));
+  const int usable =
+      static_cast<int>(std::count_if(observations->begin(), observations->end(), [](const auto& o) { return o.weight > 0; }));
   if (2 * usable < NumUnknowns(*scene, *observations, options) || usable == 0) {
     report.status = Status::kTooFewViews;
     report.message = std::to_string(usable) + " observations are too few for " +
@@ -165,7 +170,9 @@ PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservati
   }
   SchurLmReport lm;
   if (options.reject_outliers) {
-    const double robust = options.robust_px > 0 ? options.robust_px : kCauchyToSigma * std::max(RobustSigma(*scene, *observations), 0.1);
+    const double robust = options.robust_px > 0
+                              ? options.robust_px
+                              : kCauchyToSigma * std::max({RobustSigma(*scene, *observations), options.min_sigma, 0.1});
     lm = Adjust(scene, *observations, options, robust, std::max(1e-6, options.cost_tolerance), nullptr);
     report.num_iterations += lm.num_iterations;
     Reject(*scene, options, weights, observations);
@@ -179,7 +186,8 @@ PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservati
   Summarise(*scene, *observations, options, &report);
   for (size_t i = 0; i < weights.size(); ++i) report.num_rejected += weights[i] > 0 && !((*observations)[i].weight > 0);
   report.status = lm.status;
-  if (lm.status != Status::kOk) report.message = "the adjustment ended after " + std::to_string(report.num_iterations) + " steps without converging";
+  if (lm.status != Status::kOk)
+    report.message = "the adjustment ended after " + std::to_string(report.num_iterations) + " steps without converging";
   return report;
 }
 
@@ -208,8 +216,10 @@ PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std
     out.message = "the observations do not hold all cameras in place: something of their poses or lenses is free";
     return out;
   }
-  const Eigen::MatrixXd covariance = sigma_px * sigma_px * (scale.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                                     eigen.eigenvectors().transpose() * scale.asDiagonal());
+  const Eigen::MatrixXd covariance =
+      sigma_px * sigma_px *
+      (scale.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+       eigen.eigenvectors().transpose() * scale.asDiagonal());
   for (size_t l = 0; l < scene.lenses.size(); ++l) {
     const int column = problem.lens_column(static_cast<int>(l));
     const Eigen::MatrixXd& d = problem.directions(static_cast<int>(l));

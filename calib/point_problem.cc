@@ -119,7 +119,9 @@ void PointProblem::CollectTerms() {
     }
     std::sort(columns.begin(), columns.end());
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-    const auto place = [&](int column) { return begin + (std::lower_bound(columns.begin(), columns.end(), column) - columns.begin()); };
+    const auto place = [&](int column) {
+      return begin + (std::lower_bound(columns.begin(), columns.end(), column) - columns.begin());
+    };
     for (Term& term : of_block[b]) {
       term.lens_in_w = place(term.lens), term.other_in_w = place(term.other);
       terms_.push_back(term);
@@ -138,13 +140,15 @@ void PointProblem::AllocateSystem(SchurSystem* system) const {
 void PointProblem::Try(const Eigen::VectorXd& global, const Eigen::MatrixXd& blocks) {
   for (size_t l = 0; l < directions_.size(); ++l) {
     trial_.lenses[l].params = current_.lenses[l].params;
-    if (lens_column_[l] >= 0) trial_.lenses[l].params += directions_[l] * global.segment(lens_column_[l], directions_[l].cols());
+    if (lens_column_[l] >= 0)
+      trial_.lenses[l].params += directions_[l] * global.segment(lens_column_[l], directions_[l].cols());
   }
   for (size_t c = 0; c < camera_column_.size(); ++c) {
     geometry::Vector6d delta = geometry::Vector6d::Zero();
     if (camera_column_[c] >= 0) delta = global.segment<6>(camera_column_[c]);
     if (camera_block_[c] >= 0) delta = blocks.col(camera_block_[c]);
-    trial_.cam_from_world[c] = delta.isZero(0) ? current_.cam_from_world[c] : geometry::Perturb(delta, current_.cam_from_world[c]);
+    trial_.cam_from_world[c] =
+        delta.isZero(0) ? current_.cam_from_world[c] : geometry::Perturb(delta, current_.cam_from_world[c]);
   }
   for (size_t p = 0; p < point_column_.size(); ++p) {
     const auto i = static_cast<Eigen::Index>(p);

@@ -316,7 +316,8 @@ std::string RefineLens(const std::vector<bool>& used, std::vector<double>* error
     const std::vector<double> left_out = LeaveOneOut(candidate, used);
     if (!(Rms(left_out) < 0.9 * Rms(*errors))) break;
     *problem = candidate, *normal = fit, *errors = left_out;
-    reason = distortion == 0 ? "focal length refined: left-out points are better for it" : "focal length and k1 refined: left-out points are better for it";
+    reason = distortion == 0 ? "focal length refined: left-out points are better for it"
+                             : "focal length and k1 refined: left-out points are better for it";
   }
   return reason;
 }
@@ -354,7 +355,8 @@ bool IsDetermined(const Problem& problem, const std::vector<bool>& used, const P
   for (size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
     const auto c = static_cast<size_t>(problem.clicks[i].camera_idx);
-    const Eigen::Vector3d x_in_rig = problem.rig_from_world * Eigen::Vector3d(problem.x_in_world.col(problem.clicks[i].point_idx));
+    const Eigen::Vector3d x_in_rig =
+        problem.rig_from_world * Eigen::Vector3d(problem.x_in_world.col(problem.clicks[i].point_idx));
     nearest = std::min(nearest, (problem.cam_from_rig[c] * x_in_rig).norm());
   }
   // Rotations of the whole group about world's origin move the centre: c = -R^T t.
@@ -373,7 +375,8 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   MVS_CHECK(!rig.empty(), "no camera");
   MVS_CHECK(options.click_sigma_px > 0, "click_sigma_px = " << options.click_sigma_px);
   const int distinct = DistinctPoints(clicks);
-  if (distinct < 4) return Refuse(Status::kTooFewViews, std::to_string(distinct) + " points are marked; at least 4 are needed", clicks.size());
+  if (distinct < 4)
+    return Refuse(Status::kTooFewViews, std::to_string(distinct) + " points are marked; at least 4 are needed", clicks.size());
   Problem problem{clicks, x_in_world, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig) {
     problem.cam_from_rig.push_back(camera.cam_from_world);
@@ -386,11 +389,14 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   double middle_px = 0;
   std::vector<bool> used;
   Normal normal;
-  if (!FindStart(&problem, &middle_px)) return Refuse(Status::kDegenerate, "no pose of the camera fits the marked points", clicks.size());
+  if (!FindStart(&problem, &middle_px))
+    return Refuse(Status::kDegenerate, "no pose of the camera fits the marked points", clicks.size());
   if (!FitRobustly(options.click_sigma_px, middle_px, &problem, &used, &normal))
-    return Refuse(Status::kNotConverged, "the pose could not be fitted to the marked points: too many of them disagree", clicks.size());
+    return Refuse(Status::kNotConverged, "the pose could not be fitted to the marked points: too many of them disagree",
+                  clicks.size());
   if (2 * Count(used) <= static_cast<int>(clicks.size()))
-    return Refuse(Status::kNotConverged, "most marked points disagree with each other: check their numbering and the intrinsics", clicks.size());
+    return Refuse(Status::kNotConverged,
+                  "most marked points disagree with each other: check their numbering and the intrinsics", clicks.size());
   PointResection out;
   std::vector<double> errors = LeaveOneOut(problem, used);
   if (options.refine_lens) out.lens_reason = RefineLens(used, &errors, &problem, &normal);
@@ -408,8 +414,9 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   FillCovariance(problem, normal, out.sigma_px, &out);
   if (!IsDetermined(problem, used, out)) {
     out.status = Status::kDegenerate;
-    out.message = "the marked points leave the camera's place uncertain by more than a quarter of its distance: mark points farther "
-                  "apart, not on one line";
+    out.message =
+        "the marked points leave the camera's place uncertain by more than a quarter of its distance: mark points farther "
+        "apart, not on one line";
   }
   return out;
 }

@@ -33,14 +33,14 @@ struct PointResection {
   std::string message;          ///< one line when the status is not kOk
   geometry::Rigid3 rig_from_world;
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();  ///< of rig_from_world, left perturbation
-  std::vector<geometry::Camera> cameras;   ///< as given, or with a refined lens
-  std::vector<std::optional<Eigen::MatrixXd>> params_covariance;  ///< per camera, of refined lenses
-  std::string lens_reason;                 ///< why the lens was refined or not; empty unless asked for
-  Eigen::Matrix2Xd residuals_px;           ///< (2, clicks) projection minus click; infinite where it does not project
-  std::vector<bool> rejected;              ///< per click: a gross error
-  double rms_px = 0;                       ///< 2-D point RMS over the kept clicks
-  double sigma_px = 0;                     ///< per coordinate: as estimated, but not below the expected one for few clicks
-  double leave_one_out_px = 0;             ///< 2-D RMS of each kept click when it is left out; NaN when there are fewer than 5
+  std::vector<geometry::Camera> cameras;                                         ///< as given, or with a refined lens
+  std::vector<std::optional<Eigen::MatrixXd>> params_covariance;                 ///< per camera, of refined lenses
+  std::string lens_reason;        ///< why the lens was refined or not; empty unless asked for
+  Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projection minus click; infinite where it does not project
+  std::vector<bool> rejected;     ///< per click: a gross error
+  double rms_px = 0;              ///< 2-D point RMS over the kept clicks
+  double sigma_px = 0;            ///< per coordinate: as estimated, but not below the expected one for few clicks
+  double leave_one_out_px = 0;    ///< 2-D RMS of each kept click when it is left out; NaN when there are fewer than 5
   int num_used = 0;
 };
 

@@ -24,7 +24,7 @@ using internal::PoseState;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kTie = 0.8;                    // a rival that explains so much of what the best one does
+constexpr double kTie = 0.8;  // a rival that explains so much of what the best one does
 
 void RequireKnown(const geometry::Rig& rig, const CalibrateInput& input) {
   for (const CameraInput& camera : input.cameras) {
@@ -124,7 +124,8 @@ void Describe(const Trial& trial, const CheckWork& work, int camera, CameraCheck
   if (check->status != Status::kOk) return;
   const auto& covariance = trial.solution.covariance;
   Vector6d motion;
-  motion << geometry::RotationLog(new_pose.rotation * old_pose.rotation.conjugate()), new_pose.translation - old_pose.translation;
+  motion << geometry::RotationLog(new_pose.rotation * old_pose.rotation.conjugate()),
+      new_pose.translation - old_pose.translation;
   check->significance = std::sqrt(motion.dot(covariance.ldlt().solve(motion)) / 6);
   const auto sigma_along = [](const Eigen::Matrix3d& cov, const Eigen::Vector3d& along) {
     const double length = along.norm();
@@ -141,8 +142,8 @@ void Describe(const Trial& trial, const CheckWork& work, int camera, CameraCheck
   check->translation_sigma_m = sigma_along(j * covariance * j.transpose(), shift);
 }
 
-/// RMS distance between the corners' pixels with two poses of the camera, boards where they are in `state`; NaN when no corner is
-/// in front of both.
+/// RMS distance between the corners' pixels with two poses of the camera, boards where they are in `state`; NaN when no corner
+/// is in front of both.
 double ShiftPx(const CheckWork& work, const PoseState& state, int camera, const Rigid3& a, const Rigid3& b) {
   const geometry::Projector projector(work.problem.cameras[static_cast<size_t>(camera)]);
   double sum = 0;
@@ -240,42 +241,74 @@ void RequireConsensus(CheckWork* work, RigCheck* result) {
   std::sort(result->undecided.begin(), result->undecided.end());
 }
 
+double Rms(const Eigen::VectorXd& distances, const View& view) {
+  const auto used = (view.weights.array() > 0).cast<double>();
+  return std::sqrt((used > 0).select(distances.array().square(), 0).sum() / used.sum());
+}
+
+/// Views of a camera that are not far worse than its others, as calibrated.
+std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCheck* check) {
+  std::vector<size_t> views, ordinary;
+  std::vector<double> rms;
+  for (size_t v = 0; v < work.problem.views.size(); ++v) {
+    const View& view = work.problem.views[v];
+    if (view.camera_idx != static_cast<int>(camera)) continue;
+    const Rigid3& board = work.state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
+    views.push_back(v);
+    rms.push_back(
+        Rms(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
+  }
+  const double limit = 4 * internal::Median(rms);
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!(rms[i] > limit)) ordinary.push_back(views[i]);
+  }
+  check->num_outlying_views = static_cast<int>(views.size() - ordinary.size());
+  return ordinary;
+}
+
 /// Every camera's residuals against the boards of those that stayed, as calibrated and with its new pose.
-void FillResiduals(const CheckWork& work, RigCheck* result) {
-  const PoseState& state = work.state;
+void FillResiduals(CheckWork* work, RigCheck* result) {
   std::vector<double> all;
   double all_squares = 0;
-  for (size_t c = 0; c < work.checks.size(); ++c) {
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    CameraCheck& check = work->checks[c];
     std::vector<double> distances;
     double squares = 0, squares_after = 0;
-    for (size_t v = 0; v < work.problem.views.size(); ++v) {
-      const View& view = work.problem.views[v];
-      if (view.camera_idx != static_cast<int>(c)) continue;
-      const Rigid3& board = state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
-      const Eigen::VectorXd before = CornerDistances(view, work.problem.cameras[c], work.rig.cameras[c].cam_from_world * board);
-      const Eigen::VectorXd after = CornerDistances(view, work.problem.cameras[c], work.checks[c].cam_from_world * board);
+    for (const size_t v : OrdinaryViews(*work, c, &check)) {
+      const View& view = work->problem.views[v];
+      const Rigid3& board = work->state.world_from_board[static_cast<size_t>(work->problem.board_of_view[v])];
+      const Eigen::VectorXd before =
+          CornerDistances(view, work->problem.cameras[c], work->rig.cameras[c].cam_from_world * board);
+      const Eigen::VectorXd after = CornerDistances(view, work->problem.cameras[c], check.cam_from_world * board);
       for (Eigen::Index i = 0; i < view.size(); ++i) {
         if (view.weights[i] <= 0) continue;
         distances.push_back(before[i]);
         squares += before[i] * before[i], squares_after += after[i] * after[i];
       }
     }
-    CameraCheck check = work.checks[c];
     const double count = static_cast<double>(distances.size());
     check.rms_px = count > 0 ? std::sqrt(squares / count) : kNaN;
     check.rms_after_px = count > 0 ? std::sqrt(squares_after / count) : kNaN;
     check.median_px = internal::Median(distances);
-    check.moved = work.moved[c];
-    if (!work.moved[c]) all.insert(all.end(), distances.begin(), distances.end()), all_squares += squares;
-    if (work.present[c]) result->cameras.push_back(check);
+    check.moved = work->moved[c];
+    if (!work->moved[c]) all.insert(all.end(), distances.begin(), distances.end()), all_squares += squares;
+    if (work->present[c]) result->cameras.push_back(check);
   }
   result->rms_px = all.empty() ? kNaN : std::sqrt(all_squares / static_cast<double>(all.size()));
   result->median_px = internal::Median(all);
 }
 
+/// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on.
+void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* result) {
+  result->scale = internal::MeasureScale(boards, *work);
+  if (std::count(work->present.begin(), work->present.end(), true) < 3) return;
+  if (!(std::abs(result->scale - 1) > work->options.scale_percent / 100)) return;
+  for (View& view : work->problem.views) view.x_in_board *= result->scale;
+  for (Rigid3& pose : work->own_pose) pose.translation *= result->scale;
+}
+
 void Solve(const RunContext& run, CheckWork* work, RigCheck* result) {
   const int num_boards = static_cast<int>(work->problem.views_of_board.size());
-  work->all_views_of_board = work->problem.views_of_board;
   work->state.world_from_board.resize(static_cast<size_t>(num_boards));
   const int64_t present = std::count(work->present.begin(), work->present.end(), true);
   ProgressStage stage(run, "checking cameras", present);
@@ -296,7 +329,8 @@ void Solve(const RunContext& run, CheckWork* work, RigCheck* result) {
 
 }  // namespace
 
-RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options, const RunContext& run) {
+RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
+                  const RunContext& run) {
   RequireKnown(rig, input);
   RigCheck result;
   result.repaired = rig;
@@ -317,10 +351,12 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
     result.status = Status::kTooFewViews;
     result.message = "no two cameras see a board at the same instant";
   } else {
+    work.all_views_of_board = work.problem.views_of_board;
+    result.board_metrics = internal::MeasureLengths(input.boards, work);
+    TakeScale(input.boards, &work, &result);
     Solve(run, &work, &result);
   }
-  FillResiduals(work, &result);
-  result.board_metrics = internal::MeasureLengths(input.boards, work);
+  FillResiduals(&work, &result);
   for (size_t c = 0; c < work.checks.size(); ++c) {
     if (work.moved[c]) {
       result.repaired.cameras[c].cam_from_world = work.checks[c].cam_from_world;

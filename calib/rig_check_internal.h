@@ -16,8 +16,8 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 struct PoseProblem {
   std::vector<geometry::Camera> cameras;
-  std::vector<View> views;             ///< weights are 1 / variance (px^-2); 0 for dropped corners
-  std::vector<int> board_of_view;      ///< into PoseState::world_from_board
+  std::vector<View> views;         ///< weights are 1 / variance (px^-2); 0 for dropped corners
+  std::vector<int> board_of_view;  ///< into PoseState::world_from_board
   std::vector<std::vector<int>> views_of_board;
 };
 
@@ -26,8 +26,8 @@ struct PoseState {
   std::vector<geometry::Rigid3> world_from_board;  // per board and instant
 };
 
-/// Robust cost of a view whose sum of squared weighted residuals is `squares` over `count` corners: 2 count k^2 log(1 + squares /
-/// (2 count k^2)), k = 3; `weight`, when given, receives its derivative.
+/// Robust cost of a view whose sum of squared weighted residuals is `squares` over `count` corners: 2 count k^2 log(1 + squares
+/// / (2 count k^2)), k = 3; `weight`, when given, receives its derivative.
 double RobustViewCost(double squares, Eigen::Index count, double* weight);
 
 /// Sum of the squared weighted residuals of a view; infinity where it cannot be projected.
@@ -38,7 +38,7 @@ double BoardsCost(const PoseProblem& problem, const PoseState& state, const std:
 
 struct FreeCamera {
   Status status = Status::kOk;
-  double cost = 0;       ///< robust, of the boards used
+  double cost = 0;                         ///< robust, of the boards used
   Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, left perturbation, boards marginalised
   int num_boards = 0;
 };
@@ -56,9 +56,9 @@ struct CheckWork {
   PoseProblem problem;
   PoseState state;
   std::vector<std::vector<int>> all_views_of_board;  // problem.views_of_board with every camera's
-  std::vector<geometry::Rigid3> own_pose;              // per view: cam_from_board
-  std::vector<std::vector<int>> boards_of;   // per camera, those that it shares
-  std::vector<CameraCheck> checks;           // per camera of the rig
+  std::vector<geometry::Rigid3> own_pose;            // per view: cam_from_board
+  std::vector<std::vector<int>> boards_of;           // per camera, those that it shares
+  std::vector<CameraCheck> checks;                   // per camera of the rig
   std::vector<bool> present, moved;
 };
 
@@ -74,6 +74,11 @@ double Median(std::vector<double> values);  ///< NaN for none
 /// Lengths between corners that two cameras or more see, triangulated with the calibration as it is, against the board: `edge`
 /// are the shortest lengths on the board, `pair` all of them.
 BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);
+
+/// Lengths by the calibration over lengths on the board: per pair of cameras and instant the scale of the similarity that takes
+/// the board to its triangulated corners, the median over instants; of the pairs the lower third of |scale - 1|, for a camera
+/// that moved spoils at most two thirds of them. 1 when nothing can be said.
+double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
 
 /// Sets check->verdict from the rest.
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check);

@@ -59,7 +59,8 @@ std::vector<OwnView> OwnViews(const CalibrateInput& input, const std::vector<int
     if (detection.corner_ids.size() < kMinCorners) continue;
     View view = MakeView(input.boards, detection, frames);
     view.camera_idx = camera;
-    auto own = FitOwn(view, work->problem.cameras[static_cast<size_t>(camera)], work->options.reject_sigmas, &check.num_rejected);
+    auto own =
+        FitOwn(view, work->problem.cameras[static_cast<size_t>(camera)], work->options.reject_sigmas, &check.num_rejected);
     if (own) {
       views.push_back(std::move(*own));
     } else {
@@ -117,7 +118,8 @@ void FillProblem(std::vector<OwnView> views, CheckWork* work) {
     for (const size_t i : members) {
       OwnView& own = views[i];
       const size_t camera = static_cast<size_t>(own.view.camera_idx);
-      own.view.weights = (own.view.weights.array() > 0).select(1 / (sigmas[camera] * sigmas[camera]), Eigen::ArrayXd::Zero(own.view.size()));
+      own.view.weights =
+          (own.view.weights.array() > 0).select(1 / (sigmas[camera] * sigmas[camera]), Eigen::ArrayXd::Zero(own.view.size()));
       problem.views_of_board.back().push_back(static_cast<int>(problem.views.size()));
       problem.board_of_view.push_back(board);
       work->boards_of[camera].push_back(board);

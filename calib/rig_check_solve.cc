@@ -79,8 +79,8 @@ Reduced Eliminate(const BoardNormal& normal, double damping) {
 }
 
 /// One step of all poses; nothing when it is not finite.
-std::optional<PoseState> Step(const std::vector<BoardNormal>& normals, const std::vector<int>& boards, int camera, double damping,
-                              const PoseState& state) {
+std::optional<PoseState> Step(const std::vector<BoardNormal>& normals, const std::vector<int>& boards, int camera,
+                              double damping, const PoseState& state) {
   PoseState next = state;
   Vector6d camera_step = Vector6d::Zero();
   if (camera >= 0) {
@@ -174,7 +174,8 @@ double RobustViewCost(double squares, Eigen::Index count, double* weight) {
 double ViewSquares(const PoseProblem& problem, const PoseState& state, int view_idx) {
   const View& view = problem.views[static_cast<size_t>(view_idx)];
   const size_t camera = static_cast<size_t>(view.camera_idx);
-  const Rigid3& world_from_board = state.world_from_board[static_cast<size_t>(problem.board_of_view[static_cast<size_t>(view_idx)])];
+  const Rigid3& world_from_board =
+      state.world_from_board[static_cast<size_t>(problem.board_of_view[static_cast<size_t>(view_idx)])];
   const auto residuals = ResidualsOf(view, problem.cameras[camera], state.cam_from_world[camera] * world_from_board);
   if (!residuals) return kInfinity;
   double squares = 0;

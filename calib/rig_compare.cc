@@ -99,7 +99,8 @@ Rigid3 FitImplied(const geometry::Projector& projector, const Grid& grid, const 
     const Rigid3 next = geometry::Perturb(step, best);
     const Normal next_normal = Accumulate(projector, grid, ranges, next);
     const double mean = normal.cost / normal.count;
-    const double next_mean = next_normal.count > 0 ? next_normal.cost / next_normal.count : std::numeric_limits<double>::infinity();
+    const double next_mean =
+        next_normal.count > 0 ? next_normal.cost / next_normal.count : std::numeric_limits<double>::infinity();
     if (next_mean <= mean && 2 * next_normal.count >= normal.count) {
       best = next, normal = next_normal, damping = std::max(damping * 0.1, 1e-15);
       if (mean - next_mean <= 1e-15 * mean || step.norm() < 1e-14) break;

@@ -24,8 +24,8 @@ struct ProjectionDiffOptions {
 struct ProjectionDiffAtRange {
   double range_m = 0;
   double rms_px = 0, max_px = 0, centre_px = 0;
-  int num_points = 0;         ///< that both lenses see; the others are NaN in the grid
-  Eigen::MatrixXd grid_px;    // (rows, cols) length of the difference
+  int num_points = 0;                ///< that both lenses see; the others are NaN in the grid
+  Eigen::MatrixXd grid_px;           // (rows, cols) length of the difference
   Eigen::MatrixXd grid_dx, grid_dy;  // (rows, cols) pixel by the camera minus pixel by the reference
 };
 

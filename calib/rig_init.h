@@ -37,14 +37,15 @@ struct RigStart {
 /// Cameras and boards in one frame, from the pose of each board in each camera: `cam_from_board[v]` belongs to views[v]; views
 /// with fewer than 4 weighted corners or a pose that is not finite are not used.
 ///
-/// Two cameras that see one board at the same time are linked, and so are two boards that one camera sees; groups of cameras and
-/// of boards found that way link what they see together, until nothing changes. Groups that never share a board are linked by
-/// the motion of the boards they see in the same frames (SolveHandEye). The poses are those of the maximum spanning tree of
-/// shared corners, or the average over all links (AverageRotations, AverageTranslations), whichever explains the corners better;
-/// each frame's boards stand where the cameras that see them agree best.
+/// Two cameras that see one board at the same time are linked, and so are two boards that one camera sees; groups of cameras
+/// and of boards found that way link what they see together, until nothing changes. Groups that never share a board are linked
+/// by the motion of the boards they see in the same frames (SolveHandEye). The poses are those of the maximum spanning tree of
+/// shared corners, or the average over all links (AverageRotations, AverageTranslations), whichever explains the corners
+/// better; each frame's boards stand where the cameras that see them agree best.
 ///
 /// cam_from_world of `reference` becomes the identity unless poses are given. Fills cam_from_world, rig_from_board and
-/// world_from_board of `state`, whose cameras and frames must be set. The order of the cameras and of the views does not matter.
+/// world_from_board of `state`, whose cameras and frames must be set. The order of the cameras and of the views does not
+/// matter.
 RigStart InitializeRig(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board, int reference,
                        RigState* state, const RigInitOptions& options = {});
 

@@ -38,6 +38,15 @@ bool IsSplined(const geometry::Camera& camera) { return camera.model == geometry
 
 }  // namespace
 
+bool WithinBounds(const geometry::Camera& camera) {
+  using geometry::LensModel;
+  if (!geometry::WhyInvalidLens(camera).empty()) return false;
+  const LensModel model = camera.model;
+  if (model == LensModel::kEucm || model == LensModel::kEucmP) return camera.params[4] >= 0 && camera.params[4] <= 1;
+  if (model == LensModel::kDoubleSphere || model == LensModel::kDoubleSphereP) return camera.params[5] >= 0 && camera.params[5] <= 1;
+  return true;
+}
+
 RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, const BundleOptions& options) {
   const size_t cameras = state.cameras.size(), boards = state.rig_from_board.size();
   RigColumns columns;
@@ -64,7 +73,7 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
   }
   for (size_t b = 0; b < boards; ++b) {
     if (!board_seen[b]) continue;
-    if (options.refine_boards && b > 0) columns.board[b] = columns.total, columns.total += 6;
+    if (options.refine_boards && b > 0 && !Flag(options.fix_board, b)) columns.board[b] = columns.total, columns.total += 6;
     if (options.refine_warp) columns.warp[b] = columns.total, columns.total += 2;
   }
   return columns;
@@ -137,7 +146,7 @@ void RigProblem::Try(const Eigen::VectorXd& global, const Eigen::MatrixXd& block
 
 bool RigProblem::LinearizeTrial(SchurSystem* system) {
   for (size_t c = 0; c < trial_.cameras.size(); ++c) {
-    if (!geometry::WhyInvalidLens(trial_.cameras[c]).empty()) return false;
+    if (!WithinBounds(trial_.cameras[c])) return false;
   }
   system->SetZero();
   std::vector<Partial> partials(kChunks);

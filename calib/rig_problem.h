@@ -26,6 +26,10 @@ struct RigColumns {
 
 RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, const BundleOptions& options);
 
+/// False where a lens is no lens: parameters for which its formula is undefined, or alpha of eucm and doublesphere outside [0, 1],
+/// where solutions run away.
+bool WithinBounds(const geometry::Camera& camera);
+
 /// Weighted reprojection errors of all views as a Schur problem. Splined lenses get a weak prior that their surfaces are smooth
 /// and small where no corner speaks.
 class RigProblem : public SchurProblem {

@@ -33,7 +33,8 @@ std::vector<bool> FixedNodes(int num_nodes, const std::vector<PoseLink>& links, 
 /// Minimises the weighted sum of |u_a - u_b - difference|^2 over a vector u per node, zero for the fixed ones.
 class DifferenceSolver {
  public:
-  DifferenceSolver(const std::vector<PoseLink>& links, const std::vector<bool>& fixed) : links_(links), column_(fixed.size(), -1) {
+  DifferenceSolver(const std::vector<PoseLink>& links, const std::vector<bool>& fixed)
+      : links_(links), column_(fixed.size(), -1) {
     for (size_t n = 0; n < fixed.size(); ++n) {
       if (!fixed[n]) column_[n] = num_free_++;
     }
@@ -78,7 +79,7 @@ using Apply = std::function<void(const Eigen::Matrix3Xd&)>;
 /// Iteratively reweighted steps; `floor`: residuals below it do not count as different.
 void Reweight(const std::vector<PoseLink>& links, const std::vector<bool>& fixed, double floor, const ResidualOf& residual_of,
               const Apply& apply) {
-  constexpr int kAbsolute = 25, kRobust = 50;
+  constexpr int kAbsolute = 25, kNarrowing = 40, kRobust = 80;
   constexpr double kLeastWeight = 1e-6;  // keeps the equations solvable where all links of a node are outliers
   const DifferenceSolver solver(links, fixed);
   const auto count = static_cast<Eigen::Index>(links.size());
@@ -89,7 +90,13 @@ void Reweight(const std::vector<PoseLink>& links, const std::vector<bool>& fixed
     for (Eigen::Index e = 0; e < count; ++e) residuals.col(e) = residual_of(links[e]);
     const Eigen::VectorXd size = residuals.colwise().norm();
     const bool absolute = iteration < kAbsolute;
-    if (absolute || iteration == kAbsolute) scale = absolute ? floor : std::max(floor, 3 * 1.4826 * Median(size));
+    if (absolute) {
+      scale = floor;
+    } else if (iteration < kAbsolute + kNarrowing) {
+      // From far to near, so that the noise that a loop sums up is shared before it can count as one wrong link.
+      const double wide = iteration == kAbsolute ? size.maxCoeff() : 0.7 * scale;
+      scale = std::max({floor, 3 * 1.4826 * Median(size), wide});
+    }
     for (Eigen::Index e = 0; e < count; ++e) {
       const double ratio = size[e] / scale;
       const double robust = absolute ? 1 / std::max(1.0, ratio) : 1 / ((1 + ratio * ratio) * (1 + ratio * ratio));
@@ -98,7 +105,7 @@ void Reweight(const std::vector<PoseLink>& links, const std::vector<bool>& fixed
     const auto step = solver.Solve(residuals, weights);
     if (!step) return;
     apply(*step);
-    if (!absolute && step->cwiseAbs().maxCoeff() < 1e-9 * floor) return;
+    if (iteration >= kAbsolute + kNarrowing && step->cwiseAbs().maxCoeff() < 1e-9 * floor) return;
   }
 }
 

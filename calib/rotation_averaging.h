@@ -29,9 +29,9 @@ std::vector<std::vector<int>> LinkedGroups(int num_nodes, const std::vector<Pose
 std::vector<geometry::Rigid3> ChainPoses(int num_nodes, const std::vector<PoseLink>& links, const KnownPoses& known = {});
 
 /// Rotations of `poses` that agree best with all links: linearised differences of rotation vectors, iteratively reweighted,
-/// first towards the sum of the absolute errors, then with Geman and McClure's weights at three times the median error. Known
-/// nodes and the first node of each group without one stay. Chatterjee, Govindu, "Efficient and robust large-scale rotation
-/// averaging", ICCV 2013; Hartley, Trumpf, Dai, Li, "Rotation averaging", IJCV 2013.
+/// first towards the sum of the absolute errors, then with Geman and McClure's weights, narrowing to three times the median
+/// error. Known nodes and the first node of each group without one stay. Chatterjee, Govindu, "Efficient and robust large-scale
+/// rotation averaging", ICCV 2013; Hartley, Trumpf, Dai, Li, "Rotation averaging", IJCV 2013.
 void AverageRotations(const std::vector<PoseLink>& links, const KnownPoses& known, std::vector<geometry::Rigid3>* poses);
 
 /// Positions of the nodes, given their rotations, by the same reweighted least squares of where the links' anchors meet. The

@@ -31,13 +31,15 @@ class Collector {
   }
 
   ScenePoints Finish() {
-    if (out_.clicks.empty()) throw FormatError(path_, "", "no camera sees a point: the columns camera,point,x_px,y_px are needed");
+    if (out_.clicks.empty())
+      throw FormatError(path_, "", "no camera sees a point: the columns camera,point,x_px,y_px are needed");
     out_.x_in_world.resize(3, static_cast<Eigen::Index>(places_.size()));
     for (size_t i = 0; i < places_.size(); ++i) out_.x_in_world.col(static_cast<Eigen::Index>(i)) = places_[i];
     for (const PointClick& click : out_.clicks) {
       if (places_[static_cast<size_t>(click.point_idx)].allFinite()) continue;
-      throw FormatError(path_, "", "the point '" + internal::Printable(out_.names[static_cast<size_t>(click.point_idx)]) +
-                                       "' is clicked but has no place (point,x,y,z)");
+      throw FormatError(path_, "",
+                        "the point '" + internal::Printable(out_.names[static_cast<size_t>(click.point_idx)]) +
+                            "' is clicked but has no place (point,x,y,z)");
     }
     return out_;
   }
@@ -58,8 +60,9 @@ class Collector {
                                 table.Number(row, table.Require({"z"})));
     Eigen::Vector3d& known = places_[static_cast<size_t>(point)];
     if (known.allFinite() && known != place) {
-      throw FormatError(table.path(), table.Where(row), "the point '" + internal::Printable(out_.names[static_cast<size_t>(point)]) +
-                                                            "' has another place in an earlier row");
+      throw FormatError(table.path(), table.Where(row),
+                        "the point '" + internal::Printable(out_.names[static_cast<size_t>(point)]) +
+                            "' has another place in an earlier row");
     }
     known = place;
   }
@@ -70,11 +73,12 @@ class Collector {
     const auto [entry, is_new] = camera_idx_.insert({camera, static_cast<int>(out_.cameras.size())});
     if (is_new) out_.cameras.push_back(camera);
     if (!seen_.insert({entry->second, point}).second) {
-      throw FormatError(table.path(), table.Where(row), "camera " + internal::Printable(camera) + " sees the point '" +
-                                                            internal::Printable(out_.names[static_cast<size_t>(point)]) + "' twice");
+      throw FormatError(table.path(), table.Where(row),
+                        "camera " + internal::Printable(camera) + " sees the point '" +
+                            internal::Printable(out_.names[static_cast<size_t>(point)]) + "' twice");
     }
-    out_.clicks.push_back({entry->second, point,
-                           {table.Number(row, table.Require({"x_px"})), table.Number(row, table.Require({"y_px"}))}});
+    out_.clicks.push_back(
+        {entry->second, point, {table.Number(row, table.Require({"x_px"})), table.Number(row, table.Require({"y_px"}))}});
   }
 
   ScenePoints out_;
@@ -84,14 +88,15 @@ class Collector {
   std::string path_;
 };
 
-std::vector<std::string> GrossErrors(const ScenePoints& points, const std::vector<PointClick>& clicks, const PointResection& resection,
-                                     const geometry::Rig& rig) {
+std::vector<std::string> GrossErrors(const ScenePoints& points, const std::vector<PointClick>& clicks,
+                                     const PointResection& resection, const geometry::Rig& rig) {
   std::vector<std::string> gross;
   for (size_t i = 0; i < clicks.size() && i < resection.rejected.size(); ++i) {
     if (!resection.rejected[i]) continue;
     char distance[32];
     std::snprintf(distance, sizeof distance, "%.3g px", resection.residuals_px.col(static_cast<Eigen::Index>(i)).norm());
-    const std::string camera = rig.cameras.size() > 1 ? " in " + rig.cameras[static_cast<size_t>(clicks[i].camera_idx)].camera.name : "";
+    const std::string camera =
+        rig.cameras.size() > 1 ? " in " + rig.cameras[static_cast<size_t>(clicks[i].camera_idx)].camera.name : "";
     gross.push_back(points.names[static_cast<size_t>(clicks[i].point_idx)] + camera + ": " + distance);
   }
   return gross;
@@ -131,7 +136,8 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
   std::vector<int> rig_idx;
   for (const std::string& name : points.cameras) {
     rig_idx.push_back(intrinsics.Find(name));
-    if (rig_idx.back() < 0) throw UsageError("--scene-points names the camera '" + name + "', which the intrinsics do not have");
+    if (rig_idx.back() < 0)
+      throw UsageError("--scene-points names the camera '" + name + "', which the intrinsics do not have");
   }
   SceneResectionReport report;
   report.rig.gauge = "the marked points";
@@ -152,7 +158,8 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
     group.cameras[0].cam_from_world = geometry::Rigid3();
     std::vector<PointClick> clicks;
     for (const PointClick& click : points.clicks) {
-      if (rig_idx[static_cast<size_t>(click.camera_idx)] == static_cast<int>(c)) clicks.push_back({0, click.point_idx, click.px});
+      if (rig_idx[static_cast<size_t>(click.camera_idx)] == static_cast<int>(c))
+        clicks.push_back({0, click.point_idx, click.px});
     }
     if (!clicks.empty()) solve(intrinsics.cameras[c].camera.name, group, clicks);
   }

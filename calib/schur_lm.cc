@@ -3,8 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "core/check.h"
 #include "core/parallel.h"
@@ -15,7 +13,7 @@ namespace {
 using Eigen::Index;
 
 constexpr int kMaxChunks = 4;  // partial sums, added in order, so that the number of threads does not matter
-constexpr double kFirstDamping = 1e-4, kMinDamping = 1e-15, kMaxDamping = 1e12;
+constexpr double kMinDamping = 1e-15, kMaxDamping = 1e12;
 
 /// h + damping diag(h); an unknown that no residual meets keeps its value.
 void Damp(double damping, Eigen::Ref<Eigen::MatrixXd> h) {
@@ -136,7 +134,7 @@ SchurLmReport SolveSchurLm(SchurProblem* problem, SchurSystem* system, const Sch
   if (!problem->LinearizeTrial(system)) return {Status::kBehindCamera, 0, 1};
   problem->AcceptTrial();
   SchurSystem trial = *system;
-  double damping = kFirstDamping, growth = 2;
+  double damping = options.first_damping, growth = 2;
   report.status = Status::kNotConverged;
   while (report.num_iterations < options.max_iterations && damping < kMaxDamping) {
     const Step step = SolveStep(*system, damping, options.num_threads);
@@ -146,7 +144,6 @@ SchurLmReport SolveSchurLm(SchurProblem* problem, SchurSystem* system, const Sch
       report.status = Status::kOk;
       break;
     }
-    if (getenv("LMDBG")) fprintf(stderr, "it %d cost %.12g damping %.2e predicted rel %.3e ok %d\n", report.num_iterations, system->cost, damping, step.predicted/system->cost, step.ok);
     bool accepted = false;
     if (step.ok) {
       problem->Try(step.global, step.blocks);

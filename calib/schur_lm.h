@@ -42,6 +42,7 @@ class SchurProblem {
 struct SchurLmOptions {
   int max_iterations = 100;
   double cost_tolerance = 1e-12;  ///< relative decrease below which the solution counts as found
+  double first_damping = 1e-4;    ///< smaller from a start that is nearly the solution
   double negligible_cost = 0;     ///< a cost that is rounding alone
   int num_threads = 1;
 };

@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <vector>
 
 #include "calib/calibrate.h"
+#include "calib/film_next.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -13,6 +16,13 @@ constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;
 constexpr double kWarnFocalSigma = 0.01, kFailFocalSigma = 0.10;
 constexpr double kWarnCoverage = 0.40;
 constexpr int kWarnViews = 8;
+// Held-out corners beyond 5 px: one in 200 is a slip of the detector, one in 20 a lens or a board that is wrong.
+constexpr double kWarnGross = 0.005, kFailGross = 0.05;
+// At the image's sides: as uncertain as a good held-out error may be, and as a corner that counts as a gross error. Only warned
+// of in the corners, where boards seldom reach and little is filmed.
+constexpr double kWarnEdgePx = 1.0, kFailEdgePx = 5.0, kWarnCornerPx = 5.0;
+// Of triangulated points over the distance of the boards: 2 mm and 2 cm at 1 m.
+constexpr double kWarnVolume = 0.002, kFailVolume = 0.02;
 
 #if defined(__GNUC__)
 __attribute__((format(printf, 1, 2)))
@@ -68,15 +78,94 @@ void JudgeFocal(const CameraReport& camera, Judgement* out) {
   }
 }
 
-void JudgeData(const CameraReport& camera, Judgement* out) {
+void JudgeGross(const CameraReport& camera, Judgement* out) {
+  if (!(camera.holdout_gross_fraction > kWarnGross)) return;
+  const std::string text = Text("camera %s: %.1f %% of the held-out corners are off by more than 5 px (good is below %.1f %%)",
+                                camera.name.c_str(), 100 * camera.holdout_gross_fraction, 100 * kWarnGross);
+  const bool fail = camera.holdout_gross_fraction > kFailGross;
+  const char* const hint =
+      fail ? "the lens model does not fit, or boards were found wrongly: try --model auto, look at the worst boards"
+           : "look at the worst boards: blur, glare, a hand over the board";
+  fail ? out->Fail("CAL-GROSS", text, hint) : out->Warn("CAL-GROSS", text, hint);
+}
+
+/// The first of the hints of one kind for a camera (-1: for any), else `otherwise`.
+std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int camera_idx, const std::string& otherwise) {
+  for (const FilmHint& hint : hints) {
+    if (hint.code == code && (camera_idx < 0 || hint.camera_idx == camera_idx)) return hint.text;
+  }
+  return otherwise;
+}
+
+void JudgePixels(const CameraUncertainty& camera, const std::string& hint, Judgement* out) {
+  const char* name = camera.name.c_str();
+  const std::string edge = Text("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
+                                name, camera.edge_px, kWarnEdgePx);
+  if (camera.edge_px > kFailEdgePx) {
+    out->Fail("CAL-UNCERTAIN", edge, hint);
+  } else if (camera.edge_px > kWarnEdgePx) {
+    out->Warn("CAL-UNCERTAIN", edge, hint);
+  } else if (camera.corner_px > kWarnCornerPx) {
+    out->Warn("CAL-UNCERTAIN",
+              Text("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
+  }
+}
+
+void JudgeVolume(const UncertaintySummary& uncertainty, const std::string& hint, Judgement* out) {
+  std::vector<double> ranges;
+  for (const CameraUncertainty& camera : uncertainty.cameras) {
+    if (camera.range_m > 0) ranges.push_back(camera.range_m);
+  }
+  if (ranges.empty()) return;
+  std::nth_element(ranges.begin(), ranges.begin() + static_cast<long>(ranges.size() / 2), ranges.end());
+  const double share = uncertainty.volume_mm / (1e3 * ranges[ranges.size() / 2]);
+  if (!(share > kWarnVolume)) return;
+  const std::string text = Text("points are uncertain by %.3g mm, %.2f %% of the boards' distance (good is below %.1f %%)",
+                                uncertainty.volume_mm, 100 * share, 100 * kWarnVolume);
+  share > kFailVolume ? out->Fail("CAL-VOLUME", text, hint) : out->Warn("CAL-VOLUME", text, hint);
+}
+
+const char* UnsolvedHint(Status status) {
+  switch (status) {
+    case Status::kTooFewViews:
+      return "film more boards, with two cameras or more seeing each of them";
+    case Status::kDegenerate:
+      return "film the board tilted, near and far, and shown to neighbouring cameras at once";
+    case Status::kNotConverged:
+    case Status::kBehindCamera:
+      return "check the board's size and numbering, and that frames with the same number were taken at the same time";
+    default:
+      return "check the board's description and the images";
+  }
+}
+
+/// Figures that are no numbers pass no comparison, so they are looked for.
+bool HasFigures(const CalibrateReport& report) {
+  bool finite = std::isfinite(report.rms_px) && std::isfinite(report.sigma_px) && report.num_corners > 0;
+  for (const CameraReport& camera : report.cameras)
+    finite = finite && std::isfinite(camera.focal_px) && std::isfinite(camera.focal_sigma_px) && std::isfinite(camera.rms_px);
+  return finite;
+}
+
+void JudgeFrames(const CalibrateReport& report, Judgement* out) {
+  if (!report.frames_doubt.empty())
+    out->Warn("CAL-FRAMES", report.frames_doubt, "check that frames with the same number were taken at the same time");
+  if (!(report.rig_holdout_rms_px > kWarnHoldoutPx)) return;
+  const std::string text =
+      Text("frames held out: error %.2f px over all cameras (good is below %.1f)", report.rig_holdout_rms_px, kWarnHoldoutPx);
+  const char* const hint = "check that the cameras are synchronised and did not move while the boards were filmed";
+  report.rig_holdout_rms_px > kFailHoldoutPx ? out->Fail("CAL-RIGHOLDOUT", text, hint)
+                                             : out->Warn("CAL-RIGHOLDOUT", text, hint);
+}
+
+void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
   const char* name = camera.name.c_str();
   if (camera.num_views < kWarnViews) {
     out->Warn("CAL-FEWVIEWS", Text("camera %s: only %d boards", name, camera.num_views),
               Text("%d or more are better", kWarnViews));
   }
   if (camera.coverage < kWarnCoverage) {
-    out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage),
-              "the lens is extrapolated elsewhere: move the board to the image's edges");
+    out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
   }
   if (!camera.covers_image) {
     out->Warn(
@@ -91,20 +180,38 @@ void JudgeData(const CameraReport& camera, Judgement* out) {
 Verdict Judge(const CalibrateReport& report) {
   Judgement judgement;
   if (report.status != Status::kOk) {
-    judgement.Fail("CAL-UNSOLVED", report.message, "");
+    const std::string& why = report.message;
+    judgement.Fail("CAL-UNSOLVED",
+                   why.empty() ? Text("there is no solution: %s", std::string(ToString(report.status)).c_str()) : why,
+                   UnsolvedHint(report.status));
     return judgement.verdict;
   }
+  if (!HasFigures(report)) judgement.Fail("CAL-UNSOLVED", "the solution has figures that are no numbers", "check the input");
   const std::string rejected = Text("%.0f %% of the corners were rejected", 100 * report.rejected_fraction);
   if (report.rejected_fraction > kFailRejected) {
     judgement.Fail("CAL-REJECTED", rejected, "check the board's description and that it is flat and sharp in the images");
   } else if (report.rejected_fraction > kWarnRejected) {
     judgement.Warn("CAL-REJECTED", rejected, "check the board's description and that it is flat and sharp in the images");
   }
-  for (const CameraReport& camera : report.cameras) {
-    JudgeError(camera, &judgement);
-    JudgeFocal(camera, &judgement);
-    JudgeData(camera, &judgement);
+  const std::vector<FilmHint> hints = FilmNext(report);
+  const std::string at_edges = "the lens is extrapolated elsewhere: move the board to the image's edges";
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    JudgeError(report.cameras[c], &judgement);
+    JudgeGross(report.cameras[c], &judgement);
+    JudgeFocal(report.cameras[c], &judgement);
+    JudgeData(report.cameras[c], HintOf(hints, "FILM-COVERAGE", static_cast<int>(c), at_edges), &judgement);
   }
+  for (const CameraUncertainty& camera : report.uncertainty.cameras) {
+    const auto found = std::find_if(report.cameras.begin(), report.cameras.end(),
+                                    [&](const CameraReport& other) { return other.name == camera.name; });
+    const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
+    const char* const more = "show the board near the image's edges, tilted, and in more places";
+    JudgePixels(camera, index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
+  }
+  JudgeVolume(report.uncertainty,
+              HintOf(hints, "FILM-LINK", -1, "show the board to several cameras at once, in more places of the volume"),
+              &judgement);
+  JudgeFrames(report, &judgement);
   return judgement.verdict;
 }
 

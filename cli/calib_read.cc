@@ -75,11 +75,13 @@ Eigen::Vector3d FieldOfViewDeg(const geometry::Camera& camera) {
       return std::numeric_limits<double>::quiet_NaN();
     }
     // By way of the centre, so that more than 180 degrees count as such.
-    const auto between = [](const Eigen::Vector3d& u, const Eigen::Vector3d& v) { return std::atan2(u.cross(v).norm(), u.dot(v)); };
+    const auto between = [](const Eigen::Vector3d& u, const Eigen::Vector3d& v) {
+      return std::atan2(u.cross(v).norm(), u.dot(v));
+    };
     return RadToDeg(between(from.ray_in_cam, centre.ray_in_cam) + between(centre.ray_in_cam, to.ray_in_cam));
   };
-  return {angle({-0.5, (bottom - 0.5) / 2}, {right, (bottom - 0.5) / 2}), angle({(right - 0.5) / 2, -0.5}, {(right - 0.5) / 2, bottom}),
-          angle({-0.5, -0.5}, {right, bottom})};
+  return {angle({-0.5, (bottom - 0.5) / 2}, {right, (bottom - 0.5) / 2}),
+          angle({(right - 0.5) / 2, -0.5}, {(right - 0.5) / 2, bottom}), angle({-0.5, -0.5}, {right, bottom})};
 }
 
 CameraSigmas SigmasOf(const geometry::RigCamera& camera) {

@@ -1,7 +1,12 @@
 #include "cli/calibrate_result.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <set>
+
+#include "calib/film_next.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -75,6 +80,68 @@ ordered_json Selection(const calib::CalibrateReport& report) {
   return table;
 }
 
+ordered_json CameraUncertainties(const calib::CalibrateReport& report) {
+  ordered_json json = ordered_json::array();
+  for (const calib::CameraUncertainty& c : report.uncertainty.cameras) {
+    json.push_back({{"name", c.name},
+                    {"range_m", Number(c.range_m)},
+                    {"centre_px", Number(c.centre_px)},
+                    {"edge_px", Number(c.edge_px)},
+                    {"corner_px", Number(c.corner_px)}});
+  }
+  return json;
+}
+
+/// cameras[].coverage_cells: 8 rows of 10 counts of kept corners over the image.
+void AddCoverage(const calib::CalibrateReport& report, ordered_json* metrics) {
+  constexpr int kCols = 10, kRows = 8;
+  std::vector<std::vector<std::vector<int>>> cells(report.cameras.size(),
+                                                   std::vector<std::vector<int>>(kRows, std::vector<int>(kCols, 0)));
+  for (const calib::CornerResidual& r : report.residuals) {
+    if (r.rejected) continue;
+    const geometry::Camera& camera = report.rig.cameras[r.camera_idx].camera;
+    const int col = std::clamp(static_cast<int>((r.px.x() + 0.5) * kCols / camera.width_px), 0, kCols - 1);
+    const int row = std::clamp(static_cast<int>((r.px.y() + 0.5) * kRows / camera.height_px), 0, kRows - 1);
+    ++cells[r.camera_idx][row][col];
+  }
+  for (size_t c = 0; c < cells.size(); ++c) (*metrics)["cameras"][c]["coverage_cells"] = cells[c];
+}
+
+/// cameras[].uncertainty_map_px.
+void AddMaps(const calib::CalibrateReport& report, ordered_json* metrics) {
+  for (size_t c = 0; c < report.uncertainty_maps.size(); ++c) {
+    const Eigen::MatrixXd& map = report.uncertainty_maps[c];
+    ordered_json rows = ordered_json::array();
+    for (Eigen::Index r = 0; r < map.rows(); ++r) {
+      rows.push_back(ordered_json::array());
+      for (Eigen::Index k = 0; k < map.cols(); ++k) rows.back().push_back(Number(std::round(map(r, k) * 1e4) / 1e4));
+    }
+    (*metrics)["cameras"][c]["uncertainty_map_px"] = rows;
+  }
+}
+
+/// Instants that each pair of cameras shares.
+ordered_json Covisibility(const calib::CalibrateReport& report) {
+  std::map<int64_t, std::set<int>> by_frame;
+  for (const calib::CornerResidual& r : report.residuals) {
+    if (!r.rejected) by_frame[r.frame_idx].insert(r.camera_idx);
+  }
+  const size_t n = report.cameras.size();
+  std::vector<std::vector<int>> shared(n, std::vector<int>(n, 0));
+  for (const auto& [frame, cameras] : by_frame) {
+    for (int a : cameras) {
+      for (int b : cameras) ++shared[a][b];
+    }
+  }
+  return shared;
+}
+
+ordered_json FilmHints(const calib::CalibrateReport& report) {
+  ordered_json json = ordered_json::array();
+  for (const calib::FilmHint& hint : calib::FilmNext(report)) json.push_back({{"code", hint.code}, {"text", hint.text}});
+  return json;
+}
+
 void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   ordered_json& m = *metrics;
   const auto& boards = report.board_metrics;
@@ -110,12 +177,19 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   m["verdict"] = VerdictJson(report.verdict);
   m["uncertainty"] = {{"centre_px", Number(report.uncertainty.centre_px)},
                       {"edge_px", Number(report.uncertainty.edge_px)},
-                      {"volume_mm", Number(report.uncertainty.volume_mm)}};
+                      {"volume_mm", Number(report.uncertainty.volume_mm)},
+                      {"corner_px", Number(report.uncertainty.corner_px)},
+                      {"volume_max_mm", Number(report.uncertainty.volume_max_mm)},
+                      {"cameras", CameraUncertainties(report)}};
+  m["film_next"] = FilmHints(report);
   FillBoards(report, metrics);
   m["model_selection"] = Selection(report);
   m["cameras"] = ordered_json::array();
   for (size_t c = 0; c < report.cameras.size(); ++c)
     m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
+  AddCoverage(report, metrics);
+  AddMaps(report, metrics);
+  if (report.cameras.size() > 1) m["covisibility"] = Covisibility(report);
   m["residuals"] = ResidualSamples(report);
 }
 
@@ -124,6 +198,16 @@ ordered_json VerdictJson(const calib::Verdict& verdict) {
   for (const auto& reason : verdict.reasons) json["reasons"].push_back(reason.text);
   return json;
 }
+
+namespace {
+
+std::string Volume(double mm) {
+  char text[64];
+  std::snprintf(text, sizeof text, ", %.3f mm where the boards were", mm);
+  return text;
+}
+
+}  // namespace
 
 std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
   char line[300];
@@ -140,6 +224,12 @@ std::string CalibrateSummary(const calib::CalibrateReport& report, const std::st
   text += line;
   if (report.rig.cameras.size() == 2) {
     std::snprintf(line, sizeof line, "baseline %.3f mm\n", BaselineMm(report.rig));
+    text += line;
+  }
+  if (std::isfinite(report.uncertainty.centre_px)) {
+    std::snprintf(line, sizeof line, "uncertainty: %.3f px at the centre, %.3f px at the edge%s\n", report.uncertainty.centre_px,
+                  report.uncertainty.edge_px,
+                  std::isfinite(report.uncertainty.volume_mm) ? Volume(report.uncertainty.volume_mm).c_str() : "");
     text += line;
   }
   text += "verdict: " + report.verdict.status + "\n";

@@ -71,7 +71,9 @@ std::vector<Image> ReadImages(const CheckArguments& arguments, std::vector<std::
 ordered_json PointsJson(const Eigen::Matrix<double, 2, 4>& px) {
   ordered_json json = ordered_json::array();
   for (int k = 0; k < 4; ++k) {
-    const auto rounded = [](double value) { return std::isfinite(value) ? ordered_json(std::round(value * 1e4) / 1e4) : ordered_json(); };
+    const auto rounded = [](double value) {
+      return std::isfinite(value) ? ordered_json(std::round(value * 1e4) / 1e4) : ordered_json();
+    };
     json.push_back({rounded(px(0, k)), rounded(px(1, k))});
   }
   return json;
@@ -135,8 +137,7 @@ void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
                                 "switch the mirroring of the camera off, or flip the images"});
   }
   if (best.num_images < report.num_images) {
-    result->warnings.push_back({"BRD-PARTLY",
-                                Format("found in %d of %d images", best.num_images, report.num_images),
+    result->warnings.push_back({"BRD-PARTLY", Format("found in %d of %d images", best.num_images, report.num_images),
                                 "hidden, blurred or too small in the others"});
   }
   result->text += Format("%d of %d images, %d corners, residual %.3f px: %s\n", best.num_images, report.num_images,

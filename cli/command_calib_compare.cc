@@ -120,7 +120,8 @@ ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name
 
 std::string DiffText(const calib::ProjectionDiff& diff, const std::string& name) {
   if (diff.ranges.empty()) return Format("%-14s image sizes differ\n", name.c_str());
-  std::string text = Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
+  std::string text =
+      Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
   for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
     text += Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px);
   }
@@ -142,8 +143,10 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
     list.push_back(DiffJson(diff, name));
     result->text += DiffText(diff, name);
     if (diff.status != Status::kOk) {
-      result->warnings.push_back({"CAL-NOTCOMPARED", "camera " + name + ": the two lenses cannot be compared: " +
-                                  (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"), ""});
+      result->warnings.push_back({"CAL-NOTCOMPARED",
+                                  "camera " + name + ": the two lenses cannot be compared: " +
+                                      (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
+                                  ""});
     }
     for (const auto& at : diff.ranges) worst = std::max(worst, at.rms_px);
   }
@@ -175,6 +178,9 @@ CommandResult Compare(const Arguments& arguments) {
   result.inputs = {arguments.rig, arguments.reference};
   AddNotes(rig.notes, &result);
   AddNotes(reference.notes, &result);
+  if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
+    rig.rig.cameras[0].camera.name = reference.rig.cameras[0].camera.name;  // whatever their names: nothing else can be meant
+  }
   KeepCommon(reference.rig, arguments.rig, &rig.rig, &result);
   KeepCommon(rig.rig, arguments.reference, &reference.rig, &result);
   if (rig.rig.cameras.empty())
@@ -204,8 +210,9 @@ void AddLimits(CLI::App* sub, Arguments& arguments) {
 
 void RegisterCalibCompare(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = calib.add_subcommand("compare", "Difference of two calibrations: poses after the rigid motion that aligns them "
-                                                  "best, and projection in px");
+  CLI::App* sub = calib.add_subcommand("compare",
+                                       "Difference of two calibrations: poses after the rigid motion that aligns them "
+                                       "best, and projection in px");
   sub->add_option("A", arguments->rig, "calibration")->required();
   sub->add_option("B", arguments->reference, "reference calibration")->required();
   sub->add_option("--range-m", arguments->ranges, "distances at which projections are compared, metres, with commas")

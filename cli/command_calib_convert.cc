@@ -108,8 +108,9 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
   sub->add_option("--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
-  sub->add_option("--allow-approximation", arguments->allow_approximation_px,
-                  "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
+  sub->add_option(
+         "--allow-approximation", arguments->allow_approximation_px,
+         "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
   sub->add_option("--rename", arguments->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();

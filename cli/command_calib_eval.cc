@@ -28,6 +28,7 @@ ordered_json CameraJson(const calib::CameraCheck& camera) {
   json["num_corners"] = camera.num_corners;
   json["num_rejected"] = camera.num_rejected;
   json["num_bad_views"] = camera.num_bad_views;
+  json["num_outlying_views"] = camera.num_outlying_views;
   json["own_rms_px"] = Number(camera.own_rms_px);
   json["rms_px"] = Number(camera.rms_px);
   json["median_px"] = Number(camera.median_px);
@@ -51,8 +52,10 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   m["rms_px"] = Number(check.rms_px);
   m["median_px"] = Number(check.median_px);
   m["num_boards"] = check.num_boards;
+  m["scale_error_percent"] = Number(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  m["board_edge_mm"] = {{"rms", Number(lengths.edge_rms_mm)}, {"median", Number(lengths.edge_median_mm)}, {"bias", Number(lengths.edge_bias_mm)}};
+  m["board_edge_mm"] = {
+      {"rms", Number(lengths.edge_rms_mm)}, {"median", Number(lengths.edge_median_mm)}, {"bias", Number(lengths.edge_bias_mm)}};
   m["pair_distance_rms_mm"] = Number(lengths.pair_rms_mm);
   m["pair_distance_bias_mm"] = Number(lengths.pair_bias_mm);
   m["cameras"] = ordered_json::array();
@@ -72,9 +75,11 @@ std::string Summary(const calib::RigCheck& check) {
       text += std::string(ToString(c.status)) + "\n";
     }
   }
-  text += Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px, check.median_px);
+  text += Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
+                 check.median_px);
   text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
                  check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
+  text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
   text += "verdict: " + check.verdict.status + "\n";
   for (const auto& reason : check.verdict.reasons) {
     text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
@@ -89,7 +94,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calibration}, read);
   AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = ReadCornerInput(arguments.corners, context, &result);
+  const calib::CalibrateInput input = ReadCornerInput(arguments.corners, context, &result).input;
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   FillMetrics(check, &result.metrics);
   result.text = Summary(check);

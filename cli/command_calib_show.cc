@@ -18,8 +18,8 @@ struct Arguments {
 };
 
 std::string Table(const Rig& rig) {
-  std::string text = Format("%-14s %-14s %11s %9s %9s %9s %9s  %-15s %26s %9s %s\n", "camera", "lens", "size px", "fx px", "fy px",
-                            "cx px", "cy px", "fov deg", "position in world m", "sigma f", "sigma position mm");
+  std::string text = Format("%-14s %-14s %11s %9s %9s %9s %9s  %-15s %26s %9s %s\n", "camera", "lens", "size px", "fx px",
+                            "fy px", "cx px", "cy px", "fov deg", "position in world m", "sigma f", "sigma position mm");
   for (const RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
@@ -60,7 +60,8 @@ std::string BaselineTable(const Rig& rig, const Eigen::MatrixXd& baselines) {
   for (size_t j = 0; j < count; ++j) text += Format(" %8.8s", rig.cameras[j].camera.name.c_str());
   for (size_t i = 0; i < count; ++i) {
     text += Format("\n%-15.15s", rig.cameras[i].camera.name.c_str());
-    for (size_t j = 0; j < count; ++j) text += Format(" %8.4f", baselines(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+    for (size_t j = 0; j < count; ++j)
+      text += Format(" %8.4f", baselines(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
   }
   return text + (rig.cameras.size() > kMax ? "\n(the others are in the JSON)\n" : "\n");
 }

@@ -4,12 +4,12 @@
 
 #include "calib/calibrate.h"
 #include "calib/corner_files.h"
-#include "calib/detect_footage.h"
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
 #include "cli/command_calib.h"
+#include "cli/command_calib_scene.h"
 #include "cli/commands.h"
-#include "cli/footage.h"
+#include "cli/corner_input.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "geometry/rig_io.h"
@@ -18,65 +18,20 @@ namespace mvstudio::cli {
 namespace {
 
 struct Arguments {
-  std::vector<std::string> boards, cameras;
-  std::string corners, save_corners, start, out;
-  calib::FootageOptions footage;
-  calib::CornerFileOptions corner_files;
+  CornerArguments corners;
+  std::string save_corners, start, out;
   calib::CalibrateOptions calibrate;
+  SceneArguments scene;
 };
 
-/// Corners, from footage or a file.
-struct Corners {
-  calib::CalibrateInput input;
-  std::vector<calib::FootageDetections> found;  ///< footage only
-};
-
-std::vector<calib::Board> ParseBoards(const Arguments& arguments) {
-  std::vector<calib::Board> boards;
-  for (const std::string& text : arguments.boards) boards.push_back(calib::ParseBoard(text));
-  return boards;
-}
-
-Corners DetectCorners(const Arguments& arguments, CommandContext& context, CommandResult* result) {
-  const std::vector<calib::Board> boards = ParseBoards(arguments);
-  if (boards.empty()) throw UsageError("--board is needed: what to look for in the footage");
-  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
-  for (const calib::Board& board : boards) {
-    if (calib::HasUniqueNumbering(board) || footage.size() < 2) continue;
-    result->warnings.push_back({"CAL-AMBIGUOUS", "the board " + calib::ToString(board) + " looks the same after half a turn",
-                                "use a chessboard with one odd and one even number of corners, or ChArUco"});
-  }
-  Corners corners;
-  corners.found = calib::DetectFootage(boards, footage, arguments.footage, context.run);
-  corners.input = calib::ToCalibrateInput(boards, corners.found);
-  for (const calib::FootageDetections& camera : corners.found) {
-    for (const std::string& note : camera.notes)
-      result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
-  }
-  return corners;
-}
-
-Corners ReadCorners(const Arguments& arguments, CommandResult* result) {
-  if (!arguments.cameras.empty()) throw UsageError("give either --camera (footage) or --corners (a file), not both");
-  calib::CornerFileOptions options = arguments.corner_files;
-  if (arguments.boards.size() > 1) throw UsageError("--corners takes one --board at most");
-  if (!arguments.boards.empty()) options.board = calib::ParseBoard(arguments.boards[0]);
-  const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
-  result->inputs.push_back(arguments.corners);
-  for (const auto& note : file.notes) result->warnings.push_back({note.code, note.text, note.hint});
-  for (const calib::CameraInput& camera : file.cameras) {
+void RequireSizes(const CornerInput& corners, const std::string& path) {
+  for (const calib::CameraInput& camera : corners.input.cameras) {
     if (camera.width_px <= 0 || camera.height_px <= 0)
-      throw UsageError(arguments.corners + " does not say how large the images of camera " + camera.name +
-                       " are; give --size WIDTHxHEIGHT");
+      throw UsageError(path + " does not say how large the images of camera " + camera.name + " are; give --size WIDTHxHEIGHT");
   }
-  Corners corners;
-  corners.input.boards = file.boards;
-  corners.input.cameras = file.cameras;
-  corners.input.detections = file.detections;
-  return corners;
 }
 
-void SaveCorners(const Corners& corners, const std::string& path, CommandResult* result) {
+void SaveCorners(const CornerInput& corners, const std::string& path, CommandResult* result) {
   calib::CornerFile file;
   file.cameras = corners.input.cameras;
   file.boards = corners.input.boards;
@@ -97,9 +52,12 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
 }
 
 CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) {
+  if (UsesScene(arguments.scene))
+    return RunScene(arguments.scene, arguments.start, arguments.corners.boards, arguments.out, context);
   CommandResult result;
   const auto start = std::chrono::steady_clock::now();
-  Corners corners = arguments.corners.empty() ? DetectCorners(arguments, context, &result) : ReadCorners(arguments, &result);
+  CornerInput corners = ReadCornerInput(arguments.corners, context, &result);
+  RequireSizes(corners, arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
   if (!arguments.start.empty()) {
     const calib::ImportedRig given = ReadCalibrationFiles({arguments.start}, {});
@@ -128,15 +86,9 @@ CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) 
 }
 
 void AddArguments(CLI::App* sub, const std::shared_ptr<Arguments>& arguments) {
-  sub->add_option("--board", arguments->boards,
-                  "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
-                  "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
-  sub->add_option("--camera", arguments->cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
-  sub->add_option("--corners", arguments->corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
+  AddCornerArguments(sub, arguments->corners);
   sub->add_option("--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
   sub->add_option("--out", arguments->out, "folder for calibration.json")->required();
-  AddOptions(sub, arguments->footage);
-  AddOptions(sub, arguments->corner_files);
   AddOptions(sub, arguments->calibrate);
 }
 
@@ -146,6 +98,7 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = app.add_subcommand("calibrate", "Calibrate cameras from footage of a board, or from its corners");
   AddArguments(sub, arguments);
+  AddOptions(sub, arguments->scene);
   sub->add_option("--start", arguments->start, "a calibration to start from; its cameras keep their lens models");
   registry.Add(sub, "calibrate", [arguments](CommandContext& context) { return RunCalibrate(*arguments, context); });
 }

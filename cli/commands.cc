@@ -11,6 +11,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterCalibrate(app, registry);
   RegisterCalib(app, registry);
   RegisterTriangulate(app, registry);
+  RegisterTradeoff(app, registry);
   RegisterDataset(app, registry);
 #if MVSTUDIO_HAS_AVATAR
   CLI::App* avatar = app.add_subcommand("avatar", "Train and score avatars");

@@ -18,9 +18,15 @@ struct CornerArguments {
   calib::CornerFileOptions corner_files;
 };
 
+struct CornerInput {
+  calib::CalibrateInput input;
+  std::vector<calib::FootageDetections> found;  ///< of footage only
+};
+
 void AddCornerArguments(CLI::App* sub, CornerArguments& arguments);
 
-/// Corners of both kinds; image sizes are 0 where a corner file does not say. Notes become warnings, files inputs. Throws UsageError, IoError, FormatError.
-calib::CalibrateInput ReadCornerInput(const CornerArguments& arguments, CommandContext& context, CommandResult* result);
+/// Corners of both kinds; image sizes are 0 where a corner file does not say. Notes become warnings, files inputs. Throws
+/// UsageError, IoError, FormatError.
+CornerInput ReadCornerInput(const CornerArguments& arguments, CommandContext& context, CommandResult* result);
 
 }  // namespace mvstudio::cli

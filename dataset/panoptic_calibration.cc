@@ -95,8 +95,8 @@ double Centimetres(double metres) {
 Eigen::Matrix<double, 5, 1> BrownCoefficients(const Camera& camera) {
   Eigen::Matrix<double, 5, 1> dist = Eigen::Matrix<double, 5, 1>::Zero();
   const Eigen::VectorXd k = camera.params.tail(camera.params.size() - 4);
-  const bool plain_rational = (camera.model == LensModel::kRational8 || camera.model == LensModel::kThinPrism12) &&
-                              k.tail(k.size() - 5).isZero(0);
+  const bool plain_rational =
+      (camera.model == LensModel::kRational8 || camera.model == LensModel::kThinPrism12) && k.tail(k.size() - 5).isZero(0);
   if (camera.model == LensModel::kPinholeP) {
     dist.segment<2>(2) = k;
   } else if (camera.model == LensModel::kBrown1P) {

@@ -9,9 +9,9 @@
 namespace mvstudio::geometry {
 namespace {
 
-constexpr std::string_view kNames[] = {"pinhole",     "brown1", "brown2", "brown4",       "brown5",    "rational8",
-                                       "kannala4",    "thinprism12", "ucm", "eucm",       "doublesphere", "pinhole_p",
-                                       "brown1_p",    "kannala4_p", "ucm_p", "eucm_p",    "doublesphere_p", "splined"};
+constexpr std::string_view kNames[] = {"pinhole",  "brown1",      "brown2", "brown4", "brown5",         "rational8",
+                                       "kannala4", "thinprism12", "ucm",    "eucm",   "doublesphere",   "pinhole_p",
+                                       "brown1_p", "kannala4_p",  "ucm_p",  "eucm_p", "doublesphere_p", "splined"};
 constexpr int kMaxControlPoints = 1 << 20;
 
 std::vector<std::string> DistortionNames(LensModel model) {
@@ -64,7 +64,8 @@ std::string WhyUndefinedOnAxis(const Camera& camera) {
 
 namespace internal {
 int NoFixedParamCount() {
-  throw ContractViolation("a splined lens has no fixed number of parameters: ask NumParams(camera), which knows its control grid");
+  throw ContractViolation(
+      "a splined lens has no fixed number of parameters: ask NumParams(camera), which knows its control grid");
 }
 }  // namespace internal
 

@@ -11,22 +11,23 @@
 
 namespace mvstudio::geometry {
 
-/// Central lens models. Parameters always start with fx, fy, cx, cy (px); then those of the distortion, OpenCV's in OpenCV's order.
-/// Pixel (0, 0) is the centre of the top-left pixel. A name ending in "_p" is the model with decentring p1, p2 added at the end.
+/// Central lens models. Parameters always start with fx, fy, cx, cy (px); then those of the distortion, OpenCV's in OpenCV's
+/// order. Pixel (0, 0) is the centre of the top-left pixel. A name ending in "_p" is the model with decentring p1, p2 added at
+/// the end.
 enum class LensModel {
-  kPinhole,         ///< "pinhole":   no distortion
-  kBrown1,          ///< "brown1":    k1
-  kBrown2,          ///< "brown2":    k1, k2
-  kBrown4,          ///< "brown4":    k1, k2, p1, p2
-  kBrown5,          ///< "brown5":    k1, k2, p1, p2, k3
-  kRational8,       ///< "rational8": k1, k2, p1, p2, k3, k4, k5, k6
-  kKannalaBrandt4,  ///< "kannala4":  k1, k2, k3, k4 of theta_d = theta (1 + k1 theta^2 + … + k4 theta^8)
-  kThinPrism12,     ///< "thinprism12": k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4
-  kUcm,             ///< "ucm":       xi; unified model (Mei and Rives, ICRA 2007; OpenCV's omnidir)
-  kEucm,            ///< "eucm":      alpha, beta; extended unified model (Khomutenko, Garcia, Martinet, RA-L 2016)
-  kDoubleSphere,    ///< "doublesphere": xi, alpha (Usenko, Demmel, Cremers, 3DV 2018)
-  kPinholeP,        ///< "pinhole_p": p1, p2
-  kBrown1P,         ///< "brown1_p":  k1, p1, p2
+  kPinhole,          ///< "pinhole":   no distortion
+  kBrown1,           ///< "brown1":    k1
+  kBrown2,           ///< "brown2":    k1, k2
+  kBrown4,           ///< "brown4":    k1, k2, p1, p2
+  kBrown5,           ///< "brown5":    k1, k2, p1, p2, k3
+  kRational8,        ///< "rational8": k1, k2, p1, p2, k3, k4, k5, k6
+  kKannalaBrandt4,   ///< "kannala4":  k1, k2, k3, k4 of theta_d = theta (1 + k1 theta^2 + … + k4 theta^8)
+  kThinPrism12,      ///< "thinprism12": k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4
+  kUcm,              ///< "ucm":       xi; unified model (Mei and Rives, ICRA 2007; OpenCV's omnidir)
+  kEucm,             ///< "eucm":      alpha, beta; extended unified model (Khomutenko, Garcia, Martinet, RA-L 2016)
+  kDoubleSphere,     ///< "doublesphere": xi, alpha (Usenko, Demmel, Cremers, 3DV 2018)
+  kPinholeP,         ///< "pinhole_p": p1, p2
+  kBrown1P,          ///< "brown1_p":  k1, p1, p2
   kKannalaBrandt4P,  ///< "kannala4_p": k1, k2, k3, k4, p1, p2
   kUcmP,             ///< "ucm_p":    xi, p1, p2; omnidir with k1 = k2 = 0
   kEucmP,            ///< "eucm_p":   alpha, beta, p1, p2
@@ -35,17 +36,19 @@ enum class LensModel {
 };
 
 /// Every model; the splined one, whose parameter count depends on its grid, comes last.
-inline constexpr LensModel kAllLensModels[] = {
-    LensModel::kPinhole,         LensModel::kBrown1,      LensModel::kBrown2,  LensModel::kBrown4,       LensModel::kBrown5,
-    LensModel::kRational8,       LensModel::kKannalaBrandt4, LensModel::kThinPrism12, LensModel::kUcm,  LensModel::kEucm,
-    LensModel::kDoubleSphere,    LensModel::kPinholeP,    LensModel::kBrown1P, LensModel::kKannalaBrandt4P, LensModel::kUcmP,
-    LensModel::kEucmP,           LensModel::kDoubleSphereP, LensModel::kSplined};
+inline constexpr LensModel kAllLensModels[] = {LensModel::kPinhole,        LensModel::kBrown1,          LensModel::kBrown2,
+                                               LensModel::kBrown4,         LensModel::kBrown5,          LensModel::kRational8,
+                                               LensModel::kKannalaBrandt4, LensModel::kThinPrism12,     LensModel::kUcm,
+                                               LensModel::kEucm,           LensModel::kDoubleSphere,    LensModel::kPinholeP,
+                                               LensModel::kBrown1P,        LensModel::kKannalaBrandt4P, LensModel::kUcmP,
+                                               LensModel::kEucmP,          LensModel::kDoubleSphereP,   LensModel::kSplined};
 
 std::string_view ToString(LensModel model);
 std::optional<LensModel> LensModelFromString(std::string_view name);
 /// All names, separated by ", ".
 std::string LensModelNames();
-/// True for models that can see points 90 degrees and more off the axis: kannala4, ucm, eucm, doublesphere, their variants, splined.
+/// True for models that can see points 90 degrees and more off the axis: kannala4, ucm, eucm, doublesphere, their variants,
+/// splined.
 constexpr bool IsWide(LensModel model) {
   constexpr bool kWide[] = {false, false, false, false, false, false, true, false, true,
                             true,  true,  false, false, true,  true,  true, true,  true};
@@ -154,9 +157,9 @@ class Projector {
   /// Dense; inside optimisers ProjectLens of lens_derivatives.h is faster.
   ProjectionWithJacobians ProjectWithJacobians(const Eigen::Vector3d& x_in_cam) const;
 
-  /// Inverse: closed form for ucm, eucm and doublesphere, else a bracketed radial solve; then 2-D Newton with backtracking where
-  /// the lens is not radial. Residual below 1e-9 px (or 8 roundings of the pixel's coordinates, or of the ray's angle, where
-  /// these are coarser), or a status; never a guess.
+  /// Inverse: closed form for ucm, eucm and doublesphere, else a bracketed radial solve; then 2-D Newton with backtracking
+  /// where the lens is not radial. Residual below 1e-9 px (or 8 roundings of the pixel's coordinates, or of the ray's angle,
+  /// where these are coarser), or a status; never a guess.
   Unprojection Unproject(const Eigen::Vector2d& px) const;
 
   /// Radius up to which the radial function is defined and increasing: tan(theta) for perspective models, theta (radians, at

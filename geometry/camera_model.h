@@ -6,10 +6,9 @@
 #include "geometry/camera.h"
 #include "geometry/spline_grid.h"
 
-/// The projection formulas, once, over any scalar (double, float, long double, ceres::Jet). All models give image-plane coordinates
-/// (a', b') and then u = fx a' + cx, v = fy b' + cy.
-/// Perspective models: D. C. Brown, "Decentering distortion of lenses", 1966, in OpenCV's parametrisation; with a = x/z, b =
-/// y/z, r2 = a^2 + b^2:
+/// The projection formulas, once, over any scalar (double, float, long double, ceres::Jet). All models give image-plane
+/// coordinates (a', b') and then u = fx a' + cx, v = fy b' + cy. Perspective models: D. C. Brown, "Decentering distortion of
+/// lenses", 1966, in OpenCV's parametrisation; with a = x/z, b = y/z, r2 = a^2 + b^2:
 ///   L  = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)
 ///   a' = a L + 2 p1 a b + p2 (r2 + 2 a^2) + s1 r2 + s2 r2^2,   b' = b L + p1 (r2 + 2 b^2) + 2 p2 a b + s3 r2 + s4 r2^2.
 /// Wide models: (a, b) = (x, y) / D with d = |(x, y, z)| and

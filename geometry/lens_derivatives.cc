@@ -137,7 +137,9 @@ bool DoubleSphereDenominator(const double* k, const Eigen::Vector3d& x, Denomina
   const double d2 = std::sqrt(s + shifted * shifted);
   if (!(d1 > 0 && d2 > 0)) return false;
   const double by_shifted = k[1] * shifted / d2 + 1 - k[1], e = k[0] / d1;
-  *result = {SphereDenominator(k[1], 1 - k[1], s, shifted, d2), k[1] / d2 + by_shifted * e, by_shifted * (1 + e * x[2]),
+  *result = {SphereDenominator(k[1], 1 - k[1], s, shifted, d2),
+             k[1] / d2 + by_shifted * e,
+             by_shifted * (1 + e * x[2]),
              {by_shifted * d1, d2 - shifted}};
   return true;
 }

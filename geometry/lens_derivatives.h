@@ -11,8 +11,8 @@ namespace mvstudio::geometry {
 struct LensDerivatives {
   static constexpr int kMax = 36;  ///< splined: fx, fy, cx, cy and 16 control points of two numbers
   int count = 0;
-  std::array<int, kMax> columns{};              ///< indices into Camera::params, ascending; 0 … count-1 for all models but splined
-  Eigen::Matrix<double, 2, kMax> d_px;          ///< first `count` columns are valid
+  std::array<int, kMax> columns{};      ///< indices into Camera::params, ascending; 0 … count-1 for all models but splined
+  Eigen::Matrix<double, 2, kMax> d_px;  ///< first `count` columns are valid
   Eigen::Matrix<double, 2, 3> d_px_d_x_in_cam;  ///< with respect to the point
 };
 

@@ -9,6 +9,7 @@
 #include "core/units.h"
 #include "geometry/lens_derivatives.h"
 #include "geometry/lens_fit_internal.h"
+#include "geometry/rigid3.h"
 #include "geometry/spline_grid.h"
 
 namespace mvstudio::geometry {
@@ -34,31 +35,65 @@ RayBundle RaysOf(const Camera& from, int cols, double max_angle) {
   return RaysUpTo(bundle, max_angle);
 }
 
+/// The unknowns: a lens and the direction that it looks in.
+struct Candidate {
+  Camera camera;
+  Eigen::Quaterniond new_from_old = Eigen::Quaterniond::Identity();
+
+  Candidate Moved(const Eigen::VectorXd& step) const {
+    Candidate next = *this;
+    const Eigen::Index count = camera.params.size();
+    next.camera.params += step.head(count);
+    if (step.size() > count) next.new_from_old = (RotationExp(step.tail<3>()) * new_from_old).normalized();
+    return next;
+  }
+};
+
 struct Evaluation {
-  double cost = kInfinity;  // sum of squares; a ray without a pixel counts as the image's diagonal
-  Eigen::MatrixXd jacobian;  // (2 N, P)
+  double cost = kInfinity;    // sum of squares; a ray without a pixel counts as the image's diagonal
+  Eigen::MatrixXd jacobian;   // (2 N, P), or (2 N, P + 3) with the rotation
   Eigen::VectorXd residuals;  // (2 N) px
 };
 
-Evaluation Evaluate(const Camera& camera, const RayBundle& bundle, bool with_jacobian) {
+Evaluation Evaluate(const Candidate& candidate, const RayBundle& bundle) {
   Evaluation result;
-  if (!WhyInvalidLens(camera).empty()) return result;
+  const Camera& camera = candidate.camera;
+  if (!camera.params.allFinite() || !WhyInvalidLens(camera).empty()) return result;
+  const Eigen::Matrix3d rotation = candidate.new_from_old.toRotationMatrix();
   const double lost_px = std::hypot(camera.width_px, camera.height_px);
   const Eigen::Index n = static_cast<Eigen::Index>(bundle.size());
   result.residuals = Eigen::VectorXd::Zero(2 * n);
-  if (with_jacobian) result.jacobian = Eigen::MatrixXd::Zero(2 * n, camera.params.size());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Eigen::Vector2d px;
+    if (ProjectLens(camera, rotation * bundle.rays[i], &px, nullptr)) {
+      result.residuals.segment<2>(2 * i) = px - bundle.px[i];
+    } else {
+      result.residuals[2 * i] = lost_px;
+    }
+  }
+  result.cost = result.residuals.squaredNorm();
+  return result;
+}
+
+Evaluation EvaluateWithJacobian(const Candidate& candidate, const RayBundle& bundle, const LensFitOptions& options) {
+  Evaluation result = Evaluate(candidate, bundle);
+  if (std::isinf(result.cost)) return result;
+  const Eigen::Matrix3d rotation = candidate.new_from_old.toRotationMatrix();
+  const Eigen::Index n = static_cast<Eigen::Index>(bundle.size()), count = candidate.camera.params.size();
+  result.jacobian = Eigen::MatrixXd::Zero(2 * n, options.fit_rotation ? count + 3 : count);
   LensDerivatives d;
   for (Eigen::Index i = 0; i < n; ++i) {
     Eigen::Vector2d px;
-    if (!ProjectLens(camera, bundle.rays[i], &px, with_jacobian ? &d : nullptr)) {
-      result.residuals[2 * i] = lost_px;
-      continue;
-    }
-    result.residuals.segment<2>(2 * i) = px - bundle.px[i];
-    if (!with_jacobian) continue;
+    const Eigen::Vector3d ray = rotation * bundle.rays[i];
+    if (!ProjectLens(candidate.camera, ray, &px, &d)) continue;
     for (int j = 0; j < d.count; ++j) result.jacobian.block<2, 1>(2 * i, d.columns[j]) = d.d_px.col(j);
+    if (!options.fit_rotation) continue;
+    for (int row = 0; row < 2; ++row) {
+      const Eigen::Vector3d gradient = d.d_px_d_x_in_cam.row(row);
+      result.jacobian.block<1, 3>(2 * i + row, count) = ray.cross(gradient).transpose();
+    }
   }
-  result.cost = result.residuals.squaredNorm();
+  if (options.keep_principal_point) result.jacobian.middleCols<2>(2).setZero();
   return result;
 }
 
@@ -76,42 +111,40 @@ Eigen::VectorXd DampedStep(const Evaluation& at, double damping) {
 }
 
 /// Levenberg-Marquardt; true when it came to rest.
-bool Adjust(const RayBundle& bundle, const LensFitOptions& options, Camera* camera, double* cost) {
+bool Adjust(const RayBundle& bundle, const LensFitOptions& options, Candidate* candidate, double* cost) {
   double damping = 1e-4;
-  Evaluation at = Evaluate(*camera, bundle, true);
+  Evaluation at = EvaluateWithJacobian(*candidate, bundle, options);
   *cost = at.cost;
   if (std::isinf(at.cost)) return false;
   const double exact = 1e-22 * static_cast<double>(bundle.size());
   int small_steps = 0;
   for (int i = 0; i < options.max_iterations; ++i) {
-    if (options.keep_principal_point) at.jacobian.middleCols<2>(2).setZero();
     bool lowered = false;
     for (; damping < 1e12 && !lowered; damping *= 8) {
-      Camera next = *camera;
-      next.params += DampedStep(at, damping);
-      const double next_cost = next.params.allFinite() ? Evaluate(next, bundle, false).cost : kInfinity;
+      const Candidate next = candidate->Moved(DampedStep(at, damping));
+      const double next_cost = Evaluate(next, bundle).cost;
       if (!(next_cost < at.cost)) continue;
       lowered = true;
       // Along a flat valley (focal length against xi) steps stay small until the damping has gone.
       const bool small = (damping < 1e-9 && next_cost > (1 - 1e-7) * at.cost) || next_cost < exact;
       small_steps = small ? small_steps + 1 : 0;
-      *camera = next;
+      *candidate = next;
       damping /= 64;
     }
     // No step lowers the cost: rounding, or an optimum.
     if (!lowered || small_steps >= 3) return true;
     damping = std::max(damping, 1e-18);
-    at = Evaluate(*camera, bundle, true);
+    at = EvaluateWithJacobian(*candidate, bundle, options);
     *cost = at.cost;
   }
   return false;
 }
 
 /// Adjusts to the inner half of the angles first, then to all.
-bool AdjustInStages(const RayBundle& bundle, const LensFitOptions& options, Camera* camera, double* cost) {
+bool AdjustInStages(const RayBundle& bundle, const LensFitOptions& options, Candidate* candidate, double* cost) {
   const RayBundle inner = RaysUpTo(bundle, 0.5 * bundle.max_angle);
-  if (static_cast<Eigen::Index>(inner.size()) >= camera->params.size()) Adjust(inner, options, camera, cost);
-  return Adjust(bundle, options, camera, cost);
+  if (static_cast<Eigen::Index>(inner.size()) >= candidate->camera.params.size()) Adjust(inner, options, candidate, cost);
+  return Adjust(bundle, options, candidate, cost);
 }
 
 /// About `count` of the rays, evenly.
@@ -128,9 +161,10 @@ RayBundle Thin(const RayBundle& bundle, int count) {
 
 void Judge(const RayBundle& bundle, LensFit* fit) {
   const Projector projector(fit->camera);
+  const Eigen::Matrix3d rotation = fit->new_from_old.toRotationMatrix();
   double sum = 0;
   for (size_t i = 0; i < bundle.size(); ++i) {
-    const Projection projection = projector.Project(bundle.rays[i]);
+    const Projection projection = projector.Project(rotation * bundle.rays[i]);
     if (projection.status != Status::kOk) {
       ++fit->num_lost;
       continue;
@@ -144,33 +178,39 @@ void Judge(const RayBundle& bundle, LensFit* fit) {
   fit->rms_px = seen > 0 ? std::sqrt(sum / seen) : 0;
 }
 
-void FitParametric(const Camera& axis, LensModel to, const RayBundle& bundle, const LensFitOptions& options, LensFit* fit) {
-  std::vector<std::pair<double, Camera>> starts;
+/// Starts after a short adjustment to some of the rays, best first.
+std::vector<Candidate> BestStarts(const Camera& axis, LensModel to, const RayBundle& bundle, const LensFitOptions& options) {
   const RayBundle some = Thin(bundle, 4 * NumParams(to));
   LensFitOptions few = options;
   few.max_iterations = 12;
-  for (Camera start : LensFitStarts(axis, to, bundle)) {
+  std::vector<std::pair<double, Candidate>> starts;
+  for (const Camera& camera : LensFitStarts(axis, to, bundle)) {
+    Candidate start{camera};
     double cost = kInfinity;
     Adjust(some, few, &start, &cost);
-    cost = Evaluate(start, bundle, false).cost;
+    cost = Evaluate(start, bundle).cost;
     if (std::isfinite(cost)) starts.emplace_back(cost, start);
   }
-  if (starts.empty()) {
-    fit->status = Status::kDegenerate;
-    return;
-  }
   std::stable_sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  if (starts.size() > kMaxTries) starts.resize(kMaxTries);
+  std::vector<Candidate> best;
+  for (size_t i = 0; i < starts.size() && i < kMaxTries; ++i) best.push_back(starts[i].second);
+  return best;
+}
+
+void FitParametric(const Camera& axis, LensModel to, const RayBundle& bundle, const LensFitOptions& options, LensFit* fit) {
+  fit->status = Status::kDegenerate;
   const double good = 1e-14 * static_cast<double>(bundle.size());
   double best = kInfinity;
-  for (auto& [start_cost, start] : starts) {
+  for (const Candidate& start : BestStarts(axis, to, bundle, options)) {
     for (const bool staged : {false, true}) {
-      Camera camera = start;
+      Candidate candidate = start;
       double cost = kInfinity;
-      const bool rests = staged ? AdjustInStages(bundle, options, &camera, &cost) : Adjust(bundle, options, &camera, &cost);
+      const bool rests =
+          staged ? AdjustInStages(bundle, options, &candidate, &cost) : Adjust(bundle, options, &candidate, &cost);
       if (!(cost < best)) continue;
       best = cost;
-      fit->camera = camera;
+      fit->camera = candidate.camera;
+      fit->new_from_old = candidate.new_from_old;
       fit->status = rests ? Status::kOk : Status::kNotConverged;
     }
     if (best < good) break;
@@ -203,7 +243,7 @@ LensFit FitLens(const Camera& from, LensModel to, const LensFitOptions& options,
   const int cols = to == LensModel::kSplined ? std::max(options.grid_cols, 4 * spline.cols) : options.grid_cols;
   const RayBundle bundle = RaysOf(from, cols, limit);
   fit.max_angle = bundle.max_angle;
-  const int needed = to == LensModel::kSplined ? 4 : NumParams(to);
+  const int needed = to == LensModel::kSplined ? 4 : NumParams(to) + (options.fit_rotation ? 3 : 0);
   if (static_cast<int>(bundle.size()) < needed) {
     fit.status = Status::kTooFewViews;
     return fit;

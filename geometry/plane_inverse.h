@@ -24,8 +24,8 @@ struct PlaneTarget {
 /// sheet of the image centre (Jacobian determinant >= 0). kOutsideValidRadius: stuck at a fold. `family` is perspective.
 Status InvertPlane(LensModel family, const LensTerms& terms, const PlaneTarget& target, Eigen::Vector2d* ab);
 
-/// Solves u + du(u) = target for u inside the control grid, where the determinant is positive: Newton from the target, then from
-/// a search over the grid. kOutsideValidRadius when the border of the grid does not enclose the target.
+/// Solves u + du(u) = target for u inside the control grid, where the determinant is positive: Newton from the target, then
+/// from a search over the grid. kOutsideValidRadius when the border of the grid does not enclose the target.
 Status InvertSplined(const SplineGrid& grid, const double* control, const PlaneTarget& target, Eigen::Vector2d* u);
 
 }  // namespace mvstudio::geometry

@@ -21,9 +21,7 @@ double SafeScale(const Eigen::Vector3d& x) {
   return (size > 1e-140 && size < 1e140) || size == 0 ? 1 : std::ldexp(1, -std::ilogb(size));
 }
 
-bool IsRadialOnly(const LensTerms& t) {
-  return t.p1 == 0 && t.p2 == 0 && t.prism == std::array<double, 4>{};
-}
+bool IsRadialOnly(const LensTerms& t) { return t.p1 == 0 && t.p2 == 0 && t.prism == std::array<double, 4>{}; }
 
 }  // namespace
 

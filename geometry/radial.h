@@ -29,8 +29,8 @@ double FirstFold(LensModel family, const LensTerms& terms);
 /// Supremum of the radial function on [0, fold).
 double LargestRadius(LensModel family, const LensTerms& terms, double fold);
 
-/// Solves radial(r) = target for r in [0, fold], where it increases: closed form polished by Newton's method, or Newton inside a
-/// shrinking bracket. Needs 0 <= target <= LargestRadius.
+/// Solves radial(r) = target for r in [0, fold], where it increases: closed form polished by Newton's method, or Newton inside
+/// a shrinking bracket. Needs 0 <= target <= LargestRadius.
 double InvertRadial(LensModel family, const LensTerms& terms, double target, double fold);
 
 }  // namespace mvstudio::geometry

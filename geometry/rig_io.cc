@@ -172,8 +172,8 @@ void ReadLens(const Node& node, Camera* camera) {
 }
 
 RigCamera ReadCamera(const Node& node) {
-  node.RequireObject(
-      {"name", "model", "size_px", "spline", "intrinsics", "cam_from_world", "intrinsics_covariance", "cam_from_world_covariance"});
+  node.RequireObject({"name", "model", "size_px", "spline", "intrinsics", "cam_from_world", "intrinsics_covariance",
+                      "cam_from_world_covariance"});
   RigCamera camera;
   camera.camera.name = node.At("name").Text();
   if (camera.camera.name.empty()) node.At("name").Fail("a camera needs a name");

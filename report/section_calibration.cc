@@ -188,6 +188,7 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
     }
     html += RmsChart(cameras);
   }
+  html += CalibrationMaps(metrics);
   html += ResidualFigures(metrics, calibration);
   const std::string all = NumbersTable("", metrics);
   if (!all.empty()) html += DetailsHtml("All numbers", all);
@@ -217,7 +218,8 @@ std::string FileTable(const JsonFile& file, const Value& summary) {
 Section CalibrationSection(SectionContext* context) {
   const RunData& data = context->data;
   Section section{"calibration", "Calibration", ""};
-  const std::vector<const Stage*> stages = data.All("calibrate");
+  std::vector<const Stage*> stages = data.All("calibrate");
+  for (const Stage* stage : data.All("calib refine")) stages.push_back(stage);
   for (const Stage* stage : stages) section.body_html += StageBody(context, *stage, stages.size() > 1);
   if (stages.empty() && data.calibrations.empty()) {
     section.body_html = NotRun("Calibration", kCommand);

@@ -50,6 +50,9 @@ std::string NotRun(const std::string& what, const std::string& command);
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
                         const std::vector<std::string>& legend = {});
 
+/// What to film next, the lenses that were compared, maps over the images and co-visibility, from a calibration's metrics.
+std::string CalibrationMaps(const Value& metrics);
+
 /// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
 std::string RigFigures(const Value& calibration, const CsvFile* points);
 /// name, model, size_px, focal_px, focal_sigma_px (null when unknown), center_in_world_m of each camera of a calibration file.

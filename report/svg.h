@@ -102,4 +102,31 @@ struct HeatMapSpec {
 };
 std::string HeatMap(const HeatMapSpec& spec);
 
+/// Rows times columns of numbers >= 0, darker is more, the number in every cell that has room for it.
+struct CellGridSpec {
+  std::string title;
+  std::vector<std::string> row_names, column_names;  ///< may be empty
+  std::vector<std::vector<double>> rows;             ///< one vector a row, all of one length; NaN: nothing there
+  double full = 0;                                   ///< the darkest shade's value; 0: the largest
+  int decimals = 0;
+  bool zero_is_missing = false;  ///< zeros stand out
+  double aspect = 0.75;          ///< height of a cell over its width
+  double width = 360;
+};
+std::string CellGrid(const CellGridSpec& spec);
+
+/// Ways to do one thing, by what they cost and how wrong they are; those that no other beats in both are joined and named.
+struct ParetoPoint {
+  std::string name;
+  double cost = 0, error = 0;
+  bool on_front = false;
+};
+struct ParetoChartSpec {
+  std::string title;
+  Axis cost, error;
+  std::vector<ParetoPoint> points;
+  double width = 760;
+};
+std::string ParetoChart(const ParetoChartSpec& spec);
+
 }  // namespace mvstudio::report

@@ -26,8 +26,8 @@ Eigen::VectorXd Distortion(geometry::LensModel model, Rng& rng) {
   Eigen::VectorXd k(geometry::NumDistortionParams(model));
   const std::vector<std::string> names = geometry::ParamNames(model);
   if (geometry::IsWide(model)) {
-    const std::map<std::string, double> wide = {{"k1", -0.020}, {"k2", 0.010},   {"k3", -0.003}, {"k4", 0.0005}, {"xi", 0.25},
-                                                {"alpha", 0.4}, {"beta", 1.1},   {"p1", 4e-4},   {"p2", -3e-4}};
+    const std::map<std::string, double> wide = {{"k1", -0.020}, {"k2", 0.010}, {"k3", -0.003}, {"k4", 0.0005}, {"xi", 0.25},
+                                                {"alpha", 0.4}, {"beta", 1.1}, {"p1", 4e-4},   {"p2", -3e-4}};
     for (int i = 0; i < k.size(); ++i) k[i] = wide.at(names[4 + i]);
   } else if (model == LensModel::kPinholeP || model == LensModel::kBrown1P) {
     for (int i = 0; i < k.size(); ++i) k[i] = names[4 + i] == "k1" ? -0.12 : names[4 + i] == "p1" ? 4e-4 : -3e-4;

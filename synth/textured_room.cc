@@ -22,12 +22,14 @@ Eigen::Vector3f Patches(uint64_t seed, float cell, float x, float y, const Eigen
     for (int dx = -1; dx <= 1; ++dx) {
       const int cx = ix + dx, cy = iy + dy;
       if (Hash(seed, cx, cy) < 0.45f) continue;
-      const float ox = (x / cell - cx - 0.2f - 0.6f * Hash(seed + 1, cx, cy)), oy = (y / cell - cy - 0.2f - 0.6f * Hash(seed + 2, cx, cy));
+      const float ox = (x / cell - cx - 0.2f - 0.6f * Hash(seed + 1, cx, cy)),
+                  oy = (y / cell - cy - 0.2f - 0.6f * Hash(seed + 2, cx, cy));
       const float turn = 6.2831853f * Hash(seed + 3, cx, cy), c = std::cos(turn), s = std::sin(turn);
       const float a = std::abs(c * ox + s * oy) / (0.15f + 0.35f * Hash(seed + 4, cx, cy));
       const float b = std::abs(c * oy - s * ox) / (0.15f + 0.35f * Hash(seed + 5, cx, cy));
       const float inside = std::clamp((1 - std::max(a, b)) * 5, 0.f, 1.f);
-      const Eigen::Vector3f paint(40 + 180 * Hash(seed + 6, cx, cy), 40 + 180 * Hash(seed + 7, cx, cy), 40 + 180 * Hash(seed + 8, cx, cy));
+      const Eigen::Vector3f paint(40 + 180 * Hash(seed + 6, cx, cy), 40 + 180 * Hash(seed + 7, cx, cy),
+                                  40 + 180 * Hash(seed + 8, cx, cy));
       color += inside * 0.75f * (paint - color);
     }
   }
@@ -37,7 +39,8 @@ Eigen::Vector3f Patches(uint64_t seed, float cell, float x, float y, const Eigen
 Eigen::Vector3f SurfaceColor(uint64_t seed, float x, float y) {
   Eigen::Vector3f color(130, 128, 124);
   int level = 0;
-  for (const float cell : {0.6f, 0.25f, 0.1f, 0.06f}) color = Patches(seed + 100 * static_cast<uint64_t>(level++), cell, x, y, color);
+  for (const float cell : {0.6f, 0.25f, 0.1f, 0.06f})
+    color = Patches(seed + 100 * static_cast<uint64_t>(level++), cell, x, y, color);
   return color;
 }
 

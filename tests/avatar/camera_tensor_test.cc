@@ -22,11 +22,11 @@ std::vector<LensModel> Models() { return geometry::ModelsSimplestFirst(); }
 std::vector<double> Params(LensModel model) {
   std::vector<double> params = {610, 590, 321.5, 238.25};
   const std::vector<std::string> names = geometry::ParamNames(model);
-  const std::map<std::string, double> brown = {{"k1", -0.21}, {"k2", 0.06},  {"p1", 1e-3}, {"p2", -2e-3}, {"k3", 0.011},
-                                               {"k4", 0.02},  {"k5", -0.01}, {"k6", 0.003}, {"s1", 2e-3}, {"s2", -1e-3},
-                                               {"s3", -3e-3}, {"s4", 5e-4}};
-  const std::map<std::string, double> wide = {{"k1", 0.05}, {"k2", -0.01}, {"k3", 0.004}, {"k4", -0.0007}, {"p1", 1e-3},
-                                              {"p2", -2e-3}, {"xi", 0.7}, {"alpha", 0.6}, {"beta", 1.1}};
+  const std::map<std::string, double> brown = {{"k1", -0.21}, {"k2", 0.06},  {"p1", 1e-3},  {"p2", -2e-3},
+                                               {"k3", 0.011}, {"k4", 0.02},  {"k5", -0.01}, {"k6", 0.003},
+                                               {"s1", 2e-3},  {"s2", -1e-3}, {"s3", -3e-3}, {"s4", 5e-4}};
+  const std::map<std::string, double> wide = {{"k1", 0.05},  {"k2", -0.01}, {"k3", 0.004},  {"k4", -0.0007}, {"p1", 1e-3},
+                                              {"p2", -2e-3}, {"xi", 0.7},   {"alpha", 0.6}, {"beta", 1.1}};
   for (size_t i = 4; i < names.size(); ++i) params.push_back((IsWide(model) ? wide : brown).at(names[i]));
   return params;
 }

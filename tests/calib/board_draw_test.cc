@@ -20,9 +20,10 @@ namespace {
 
 using ::mvstudio::testing::MessageOf;
 
-constexpr const char* kBoards[] = {"chessboard:6x4:25mm",        "charuco:7x5:25mm:18mm:4x4_50",       "charuco:7x5:25mm:18mm:4x4_50:inverted",
-                                   "aprilgrid:5x6:25mm:0.3",     "aprilgrid:3x4:25mm:0.8:Standard41h12", "tag:36h11:7:100mm",
-                                   "tag:Circle21h7:7:70mm"};
+constexpr const char* kBoards[] = {
+    "chessboard:6x4:25mm",    "charuco:7x5:25mm:18mm:4x4_50",         "charuco:7x5:25mm:18mm:4x4_50:inverted",
+    "aprilgrid:5x6:25mm:0.3", "aprilgrid:3x4:25mm:0.8:Standard41h12", "tag:36h11:7:100mm",
+    "tag:Circle21h7:7:70mm"};
 
 double Area(const std::vector<BoardPage::Rect>& rects) {
   double area = 0;
@@ -89,7 +90,8 @@ TEST(LayOutBoard, TrueScaleWithinTheMargins) {
     EXPECT_NEAR(last.x - first.x, 100, 1e-9);
     EXPECT_GT(ruler.y, page.board_y + 1e3 * (print.high_m - print.low_m).y()) << "below the board";
     bool named = false, told = false;
-    for (const auto& t : page.texts) named |= t.text == text || t.text == ToString(board), told |= t.text.find("100 %") != std::string::npos;
+    for (const auto& t : page.texts)
+      named |= t.text == text || t.text == ToString(board), told |= t.text.find("100 %") != std::string::npos;
     EXPECT_TRUE(named && told) << text;
   }
 }
@@ -143,8 +145,8 @@ TEST(ToSvg, HoldsThePage) {
     const std::string svg = ToSvg(page);
     ExpectSame(RectsOfSvg(svg), page.rects);
     double width = 0, height = 0, view_width = 0;
-    ASSERT_EQ(std::sscanf(svg.c_str() + svg.find("width=\""), "width=\"%lfmm\" height=\"%lfmm\" viewBox=\"0 0 %lf", &width, &height,
-                          &view_width),
+    ASSERT_EQ(std::sscanf(svg.c_str() + svg.find("width=\""), "width=\"%lfmm\" height=\"%lfmm\" viewBox=\"0 0 %lf", &width,
+                          &height, &view_width),
               3);
     EXPECT_DOUBLE_EQ(width, page.width);
     EXPECT_DOUBLE_EQ(width, view_width) << "one unit is a millimetre";

@@ -26,22 +26,43 @@ TEST(ParseBoard, ReadsChessboardAndCharuco) {
 TEST(ParseBoard, TextRoundTrip) {
   for (const char* text :
        {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy",
-        "charuco:5x4:54mm:40.5mm:4x4_1000:inverted", "charuco:8x6:60mm:45mm:4x4_50:legacy:inverted", "aprilgrid:6x6:88mm:0.3:36h11",
-        "aprilgrid:4x3:20mm:0.25:25h9:first=5", "aprilgrid:4x3:20mm:0.25:36h11:first=5:border=1",
-        "aprilgrid:2x2:20mm:0.8:Standard41h12", "tag:36h11:7:100mm", "tag:16h5:3:55mm:border=2", "tag:Circle49h12:60000:55mm",
-        "grid:10x10:77mm"}) {
+        "charuco:5x4:54mm:40.5mm:4x4_1000:inverted", "charuco:8x6:60mm:45mm:4x4_50:legacy:inverted",
+        "aprilgrid:6x6:88mm:0.3:36h11", "aprilgrid:4x3:20mm:0.25:25h9:first=5",
+        "aprilgrid:4x3:20mm:0.25:36h11:first=5:border=1", "aprilgrid:2x2:20mm:0.8:Standard41h12", "tag:36h11:7:100mm",
+        "tag:16h5:3:55mm:border=2", "tag:Circle49h12:60000:55mm", "grid:10x10:77mm"}) {
     EXPECT_EQ(ToString(ParseBoard(text)), text);
   }
 }
 
 TEST(ParseBoard, RefusesWithTheExpectedForm) {
-  for (const char* text : {"", "dots:3x3:1m", "chessboard:9x6", "chessboard:9x6:25", "chessboard:9:25mm", "chessboard:9x6:-1mm",
-                           "chessboard:9x6:nanmm", "charuco:8x6:60mm", "charuco:8x6:60mm:60mm", "charuco:8x6:60mm:45mm:9x9_9",
-                           "charuco:20x20:60mm:45mm:4x4_50", "chessboard:1x6:25mm", "chessboard:9x6:1e999mm", "aprilgrid:6x6:88mm",
-                           "aprilgrid:6x6:88mm:0", "aprilgrid:6x6:88mm:nan", "aprilgrid:6x6:88mm:0.3:99h9",
-                           "aprilgrid:6x6:88mm:0.3:16h5", "aprilgrid:2x2:88mm:0.3:Standard41h12", "aprilgrid:6x6:88mm:0.3:first=x",
-                           "aprilgrid:6x6:88mm:0.3:border=3", "tag:36h11:587:1m", "tag:36h11:-1:1m", "tag:36h11:7",
-                           "tag:36h11:7:1m:x", "tag:Standard41h12:7:1m:border=2", "grid:10x10", "grid:1x10:77mm",
+  for (const char* text : {"",
+                           "dots:3x3:1m",
+                           "chessboard:9x6",
+                           "chessboard:9x6:25",
+                           "chessboard:9:25mm",
+                           "chessboard:9x6:-1mm",
+                           "chessboard:9x6:nanmm",
+                           "charuco:8x6:60mm",
+                           "charuco:8x6:60mm:60mm",
+                           "charuco:8x6:60mm:45mm:9x9_9",
+                           "charuco:20x20:60mm:45mm:4x4_50",
+                           "chessboard:1x6:25mm",
+                           "chessboard:9x6:1e999mm",
+                           "aprilgrid:6x6:88mm",
+                           "aprilgrid:6x6:88mm:0",
+                           "aprilgrid:6x6:88mm:nan",
+                           "aprilgrid:6x6:88mm:0.3:99h9",
+                           "aprilgrid:6x6:88mm:0.3:16h5",
+                           "aprilgrid:2x2:88mm:0.3:Standard41h12",
+                           "aprilgrid:6x6:88mm:0.3:first=x",
+                           "aprilgrid:6x6:88mm:0.3:border=3",
+                           "tag:36h11:587:1m",
+                           "tag:36h11:-1:1m",
+                           "tag:36h11:7",
+                           "tag:36h11:7:1m:x",
+                           "tag:Standard41h12:7:1m:border=2",
+                           "grid:10x10",
+                           "grid:1x10:77mm",
                            "chessboard:99999999999x6:25mm"}) {
     try {
       ParseBoard(text);
@@ -117,14 +138,16 @@ TEST(DrawBoard, InvertedExchangesBlackAndWhiteOfTheBoardAlone) {
 }
 
 TEST(DrawBoard, EveryRectangleIsInkOnce) {
-  for (const char* text : {"chessboard:5x4:10mm", "charuco:5x4:40mm:30mm:inverted", "aprilgrid:2x3:50mm:0.3", "tag:Circle21h7:3:1m",
-                           "aprilgrid:2x2:50mm:0.8:Standard41h12"}) {
+  for (const char* text : {"chessboard:5x4:10mm", "charuco:5x4:40mm:30mm:inverted", "aprilgrid:2x3:50mm:0.3",
+                           "tag:Circle21h7:3:1m", "aprilgrid:2x2:50mm:0.8:Standard41h12"}) {
     const Board board = ParseBoard(text);
     const BoardPrint print = PrintOf(board);
     double area = 0;
     for (const PrintRect& r : print.black) {
       area += (r.high - r.low).prod();
-      EXPECT_TRUE((r.low.array() >= print.low_m.array() - 1e-12).all() && (r.high.array() <= print.high_m.array() + 1e-12).all()) << text;
+      EXPECT_TRUE((r.low.array() >= print.low_m.array() - 1e-12).all() &&
+                  (r.high.array() <= print.high_m.array() + 1e-12).all())
+          << text;
     }
     const Image image = DrawBoard(board, 90, 0);
     double ink = 0;
@@ -133,8 +156,8 @@ TEST(DrawBoard, EveryRectangleIsInkOnce) {
   }
 }
 
-/// Kalibr's own generator writes tag 0 of 36h11 as the code 0xd5d628584 with the first bit at the top left, white for 1, inside a
-/// black border of 2 cells (kalibr_create_target_pdf).
+/// Kalibr's own generator writes tag 0 of 36h11 as the code 0xd5d628584 with the first bit at the top left, white for 1, inside
+/// a black border of 2 cells (kalibr_create_target_pdf).
 TEST(DrawBoard, FirstTagOfAnAprilGridIsKalibrs) {
   const Board board = ParseBoard("aprilgrid:2x2:100mm:0.3");
   const Image image = DrawBoard(board, 100, 0);  // 10 px a cell

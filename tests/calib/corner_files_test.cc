@@ -87,8 +87,9 @@ TEST(Vnl, CameraAndFrameFromNames) {
     const char *name, *camera;
     int64_t frame;
   };
-  for (const Case& c : {Case{"cam0-0000.jpg", "cam0", 0}, Case{"frame12-cam3.png", "cam3", 12}, Case{"left/0031.png", "left", 31},
-                        Case{"x/left_07.png", "left", 7}, Case{"0012/camera_2.png", "camera_2", 12}, Case{"5.jpg", "camera", 5}}) {
+  for (const Case& c :
+       {Case{"cam0-0000.jpg", "cam0", 0}, Case{"frame12-cam3.png", "cam3", 12}, Case{"left/0031.png", "left", 31},
+        Case{"x/left_07.png", "left", 7}, Case{"0012/camera_2.png", "camera_2", 12}, Case{"5.jpg", "camera", 5}}) {
     TempDir folder;
     const std::string name = c.name;
     const std::string text = name + " 1 1\n" + name + " 2 1\n" + name + " 1 2\n" + name + " 2 2\n";
@@ -185,8 +186,7 @@ TEST(Caliscope, OneCameraNeedsNoSyncIndex) {
 
 TEST(Caliscope, RealSession) {
   MVS_NEEDS_DATA("caliscope");
-  const CornerFile file =
-      ReadCornerFile(DataRoot() + "/caliscope/sessions/post_optimization/calibration/extrinsic/xy.csv");
+  const CornerFile file = ReadCornerFile(DataRoot() + "/caliscope/sessions/post_optimization/calibration/extrinsic/xy.csv");
   ASSERT_EQ(file.cameras.size(), 4u);
   EXPECT_EQ(file.cameras[3].width_px, 1280);
   EXPECT_EQ(file.cameras[3].height_px, 720);
@@ -238,8 +238,8 @@ std::string Matrix(int channels, const std::string& numbers, int n) {
 
 TEST(OpenCvXml, SubsetsOfIrregularPointsAndTruncation) {
   TempDir folder;
-  const std::string points = "<opencv_storage><objectPoints>" + Matrix(3, "0 0 0 1 0 0 0 2 0", 3) + Matrix(3, "0 2 0 5 5 1", 2) +
-                             "</objectPoints><imagePoints>";
+  const std::string points = "<opencv_storage><objectPoints>" + Matrix(3, "0 0 0 1 0 0 0 2 0", 3) +
+                             Matrix(3, "0 2 0 5 5 1", 2) + "</objectPoints><imagePoints>";
   const std::string images = Matrix(2, "1 1 2 1 1 3", 3) + Matrix(2, "9 8 7 6", 2) + "</imagePoints></opencv_storage>";
   CornerFileOptions options;
   options.unit = "cm";
@@ -256,7 +256,8 @@ TEST(OpenCvXml, SubsetsOfIrregularPointsAndTruncation) {
   EXPECT_SAYS(read(points + Matrix(2, "1 1 2 1 1", 3) + "</imagePoints></opencv_storage>"), "5 numbers");
   EXPECT_SAYS(read((points + images).substr(0, 300)), "is not closed");
   options.unit = "furlong";
-  EXPECT_SAYS(MessageOf<UsageError>([&] { ReadCornerFile(Write(folder, "a.xml", points + images), options); }), "m, cm, mm or in");
+  EXPECT_SAYS(MessageOf<UsageError>([&] { ReadCornerFile(Write(folder, "a.xml", points + images), options); }),
+              "m, cm, mm or in");
 }
 
 TEST(CornerCsv, RoundTripIsExact) {

@@ -76,8 +76,8 @@ TEST(DetectBoard, AprilGridWithEitherBorder) {
 }
 
 TEST(DetectBoard, TagsOfEveryFamily) {
-  for (const char* family : {"36h11", "25h9", "16h5", "36h10", "Circle21h7", "Circle49h12", "Custom48h12", "Standard41h12",
-                             "Standard52h13"}) {
+  for (const char* family :
+       {"36h11", "25h9", "16h5", "36h10", "Circle21h7", "Circle49h12", "Custom48h12", "Standard41h12", "Standard52h13"}) {
     ExpectAccurate("tag:" + std::string(family) + ":7:300mm", {0.3, -0.4, 0.3}, 3);
   }
   ExpectAccurate("tag:36h11:7:300mm:border=2", {0.3, -0.4, 2.3}, 3);
@@ -85,7 +85,9 @@ TEST(DetectBoard, TagsOfEveryFamily) {
 
 TEST(DetectBoard, TagsOfFifteenPixels) { ExpectAccurate("tag:36h11:7:300mm", {0.1, 0.2, 0.3}, 12); }
 
-TEST(DetectBoard, AprilGridsOfTheNewerFamilies) { ExpectAccurate("aprilgrid:4x3:100mm:0.8:Standard41h12", {0.3, -0.4, 0.3}, 1.4); }
+TEST(DetectBoard, AprilGridsOfTheNewerFamilies) {
+  ExpectAccurate("aprilgrid:4x3:100mm:0.8:Standard41h12", {0.3, -0.4, 0.3}, 1.4);
+}
 
 TEST(DetectBoard, PartOfAnAprilGrid) {
   const Board board = ParseBoard("aprilgrid:6x6:88mm:0.3");
@@ -97,7 +99,8 @@ TEST(DetectBoard, PartOfAnAprilGrid) {
   ASSERT_EQ(found.status, Status::kOk) << found.reason;
   const Eigen::Matrix3Xd corners = CornersInBoard(board);
   for (int i = 0; i < found.detection.num_corners(); ++i) {
-    const Eigen::Vector2d truth = geometry::Project(camera, pose * Eigen::Vector3d(corners.col(found.detection.corner_ids[i]))).px;
+    const Eigen::Vector2d truth =
+        geometry::Project(camera, pose * Eigen::Vector3d(corners.col(found.detection.corner_ids[i]))).px;
     EXPECT_LT((truth - found.detection.points_px.col(i)).norm(), 0.15);
     EXPECT_GT(truth.x(), 299);
   }
@@ -106,14 +109,15 @@ TEST(DetectBoard, PartOfAnAprilGrid) {
 
 Image Mirrored(const Image& image) {
   Image mirrored = image;
-  for (int v = 0; v < image.height; ++v) std::reverse_copy(image.Pixel(0, v), image.Pixel(0, v) + image.width, mirrored.Pixel(0, v));
+  for (int v = 0; v < image.height; ++v)
+    std::reverse_copy(image.Pixel(0, v), image.Pixel(0, v) + image.width, mirrored.Pixel(0, v));
   return mirrored;
 }
 
 TEST(DetectBoard, MirroredImagesAreNoticed) {
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
-  for (const char* text : {"charuco:7x5:140mm:105mm", "charuco:7x6:120mm:90mm:4x4_250:legacy", "aprilgrid:5x4:150mm:0.3", "tag:36h11:7:500mm",
-                           "charuco:7x5:140mm:105mm:inverted"}) {
+  for (const char* text : {"charuco:7x5:140mm:105mm", "charuco:7x6:120mm:90mm:4x4_250:legacy", "aprilgrid:5x4:150mm:0.3",
+                           "tag:36h11:7:500mm", "charuco:7x5:140mm:105mm:inverted"}) {
     const Board board = ParseBoard(text);
     const BoardDetection found = DetectBoard(board, Mirrored(RenderBoard(board, camera, Pose(board, {0.2, 0.1, 0.4}, 2.5), 3)));
     EXPECT_EQ(found.status, Status::kDegenerate) << text;
@@ -123,8 +127,9 @@ TEST(DetectBoard, MirroredImagesAreNoticed) {
 
 TEST(DetectBoard, FindsTheLayoutOfACharucoBoard) {
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
-  for (const char* text : {"charuco:7x6:120mm:90mm:4x4_250", "charuco:7x6:120mm:90mm:4x4_250:legacy", "charuco:6x6:120mm:90mm:4x4_250:legacy",
-                           "charuco:7x6:120mm:90mm:4x4_250:inverted", "charuco:7x6:120mm:90mm:4x4_250:legacy:inverted"}) {
+  for (const char* text :
+       {"charuco:7x6:120mm:90mm:4x4_250", "charuco:7x6:120mm:90mm:4x4_250:legacy", "charuco:6x6:120mm:90mm:4x4_250:legacy",
+        "charuco:7x6:120mm:90mm:4x4_250:inverted", "charuco:7x6:120mm:90mm:4x4_250:legacy:inverted"}) {
     const Board printed = ParseBoard(text);
     Board claimed = printed;
     claimed.legacy = claimed.inverted = false;
@@ -141,7 +146,8 @@ TEST(DetectBoard, FindsTheLayoutOfACharucoBoard) {
 }
 
 TEST(DetectBoards, SeveralBoardsInOneImage) {
-  const Board tag = ParseBoard("tag:36h11:7:300mm"), other = ParseBoard("tag:36h11:8:300mm"), charuco = ParseBoard("charuco:7x5:60mm:45mm");
+  const Board tag = ParseBoard("tag:36h11:7:300mm"), other = ParseBoard("tag:36h11:8:300mm"),
+              charuco = ParseBoard("charuco:7x5:60mm:45mm");
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
   const geometry::Rigid3 pose = Pose(tag, {0.2, 0.1, 0.4}, 2.5);
   const auto found = DetectBoards({charuco, other, tag}, RenderBoard(tag, camera, pose, 3));
@@ -160,7 +166,8 @@ TEST(DetectBoard, EmptyImageSaysWhy) {
 }
 
 TEST(DetectBoard, WrongLayoutIsNotTheBoard) {
-  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250"), claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy");
+  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250"),
+              claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy");
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
   const BoardDetection found = DetectBoard(claimed, RenderBoard(printed, camera, Pose(printed, {0.2, 0.1, 0}, 2.5), 3));
   EXPECT_NE(found.status, Status::kOk);

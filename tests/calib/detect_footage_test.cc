@@ -99,7 +99,8 @@ TEST(DetectFootage, ResultDoesNotDependOnTheThreads) {
 }
 
 TEST(DetectFootage, SeveralBoards) {
-  const std::vector<Board> boards = {ParseBoard("tag:36h11:7:300mm"), ParseBoard("tag:36h11:8:300mm"), ParseBoard("tag:36h11:9:300mm")};
+  const std::vector<Board> boards = {ParseBoard("tag:36h11:7:300mm"), ParseBoard("tag:36h11:8:300mm"),
+                                     ParseBoard("tag:36h11:9:300mm")};
   std::vector<Footage> footage;
   footage.push_back(FootageOf("a", {Render(boards[0], {0.2, 0.1, 0}, 2), Render(boards[1], {0.2, 0.1, 0}, 2)}));
   const auto found = DetectFootage(boards, footage, Uncached(), RunContext());
@@ -116,7 +117,8 @@ TEST(DetectFootage, SeveralBoards) {
 
 /// An image that shows one row of markers alone fits both layouts; the other images decide for it.
 TEST(DetectFootage, LayoutIsDecidedForAllImagesTogether) {
-  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"), claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
+  const Board printed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"),
+              claimed = ParseBoard("charuco:7x6:120mm:90mm:4x4_250");
   std::vector<Image> images = Waving(printed, 3);
   Image strip = Render(printed, {0, 0, 0}, 1.8);
   for (int v = 0; v < strip.height; ++v) {

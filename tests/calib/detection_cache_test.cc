@@ -16,16 +16,21 @@ namespace {
 using ::mvstudio::testing::TempDir;
 
 StoredFootage Example(int pictures) {
-  StoredFootage footage{640, 480, {}};
+  StoredFootage footage;
+  footage.width_px = 640, footage.height_px = 480;
   for (int i = 0; i < pictures; ++i) {
     BoardDetection found, missing;
-    found.detection.corner_ids = {i, 7, 3};
+    for (const int id : {i, 7, 3}) found.detection.corner_ids.push_back(id);
     found.detection.points_px = Eigen::Matrix2Xd::Random(2, 3) * 1e3;
     found.detection.sigmas_px = Eigen::VectorXd::Random(3);
     found.num_found = 5, found.sigma_px = 0.1 / 3, found.legacy = true, found.num_markers = 4;
     missing.status = Status::kTooFewViews;
     missing.reason = "no marker of the board found";
-    footage.pictures.push_back({int64_t{1} << (40 + i), {found, missing}});
+    StoredFootage::Picture picture;
+    picture.frame_idx = int64_t{1} << (40 + i);
+    picture.layouts.push_back(found);
+    picture.layouts.push_back(missing);
+    footage.pictures.push_back(picture);
   }
   return footage;
 }

@@ -1,7 +1,6 @@
-#include "calib/document_internal.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/document_internal.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 
@@ -28,11 +27,17 @@ TEST(Literal, JsonAndPython) {
 }
 
 TEST(Literal, ErrorsNameTheLine) {
-  const std::pair<const char*, const char*> cases[] = {
-      {"{'a': 1", "f: line 1: ',' or '}'"}, {"{'a': \n nan}", "f: line 2: 'nan'"}, {"{'a': 1, 'a': 2}", "stands twice"},
-      {"[1, 2)", "',' or ']'"},             {"{1: 2}", "quoted key"},              {"[1] 2", "after the value"},
-      {"", "truncated"},                    {"{'a': 'x", "does not end"},          {"[\"\\uzz\"]", "hexadecimal"},
-      {"[1e999]", "not a finite number"},   {"{'a' 1}", "':' was expected"}};
+  const std::pair<const char*, const char*> cases[] = {{"{'a': 1", "f: line 1: ',' or '}'"},
+                                                       {"{'a': \n nan}", "f: line 2: 'nan'"},
+                                                       {"{'a': 1, 'a': 2}", "stands twice"},
+                                                       {"[1, 2)", "',' or ']'"},
+                                                       {"{1: 2}", "quoted key"},
+                                                       {"[1] 2", "after the value"},
+                                                       {"", "truncated"},
+                                                       {"{'a': 'x", "does not end"},
+                                                       {"[\"\\uzz\"]", "hexadecimal"},
+                                                       {"[1e999]", "not a finite number"},
+                                                       {"{'a' 1}", "':' was expected"}};
   for (const auto& [text, message] : cases) {
     EXPECT_NE(MessageOf<FormatError>([&, t = text] { ParseLiteral("f", t); }).find(message), std::string::npos)
         << text << " -> " << MessageOf<FormatError>([&, t = text] { ParseLiteral("f", t); });
@@ -63,12 +68,10 @@ cam0:   # first
 }
 
 TEST(Yaml, ErrorsNameTheLine) {
-  const std::pair<const char*, const char*> cases[] = {{"a: 1\na: 2", "line 2: the key 'a' stands twice"},
-                                                       {"a: 1\nb", "line 2: 'key: value'"},
-                                                       {"a: &x 1", "line 1: this part of YAML"},
-                                                       {"a: [1, 2", "line 1: ',' or ']'"},
-                                                       {"a: 1\n  b: 2", "line 2: the indentation"},
-                                                       {"", "empty"}};
+  const std::pair<const char*, const char*> cases[] = {
+      {"a: 1\na: 2", "line 2: the key 'a' stands twice"}, {"a: 1\nb", "line 2: 'key: value'"},
+      {"a: &x 1", "line 1: this part of YAML"},           {"a: [1, 2", "line 1: ',' or ']'"},
+      {"a: 1\n  b: 2", "line 2: the indentation"},        {"", "empty"}};
   for (const auto& [text, message] : cases) {
     EXPECT_NE(MessageOf<FormatError>([&, t = text] { ParseYaml("f", t); }).find(message), std::string::npos)
         << text << " -> " << MessageOf<FormatError>([&, t = text] { ParseYaml("f", t); });

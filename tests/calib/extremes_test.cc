@@ -64,8 +64,8 @@ class ZeroNoise : public ::testing::TestWithParam<LensModel> {};
 TEST_P(ZeroNoise, RecoversTheTruth) {
   SceneOptions options;
   options.model = GetParam();
-  options.num_frames = 24;
-  options.focal_px = geometry::IsWide(GetParam()) ? 300 : 540;
+  options.num_frames = 30;
+  options.focal_px = 240, options.near_m = 0.4, options.far_m = 0.64;  // up to 55 degrees off the axis: all terms count
   const Scene scene = MakeScene(options);
   const CalibrateReport report = Solve(scene, GetParam());
   ASSERT_EQ(report.status, Status::kOk) << report.message;

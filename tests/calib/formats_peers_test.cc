@@ -118,8 +118,9 @@ TEST(Mrcal, LensesThatAreNotOursAreNamed) {
   const TempDir folder;
   for (const char* lens : {"LENSMODEL_STEREOGRAPHIC", "LENSMODEL_CAHVOR", "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=11",
                            "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=100000_Ny=100000_fov_x_deg=120"}) {
-    WriteFileAtomic(folder / "a.cameramodel", "{'lensmodel': '" + std::string(lens) +
-                                                  "', 'intrinsics': [1,1,1,1], 'extrinsics': [0,0,0,0,0,0], 'imagersize': [4,3]}");
+    WriteFileAtomic(folder / "a.cameramodel",
+                    "{'lensmodel': '" + std::string(lens) +
+                        "', 'intrinsics': [1,1,1,1], 'extrinsics': [0,0,0,0,0,0], 'imagersize': [4,3]}");
     const std::string message = mvstudio::testing::MessageOf<FormatError>([&] { ReadMrcal({folder / "a.cameramodel"}); });
     EXPECT_NE(message.find("lensmodel: the "), std::string::npos) << message;
   }
@@ -172,7 +173,8 @@ TEST(OpenCv, ReadsOurEasyMocapFiles) {
   const TempDir folder;
   const Rig rig = Carried(RandomRig(14), Format::kEasyMocap, [](const auto&) { return true; });
   WriteCalibration(rig, Format::kEasyMocap, folder / "em");
-  const cv::FileStorage intri(folder / "em/intri.yml", cv::FileStorage::READ), extri(folder / "em/extri.yml", cv::FileStorage::READ);
+  const cv::FileStorage intri(folder / "em/intri.yml", cv::FileStorage::READ),
+      extri(folder / "em/extri.yml", cv::FileStorage::READ);
   ASSERT_TRUE(intri.isOpened() && extri.isOpened());
   EXPECT_EQ(intri["names"].size(), rig.cameras.size());
   EXPECT_EQ(static_cast<std::string>(intri["names"][0]), rig.cameras[0].camera.name);
@@ -201,7 +203,8 @@ TEST(Colmap, ProgramConvertsOurModels) {
     const Rig back = ReadCalibration(DetectFormat(out), {out}).rig;
     ASSERT_EQ(back.cameras.size(), rig.cameras.size());
     Rig sorted;
-    for (const RigCamera& camera : rig.cameras) sorted.cameras.push_back(back.cameras.at(static_cast<size_t>(back.Find(camera.camera.name))));
+    for (const RigCamera& camera : rig.cameras)
+      sorted.cameras.push_back(back.cameras.at(static_cast<size_t>(back.Find(camera.camera.name))));
     ExpectSamePixels(rig, sorted, 1e-9);
   }
 }

@@ -27,15 +27,14 @@ using testing::RandomRig;
 
 struct Target {
   Format format;
-  const char* name;  ///< file or folder
+  const char* name;    ///< file or folder
   size_t num_carried;  ///< of the ordinary lenses
 };
-constexpr Target kTargets[] = {{Format::kMvstudio, "a.json", 19},     {Format::kToml, "a.toml", 10},
-                               {Format::kCaliscope, "a.toml", 10},    {Format::kQca, "a.qca.txt", 7},
-                               {Format::kOpenCvYaml, "yaml", 10},     {Format::kMrcal, "models", 11},
-                               {Format::kColmap, "sparse", 9},        {Format::kColmapText, "sparse_txt", 9},
-                               {Format::kNerfstudio, "a.json", 7},    {Format::kKalibr, "chain.yaml", 13},
-                               {Format::kEasyMocap, "easymocap", 9}};
+constexpr Target kTargets[] = {
+    {Format::kMvstudio, "a.json", 19},   {Format::kToml, "a.toml", 10},          {Format::kCaliscope, "a.toml", 10},
+    {Format::kQca, "a.qca.txt", 7},      {Format::kOpenCvYaml, "yaml", 10},      {Format::kMrcal, "models", 11},
+    {Format::kColmap, "sparse", 9},      {Format::kColmapText, "sparse_txt", 9}, {Format::kNerfstudio, "a.json", 7},
+    {Format::kKalibr, "chain.yaml", 13}, {Format::kEasyMocap, "easymocap", 9}};
 
 /// What the writer loses by design: nerfstudio reads one kind of lens.
 bool Together(Format format, const geometry::Camera& camera) {
@@ -70,7 +69,8 @@ TEST(RoundTrip, EveryFormatKeepsEveryPixel) {
 
 TEST(RoundTrip, NerfstudioFisheyes) {
   const TempDir folder;
-  const Rig rig = Carried(RandomRig(4), Format::kNerfstudio, [](const auto& c) { return c.model == LensModel::kKannalaBrandt4; });
+  const Rig rig =
+      Carried(RandomRig(4), Format::kNerfstudio, [](const auto& c) { return c.model == LensModel::kKannalaBrandt4; });
   ASSERT_EQ(rig.cameras.size(), 1u);
   WriteCalibration(rig, Format::kNerfstudio, folder / "transforms.json");
   ExpectSamePixels(rig, ReadCalibration(DetectFormat(folder.path()), {folder.path()}).rig, 1e-9);
@@ -209,7 +209,8 @@ TEST(Damaged, FilesAreRefusedOrRead) {
         by_folder ? std::vector<std::string>{std::filesystem::path(victim).parent_path().string()} : files;
     int refused = 0;
     const auto attempt = [&](const std::string& damaged) {
-      std::filesystem::remove(victim);  // a file that is truncated instead is flushed to the disk on closing by some file systems
+      std::filesystem::remove(
+          victim);  // a file that is truncated instead is flushed to the disk on closing by some file systems
       std::ofstream(victim, std::ios::binary) << damaged;
       try {
         for (const auto& camera : ReadCalibration(format, paths).rig.cameras) geometry::Validate(camera.camera);

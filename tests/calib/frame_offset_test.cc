@@ -19,7 +19,8 @@ FrameOffsets Find(const std::vector<Board>& boards, const std::vector<geometry::
   std::vector<int64_t> frames;
   const std::vector<View> views = MakeViews(boards, detections, &frames);
   std::vector<geometry::Rigid3> poses;
-  for (const View& view : views) poses.push_back(ResectPlane(cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
+  for (const View& view : views)
+    poses.push_back(ResectPlane(cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
   std::vector<std::string> names;
   for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
   return FindFrameOffsets(views, poses, frames, names);

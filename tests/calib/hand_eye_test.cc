@@ -98,8 +98,8 @@ TEST(HandEye, TurnsAboutOneAxisAreRefused) {
   for (double noise : {0.0, 1e-4, 3e-3, 2e-2}) {
     for (uint64_t seed = 1; seed <= 10; ++seed) {
       const HandEye found = SolveHandEye(MakeScene(25, seed, noise, noise, axis).pairs);
-      EXPECT_EQ(found.status, Status::kDegenerate) << "noise " << noise << " seed " << seed << " sigma "
-                                                   << found.a_from_b_sigma.transpose();
+      EXPECT_EQ(found.status, Status::kDegenerate)
+          << "noise " << noise << " seed " << seed << " sigma " << found.a_from_b_sigma.transpose();
       EXPECT_FALSE(found.message.empty());
     }
   }

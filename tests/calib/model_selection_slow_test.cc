@@ -6,52 +6,115 @@
 namespace mvstudio::calib {
 namespace {
 
-MonoSolution Solve(geometry::LensModel model, int num_frames, double noise_px, uint64_t seed = 1) {
+using geometry::LensModel;
+
+LensPool Solve(LensModel model, int num_cameras, int num_frames, double noise_px, uint64_t seed = 1, double warp_m = 0) {
   testing::SceneOptions options;
   options.seed = seed;
-  options.num_cameras = 1;
+  options.num_cameras = num_cameras;
   options.num_frames = num_frames;
   options.model = model;
   options.noise_px = noise_px;
   const auto scene = testing::MakeScene(options);
   std::vector<int64_t> frames;
-  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &frames);
-  return CalibrateMono(testing::MakeCamera("c", geometry::LensModel::kBrown4), views, frames, BundleOptions());
+  std::vector<View> views = MakeViews({scene.board}, scene.detections, &frames);
+  for (View& view : views) {
+    // The picture of the bent board, by moving the observations by what the bend changes.
+    RigState bent = scene.truth;
+    bent.board_warp_m = {Eigen::Vector2d(warp_m, -warp_m / 2)};
+    const Eigen::Matrix3Xd corners = BentCorners(view, bent);
+    const auto& camera = scene.truth.cameras[view.camera_idx];
+    const auto flat = ResidualsOf(view, camera, CamFromBoard(view, bent));
+    view.px += *ResidualsOf(view, camera, CamFromBoard(view, bent), &corners) - *flat;
+  }
+  std::vector<MonoSolution> monos;
+  std::vector<int> cameras;
+  for (int c = 0; c < num_cameras; ++c) {
+    std::vector<View> of_camera;
+    for (const View& view : views) {
+      if (view.camera_idx == c) of_camera.push_back(view);
+    }
+    monos.push_back(CalibrateMono(testing::MakeCamera("c" + std::to_string(c), LensModel::kBrown4), of_camera, BundleOptions()));
+    cameras.push_back(c);
+  }
+  return MakePool(monos, cameras, 1);
+}
+
+SelectionOptions Four() {
+  SelectionOptions options;
+  options.folds = 4;
+  return options;
 }
 
 // The rule of one standard error picks a larger model than the truth in about one of six noisy scenes, by its construction, and
 // must never pick a smaller one.
-TEST(ChooseModel, FindsTheModelThatMadeTheData) {
-  for (geometry::LensModel model :
-       {geometry::LensModel::kPinhole, geometry::LensModel::kBrown2, geometry::LensModel::kBrown4}) {
+TEST(ChooseLens, FindsTheModelThatMadeTheData) {
+  for (LensModel model : {LensModel::kPinhole, LensModel::kBrown2, LensModel::kBrown4}) {
     int exact = 0;
     for (uint64_t seed = 1; seed <= 6; ++seed) {
-      const ModelChoice choice = ChooseModel({Solve(model, 12, 0.05, seed)}, 4, 12, 1);
-      EXPECT_GE(geometry::NumParams(choice.model), geometry::NumParams(model)) << "seed " << seed << ": " << choice.reason;
-      EXPECT_GE(choice.index, 0);
-      exact += choice.model == model;
+      const LensChoice choice = ChooseLens(Solve(model, 1, 12, 0.05, seed), Four(), BundleOptions(), RunContext());
+      ASSERT_GE(choice.index, 0);
+      const LensModel chosen = choice.candidates[choice.index].config.model;
+      EXPECT_GE(geometry::NumParams(chosen), geometry::NumParams(model)) << "seed " << seed << ": " << choice.reason;
+      exact += chosen == model;
     }
     EXPECT_GE(exact, 4) << geometry::ToString(model);
   }
 }
 
-TEST(ChooseModel, FallsBackWithFewViews) {
-  const ModelChoice choice = ChooseModel({Solve(geometry::LensModel::kBrown2, 5, 0.05)}, 4, 12, 1);
-  EXPECT_EQ(choice.model, geometry::LensModel::kBrown4);
-  EXPECT_EQ(choice.index, -1);
+TEST(ChooseLens, SharesTheLensOfIdenticalCamerasOnly) {
+  const LensPool same = Solve(LensModel::kBrown2, 3, 12, 0.1);
+  const LensChoice together = ChooseLens(same, Four(), BundleOptions(), RunContext());
+  ASSERT_GE(together.index, 0);
+  EXPECT_TRUE(together.candidates[together.index].config.shared) << together.reason;
+  LensPool different = same;
+  for (View& view : different.views) {
+    if (view.camera_idx == 1) view.px.colwise() += Eigen::Vector2d(8, -5);  // its principal point
+  }
+  const LensChoice apart = ChooseLens(different, Four(), BundleOptions(), RunContext());
+  ASSERT_GE(apart.index, 0);
+  EXPECT_FALSE(apart.candidates[apart.index].config.shared) << apart.reason;
 }
 
-TEST(HoldoutError, IsTheNoiseForTheRightModelAndLargerForATooSimpleOne) {
-  const MonoSolution solution = Solve(geometry::LensModel::kBrown2, 20, 0.1);
-  const Holdout right = HoldoutError(solution, geometry::LensModel::kBrown2, 5, 20);
-  const Holdout simple = HoldoutError(solution, geometry::LensModel::kPinhole, 5, 20);
-  ASSERT_EQ(right.status, Status::kOk);
-  EXPECT_GT(right.rms_px, solution.bundle.rms_px) << "held-out errors hold the error of the pose";
-  EXPECT_LT(right.rms_px, 1.25 * 0.1 * std::sqrt(2.0));
-  EXPECT_GT(simple.rms_px, 2 * right.rms_px);
-  MonoSolution two = solution;
-  two.views.resize(2);
-  EXPECT_EQ(HoldoutError(two, geometry::LensModel::kBrown2, 5, 20).status, Status::kTooFewViews);
+TEST(ChooseWarp, SeesABendOfTheBoardOnlyWhereThereIsOne) {
+  const LensPool flat = Solve(LensModel::kBrown2, 1, 20, 0.05, 2);
+  EXPECT_FALSE(ChooseWarp(FitPool(flat, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).bent);
+  const LensPool bent = Solve(LensModel::kBrown2, 1, 20, 0.05, 2, 2e-3);
+  const LensPool start = FitPool(bent, {LensModel::kBrown2, {}, false, false}, BundleOptions());
+  EXPECT_TRUE(ChooseWarp(start, Four(), BundleOptions(), RunContext()).bent);
+  const LensPool fit = FitPool(start, {LensModel::kBrown2, {}, false, true}, BundleOptions());
+  EXPECT_NEAR(fit.state.board_warp_m[0].x(), 2e-3, 1e-4);
+  EXPECT_NEAR(fit.state.board_warp_m[0].y(), -1e-3, 1e-4);
+}
+
+TEST(ChooseLens, SaysThatThereAreTooFewViews) {
+  const LensChoice choice = ChooseLens(Solve(LensModel::kBrown2, 1, 5, 0.05), Four(), BundleOptions(), RunContext());
+  EXPECT_EQ(choice.index, -1);
+  EXPECT_NE(choice.reason.find("too few views"), std::string::npos);
+}
+
+TEST(HoldoutErrors, AreTheNoiseForTheRightModelAndLargerForATooSimpleOne) {
+  const LensPool pool = Solve(LensModel::kBrown2, 1, 20, 0.1);
+  const auto rms = [&](LensModel model) {
+    const LensPool fit = FitPool(pool, {model, {}, false, false}, BundleOptions());
+    return Summarize(fit, HoldoutErrors(fit, 5, 20, BundleOptions()), 0).rms_px;
+  };
+  const LensPool right = FitPool(pool, {LensModel::kBrown2, {}, false, false}, BundleOptions());
+  EXPECT_GT(rms(LensModel::kBrown2), right.bundle.rms_px) << "held-out errors hold the error of the pose";
+  EXPECT_LT(rms(LensModel::kBrown2), 1.25 * 0.1 * std::sqrt(2.0));
+  EXPECT_GT(rms(LensModel::kPinhole), 2 * rms(LensModel::kBrown2));
+  LensPool two = right;
+  two.views.resize(2), two.prior.resize(2);
+  EXPECT_EQ(HoldoutErrors(two, 5, 20, BundleOptions()).status, Status::kTooFewViews);
+}
+
+TEST(HoldoutErrors, CountGrossErrors) {
+  LensPool pool = Solve(LensModel::kBrown2, 1, 12, 0.1);
+  for (int v = 0; v < 6; ++v) pool.views[v].px(0, 7) += 40;
+  const LensPool fit = FitPool(pool, {LensModel::kBrown2, {}, false, false}, BundleOptions());
+  const HoldoutSummary s = Summarize(fit, HoldoutErrors(fit, 4, 12, BundleOptions()), 0);
+  EXPECT_NEAR(s.gross_fraction * s.num_corners, 6, 0.5);
+  EXPECT_LT(s.rms_px, 0.2);
 }
 
 }  // namespace

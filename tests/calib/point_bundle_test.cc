@@ -30,9 +30,11 @@ World MakeWorld(int num_cameras, int num_points, double noise_px, uint64_t seed)
     world.scene.lenses.push_back(lens);
     world.scene.lens_of_camera.push_back(c);
     const double angle = 0.7 * c;
-    world.scene.cam_from_world.push_back(testing::LookAt({3 * std::sin(angle), -3 * std::cos(angle), 0.3 * c - 0.5}, Eigen::Vector3d::Zero()));
+    world.scene.cam_from_world.push_back(
+        testing::LookAt({3 * std::sin(angle), -3 * std::cos(angle), 0.3 * c - 0.5}, Eigen::Vector3d::Zero()));
     for (int p = 0; p < num_points; ++p) {
-      const auto projection = geometry::Project(lens, world.scene.cam_from_world[c] * Eigen::Vector3d(world.scene.points.col(p)));
+      const auto projection =
+          geometry::Project(lens, world.scene.cam_from_world[c] * Eigen::Vector3d(world.scene.points.col(p)));
       if (projection.status != Status::kOk || !geometry::InImage(lens, projection.px)) continue;
       world.observations.push_back({c, p, projection.px + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal()), 1});
     }
@@ -49,7 +51,8 @@ PointScene Disturbed(const PointScene& truth, uint64_t seed, bool keep_first) {
     for (int i = 0; i < 6; ++i) delta[i] = 0.02 * rng.Normal();
     scene.cam_from_world[c] = geometry::Perturb(delta, scene.cam_from_world[c]);
   }
-  for (Eigen::Index i = 0; i < scene.points.cols(); ++i) scene.points.col(i) += 0.03 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+  for (Eigen::Index i = 0; i < scene.points.cols(); ++i)
+    scene.points.col(i) += 0.03 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
   return scene;
 }
 
@@ -206,7 +209,9 @@ Model MakeModel(double noise_px) {
     model.images.push_back({camera.camera.name, "", camera.camera, true});
   }
   model.images.push_back({"blind", "", model.images[0].lens, true});
-  model.scene.points = ((scene_from_world.rotation.toRotationMatrix() * model.world.scene.points).colwise() + scene_from_world.translation) / kScale;
+  model.scene.points =
+      ((scene_from_world.rotation.toRotationMatrix() * model.world.scene.points).colwise() + scene_from_world.translation) /
+      kScale;
   for (const PointObservation& o : model.world.observations) model.scene.tracks.push_back({o.camera_idx, o.point_idx, o.px});
   return model;
 }
@@ -221,7 +226,8 @@ TEST(AdjustScene, MarkedPointsGivePlaceAndScale) {
     known.names.push_back("mark" + std::to_string(i));
     known.x_in_world.col(i) << rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5), rng.Uniform(-0.4, 0.4);
     for (int c = 0; c < 4; ++c) {
-      const auto p = geometry::Project(model.images[c].lens, model.world.scene.cam_from_world[c] * Eigen::Vector3d(known.x_in_world.col(i)));
+      const auto p = geometry::Project(model.images[c].lens,
+                                       model.world.scene.cam_from_world[c] * Eigen::Vector3d(known.x_in_world.col(i)));
       ASSERT_EQ(p.status, Status::kOk);
       known.clicks.push_back({model.images[c].camera, i, p.px + 0.5 * Eigen::Vector2d(rng.Normal(), rng.Normal())});
     }
@@ -240,7 +246,8 @@ TEST(AdjustScene, MarkedPointsGivePlaceAndScale) {
     geometry::Vector6d delta;
     delta.head<3>() = geometry::RotationLog(found.rotation * truth.rotation.conjugate());
     delta.tail<3>() = found.translation - truth.translation;
-    EXPECT_LT(delta.dot(report.rig.cameras[c].cam_from_world_covariance->ldlt().solve(delta)), 30) << c;  // by chance 1 in 25000
+    EXPECT_LT(delta.dot(report.rig.cameras[c].cam_from_world_covariance->ldlt().solve(delta)), 30)
+        << c;  // by chance 1 in 25000
     EXPECT_LT(delta.norm(), 0.03) << c;
   }
 }
@@ -262,7 +269,9 @@ TEST(AdjustScene, CameraDistanceGivesScale) {
 TEST(AdjustScene, ReasonsForRefusal) {
   const Model model = MakeModel(0);
   SceneScale scale;
-  EXPECT_NE(mvstudio::testing::MessageOf<UsageError>([&] { AdjustScene(model.scene, model.images, scale, {}, {}); }).find("--camera-distance"),
+  EXPECT_NE(mvstudio::testing::MessageOf<UsageError>([&] {
+              AdjustScene(model.scene, model.images, scale, {}, {});
+            }).find("--camera-distance"),
             std::string::npos);
   scale.distance = SceneScale::Distance{"cam0", "blind", 1, 0};
   EXPECT_EQ(AdjustScene(model.scene, model.images, scale, {}, {}).status, Status::kTooFewViews);

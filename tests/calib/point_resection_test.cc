@@ -31,10 +31,12 @@ Room MakeRoom(int num_cameras, int num_points, double noise_px, uint64_t seed, d
   for (int c = 0; c < num_cameras; ++c) {
     geometry::RigCamera camera;
     camera.camera = testing::MakeCamera("cam" + std::to_string(c), LensModel::kBrown4, 500 + 10 * c);
-    camera.cam_from_world = testing::LookAt({3 * std::sin(0.7 * c + 0.3), -3 * std::cos(0.7 * c + 0.3), 0.8}, Eigen::Vector3d::Zero());
+    camera.cam_from_world =
+        testing::LookAt({3 * std::sin(0.7 * c + 0.3), -3 * std::cos(0.7 * c + 0.3), 0.8}, Eigen::Vector3d::Zero());
     room.rig.cameras.push_back(camera);
     for (int i = 0; i < num_points; ++i) {
-      const geometry::Projection p = geometry::Project(camera.camera, camera.cam_from_world * Eigen::Vector3d(room.points.col(i)));
+      const geometry::Projection p =
+          geometry::Project(camera.camera, camera.cam_from_world * Eigen::Vector3d(room.points.col(i)));
       if (p.status != Status::kOk || !geometry::InImage(camera.camera, p.px)) continue;
       room.clicks.push_back({c, i, p.px + noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal())});
     }
@@ -49,7 +51,8 @@ std::vector<geometry::RigCamera> Alone(const Room& room) {
 }
 
 double PoseError(const geometry::Rigid3& a, const geometry::Rigid3& b) {
-  return geometry::RotationAngle(a.rotation, b.rotation) + (geometry::Inverse(a).translation - geometry::Inverse(b).translation).norm();
+  return geometry::RotationAngle(a.rotation, b.rotation) +
+         (geometry::Inverse(a).translation - geometry::Inverse(b).translation).norm();
 }
 
 /// Squared Mahalanobis distance of a pose from the truth; it exceeds 30 by chance in 1 of 25000 cases.
@@ -123,7 +126,8 @@ TEST(PointResection, DistantSmallMarksAreRefused) {
   room.clicks.clear();
   Rng rng(1);
   for (int i = 0; i < 6; ++i) {
-    const auto p = geometry::Project(room.rig.cameras[0].camera, room.rig.cameras[0].cam_from_world * Eigen::Vector3d(room.points.col(i)));
+    const auto p =
+        geometry::Project(room.rig.cameras[0].camera, room.rig.cameras[0].cam_from_world * Eigen::Vector3d(room.points.col(i)));
     room.clicks.push_back({0, i, p.px + Eigen::Vector2d(rng.Normal(), rng.Normal())});
   }
   const PointResection r = ResectFromPoints(Alone(room), room.clicks, room.points);
@@ -170,7 +174,8 @@ TEST(PointResection, WholeRigInOnePiece) {
     std::vector<PointClick> few;
     std::vector<int> count(4, 0);
     for (const PointClick& click : room.clicks) {
-      if (count[click.camera_idx] < 3 && click.point_idx % 4 != click.camera_idx) few.push_back(click), ++count[click.camera_idx];
+      if (count[click.camera_idx] < 3 && click.point_idx % 4 != click.camera_idx)
+        few.push_back(click), ++count[click.camera_idx];
     }
     ASSERT_GE(few.size(), 10u);
     const PointResection r = ResectFromPoints(rig.cameras, few, room.points);
@@ -191,7 +196,8 @@ std::string Write(const TempDir& folder, const std::string& name, const std::str
 
 TEST(ScenePoints, OneFileOrTwo) {
   TempDir folder;
-  const std::string clicks = Write(folder, "c.csv", "camera,point,x_px,y_px\nleft,door,10,20\nleft,lamp,30,40\nright,door,1,2\n");
+  const std::string clicks =
+      Write(folder, "c.csv", "camera,point,x_px,y_px\nleft,door,10,20\nleft,lamp,30,40\nright,door,1,2\n");
   const std::string places = Write(folder, "p.csv", "point,x,y,z\ndoor,1,2,3\nlamp,4,5,6\nunused,7,8,9\n");
   const ScenePoints two = ReadScenePoints({places, clicks});
   EXPECT_EQ(two.cameras, (std::vector<std::string>{"left", "right"}));

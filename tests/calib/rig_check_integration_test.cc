@@ -1,10 +1,9 @@
-#include "calib/rig_check.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "calib/rig_check.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "geometry/rigid3.h"
@@ -14,9 +13,9 @@
 namespace mvstudio::calib {
 namespace {
 
+using mvstudio::testing::MessageOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using mvstudio::testing::MessageOf;
 using testing::MakeScene;
 using testing::Scene;
 using testing::SceneOptions;
@@ -127,6 +126,33 @@ TEST(RigCheck, BoardLengths) {
   EXPECT_NEAR(check.board_metrics.edge_bias_mm, 0.6, 1e-6);
   EXPECT_NEAR(check.board_metrics.edge_median_mm, 0.6, 1e-6);
   EXPECT_GT(check.board_metrics.pair_bias_mm, 1);
+  // Told apart from a bump: a warning, no camera blamed; and a bump is found beside it.
+  EXPECT_NEAR(check.scale, 1.01, 1e-9);
+  EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
+  EXPECT_EQ(check.verdict.status, "warn");
+  EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-SCALE");
+}
+
+TEST(RigCheck, BumpBesideAWrongScale) {
+  const Scene scene = MakeCheckScene(4);
+  geometry::Rig rig = BeforeBump(scene, 2, Bump(0.2, 3, 3));
+  for (auto& camera : rig.cameras) camera.cam_from_world.translation *= 1.01;
+  const RigCheck check = Check(rig, scene);
+  EXPECT_THAT(check.moved, ElementsAre("cam2"));
+  EXPECT_NEAR(check.scale, 1.01, 2e-3);
+}
+
+/// Frames in which one camera was late: said, and nobody is blamed.
+TEST(RigCheck, LateFramesAreNamed) {
+  Scene scene = MakeCheckScene(4);
+  for (Detection& detection : scene.detections) {
+    if (detection.camera_idx == 1 && detection.frame_idx % 5 == 0) detection.points_px.row(0).array() += 12;
+  }
+  const RigCheck check = Check(testing::TruthRig(scene), scene);
+  EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
+  EXPECT_EQ(check.verdict.status, "warn");
+  EXPECT_GT(check.cameras[1].num_outlying_views, 2);
+  EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-FRAMES");
 }
 
 TEST(RigCheck, ExactWithoutNoise) {
@@ -230,7 +256,8 @@ TEST(RigCheck, TheWorldIsAnybodys) {
   const RigCheck moved = Check(rig, scene);
   EXPECT_EQ(moved.moved, check.moved);
   EXPECT_NEAR(moved.cameras[2].rotation_rad, check.cameras[2].rotation_rad, 1e-3 * check.cameras[2].rotation_sigma_rad);
-  EXPECT_NEAR(moved.cameras[2].translation_sigma_m, check.cameras[2].translation_sigma_m, 1e-4 * check.cameras[2].translation_sigma_m);
+  EXPECT_NEAR(moved.cameras[2].translation_sigma_m, check.cameras[2].translation_sigma_m,
+              1e-4 * check.cameras[2].translation_sigma_m);
 }
 
 TEST(RigCheck, RefusesForeignCameras) {

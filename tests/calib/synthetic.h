@@ -87,6 +87,7 @@ struct SceneOptions {
   double arc_rad = 0.6;       ///< of the cameras around the volume
   double max_tilt_rad = 0.6;  ///< of the boards; 0: parallel to the image of camera 0
   double focal_px = 540;      ///< of camera 0; the others 15 more each
+  double near_m = 0.9, far_m = 1.4;  ///< of the boards' centres from camera 0
   uint64_t seed = 1;
 };
 
@@ -140,7 +141,7 @@ inline Scene MakeScene(const SceneOptions& options) {
     geometry::Rigid3 cam0_from_board;
     cam0_from_board.rotation =
         geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-t, t), rng.Uniform(-t, t), t > 0 ? rng.Uniform(-0.5, 0.5) : 0));
-    const Eigen::Vector3d center(rng.Uniform(-0.25, 0.25), rng.Uniform(-0.2, 0.2), rng.Uniform(0.9, 1.4));
+    const Eigen::Vector3d center(rng.Uniform(-0.25, 0.25), rng.Uniform(-0.2, 0.2), rng.Uniform(options.near_m, options.far_m));
     cam0_from_board.translation = center - cam0_from_board.rotation * Eigen::Vector3d(0.24, 0.15, 0);
     scene.truth.frames.push_back(3 * f + 1);
     scene.truth.world_from_board.push_back(world_from_cam0 * cam0_from_board);

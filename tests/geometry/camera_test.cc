@@ -95,8 +95,9 @@ TEST(Camera, ValidateRefusesLensesWithoutAFormulaOnTheAxis) {
   EXPECT_THROW(Validate(testing::MakeLens(LensModel::kEucm, {0.5, 0})), ContractViolation);
   const Camera good = testing::MakeSplined({3, 11, 10, 150}, 0.01);
   EXPECT_NO_THROW(Validate(good));
-  for (const SplineGrid& grid : {SplineGrid{4, 11, 10, 150}, SplineGrid{3, 3, 10, 150}, SplineGrid{3, 11, 10, 360},
-                                 SplineGrid{3, 10, 10, 150}, SplineGrid{3, -11, -10, 150}, SplineGrid{3, 1 << 30, 1 << 30, 9}}) {
+  for (const SplineGrid& grid :
+       {SplineGrid{4, 11, 10, 150}, SplineGrid{3, 3, 10, 150}, SplineGrid{3, 11, 10, 360}, SplineGrid{3, 10, 10, 150},
+        SplineGrid{3, -11, -10, 150}, SplineGrid{3, 1 << 30, 1 << 30, 9}}) {
     Camera camera = good;
     camera.spline = grid;
     EXPECT_THROW(Validate(camera), ContractViolation);

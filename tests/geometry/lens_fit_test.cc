@@ -73,7 +73,7 @@ TEST(FitLens, EveryModelReproducesItself) {
 }
 
 TEST(FitLens, WiderModelsOfAFamilyAreExact) {
-  const LensModel ladder[] = {LensModel::kPinhole, LensModel::kBrown1, LensModel::kBrown2,   LensModel::kBrown4,
+  const LensModel ladder[] = {LensModel::kPinhole, LensModel::kBrown1,    LensModel::kBrown2,     LensModel::kBrown4,
                               LensModel::kBrown5,  LensModel::kRational8, LensModel::kThinPrism12};
   for (size_t i = 0; i + 1 < std::size(ladder); ++i) ExpectFit(Ordinary(ladder[i]), ladder[i + 1], 1e-6);
   ExpectFit(Ordinary(LensModel::kBrown1), LensModel::kBrown1P, 1e-6);
@@ -104,11 +104,16 @@ TEST(FitLens, BetweenFamilies) {
     LensModel from, to;
     double max_px;
   } cases[] = {
-      {LensModel::kPinhole, LensModel::kKannalaBrandt4, 0.1},      {LensModel::kBrown2, LensModel::kKannalaBrandt4, 0.6},
-      {LensModel::kRational8, LensModel::kKannalaBrandt4, 2},      {LensModel::kRational8, LensModel::kBrown5, 0.6},
-      {LensModel::kKannalaBrandt4, LensModel::kEucm, 1.2},         {LensModel::kKannalaBrandt4, LensModel::kDoubleSphere, 1.5},
-      {LensModel::kKannalaBrandt4, LensModel::kUcm, 3},            {LensModel::kEucm, LensModel::kDoubleSphere, 1.5},
-      {LensModel::kDoubleSphere, LensModel::kKannalaBrandt4, 0.1}, {LensModel::kBrown4, LensModel::kKannalaBrandt4P, 1.5},
+      {LensModel::kPinhole, LensModel::kKannalaBrandt4, 0.1},
+      {LensModel::kBrown2, LensModel::kKannalaBrandt4, 0.6},
+      {LensModel::kRational8, LensModel::kKannalaBrandt4, 2},
+      {LensModel::kRational8, LensModel::kBrown5, 0.6},
+      {LensModel::kKannalaBrandt4, LensModel::kEucm, 1.2},
+      {LensModel::kKannalaBrandt4, LensModel::kDoubleSphere, 1.5},
+      {LensModel::kKannalaBrandt4, LensModel::kUcm, 3},
+      {LensModel::kEucm, LensModel::kDoubleSphere, 1.5},
+      {LensModel::kDoubleSphere, LensModel::kKannalaBrandt4, 0.1},
+      {LensModel::kBrown4, LensModel::kKannalaBrandt4P, 1.5},
   };
   for (const auto& [from, to, max_px] : cases) {
     ExpectFit(Ordinary(from), to, max_px);
@@ -138,9 +143,9 @@ TEST(FitLens, SplineReproducesItself) {
 }
 
 TEST(FitLens, FromSplinedToRational) {
-  const Camera smooth = FitLens(Ordinary(LensModel::kRational8), LensModel::kSplined, {},
-                                SplineGridFor(Ordinary(LensModel::kRational8), 3, 16))
-                            .camera;
+  const Camera smooth =
+      FitLens(Ordinary(LensModel::kRational8), LensModel::kSplined, {}, SplineGridFor(Ordinary(LensModel::kRational8), 3, 16))
+          .camera;
   ExpectFit(smooth, LensModel::kRational8, 0.02);
 }
 
@@ -154,6 +159,16 @@ TEST(FitLens, LongLensesAndKeptPrincipalPoints) {
   const LensFit fit = FitLens(from, LensModel::kBrown2, options);
   EXPECT_EQ(fit.camera.cx(), from.cx());
   EXPECT_EQ(fit.camera.cy(), from.cy());
+}
+
+TEST(FitLens, LeavesTheRotationAloneWhereNoneIs) {
+  LensFitOptions options;
+  options.fit_rotation = true;
+  for (const LensModel model : {LensModel::kKannalaBrandt4, LensModel::kEucm, LensModel::kRational8}) {
+    const LensFit fit = FitLens(Ordinary(model), model, options);
+    EXPECT_LT(fit.max_px, 1e-6) << ToString(model);
+    EXPECT_LT(fit.new_from_old.vec().norm(), 1e-7) << ToString(model);
+  }
 }
 
 TEST(FitLens, PerspectiveModelsStopAtEightyDegrees) {

@@ -91,8 +91,8 @@ TEST(MrcalOracle, SharedModelsProjectTheSame) {
     ++models;
     const double reach = testing::Reach(camera);
     for (int i = 0; i < 300; ++i) {
-      ExpectAgreement(camera, testing::Direction(camera.model, rng.Uniform(0.001, reach), rng.Uniform(0, 2 * kPi)) *
-                                  rng.Uniform(0.2, 9));
+      ExpectAgreement(
+          camera, testing::Direction(camera.model, rng.Uniform(0.001, reach), rng.Uniform(0, 2 * kPi)) * rng.Uniform(0.2, 9));
     }
   }
   EXPECT_EQ(models, 7);
@@ -106,8 +106,8 @@ TEST(MrcalOracle, SplinesOfEveryGrid) {
     const Camera camera = testing::MakeSplined(grid, 0.05);
     const double reach = std::min(3.0, 1.3 * DegToRad(grid.fov_x_deg) / 2);
     for (int i = 0; i < 300; ++i) {
-      ExpectAgreement(camera, testing::Direction(camera.model, rng.Uniform(0.001, reach), rng.Uniform(0, 2 * kPi)) *
-                                  rng.Uniform(0.2, 9));
+      ExpectAgreement(
+          camera, testing::Direction(camera.model, rng.Uniform(0.001, reach), rng.Uniform(0, 2 * kPi)) * rng.Uniform(0.2, 9));
     }
   }
 }

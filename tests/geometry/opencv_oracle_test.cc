@@ -17,9 +17,9 @@ std::vector<cv::Point3d> RandomPoints(const Camera& camera, int count) {
   Rng rng(31);
   std::vector<cv::Point3d> points;
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector3d x = testing::Direction(camera.model, rng.Uniform(0.01, testing::Reach(camera)),
-                                                 rng.Uniform(0, 2 * kPi)) *
-                              rng.Uniform(0.3, 5);
+    const Eigen::Vector3d x =
+        testing::Direction(camera.model, rng.Uniform(0.01, testing::Reach(camera)), rng.Uniform(0, 2 * kPi)) *
+        rng.Uniform(0.3, 5);
     points.emplace_back(x[0], x[1], x[2]);
   }
   return points;

@@ -199,8 +199,8 @@ TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
   }
 }
 
-/// Walks along rays from the optical axis as far as the lens is not folded (Jacobian determinant of one sign): no pixel that a walk
-/// comes to may be said to have no ray.
+/// Walks along rays from the optical axis as far as the lens is not folded (Jacobian determinant of one sign): no pixel that a
+/// walk comes to may be said to have no ray.
 TEST(Projector, RefusesNoPixelThatARayReaches) {
   for (const Camera& camera : testing::ExtremeLenses()) {
     const Projector projector(camera);
@@ -216,7 +216,8 @@ TEST(Projector, RefusesNoPixelThatARayReaches) {
         if (!(with_ray.determinant() > 0.01 * camera.fx() * camera.fy())) break;
         ++reached;
         const Unprojection back = projector.Unproject(at.px);
-        ASSERT_EQ(back.status, Status::kOk) << camera.name << " radius " << radius << " phi " << phi << ": " << at.px.transpose();
+        ASSERT_EQ(back.status, Status::kOk)
+            << camera.name << " radius " << radius << " phi " << phi << ": " << at.px.transpose();
         ASSERT_LT((projector.Project(back.ray_in_cam).px - at.px).norm(), 2e-9 * std::max(1.0, at.px.norm() / 1e4))
             << camera.name << " radius " << radius << " phi " << phi;
       }
@@ -238,8 +239,7 @@ TEST(Projector, AgreesWithNewtonInLongDouble) {
       const long double oracle = Root([&](long double r) { return target - RadialLong(camera, r); }, 0,
                                       projector.valid_radius() < 10 ? projector.valid_radius() : 10.0L);
       const Eigen::Vector3d ray = projector.Unproject(px).ray_in_cam;
-      const double found =
-          IsWide(camera.model) ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
+      const double found = IsWide(camera.model) ? std::atan2(ray.head<2>().norm(), ray[2]) : ray[0] / ray[2];
       const long double slope = (RadialLong(camera, oracle + 1e-7L) - RadialLong(camera, oracle - 1e-7L)) / 2e-7L;
       ASSERT_NEAR(found, static_cast<double>(oracle), 1e-14 / std::min(1.0, static_cast<double>(slope)))
           << camera.name << " " << radius;
@@ -382,7 +382,8 @@ TEST(Projector, HugePixelsGiveAStatusOrAnExactRay) {
         EXPECT_TRUE(result.ray_in_cam.allFinite());
         if (result.status != Status::kOk || size > 1e15) continue;
         const Vector2ld back = ProjectLong(camera, result.ray_in_cam);
-        // Rays of unit length near 90 degrees, or near the pole of a wide lens, carry size^2 roundings of their own in the pixel.
+        // Rays of unit length near 90 degrees, or near the pole of a wide lens, carry size^2 roundings of their own in the
+        // pixel.
         const double radius = size / camera.fx(), stretch = IsWide(camera.model) ? 3 * (1 + radius * radius) : 1 + radius;
         EXPECT_LT((back - px.cast<long double>()).norm(), 1e-9 + 1e-15 * stretch * (IsWide(camera.model) ? camera.fx() : size))
             << camera.name << " " << size;

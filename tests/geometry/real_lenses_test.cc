@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <regex>
 #include <string>
@@ -53,6 +54,8 @@ const char* const kLenses[] = {"doc/data/figueroa-overpass-looking-S/opencv8-0.c
                                "doc/data/figueroa-overpass-looking-S/splined-1.cameramodel",
                                "test/data/cam0.opencv8.cameramodel", "test/data/cam0.splined.cameramodel"};
 
+/// All pixels of the rational lenses; of the splined ones all but some at the border, where no board was and the surface runs
+/// out of its grid.
 TEST(RealLenses, EveryPixelHasAnExactRay) {
   MVS_NEEDS_DATA("mrcal_figueroa");
   for (const char* name : kLenses) {
@@ -68,18 +71,50 @@ TEST(RealLenses, EveryPixelHasAnExactRay) {
         ASSERT_LT((testing::ProjectLong(camera, back.ray_in_cam) - testing::Vector2ld(u, v)).norm(), 1e-9L) << name;
       }
     }
-    std::printf("%s: %d of %d\n", name, solved, total);
+    EXPECT_GE(solved, camera.model == LensModel::kSplined ? 0.995 * total : total) << name;
   }
 }
 
-TEST(RealLenses, Fits) {
+/// The two solutions of one lens: the splined one looks 4 degrees aside (its surface hides the rotation), else they agree to a
+/// few pixels where boards were.
+TEST(RealLenses, SplinedAndRationalAreTheSameLensUpToARotation) {
   MVS_NEEDS_DATA("mrcal_figueroa");
-  for (const char* name : kLenses) {
-    const Camera camera = ReadLens(name);
-    for (const LensModel to : {LensModel::kRational8, LensModel::kThinPrism12, LensModel::kKannalaBrandt4, LensModel::kKannalaBrandt4P, LensModel::kUcm, LensModel::kEucm, LensModel::kDoubleSphere, LensModel::kEucmP, LensModel::kSplined}) {
-      const LensFit fit = FitLens(camera, to, {}, SplineGridFor(camera, 3, 20));
-      std::printf("%-14s -> %-14s rms %8.4f max %8.4f rays %d lost %d angle %.1f %d\n", name + std::string(name).size() - 22, std::string(ToString(to)).c_str(), fit.rms_px, fit.max_px, fit.num_rays, fit.num_lost, RadToDeg(fit.max_angle), (int)fit.status);
+  const Camera splined = ReadLens(kLenses[1]), rational = ReadLens(kLenses[0]);
+  LensFitOptions options;
+  options.max_angle = DegToRad(45);
+  const LensFit fixed = FitLens(splined, LensModel::kRational8, options);
+  options.fit_rotation = true;
+  const LensFit turned = FitLens(splined, LensModel::kRational8, options);
+  EXPECT_GT(fixed.rms_px, 20);
+  EXPECT_LT(turned.rms_px, 1);
+  EXPECT_NEAR(RadToDeg(2 * std::acos(std::abs(turned.new_from_old.w()))), 4, 0.3);
+  const Projector ours(turned.camera), theirs(rational);
+  for (int v = 1000; v < 3000; v += 250) {
+    for (int u = 2000; u < 3800; u += 300) {
+      // The rotation between two fits of one lens is free: compare the angle between neighbours.
+      const auto angle = [&](const Projector& projector) {
+        const Eigen::Vector3d a = projector.Unproject({u, v}).ray_in_cam, b = projector.Unproject({u + 200, v}).ray_in_cam;
+        return std::acos(a.dot(b));
+      };
+      EXPECT_NEAR(angle(ours) / angle(theirs), 1, 0.01) << u << " " << v;
     }
+  }
+}
+
+TEST(RealLenses, OtherModelsComeNear) {
+  MVS_NEEDS_DATA("mrcal_figueroa");
+  const Camera rational = ReadLens(kLenses[3]);
+  const struct {
+    LensModel to;
+    double rms_px;
+  } cases[] = {{LensModel::kThinPrism12, 1e-6},   {LensModel::kKannalaBrandt4P, 0.4},
+               {LensModel::kKannalaBrandt4, 1.3}, {LensModel::kDoubleSphere, 1.8},
+               {LensModel::kEucm, 3.5},           {LensModel::kUcm, 4.5},
+               {LensModel::kSplined, 0.03}};
+  for (const auto& [to, rms_px] : cases) {
+    const LensFit fit = FitLens(rational, to, {}, SplineGridFor(rational, 3, 20));
+    EXPECT_LT(fit.rms_px, rms_px) << ToString(to);
+    EXPECT_EQ(fit.num_lost, 0) << ToString(to);
   }
 }
 

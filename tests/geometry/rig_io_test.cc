@@ -178,8 +178,9 @@ TEST(RigIo, ErrorsOfSplinedLensesNameThePlace) {
   EXPECT_EQ(place([](auto& c) { c["intrinsics"]["control_points"].erase(0); }), camera + ".intrinsics.control_points");
   EXPECT_EQ(place([](auto& c) { c["intrinsics"]["control_points"][3] = "a"; }), camera + ".intrinsics.control_points[3]");
   EXPECT_EQ(place([](auto& c) { c["intrinsics"]["k1"] = 0; }), camera + ".intrinsics");
-  EXPECT_NE(Complaint(Edited([](auto& j) { j["cameras"][3]["spline"] = j["cameras"][17]["spline"]; })).find("cameras[3].spline"),
-            std::string::npos);
+  EXPECT_NE(
+      Complaint(Edited([](auto& j) { j["cameras"][3]["spline"] = j["cameras"][17]["spline"]; })).find("cameras[3].spline"),
+      std::string::npos);
   EXPECT_NE(Complaint(Edited([](auto& j) { j["cameras"][8]["intrinsics"]["xi"] = -1; })).find("cameras[8].intrinsics: xi"),
             std::string::npos);
 }

@@ -1,0 +1,208 @@
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <set>
+
+#include "calib/calibrate.h"
+#include "cli/commands.h"
+#include "cli/corner_input.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "report/html.h"
+#include "report/svg.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  CornerArguments corners;
+  std::vector<std::string> detectors{"fast", "exact"}, models{"auto", "brown1", "brown2", "brown4", "rational8"},
+      engines{"mvstudio"};
+  std::vector<int> views{0, 12, 6};
+  std::string out;
+};
+
+/// One way to calibrate, and what came of it.
+struct Trial {
+  std::string detector, model, engine, status, chosen;
+  int views = 0;
+  double seconds = 0, holdout_px = 0, edge_mm = 0;
+  bool on_front = false;
+
+  std::string Name() const {
+    return detector + ", " + (views ? std::to_string(views) + " boards" : std::string("all boards")) + ", " + model +
+           (engine == "mvstudio" ? "" : ", " + engine);
+  }
+};
+
+double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+/// Instants that are judged and never used: every 4th. The others, thinned evenly to `views`.
+calib::CalibrateInput Thin(const calib::CalibrateInput& input, int views) {
+  std::set<int64_t> all;
+  for (const calib::Detection& d : input.detections) all.insert(d.frame_idx);
+  std::vector<int64_t> train;
+  std::set<int64_t> keep;
+  int index = 0;
+  for (int64_t frame : all) {
+    if (index++ % 4 == 3) {
+      keep.insert(frame);
+    } else {
+      train.push_back(frame);
+    }
+  }
+  const size_t count = views > 0 ? std::min<size_t>(views, train.size()) : train.size();
+  for (size_t i = 0; i < count; ++i) keep.insert(train[i * train.size() / count]);
+  calib::CalibrateInput thin = input;
+  thin.detections.clear();
+  for (const calib::Detection& d : input.detections) {
+    if (keep.count(d.frame_idx)) thin.detections.push_back(d);
+  }
+  thin.held_out_frames.clear();
+  index = 0;
+  for (int64_t frame : all) {
+    if (index++ % 4 == 3) thin.held_out_frames.push_back(frame);
+  }
+  return thin;
+}
+
+Trial Run(const calib::CalibrateInput& input, Trial trial, double detect_s, const RunContext& run) {
+  calib::CalibrateOptions options;
+  options.model = trial.model;
+  options.engine = trial.engine;
+  const double start = Now();
+  try {
+    const calib::CalibrateReport report = Calibrate(Thin(input, trial.views), options, run);
+    trial.status = std::string(ToString(report.status));
+    if (!report.cameras.empty()) trial.chosen = std::string(geometry::ToString(report.cameras[0].model));
+    const bool solved = report.status == Status::kOk;
+    trial.holdout_px = solved ? report.rig_holdout_rms_px : std::nan("");
+    trial.edge_mm = solved ? report.board_metrics.edge_rms_mm : std::nan("");
+  } catch (const UsageError& error) {
+    trial.status = error.what();
+    trial.holdout_px = trial.edge_mm = std::nan("");
+  }
+  trial.seconds = detect_s + Now() - start;
+  return trial;
+}
+
+void MarkFront(std::vector<Trial>* trials) {
+  for (Trial& a : *trials) {
+    a.on_front = std::isfinite(a.holdout_px);
+    for (const Trial& b : *trials) {
+      if (b.seconds <= a.seconds && b.holdout_px <= a.holdout_px && (b.seconds < a.seconds || b.holdout_px < a.holdout_px))
+        a.on_front = false;
+    }
+  }
+}
+
+/// Corners by every detector, with the seconds it took.
+struct Source {
+  std::string detector;
+  calib::CalibrateInput input;
+  double seconds = 0;
+};
+
+std::vector<Source> Sources(const Arguments& arguments, CommandContext& context, CommandResult* result) {
+  std::vector<Source> sources;
+  const bool file = !arguments.corners.corners.empty();
+  for (const std::string& detector : file ? std::vector<std::string>{"file"} : arguments.detectors) {
+    CornerArguments corners = arguments.corners;
+    corners.footage.cache = "off";
+    if (!file) corners.footage.detect.detector = detector;
+    const double start = Now();
+    calib::CalibrateInput input = ReadCornerInput(corners, context, result).input;
+    sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
+  }
+  return sources;
+}
+
+ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
+
+ordered_json ToJson(const std::vector<Trial>& trials) {
+  ordered_json table = ordered_json::array();
+  for (const Trial& t : trials) {
+    table.push_back({{"detector", t.detector}, {"views", t.views}, {"model", t.model}, {"chosen", t.chosen}, {"engine", t.engine},
+                     {"status", t.status}, {"seconds", Number(t.seconds)}, {"holdout_px", Number(t.holdout_px)},
+                     {"edge_mm", Number(t.edge_mm)}, {"on_front", t.on_front}});
+  }
+  return table;
+}
+
+std::string ToText(const std::vector<Trial>& trials) {
+  char line[300];
+  std::string text = "detector  boards  model       chosen       engine     seconds  held-out px  edge mm\n";
+  for (const Trial& t : trials) {
+    std::snprintf(line, sizeof line, "%-8s  %6s  %-10s  %-11s  %-8s  %8.2f  %11.4f  %7.4f %s\n", t.detector.c_str(),
+                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(), t.seconds,
+                  t.holdout_px, t.edge_mm, t.on_front ? "*" : "");
+    text += line;
+  }
+  return text + "*: no other way is both faster and better\n";
+}
+
+std::string Figure(const std::vector<Trial>& trials) {
+  report::ParetoChartSpec spec;
+  spec.title = "Ways to calibrate: time against error on instants that took no part";
+  spec.cost.label = "detection and solution (s)";
+  spec.cost.log = true;
+  spec.error.label = "held-out 2-D RMS (px)";
+  spec.error.log = true;
+  for (const Trial& t : trials) {
+    if (std::isfinite(t.holdout_px)) spec.points.push_back({t.Name(), t.seconds, t.holdout_px, t.on_front});
+  }
+  return report::ParetoChart(spec);
+}
+
+CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
+  CommandResult result;
+  std::vector<Trial> trials;
+  const std::vector<Source> sources = Sources(arguments, context, &result);
+  ProgressStage stage(context.run, "tradeoff",
+                      static_cast<int64_t>(sources.size() * arguments.views.size() * arguments.models.size() * arguments.engines.size()));
+  for (const Source& source : sources) {
+    for (int views : arguments.views) {
+      for (const std::string& model : arguments.models) {
+        for (const std::string& engine : arguments.engines) {
+          Trial trial;
+          trial.detector = source.detector, trial.views = views, trial.model = model, trial.engine = engine;
+          trials.push_back(Run(source.input, trial, source.seconds, context.run));
+          stage.Advance(1, trial.Name());
+        }
+      }
+    }
+  }
+  MarkFront(&trials);
+  result.metrics["trials"] = ToJson(trials);
+  result.text = ToText(trials);
+  if (arguments.out.empty()) return result;
+  MakeFolder(arguments.out);
+  const std::string path = arguments.out + "/tradeoff-calibrate.html";
+  report::Section section{"tradeoff", "Calibration: speed against accuracy", report::FigureHtml(Figure(trials), "Large dots: no other way is both faster and better.")};
+  WriteFileAtomic(path, report::PageHtml("mvstudio tradeoff calibrate", "", {section}, ""));
+  result.outputs.push_back({path, "figure"});
+  result.folder = arguments.out;
+  return result;
+}
+
+}  // namespace
+
+void RegisterTradeoff(CLI::App& app, Registry& registry) {
+  CLI::App* tradeoff = app.add_subcommand("tradeoff", "Measure what speed costs in accuracy");
+  tradeoff->require_subcommand(1);
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = tradeoff->add_subcommand(
+      "calibrate", "Detector x number of boards x lens model x engine: seconds, held-out px, mm, and the Pareto front");
+  AddCornerArguments(sub, arguments->corners);
+  sub->add_option("--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();
+  sub->add_option("--views", arguments->views, "instants used; 0: all")->delimiter(',')->capture_default_str();
+  sub->add_option("--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();
+  sub->add_option("--engines", arguments->engines, "mvstudio, mrcal")->delimiter(',')->capture_default_str();
+  sub->add_option("--out", arguments->out, "folder for the table and the figure");
+  registry.Add(sub, "tradeoff calibrate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

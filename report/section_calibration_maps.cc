@@ -1,0 +1,87 @@
+#include <cmath>
+
+#include "report/format.h"
+#include "report/html.h"
+#include "report/sections.h"
+#include "report/svg.h"
+
+namespace mvstudio::report {
+namespace {
+
+std::vector<std::vector<double>> ReadRows(const Value& list) {
+  std::vector<std::vector<double>> rows;
+  for (const Value& row : list.items()) {
+    rows.emplace_back();
+    for (const Value& value : row.items()) rows.back().push_back(value.Number());
+    if (rows.back().size() != rows.front().size()) return {};
+  }
+  return rows;
+}
+
+std::string SelectionTable(const Value& rows) {
+  if (rows.items().empty()) return {};
+  Table table("Lenses that were compared on held-out boards");
+  table.AddColumn("camera", "", false);
+  table.AddColumn("lens", "", false);
+  table.AddColumn("numbers");
+  table.AddColumn("held-out rms", "px");
+  table.AddColumn("median", "px");
+  table.AddColumn("beyond 5 px", "%");
+  for (const Value& row : rows.items()) {
+    const bool chosen = row["chosen"].Flag();
+    table.AddRow({row["camera"].Text("?"), Table::Cell(row["model"].Text("?") + (chosen ? " (chosen)" : ""), chosen),
+                  FormatNumber(row["num_params"].Number()), FormatFixed(row["holdout_rms_px"].Number(), 4),
+                  FormatFixed(row["holdout_median_px"].Number(), 4), FormatFixed(100 * row["gross_fraction"].Number(), 2)},
+                 chosen);
+  }
+  return DetailsHtml("Lenses that were compared", table.Html());
+}
+
+std::string CameraMaps(const Value& metrics) {
+  std::vector<std::string> figures;
+  for (const Value& camera : metrics["cameras"].items()) {
+    CellGridSpec spec;
+    spec.title = camera["name"].Text("?") + ": corners over the image";
+    spec.rows = ReadRows(camera["coverage_cells"]);
+    spec.zero_is_missing = true;
+    if (!spec.rows.empty()) figures.push_back(FigureHtml(CellGrid(spec), "Cells without a corner stand out: film there."));
+    CellGridSpec map;
+    map.title = camera["name"].Text("?") + ": uncertainty over the image (px)";
+    map.rows = ReadRows(camera["uncertainty_map_px"]);
+    map.decimals = 2;
+    map.full = 1;
+    if (!map.rows.empty()) {
+      figures.push_back(FigureHtml(CellGrid(map), "Standard deviation of a projection along its worst direction, at the median "
+                                                  "distance of the boards; darkest: 1 px and more."));
+    }
+  }
+  return figures.empty() ? "" : "<h3>Over the image</h3>\n" + GridHtml(figures);
+}
+
+std::string Covisibility(const Value& metrics) {
+  CellGridSpec spec;
+  spec.title = "Instants in which two cameras saw a board";
+  spec.rows = ReadRows(metrics["covisibility"]);
+  if (spec.rows.size() < 2 || spec.rows.size() > 60) return {};
+  for (const Value& camera : metrics["cameras"].items()) spec.row_names.push_back(camera["name"].Text("?"));
+  if (spec.rows.size() <= 12) spec.column_names = spec.row_names;
+  spec.zero_is_missing = true;
+  spec.aspect = 0.4;
+  spec.width = 760;
+  return FigureHtml(CellGrid(spec), "On the diagonal, the instants of one camera alone. The rig holds together along the pairs with many.");
+}
+
+std::string FilmNext(const Value& hints) {
+  if (hints.items().empty()) return {};
+  std::string html = "<h3>What to film next</h3>\n";
+  for (const Value& hint : hints.items()) html += ParagraphHtml(hint["text"].Text());
+  return html;
+}
+
+}  // namespace
+
+std::string CalibrationMaps(const Value& metrics) {
+  return FilmNext(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) + Covisibility(metrics);
+}
+
+}  // namespace mvstudio::report

@@ -1,0 +1,37 @@
+#include <algorithm>
+#include <cmath>
+
+#include "report/format.h"
+#include "report/svg.h"
+#include "report/svg_axes.h"
+#include "report/svg_canvas.h"
+
+namespace mvstudio::report {
+
+std::string ParetoChart(const ParetoChartSpec& spec) {
+  constexpr double kTitle = 22, kAxis = 42, kHeight = 340;
+  std::vector<double> xs, ys;
+  for (const ParetoPoint& p : spec.points) xs.push_back(p.cost), ys.push_back(p.error);
+  const double left = 70, right = spec.width - 14, top = kTitle + 6, bottom = kHeight - kAxis;
+  SvgCanvas canvas(spec.width, kHeight, spec.title);
+  canvas.Text(2, 14, spec.title, "start", "t");
+  const Scale x(spec.cost, xs, left, right), y(spec.error, ys, bottom, top);
+  DrawBottomAxis(&canvas, x, spec.cost.label, left, right, top, bottom);
+  DrawLeftAxis(&canvas, y, spec.error.label, left, right, top, bottom);
+  std::vector<ParetoPoint> front;
+  for (const ParetoPoint& p : spec.points) {
+    if (p.on_front) front.push_back(p);
+  }
+  std::sort(front.begin(), front.end(), [](const ParetoPoint& a, const ParetoPoint& b) { return a.cost < b.cost; });
+  std::vector<SvgCanvas::Point> line;
+  for (const ParetoPoint& p : front) line.emplace_back(x(p.cost), y(p.error));
+  canvas.Polyline(line, "s0", 1.5, true);
+  for (const ParetoPoint& p : spec.points) {
+    const std::string tip = p.name + ": " + FormatNumber(p.cost, 3) + ", " + FormatNumber(p.error, 4);
+    canvas.Circle(x(p.cost), y(p.error), p.on_front ? 5 : 3.5, p.on_front ? "f0" : "f1", tip);
+    if (p.on_front) canvas.Text(x(p.cost) + 7, y(p.error) - 5, p.name, "start", "x halo");
+  }
+  return canvas.Finish();
+}
+
+}  // namespace mvstudio::report

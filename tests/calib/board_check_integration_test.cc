@@ -1,0 +1,136 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "calib/board_check.h"
+#include "calib/board_guess.h"
+#include "calib/detect_board.h"
+#include "tests/calib/synthetic.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using testing::MakeCamera;
+using testing::RenderBoard;
+
+std::vector<Image> Photos(const std::string& text, bool mirrored = false) {
+  const Board board = ParseBoard(text);
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kBrown4, 620);
+  const BoardPrint print = PrintOf(board);
+  const double size = (print.high_m - print.low_m).norm();
+  const Eigen::Vector2d center = (print.low_m + print.high_m) / 2;
+  std::vector<Image> images;
+  for (const Eigen::Vector3d& rotation : {Eigen::Vector3d(0.3, -0.2, 0.1), Eigen::Vector3d(-0.2, 0.3, 1.7)}) {
+    geometry::Rigid3 pose;
+    pose.rotation = geometry::RotationExp(rotation);
+    pose.translation = Eigen::Vector3d(0, 0, 1.5 * size) - pose.rotation * Eigen::Vector3d(center.x(), center.y(), 0);
+    images.push_back(RenderBoard(board, camera, pose, 3));
+    Image& image = images.back();
+    for (int v = 0; mirrored && v < image.height; ++v) std::reverse(image.Pixel(0, v), image.Pixel(0, v) + image.width);
+  }
+  return images;
+}
+
+struct Outcome {
+  std::string text, relation;
+  int num_images = 0;
+  bool mirrored = false;
+};
+
+Outcome Check(const std::string& printed, const std::string& claimed, bool mirrored = false) {
+  std::optional<Board> given;
+  if (!claimed.empty()) given = ParseBoard(claimed);
+  const BoardCheckReport report = CheckBoard(given, Photos(printed, mirrored), RunContext());
+  if (!report.best) return {};
+  const BoardTrial& best = report.trials[*report.best];
+  EXPECT_LT(best.residual_px, 0.3);
+  return {BoardText(best.board, report.scale_known), best.relation, best.num_images, best.mirrored};
+}
+
+TEST(CheckBoard, ChessboardCounts) {
+  for (const auto& [claimed, relation] : {std::pair{"chessboard:7x5:30mm", "as given"},
+                                          {"chessboard:8x6:30mm", "the given numbers count squares, not inner corners"},
+                                          {"chessboard:6x4:30mm", "the given numbers count inner corners, not squares"}}) {
+    const Outcome outcome = Check("chessboard:7x5:30mm", claimed);
+    EXPECT_EQ(outcome.text, "chessboard:7x5:30mm");
+    EXPECT_EQ(outcome.relation, relation) << claimed;
+    EXPECT_EQ(outcome.num_images, 2);
+  }
+  EXPECT_EQ(Check("chessboard:7x5:30mm", "").text, "chessboard:7x5:SQUARE");
+  EXPECT_EQ(Check("chessboard:7x5:30mm", "chessboard:11x4:30mm").text, "chessboard:7x5:30mm");
+}
+
+TEST(CheckBoard, CharucoMistakes) {
+  const std::string printed = "charuco:7x6:40mm:30mm:5x5_250:legacy";
+  const Outcome exchanged = Check(printed, "charuco:6x7:40mm:30mm:5x5_250");
+  EXPECT_EQ(exchanged.text, printed);
+  EXPECT_EQ(exchanged.relation, "rows and columns exchanged, legacy layout");
+  const Outcome inner = Check(printed, "charuco:6x5:40mm:30mm:5x5_250:legacy");
+  EXPECT_EQ(inner.text, printed) << inner.relation;
+  const Outcome dictionary = Check(printed, "charuco:7x6:40mm:30mm:4x4_50");
+  EXPECT_EQ(dictionary.text, "charuco:7x6:40mm:30mm:5x5_1000:legacy");
+  EXPECT_EQ(dictionary.relation, "another dictionary, legacy layout");
+  EXPECT_EQ(Check(printed, "charuco:9x9:40mm:30mm:5x5_250").text, printed);
+  const Outcome mirrored = Check("charuco:7x5:40mm:30mm:6x6_250", "charuco:7x5:40mm:30mm:6x6_250", true);
+  EXPECT_TRUE(mirrored.mirrored);
+  EXPECT_EQ(mirrored.text, "charuco:7x5:40mm:30mm:6x6_250");
+}
+
+TEST(CheckBoard, InvertedCharucoWithoutAHint) {
+  const Outcome outcome = Check("charuco:5x7:40mm:30mm:4x4_50:inverted", "");
+  EXPECT_EQ(outcome.text, "charuco:5x7:SQUARE:0.75*SQUARE:4x4_1000:inverted");
+  EXPECT_EQ(Check("charuco:5x7:40mm:30mm:4x4_50:inverted", "charuco:5x7:40mm:30mm:4x4_50").relation,
+            "black and white exchanged");
+}
+
+TEST(CheckBoard, AprilGrids) {
+  const Outcome exchanged = Check("aprilgrid:5x3:40mm:0.3:36h11", "aprilgrid:3x5:40mm:0.3:36h11");
+  EXPECT_EQ(exchanged.text, "aprilgrid:5x3:40mm:0.3:36h11");
+  EXPECT_EQ(exchanged.relation, "rows and columns exchanged");
+  EXPECT_EQ(Check("aprilgrid:4x3:40mm:0.5:36h11:first=24", "aprilgrid:4x3:40mm:0.5:36h11:first=24").relation, "as given");
+  EXPECT_EQ(Check("aprilgrid:4x3:40mm:0.5:36h11", "aprilgrid:4x3:40mm:0.3:36h11").text, "aprilgrid:4x3:40mm:0.5:36h11");
+  EXPECT_EQ(Check("aprilgrid:4x3:40mm:0.4:25h9", "aprilgrid:4x3:40mm:0.4:25h9").relation, "as given");
+}
+
+TEST(CheckBoard, LoneTagsAreListed) {
+  const std::vector<Image> photos = Photos("tag:36h11:42:100mm");
+  const BoardCheckReport report = CheckBoard(ParseBoard("tag:36h11:0:100mm"), photos, RunContext());
+  ASSERT_EQ(report.tags.size(), 2u);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(report.tags[i].id, 42);
+    EXPECT_EQ(report.tags[i].image, i);
+    const BoardDetection found = DetectBoard(ParseBoard("tag:36h11:42:100mm"), photos[i]);
+    ASSERT_EQ(found.detection.num_corners(), 4);
+    for (int k = 0; k < 4; ++k) {
+      EXPECT_EQ(found.detection.points_px.col(k), report.tags[i].refined_px.col(found.detection.corner_ids[k]));
+    }
+  }
+}
+
+TEST(CheckBoard, NothingFitsAnEmptyWall) {
+  const std::vector<Image> wall(2, Image(640, 480, 3, 180));
+  for (const char* claimed : {"chessboard:9x6:25mm", "charuco:7x5:40mm:30mm", "aprilgrid:5x3:40mm:0.3"}) {
+    EXPECT_FALSE(CheckBoard(ParseBoard(claimed), wall, RunContext()).best.has_value()) << claimed;
+  }
+}
+
+TEST(GuessCharuco, FromTheIdsAlone) {
+  const Board board = ParseBoard("charuco:9x6:40mm:30mm:4x4_50");
+  MarkersOfImage markers;
+  int id = 0;
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 9; ++col) {
+      if ((row + col) % 2 == 0) continue;
+      const double x = 50 * col + 5 * row, y = 40 * row + 2 * col, h = 15;
+      markers[id++] << x - h, x + h, x + h, x - h, y - h, y - h, y + h, y + h;
+    }
+  }
+  const auto guess = GuessCharuco("4x4_50", {markers}, std::nullopt);
+  ASSERT_TRUE(guess.has_value());
+  EXPECT_EQ(guess->cols, board.cols);
+  EXPECT_EQ(guess->rows, board.rows);
+  EXPECT_FALSE(guess->legacy);
+}
+
+}  // namespace
+}  // namespace mvstudio::calib

@@ -1,0 +1,142 @@
+#include "calib/board_metrics.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "tests/calib/synthetic.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using testing::MakeScene;
+using testing::SceneOptions;
+
+SceneOptions Three(double noise_px = 0) {
+  SceneOptions options;
+  options.num_cameras = 3, options.num_frames = 12, options.noise_px = noise_px;
+  return options;
+}
+
+BoardMetrics Measure(const testing::Scene& scene, const RigState& state) {
+  RigState copy = state;
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &copy.frames);
+  return ComputeBoardMetrics({scene.board}, views, copy);
+}
+
+TEST(BoardMetrics, ExactCornersMeasureTheBoard) {
+  const testing::Scene scene = MakeScene(Three());
+  const BoardMetrics metrics = Measure(scene, scene.truth);
+  EXPECT_LT(metrics.edge_rms_mm, 1e-7);
+  EXPECT_LT(metrics.pair_rms_mm, 1e-7);
+  EXPECT_LT(metrics.reprojection_rms_px, 1e-8);
+  EXPECT_EQ(metrics.num_frames, 12);
+  EXPECT_GT(metrics.num_points, 500);
+  EXPECT_LE(metrics.num_points, 12 * 54);
+  EXPECT_LE(metrics.num_edges, 12 * 93);
+}
+
+/// A rig that is 1 % too large measures 0.6 mm more on every 60 mm square, and on pairs 1 % of their length.
+TEST(BoardMetrics, AScaledRigShowsAsBias) {
+  const testing::Scene scene = MakeScene(Three());
+  RigState state = scene.truth;
+  for (geometry::Rigid3& pose : state.cam_from_world) pose.translation *= 1.01;
+  const BoardMetrics metrics = Measure(scene, state);
+  EXPECT_NEAR(metrics.edge_bias_mm, 0.6, 1e-6);
+  EXPECT_NEAR(metrics.edge_rms_mm, 0.6, 1e-6);
+  EXPECT_NEAR(metrics.edge_median_mm, 0.6, 1e-6);
+  EXPECT_LT(metrics.reprojection_rms_px, 1e-6);
+  testing::Scene whole = scene;  // every corner in all frames: mean and rms over the pairs in closed form
+  for (auto& d : whole.detections) {
+    if (d.num_corners() < 54) d.corner_ids.clear(), d.points_px.resize(2, 0);
+  }
+  const BoardMetrics all = Measure(whole, state);
+  ASSERT_EQ(all.num_points % 54, 0);
+  ASSERT_GT(all.num_points, 0);
+  const Eigen::Matrix3Xd corners = CornersInBoard(scene.board);
+  double sum = 0, squares = 0;
+  int count = 0;
+  for (int i = 0; i < 54; ++i) {
+    for (int j = i + 1; j < 54; ++j, ++count) {
+      const double error = 10 * (corners.col(i) - corners.col(j)).norm();  // 1 % in mm
+      sum += error, squares += error * error;
+    }
+  }
+  EXPECT_NEAR(all.pair_bias_mm, sum / count, 1e-5);
+  EXPECT_NEAR(all.pair_rms_mm, std::sqrt(squares / count), 1e-5);
+}
+
+/// The residual of n views of noise sigma per coordinate has 2 n - 3 degrees of freedom a point.
+TEST(BoardMetrics, NoiseComesBackAsResidual) {
+  constexpr double kNoise = 0.2;
+  const testing::Scene scene = MakeScene(Three(kNoise));
+  const BoardMetrics metrics = Measure(scene, scene.truth);
+  int sights = 0;
+  std::map<std::pair<int64_t, int>, int> count;
+  for (const Detection& d : scene.detections) {
+    for (int id : d.corner_ids) ++count[{d.frame_idx, id}];
+  }
+  double expected = 0;
+  for (const auto& [corner, n] : count) {
+    if (n >= 2) expected += (2 * n - 3) * kNoise * kNoise, sights += n;
+  }
+  EXPECT_NEAR(metrics.reprojection_rms_px / std::sqrt(expected / sights), 1, 0.05);
+  EXPECT_GT(metrics.edge_rms_mm, metrics.edge_median_mm);
+  EXPECT_LT(std::abs(metrics.edge_bias_mm), 0.2 * metrics.edge_rms_mm);
+}
+
+/// One wild corner stays in the figures: the rms sees it, the median does not.
+TEST(BoardMetrics, RejectsNothing) {
+  testing::Scene scene = MakeScene(Three());
+  scene.detections[0].points_px(0, 5) += 15;
+  RigState state = scene.truth;
+  std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
+  views[0].weights[5] = 0;
+  const BoardMetrics metrics = ComputeBoardMetrics({scene.board}, views, state);
+  EXPECT_GT(metrics.edge_rms_mm, 0.1);
+  EXPECT_LT(metrics.edge_median_mm, 1e-6);
+  EXPECT_GT(metrics.reprojection_rms_px, 0.05);
+}
+
+TEST(BoardMetrics, OneCameraMeasuresNothing) {
+  SceneOptions options;
+  options.num_cameras = 1;
+  const testing::Scene scene = MakeScene(options);
+  const BoardMetrics metrics = Measure(scene, scene.truth);
+  EXPECT_TRUE(std::isnan(metrics.edge_rms_mm));
+  EXPECT_TRUE(std::isnan(metrics.pair_rms_mm));
+  EXPECT_EQ(metrics.num_points, 0);
+}
+
+TEST(BoardMetrics, CamerasInOnePlaceMeasureNothing) {
+  const testing::Scene scene = MakeScene(Three());
+  RigState state = scene.truth;
+  std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
+  for (View& view : views) view.camera_idx = 0;
+  const BoardMetrics metrics = ComputeBoardMetrics({scene.board}, {views[0], views[0]}, state);
+  EXPECT_EQ(metrics.num_points, 0);
+}
+
+TEST(NeighbouringCorners, OfEveryKindOfBoard) {
+  EXPECT_EQ(NeighbouringCorners(ParseBoard("chessboard:9x6:60mm")).size(), 9u * 5 + 8 * 6);
+  const Board tags = ParseBoard("aprilgrid:3x2:80mm:0.3");
+  const auto sides = NeighbouringCorners(tags);
+  EXPECT_EQ(sides.size(), 6u * 4);
+  const Eigen::Matrix3Xd corners = CornersInBoard(tags);
+  for (const auto& [a, b] : sides) {
+    EXPECT_LT(a, b);
+    EXPECT_NEAR((corners.col(a) - corners.col(b)).norm(), 0.08, 1e-12);
+  }
+  Board points;
+  points.kind = Board::Kind::kPoints;
+  points.points.resize(3, 4);
+  points.points << 0, 1, 5, 11, 0, 0, 0, 0, 0, 0, 0, 0;
+  const auto nearest = NeighbouringCorners(points);
+  ASSERT_EQ(nearest.size(), 1u);
+  EXPECT_EQ(nearest[0], std::make_pair(0, 1));
+}
+
+}  // namespace
+}  // namespace mvstudio::calib
