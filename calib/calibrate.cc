@@ -239,7 +239,8 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
     const double range_m = report->uncertainty.cameras[c].range_m;
-    report->uncertainty_maps.push_back(uncertainty.UncertaintyMap(static_cast<int>(c), kCols, kRows, range_m));
+    report->uncertainty_maps.push_back(range_m > 0 ? uncertainty.UncertaintyMap(static_cast<int>(c), kCols, kRows, range_m)
+                                                   : Eigen::MatrixXd());
   }
 }
 

@@ -201,6 +201,27 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
   return result;
 }
 
+namespace {
+
+/// Starts of one model: the lens that gives the same picture, and for double spheres, which have two basins, the sphere in the
+/// middle of each.
+std::vector<Camera> StartsFor(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
+  std::vector<Camera> starts = {WithModel(camera, model, spline)};
+  if (model != LensModel::kDoubleSphere && model != LensModel::kDoubleSphereP) return starts;
+  const Camera pinhole = geometry::PinholeOf(camera);
+  for (double xi : {-0.2, 0.3}) {
+    Camera start = starts[0];
+    start.params.setZero();
+    start.params.head<4>() = pinhole.params.head<4>();
+    start.params.head<2>() *= 1 + xi;
+    start.params.segment<2>(4) << xi, 0.5;
+    starts.push_back(start);
+  }
+  return starts;
+}
+
+}  // namespace
+
 double LargestAngle(const Camera& camera, const std::vector<View>& views) {
   const geometry::Projector projector(camera);
   double smallest_cosine = 1;
@@ -243,14 +264,20 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   }
   const bool wide = geometry::IsWide(start.camera.model);
   const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
-  MonoSolution solution = StartFrom(start.camera, screened);
-  if (solution.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
-  solution.state.cameras[0] = WithModel(start.camera, model, keep_model ? camera.spline : geometry::SplineGrid());
+  MonoSolution posed = StartFrom(start.camera, screened);
+  if (posed.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
   for (size_t v = 0; v < views.size(); ++v) {
-    solution.prior[v] = views[v].weights;
-    if ((solution.views[v].weights.array() > 0).any()) solution.views[v].weights = views[v].weights;
+    posed.prior[v] = views[v].weights;
+    if ((posed.views[v].weights.array() > 0).any()) posed.views[v].weights = views[v].weights;
   }
-  Solve(options, &solution);
+  MonoSolution solution;
+  for (const Camera& lens : StartsFor(start.camera, model, keep_model ? camera.spline : geometry::SplineGrid())) {
+    MonoSolution trial = posed;
+    trial.state.cameras[0] = lens;
+    Solve(options, &trial);
+    const bool solved = trial.status == Status::kOk || trial.status == Status::kNotConverged;
+    if (solution.views.empty() || (solved && MedianError(trial) < MedianError(solution))) solution = std::move(trial);
+  }
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   const auto evidence = FocalEvidence(solution);
   if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {

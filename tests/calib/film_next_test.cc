@@ -136,7 +136,7 @@ TEST(FilmedBoards, OfTheSolutionAndOfTheReportAgree) {
   for (const View& view : views) {
     for (Eigen::Index i = 0; i < view.size(); ++i)
       report.residuals.push_back(
-          {view.camera_idx, state.frames[view.frame], view.corner_ids[i], view.px.col(i), {}, view.weights[i] <= 0});
+          {view.camera_idx, state.frames[view.frame], view.corner_ids[i], view.px.col(i), Eigen::Vector2d(0, 0), view.weights[i] <= 0});
   }
   const auto of_report = FilmedBoards(report);
   ASSERT_EQ(of_state.size(), of_report.size());
