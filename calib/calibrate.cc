@@ -1,6 +1,7 @@
 #include "calib/calibrate.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -282,7 +283,9 @@ void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, c
     if (world.is_board && !UseBoardWorld(world, &work, report)) return;
   }
   stage.Advance(1, "rig");
+  const auto start = std::chrono::steady_clock::now();
   if (!Adjust(input, options, run, &work, report)) return;
+  report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   stage.Advance(1, "adjustment");
   internal::FillReport(input, work, GaugeText(input, options, world, work), report);
   AddCovariance(work, report);

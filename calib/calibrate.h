@@ -129,6 +129,7 @@ struct CalibrateReport {
   UncertaintySummary uncertainty;
   std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;
+  double solve_s = 0;  ///< wall time of the joint adjustment
   int num_corners = 0, num_frames = 0;
   std::string gauge;
   Verdict verdict;

@@ -21,6 +21,7 @@ using geometry::LensModel;
 constexpr int kMaxStartViews = 16;
 constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};  // horizontal fields of view of fisheye starts
+constexpr double kFlatDeg = 10;      // boards tilted less than this count as parallel to the image
 constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.
@@ -110,6 +111,16 @@ MonoSolution Undetermined(const std::string& name, size_t num_boards) {
                                          (num_boards == 1 ? " board does" : " boards do") +
                                          " not tell the focal length from the distance; show the board tilted in several "
                                          "directions");
+}
+
+/// Median angle between the boards and the image, degrees.
+double MedianTiltDeg(const MonoSolution& solution) {
+  Eigen::VectorXd tilts(static_cast<Eigen::Index>(solution.state.world_from_board.size()));
+  for (Eigen::Index i = 0; i < tilts.size(); ++i) {
+    const Eigen::Vector3d normal = solution.state.world_from_board[i].rotation * Eigen::Vector3d::UnitZ();
+    tilts[i] = std::acos(std::min(1.0, std::abs(normal.z()))) * 180 / M_PI;
+  }
+  return tilts.size() ? Median(tilts) : 0;
 }
 
 struct Start {
@@ -281,7 +292,8 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   const auto evidence = FocalEvidence(solution);
   if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {
-    if (evidence && *evidence < kMinFocalEvidence) return Undetermined(camera.name, views.size());
+    // Tilted boards that say little alone may say enough together with the other cameras.
+    if (evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg) return Undetermined(camera.name, views.size());
   }
   return solution;
 }

@@ -1,10 +1,12 @@
 #include "calib/model_selection.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 
+#include "calib/uncertainty.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -186,6 +188,47 @@ bool EnoughViews(const LensPool& pool) {
   return static_cast<int>(pool.views.size()) >= kMinViews && *std::min_element(views.begin(), views.end()) >= kMinViewsOfCamera;
 }
 
+/// How far the lenses of a separate fit are apart, in chi-square over degrees of freedom: 1 for cameras with one lens. NaN when
+/// the data leave some lens open.
+double Disagreement(const LensPool& fit) {
+  BundleOptions options;
+  options.gauge = {Gauge::Kind::kNone, 0};
+  options.refine_cameras = options.refine_boards = false;
+  options.refine_warp = fit.config.warp;
+  const RigCovariance covariance = ComputeCovariance(fit.views, fit.state, options, fit.bundle.sigma_px);
+  if (covariance.status != Status::kOk) return std::numeric_limits<double>::quiet_NaN();
+  const Eigen::Index n = fit.state.cameras[0].params.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
+  std::vector<Eigen::MatrixXd> each;
+  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
+    each.push_back(covariance.params[c].ldlt().solve(Eigen::MatrixXd::Identity(n, n)));
+    information += each.back();
+    right += each.back() * fit.state.cameras[c].params;
+  }
+  const Eigen::VectorXd mean = information.ldlt().solve(right);
+  double chi_square = 0;
+  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
+    const Eigen::VectorXd difference = fit.state.cameras[c].params - mean;
+    chi_square += difference.dot(each[c] * difference);
+  }
+  return chi_square / static_cast<double>(n * (fit.state.cameras.size() - 1));
+}
+
+/// Held-out errors hardly see a wrong focal length, for the boards' poses make up for it; the cameras' own lenses do. When these
+/// lie apart by more than their uncertainty, sharing is off, unless it makes the held-out error clearly smaller: with few
+/// boards a camera, one good lens for all beats a bad one for each.
+bool SharingMisleads(const std::vector<LensCandidate>& candidates, const LensCandidate& chosen) {
+  constexpr double kMaxDisagreement = 2, kClearGain = 0.03;
+  for (const LensCandidate& candidate : candidates) {
+    const LensConfig& config = candidate.config;
+    if (config.shared || config.model != chosen.config.model || !(config.spline == chosen.config.spline)) continue;
+    if (chosen.relative_error < (1 - kClearGain) * candidate.relative_error) return false;
+    return Disagreement(candidate.fit) > kMaxDisagreement;
+  }
+  return false;
+}
+
 /// Candidates without a solution are left out.
 void DropFailed(std::vector<LensCandidate>* candidates) {
   candidates->erase(std::remove_if(candidates->begin(), candidates->end(),
@@ -222,6 +265,14 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
   if (choice.candidates.empty()) return choice;
   std::string reason;
   choice.index = Judge(&choice.candidates, static_cast<int>(pool.state.cameras.size()), &reason);
+  const int cameras = static_cast<int>(pool.state.cameras.size());
+  const bool shared = choice.index >= 0 && choice.candidates[choice.index].config.shared;
+  if (shared && SharingMisleads(choice.candidates, choice.candidates[choice.index])) {
+    auto& all = choice.candidates;
+    all.erase(std::remove_if(all.begin(), all.end(), [](const LensCandidate& c) { return c.config.shared; }), all.end());
+    choice.index = Judge(&all, cameras, &reason);
+    reason += "; the cameras' lenses differ by more than their uncertainty, so they are not shared";
+  }
   if (choice.index >= 0) choice.reason = reason;
   return choice;
 }

@@ -171,6 +171,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   m["rig_holdout_median_px"] = Number(report.rig_holdout_median_px);
   m["rejected_fraction"] = Number(report.rejected_fraction);
   if (report.rig.cameras.size() == 2) m["baseline_mm"] = Number(BaselineMm(report.rig));
+  m["solve_s"] = Number(report.solve_s);
   m["num_frames"] = report.num_frames;
   m["num_corners"] = report.num_corners;
   m["gauge"] = report.gauge;

@@ -84,6 +84,7 @@ struct SceneOptions {
   int num_cameras = 2, num_frames = 20;
   geometry::LensModel model = geometry::LensModel::kBrown4;
   double noise_px = 0;
+  double focal_step_px = 15;  ///< from camera to camera
   double arc_rad = 0.6;       ///< of the cameras around the volume
   double max_tilt_rad = 0.6;  ///< of the boards; 0: parallel to the image of camera 0
   double focal_px = 540;      ///< of camera 0; the others 15 more each
@@ -130,7 +131,7 @@ inline Scene MakeScene(const SceneOptions& options) {
   scene.board = ParseBoard("chessboard:9x6:60mm");
   Rng rng(options.seed);
   for (int c = 0; c < options.num_cameras; ++c) {
-    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + 15 * c));
+    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + options.focal_step_px * c));
     const double angle = options.num_cameras > 1 ? options.arc_rad * (c / (options.num_cameras - 1.0) - 0.5) : 0;
     const Eigen::Vector3d eye(1.2 * std::sin(angle), -1.2 * std::cos(angle), 0.1 * c);
     scene.truth.cam_from_world.push_back(LookAt(eye, Eigen::Vector3d::Zero()));
