@@ -25,7 +25,7 @@ struct BundleOptions {
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
   bool reject_outliers = true;
-  double reject_sigmas = 4.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
+  double reject_sigmas = 5.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
   double spline_size_weight = 1e-3, spline_smooth_weight = 1e-3;  ///< of the prior on splined lenses, per px
   double cost_tolerance = 1e-13;  ///< relative decrease that ends the last adjustment
   double first_damping = 1e-4;    ///< of the last adjustment, see SchurLmOptions

@@ -34,7 +34,7 @@ struct CalibrateOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, CalibrateOptions& o) {
-  visit("model", o.model, "a lens model (see docs/lens-models.md), or auto: the simplest that held-out boards justify");
+  visit("model", o.model, "a lens model (docs/formulation.md), or auto: the simplest that held-out boards justify");
   visit("share-intrinsics", o.share_intrinsics, "one lens for several cameras: auto (if held-out boards say so), none, all, or a,b;c,d");
   visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
   visit("time-offset", o.time_offset, "none, or auto: constant offsets in time between cameras, if held-out frames say so");
