@@ -36,6 +36,7 @@ std::string CellGrid(const CellGridSpec& spec) {
   const double top = kTitle + (spec.column_names.empty() ? 4 : kLabel + 4);
   SvgCanvas canvas(spec.width, top + cell_height * static_cast<double>(rows) + 4, spec.title);
   canvas.Text(0, 14, spec.title, "start", "t");
+  canvas.Rect(left, top, cell_width * static_cast<double>(cols), cell_height * static_cast<double>(rows), "frame");
   const double full = spec.full > 0 ? spec.full : Largest(spec.rows);
   static const char* const kShades[] = {"f1", "h1", "h2", "h3", "h4"};
   for (size_t r = 0; r < rows; ++r) {
@@ -54,7 +55,6 @@ std::string CellGrid(const CellGridSpec& spec) {
   }
   for (size_t c = 0; c < std::min(cols, spec.column_names.size()); ++c)
     canvas.Text(left + cell_width * (static_cast<double>(c) + 0.5), top - 5, spec.column_names[c], "middle", "x");
-  canvas.Rect(left, top, cell_width * static_cast<double>(cols), cell_height * static_cast<double>(rows), "frame");
   return canvas.Finish();
 }
 
