@@ -33,6 +33,29 @@ std::vector<double> Attributes(const std::string& svg, const std::string& elemen
   return found;
 }
 
+TEST(CellGrid, DrawsItsCellsOverTheFrameAndShowsWhatIsMissing) {
+  CellGridSpec spec;
+  spec.title = "corners <&>";
+  spec.rows = {{0, 4}, {2, kNan}};
+  spec.zero_is_missing = true;
+  const std::string svg = CellGrid(spec);
+  const size_t frame = svg.find("class=\"frame\"");
+  EXPECT_LT(frame, svg.find("class=\"h4\""));
+  EXPECT_LT(frame, svg.find("class=\"f1\""));
+  EXPECT_THAT(Attributes(svg, "rect", "width").size(), 4u) << "the frame and three cells";
+  EXPECT_THAT(svg, HasSubstr("corners &lt;&amp;&gt;"));
+}
+
+TEST(ParetoChart, NamesTheFrontOnly) {
+  ParetoChartSpec spec;
+  spec.points = {{"fast", 1, 3, true}, {"exact", 10, 1, true}, {"poor", 10, 3, false}, {"lost", kNan, 1, false}};
+  const std::string svg = ParetoChart(spec);
+  EXPECT_THAT(svg, HasSubstr(">fast<"));
+  EXPECT_THAT(svg, HasSubstr(">exact<"));
+  EXPECT_THAT(svg, Not(HasSubstr(">poor<")));
+  EXPECT_EQ(Attributes(svg, "circle", "cx").size(), 3u);
+}
+
 TEST(NiceTicks, AreRoundAndInside) {
   EXPECT_THAT(NiceTicks(0, 10, 5), ElementsAre(0, 2, 4, 6, 8, 10));
   EXPECT_THAT(NiceTicks(-1, 1, 4), ElementsAre(DoubleEq(-1), DoubleEq(-0.5), DoubleEq(0), DoubleEq(0.5), DoubleEq(1)));
