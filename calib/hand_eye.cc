@@ -11,6 +11,7 @@
 
 #include "calib/homography.h"
 #include "core/random.h"
+#include "geometry/cross_matrix.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -23,12 +24,6 @@ using Matrix612 = Eigen::Matrix<double, 6, 12>;
 struct Solution {
   Rigid3 a_from_b, q_from_p;
 };
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 bool IsFinite(const Rigid3& pose) { return pose.rotation.coeffs().allFinite() && pose.translation.allFinite(); }
 
@@ -116,7 +111,7 @@ Matrix612 MissDerivative(const Solution& solution, const HandEyePair& pair) {
   Matrix612 d = Matrix612::Zero();
   d.block<3, 3>(0, 0).setIdentity();
   d.block<3, 3>(0, 6) = turn;
-  d.block<3, 3>(3, 0) = -Cross(lever);
+  d.block<3, 3>(3, 0) = -geometry::CrossMatrix(lever);
   d.block<3, 3>(3, 3).setIdentity();
   d.block<3, 3>(3, 9) = turn;
   return d;

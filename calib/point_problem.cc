@@ -5,6 +5,7 @@
 
 #include "core/check.h"
 #include "core/parallel.h"
+#include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -17,12 +18,6 @@ using Matrix2X = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::ColMajor, 2, 32
 constexpr int kChunks = 4;  // partial sums, added in order, so that the number of threads does not matter
 
 bool IsFixed(const std::vector<bool>& fixed, size_t i) { return i < fixed.size() && fixed[i]; }
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 int CountFree(size_t count, const std::vector<bool>& fixed) {
   int free = 0;
@@ -183,7 +178,7 @@ bool PointProblem::Linearize(const PointObservation& observation, double* cost, 
     for (Eigen::Index k = 0; k < directions.cols(); ++k) out->lens.col(k) += scale * directions(parameter, k) * d.d_px.col(i);
   }
   const Matrix23 d_x = scale * d.d_px_d_x_in_cam;
-  out->camera.leftCols<3>() = -d_x * Cross(turned);
+  out->camera.leftCols<3>() = -d_x * geometry::CrossMatrix(turned);
   out->camera.rightCols<3>() = d_x;
   out->point = d_x * cam_r_world;
   return true;
@@ -266,7 +261,7 @@ void PointProblem::AddDistance(SchurSystem* system) const {
     const Eigen::Matrix3d world_r_cam = cam_from_world.rotation.toRotationMatrix().transpose();
     const Eigen::Vector3d along = (c == known.a ? 1 : -1) * between / length;
     // R <- Exp(w) R turns the centre to -R^T Exp(-w) t: derivative -R^T [t]x for w, -R^T for t.
-    j.segment<3>(column) = (-along.transpose() * world_r_cam * Cross(cam_from_world.translation)).transpose() / sigma;
+    j.segment<3>(column) = (-along.transpose() * world_r_cam * geometry::CrossMatrix(cam_from_world.translation)).transpose() / sigma;
     j.segment<3>(column + 3) = -(world_r_cam.transpose() * along) / sigma;
   }
   system->h.selfadjointView<Eigen::Lower>().rankUpdate(j);

@@ -11,6 +11,7 @@
 #include "calib/point_bundle.h"
 #include "core/check.h"
 #include "core/random.h"
+#include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -30,12 +31,6 @@ struct Problem {
   std::vector<Eigen::MatrixXd> directions;  ///< per camera, see PointBundleOptions; all empty unless the lens is refined
   Rigid3 rig_from_world;
 };
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 Eigen::Matrix2Xd Residuals(const Problem& problem) {
   Eigen::Matrix2Xd residuals(2, static_cast<Eigen::Index>(problem.clicks.size()));
@@ -74,7 +69,7 @@ bool Linearize(const Problem& problem, const std::vector<bool>& used, Normal* ou
     const Eigen::Vector2d r = px - click.px;
     Eigen::MatrixXd j = Eigen::MatrixXd::Zero(2, size);
     const Eigen::Matrix<double, 2, 3> d_rig = d.d_px_d_x_in_cam * problem.cam_from_rig[c].rotation.toRotationMatrix();
-    j.leftCols<3>() = -d_rig * Cross(turned);
+    j.leftCols<3>() = -d_rig * geometry::CrossMatrix(turned);
     j.middleCols<3>(3) = d_rig;
     const Eigen::MatrixXd& directions = problem.directions[c];
     for (int k = 0; directions.cols() > 0 && k < d.count; ++k)
@@ -362,7 +357,7 @@ bool IsDetermined(const Problem& problem, const std::vector<bool>& used, const P
   // Rotations of the whole group about world's origin move the centre: c = -R^T t.
   Eigen::Matrix<double, 3, 6> j;
   const Eigen::Matrix3d world_r_rig = problem.rig_from_world.rotation.toRotationMatrix().transpose();
-  j << -world_r_rig * Cross(problem.rig_from_world.translation), -world_r_rig;
+  j << -world_r_rig * geometry::CrossMatrix(problem.rig_from_world.translation), -world_r_rig;
   const Eigen::Matrix3d centre = j * out.covariance * j.transpose();
   const double worst = std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(centre).eigenvalues()[2]));
   return out.covariance.allFinite() && worst <= 0.25 * nearest;

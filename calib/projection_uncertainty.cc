@@ -9,13 +9,13 @@
 #include "calib/projection_uncertainty_internal.h"
 #include "core/check.h"
 #include "geometry/lens_derivatives.h"
+#include "geometry/cross_matrix.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using Eigen::Index;
 using internal::Component;
-using internal::Cross;
 using internal::Gradient;
 using Matrix23 = Eigen::Matrix<double, 2, 3>;
 using Matrix26 = Eigen::Matrix<double, 2, 6>;
@@ -63,13 +63,13 @@ Gradient ProjectionUncertainty::Prepared::PointInImage(int camera_idx, const Eig
   const geometry::Rigid3& cam_from_world = state.cam_from_world[camera_idx];
   const Eigen::Vector3d turned = at_infinity ? x_in_cam : Eigen::Vector3d(x_in_cam - cam_from_world.translation);
   const Matrix23& by_cam = d.d_px_d_x_in_cam;
-  if (pose >= 0) gradient.by_global.middleRows<3>(pose) = -(by_cam * Cross(turned)).transpose();
+  if (pose >= 0) gradient.by_global.middleRows<3>(pose) = -(by_cam * geometry::CrossMatrix(turned)).transpose();
   if (pose >= 0 && !at_infinity) gradient.by_global.middleRows<3>(pose + 3) = by_cam.transpose();
   const Matrix23 by_world = by_cam * cam_from_world.rotation.toRotationMatrix();
   Eigen::Vector3d arm = cam_from_world.rotation.conjugate() * turned;
   if (!at_infinity) arm -= components[gradient.component].origin;
   Matrix26 by_twist = Matrix26::Zero();
-  by_twist.leftCols<3>() = -by_world * Cross(arm);
+  by_twist.leftCols<3>() = -by_world * geometry::CrossMatrix(arm);
   if (!at_infinity) by_twist.rightCols<3>() = by_world;
   gradient.by_twist = by_twist.transpose();
   return gradient;

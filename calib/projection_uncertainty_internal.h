@@ -32,7 +32,6 @@ struct Gradient {
   Eigen::MatrixXd by_twist;   // (6, dim)
 };
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v);
 /// The upper one of the middle two when their number is even; NaN of none.
 double UpperMedian(std::vector<double> values);
 

@@ -8,15 +8,10 @@
 
 #include "calib/projection_uncertainty_internal.h"
 #include "core/check.h"
+#include "geometry/cross_matrix.h"
 
 namespace mvstudio::calib {
 namespace internal {
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 double UpperMedian(std::vector<double> values) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -30,7 +25,6 @@ namespace {
 
 using Eigen::Index;
 using internal::Component;
-using internal::Cross;
 using internal::Matrix6;
 
 constexpr double kSingular = 1e-12;       // of eigenvalues, with unit diagonal; the same as for the covariance of the rig
@@ -97,7 +91,7 @@ void ProjectionUncertainty::Prepared::AddBoards(const SchurSystem& system, const
     if (!inverses[b] || frames[b] == gauge_frame) continue;
     Component& component = components[component_of_frame[frames[b]]];
     Matrix6 m = Matrix6::Identity();
-    m.bottomLeftCorner<3, 3>() = Cross(state.world_from_board[frames[b]].translation - component.origin);
+    m.bottomLeftCorner<3, 3>() = geometry::CrossMatrix(state.world_from_board[frames[b]].translation - component.origin);
     const Matrix6 right = *inverses[b] * m.transpose() / component.num_frames;
     component.own += m * right / component.num_frames;
     for (Index i = system.begin[b]; i < system.begin[b + 1]; ++i)

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "calib/rig_check_internal.h"
+#include "geometry/cross_matrix.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -14,12 +15,6 @@ using geometry::Rigid3;
 using geometry::Vector6d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 /// Normal equations of one board: its own block and those of the free camera, if that sees it.
 struct BoardNormal {
@@ -50,7 +45,7 @@ BoardNormal Accumulate(const PoseProblem& problem, const PoseState& state, int b
     const Eigen::Matrix3d cam_r_world = cam_from_world.rotation.toRotationMatrix();
     Matrix6d by_board = Matrix6d::Zero(), by_camera = Matrix6d::Identity();
     by_board.topLeftCorner<3, 3>() = by_board.bottomRightCorner<3, 3>() = cam_r_world;
-    by_camera.bottomLeftCorner<3, 3>() = -Cross(cam_r_world * world_from_board.translation);
+    by_camera.bottomLeftCorner<3, 3>() = -geometry::CrossMatrix(cam_r_world * world_from_board.translation);
     normal.board += by_board.transpose() * m * by_board;
     normal.board_gradient += by_board.transpose() * g;
     if (view.camera_idx != camera) continue;

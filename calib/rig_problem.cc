@@ -6,6 +6,7 @@
 
 #include "core/check.h"
 #include "core/parallel.h"
+#include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -17,12 +18,6 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kChunks = 4;  // partial sums, added in order: the number of threads does not change the result
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 bool Flag(const std::vector<bool>& flags, size_t i) { return i < flags.size() && flags[i]; }
 
 /// Left perturbation of a product by the left perturbation of one factor: product = before * factor * after.
@@ -30,7 +25,7 @@ Matrix6 FactorToProduct(const Rigid3& before, const Rigid3& factor, const Rigid3
   const Eigen::Matrix3d r = before.rotation.toRotationMatrix();
   Matrix6 m = Matrix6::Zero();
   m.topLeftCorner<3, 3>() = m.bottomRightCorner<3, 3>() = r;
-  m.bottomLeftCorner<3, 3>() = -r * Cross(factor.rotation * after.translation);
+  m.bottomLeftCorner<3, 3>() = -r * geometry::CrossMatrix(factor.rotation * after.translation);
   return m;
 }
 
@@ -236,7 +231,7 @@ bool RigProblem::AddView(const View& view, int block, SchurSystem* system, Parti
     const Eigen::Matrix<double, 2, 3> d_x = scale * d.d_px_d_x_in_cam;
     const Eigen::Vector2d residual = scale * (px - view.px.col(i));
     Eigen::Matrix<double, 2, 8> rest;
-    rest.leftCols<3>() = -d_x * Cross(turned);
+    rest.leftCols<3>() = -d_x * geometry::CrossMatrix(turned);
     rest.middleCols<3>(3) = d_x;
     rest.rightCols<2>() = (d_x * rotation.col(2)) * view.warp_basis.col(i).transpose();
     partial->residuals.segment<2>(2 * i) = residual;

@@ -5,18 +5,13 @@
 #include <limits>
 
 #include "core/check.h"
+#include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::Rigid3;
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 }  // namespace
 
@@ -120,7 +115,7 @@ std::optional<ViewLinearization> LinearizeView(const View& view, const geometry:
     if (!geometry::ProjectLens(camera, turned + cam_from_board.translation, &px, &d)) return std::nullopt;
     const double scale = std::sqrt(view.weights[i]);
     out.residuals.segment<2>(2 * i) = scale * (px - view.px.col(i));
-    out.d_pose.block<2, 3>(2 * i, 0) = -scale * d.d_px_d_x_in_cam * Cross(turned);
+    out.d_pose.block<2, 3>(2 * i, 0) = -scale * d.d_px_d_x_in_cam * geometry::CrossMatrix(turned);
     out.d_pose.block<2, 3>(2 * i, 3) = scale * d.d_px_d_x_in_cam;
     for (int k = 0; with_lens && k < d.count; ++k) out.d_lens.block<2, 1>(2 * i, d.columns[k]) = scale * d.d_px.col(k);
   }
