@@ -114,6 +114,27 @@ void NameNullDirections(const Eigen::MatrixXd& directions, const std::vector<Vie
   result->message += "; show the board tilted, nearer and farther, and to cameras in pairs";
 }
 
+/// Columns of the joint covariance for the lens parameters and the pose of a camera; -1 for what is fixed.
+std::vector<int> ColumnsOfCamera(const RigColumns& columns, const RigState& state, int camera_idx) {
+  const int p = static_cast<int>(state.cameras[camera_idx].params.size());
+  std::vector<int> ids(p + 6, -1);
+  for (int i = columns.first_param[camera_idx]; columns.lens[camera_idx] >= 0 && i < p; ++i)
+    ids[i] = columns.lens[camera_idx] + i - columns.first_param[camera_idx];
+  for (int i = 0; columns.camera[camera_idx] >= 0 && i < 6; ++i) ids[p + i] = columns.camera[camera_idx] + i;
+  return ids;
+}
+
+Eigen::MatrixXd Pick(const Eigen::MatrixXd& joint, const std::vector<int>& columns) {
+  const Eigen::Index n = static_cast<Eigen::Index>(columns.size());
+  Eigen::MatrixXd picked = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (columns[i] >= 0 && columns[j] >= 0) picked(i, j) = joint(columns[i], columns[j]);
+    }
+  }
+  return picked;
+}
+
 void SplitCovariance(const RigState& state, RigCovariance* result) {
   for (int c = 0; c < static_cast<int>(state.cameras.size()); ++c) {
     const Eigen::Index p = state.cameras[c].params.size();
@@ -137,20 +158,17 @@ Eigen::MatrixXd ReducedNormalMatrix(const std::vector<View>& views, const RigSta
 
 }  // namespace
 
-Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState& state, int camera_idx) {
-  const RigColumns& columns = covariance.columns;
-  const int p = static_cast<int>(state.cameras[camera_idx].params.size());
-  std::vector<int> ids(p + 6, -1);
-  for (int i = columns.first_param[camera_idx]; columns.lens[camera_idx] >= 0 && i < p; ++i)
-    ids[i] = columns.lens[camera_idx] + i - columns.first_param[camera_idx];
-  for (int i = 0; columns.camera[camera_idx] >= 0 && i < 6; ++i) ids[p + i] = columns.camera[camera_idx] + i;
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(p + 6, p + 6);
-  for (int i = 0; i < p + 6; ++i) {
-    for (int j = 0; j < p + 6; ++j) {
-      if (ids[i] >= 0 && ids[j] >= 0) result(i, j) = covariance.joint(ids[i], ids[j]);
-    }
+Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state) {
+  std::vector<int> columns;
+  for (size_t c = 0; c < state.cameras.size(); ++c) {
+    const std::vector<int> own = ColumnsOfCamera(covariance.columns, state, static_cast<int>(c));
+    columns.insert(columns.end(), own.begin(), own.end());
   }
-  return result;
+  return Pick(covariance.joint, columns);
+}
+
+Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState& state, int camera_idx) {
+  return Pick(covariance.joint, ColumnsOfCamera(covariance.columns, state, camera_idx));
 }
 
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,

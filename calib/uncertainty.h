@@ -29,6 +29,9 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
                                 double sigma_px);
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);
 
+/// Covariance of all cameras in the layout of geometry::Rig::joint_covariance. Cameras that share a lens share its errors.
+Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state);
+
 /// (P + 6) square covariance of the lens parameters and the pose of one camera, in this order, with their correlation.
 Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState& state, int camera_idx);
 

@@ -26,8 +26,15 @@ struct Rig {
   std::vector<RigCamera> cameras;
   std::string gauge;  ///< what fixes the world frame and hence the covariances, in words: "camera 00_00", "board in frame 0", …
 
+  /// Covariance of all cameras together, with the correlations that the blocks above leave out: for each camera, in order, its
+  /// lens parameters and then the six of cam_from_world. Goes stale when cameras are changed or dropped: see HasJointCovariance.
+  std::optional<Eigen::MatrixXd> joint_covariance;
+
   /// Index of the camera called `name`, or -1.
   int Find(const std::string& name) const;
 };
+
+/// True when joint_covariance belongs to these very cameras: its diagonal blocks are their own covariances.
+bool HasJointCovariance(const Rig& rig);
 
 }  // namespace mvstudio::geometry

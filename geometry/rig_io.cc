@@ -195,6 +195,19 @@ RigCamera ReadCamera(const Node& node) {
   return camera;
 }
 
+/// Rows of the lower triangle.
+Eigen::MatrixXd ReadJointCovariance(const Node& node, const Rig& rig) {
+  Eigen::Index size = 0;
+  for (const RigCamera& camera : rig.cameras) size += camera.camera.params.size() + 6;
+  node.RequireArray(static_cast<size_t>(size));
+  Eigen::MatrixXd joint(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    joint.row(i).head(i + 1) = node.At(static_cast<size_t>(i)).Vector(static_cast<size_t>(i + 1)).transpose();
+    joint.col(i).head(i + 1) = joint.row(i).head(i + 1).transpose();
+  }
+  return joint;
+}
+
 template <class Derived>
 Json VectorToJson(const Eigen::MatrixBase<Derived>& vector) {
   Json json = Json::array();
@@ -235,6 +248,18 @@ std::string CameraToText(const RigCamera& camera) {
   return text + "\n    }";
 }
 
+/// One line a row of the lower triangle; nothing where the covariance is absent, stale or too large for a text file.
+std::string JointCovarianceToText(const Rig& rig) {
+  constexpr Eigen::Index kMaxUnknowns = 1500;
+  if (!HasJointCovariance(rig) || rig.joint_covariance->rows() > kMaxUnknowns) return "";
+  const Eigen::MatrixXd& joint = *rig.joint_covariance;
+  std::string text = ",\n  \"joint_covariance_lower\": [\n";
+  for (Eigen::Index i = 0; i < joint.rows(); ++i) {
+    text += (i ? ",\n    " : "    ") + VectorToJson(Eigen::VectorXd(joint.row(i).head(i + 1))).dump();
+  }
+  return text + "\n  ]";
+}
+
 void ValidateForWriting(const Rig& rig) {
   MVS_CHECK(!rig.cameras.empty(), "a rig without cameras cannot be written");
   std::set<std::string> names;
@@ -258,7 +283,7 @@ void ValidateForWriting(const Rig& rig) {
 Rig RigFromJsonText(const std::string& text, const std::string& path_for_messages) {
   const Json json = ParseChecked(text, path_for_messages);
   const Node root{&json, &path_for_messages, ""};
-  root.RequireObject({"schema", "unit", "gauge", "cameras"});
+  root.RequireObject({"schema", "unit", "gauge", "cameras", "joint_covariance_lower"});
   const std::string schema = root.At("schema").Text();
   if (schema != kCalibrationSchema) root.At("schema").Fail("'" + schema + "', this version reads " + kCalibrationSchema);
   if (root.At("unit").Text() != "m") root.At("unit").Fail("'" + root.At("unit").Text() + "', this schema is in \"m\"");
@@ -271,6 +296,7 @@ Rig RigFromJsonText(const std::string& text, const std::string& path_for_message
     if (rig.Find(camera.camera.name) >= 0) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
     rig.cameras.push_back(std::move(camera));
   }
+  if (root.Find("joint_covariance_lower")) rig.joint_covariance = ReadJointCovariance(root.At("joint_covariance_lower"), rig);
   return rig;
 }
 
@@ -280,7 +306,7 @@ std::string RigToJsonText(const Rig& rig) {
     std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() +
                        ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n  \"cameras\": [\n";
     for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
-    return text + "\n  ]\n}\n";
+    return text + "\n  ]" + JointCovarianceToText(rig) + "\n}\n";
   } catch (const Json::exception& error) {
     throw ContractViolation(std::string("a camera name or the gauge is not UTF-8: ") + error.what());
   }

@@ -13,7 +13,7 @@ MAY_INCLUDE = {
     "core": set(),
     "geometry": {"core"},
     "body": {"core", "geometry"},
-    "calib": {"core", "geometry"},
+    "calib": {"core", "geometry", "triangulate"},
     "triangulate": {"core", "geometry"},
     "dataset": {"core", "geometry", "body"},
     "synth": {"core", "geometry", "body", "dataset"},

@@ -24,7 +24,7 @@ struct Samples {
 /// A view that carries its point pulls it: r = (I - J C J^T / s^2) r_left_out to first order.
 Eigen::Vector2d LeftOut(const Eigen::Vector2d& residual, const Eigen::Matrix<double, 2, 3>& px_from_world, const Point& point,
                         double sigma_px) {
-  const Eigen::Matrix2d leverage = px_from_world * point.covariance * px_from_world.transpose() / (sigma_px * sigma_px);
+  const Eigen::Matrix2d leverage = px_from_world * (point.covariance - point.calibration_covariance) * px_from_world.transpose() / (sigma_px * sigma_px);
   const Eigen::Matrix2d rest = Eigen::Matrix2d::Identity() - leverage;
   // With two views the point follows them along the epipolar direction: nothing is left to extrapolate from.
   return rest.determinant() > 0.04 ? Eigen::Vector2d(rest.inverse() * residual) : residual;

@@ -6,6 +6,59 @@
 
 namespace mvstudio::triangulate {
 
+namespace {
+
+bool SameCamera(const geometry::RigCamera& a, const geometry::RigCamera& b) {
+  return a.camera.model == b.camera.model && a.camera.params.size() == b.camera.params.size() &&
+         a.camera.params == b.camera.params && a.cam_from_world.translation == b.cam_from_world.translation &&
+         a.cam_from_world.rotation.coeffs() == b.cam_from_world.rotation.coeffs();
+}
+
+std::vector<int> FindDuplicates(const geometry::Rig& rig) {
+  std::vector<int> duplicate_of(rig.cameras.size(), -1);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    for (size_t d = 0; d < c && duplicate_of[c] < 0; ++d) {
+      if (SameCamera(rig.cameras[c], rig.cameras[d])) duplicate_of[c] = static_cast<int>(d);
+    }
+  }
+  return duplicate_of;
+}
+
+void CopyCovariance(const geometry::Rig& rig, PreparedRig* prepared) {
+  prepared->covariance_begin = {0};
+  bool complete = true;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const Eigen::Index p = camera.camera.params.size();
+    complete &= camera.params_covariance && camera.params_covariance->rows() == p && camera.cam_from_world_covariance;
+    prepared->covariance_begin.push_back(prepared->covariance_begin.back() + p + 6);
+  }
+  if (!complete) return;
+  if (HasJointCovariance(rig)) {
+    prepared->covariance = *rig.joint_covariance;
+    return;
+  }
+  const Eigen::Index size = prepared->covariance_begin.back();
+  prepared->covariance = Eigen::MatrixXd::Zero(size, size);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Eigen::Index begin = prepared->covariance_begin[c], p = rig.cameras[c].camera.params.size();
+    prepared->covariance.block(begin, begin, p, p) = *rig.cameras[c].params_covariance;
+    prepared->covariance.block<6, 6>(begin + p, begin + p) = *rig.cameras[c].cam_from_world_covariance;
+  }
+}
+
+bool SeenBefore(const PreparedRig& rig, const std::vector<Observation>& observations, size_t i) {
+  const int original = rig.duplicate_of[static_cast<size_t>(observations[i].camera_idx)];
+  if (original < 0) return false;
+  for (size_t k = 0; k < observations.size(); ++k) {
+    if (k == i || observations[k].px != observations[i].px) continue;
+    const int other = observations[k].camera_idx;
+    if (other == original || (k < i && rig.duplicate_of[static_cast<size_t>(other)] == original)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
   PreparedRig prepared;
   for (const geometry::RigCamera& camera : rig.cameras) {
@@ -20,6 +73,8 @@ PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
     prepared.cameras.push_back({lens.name, geometry::Projector(lens), rotation, translation,
                                 -rotation.transpose() * translation, std::sqrt(axis.fx() * axis.fy()), rounding});
   }
+  prepared.duplicate_of = FindDuplicates(rig);
+  if (!ignore_distortion) CopyCovariance(rig, &prepared);
   return prepared;
 }
 
@@ -38,6 +93,7 @@ std::vector<View> MakeViews(const PreparedRig& rig, const std::vector<Observatio
       reject(Status::kNonFiniteInput);
       continue;
     }
+    if (SeenBefore(rig, observations, i)) continue;
     const geometry::Unprojection ray = camera.projector.Unproject(seen.px);
     if (ray.status != Status::kOk) {
       reject(ray.status);

@@ -29,6 +29,12 @@ struct PreparedCamera {
 struct PreparedRig {
   Eigen::Vector3d origin_in_world = Eigen::Vector3d::Zero();  // metres
   std::vector<PreparedCamera> cameras;
+  std::vector<int> duplicate_of;  ///< per camera: an earlier camera with the same lens and pose, or -1
+  /// Covariance of the calibration: for each camera its lens parameters and the six of cam_from_world (left perturbation). Empty
+  /// when the rig carries none or its lenses are ignored. Without joint_covariance the blocks count as independent, which
+  /// overstates the error: a lens and its pose err together.
+  Eigen::MatrixXd covariance;
+  std::vector<Eigen::Index> covariance_begin;  ///< (cameras + 1) first row of each camera
 };
 
 /// With `ignore_distortion`, every lens is taken as a pinhole with its own focal lengths and principal point.
@@ -44,8 +50,8 @@ struct View {
   int observation_idx = 0;
 };
 
-/// Views of the observations that have a ray; `rejected` receives why the first of the others has none (kOk when all have one):
-/// kNonFiniteInput, kOutsideValidRadius.
+/// Views of the observations that have a ray; of two observations of one pixel by the same camera under two names, the first.
+/// `rejected` receives why the first of the others has none (kOk when all have one): kNonFiniteInput, kOutsideValidRadius.
 std::vector<View> MakeViews(const PreparedRig& rig, const std::vector<Observation>& observations, Status* rejected);
 
 }  // namespace mvstudio::triangulate

@@ -169,6 +169,7 @@ TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedF
   result.cameras = Diagnose(prepared, problems);
   result.num_persons = problems.num_persons;
   result.points = std::move(problems.points);
+  result.observations = std::move(problems.observations);
   stage.Advance();
   return result;
 }

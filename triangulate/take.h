@@ -53,7 +53,8 @@ struct TakePoint {
 };
 
 struct TakeResult {
-  std::vector<TakePoint> points;         ///< every joint of every person in every frame: by frame, person, joint
+  std::vector<TakePoint> points;  ///< every joint of every person in every frame: by frame, person, joint
+  std::vector<std::vector<Observation>> observations;  ///< of each point, with its final sigmas
   std::vector<CameraDiagnosis> cameras;  ///< in the rig's order
   double sigma_px = 0;                   ///< given or estimated; 0 for exhaustive-dlt
   int num_persons = 0;

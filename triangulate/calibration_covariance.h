@@ -1,0 +1,17 @@
+#pragma once
+
+#include <vector>
+
+#include "triangulate/prepared_rig.h"
+#include "triangulate/types.h"
+
+namespace mvstudio::triangulate {
+
+/// Adds to a triangulated point's covariance what the calibration's own uncertainty gives: G S G^T with S the joint covariance
+/// of lenses and poses of the cameras that carry the point and, by the implicit function theorem at the weighted least-squares
+/// point, G = -C sum J_x^T J_theta / s^2, C the covariance from the detections alone (first order; Haralick, "Propagating
+/// covariance in computer vision", 1996). Errors of the calibration are shared by all points: averaging points does not lower
+/// them. The gauge is the calibration's. Does nothing when the status is not kOk or the rig carries no covariance.
+void AddCalibrationCovariance(const PreparedRig& rig, const std::vector<Observation>& observations, Point* point);
+
+}  // namespace mvstudio::triangulate
