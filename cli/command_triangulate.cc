@@ -7,12 +7,14 @@
 #include <set>
 
 #include "cli/commands.h"
+#include "cli/pose_input.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "dataset/panoptic.h"
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
+#include "triangulate/limbs.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -20,25 +22,11 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string calib, skeleton = "body25", out, trc, truth;
-  std::vector<std::string> pose2d;
+  PoseArguments pose;
+  std::string out, trc, truth;
   bool align_truth = false;
   triangulate::TakeOptions options;
 };
-
-std::vector<dataset::Pose2dTrack> ReadTracks(const Arguments& arguments, CommandResult* result) {
-  const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
-  std::vector<dataset::Pose2dTrack> tracks;
-  std::set<std::string> seen;
-  for (const std::string& text : arguments.pose2d) {
-    const auto [camera, folder] = SplitNamePath("--pose2d", text);
-    if (!seen.insert(camera).second) throw UsageError("--pose2d names camera " + camera + " twice");
-    tracks.push_back(dataset::ReadOpenPoseFolder(folder, camera, skeleton));
-    result->inputs.push_back(folder);
-  }
-  if (tracks.size() < 2) throw UsageError("--pose2d: at least two cameras are needed, given as NAME=FOLDER each");
-  return tracks;
-}
 
 double Median(std::vector<double> values) {
   if (values.empty()) return std::nan("");
@@ -87,7 +75,63 @@ ordered_json CameraMetrics(const triangulate::TakeResult& take) {
   return list;
 }
 
-int AddMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, double seconds, CommandResult* result) {
+ordered_json Finite(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
+
+ordered_json ToJson(const triangulate::LeftOutFigures& f) {
+  return {{"num", f.num_samples},
+          {"coverage", Finite(f.coverage)},
+          {"median_px", Finite(f.median_px)},
+          {"median_error_px", Finite(f.median_error_px)},
+          {"p90_px", Finite(f.p90_px)},
+          {"predicted_mean_px", Finite(f.predicted_mean_px)},
+          {"median_sigmas", Finite(f.median_sigmas)}};
+}
+
+/// What the other cameras say of each camera's detections.
+ordered_json HoldoutMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
+  ordered_json json = ToJson(take.holdout.all);
+  json["cameras"] = json["joints"] = ordered_json::array();
+  for (size_t c = 0; c < take.holdout.cameras.size(); ++c) {
+    ordered_json entry = {{"name", take.cameras[c].name}};
+    entry.update(ToJson(take.holdout.cameras[c]));
+    json["cameras"].push_back(entry);
+  }
+  for (size_t j = 0; j < take.holdout.joints.size(); ++j) {
+    ordered_json entry = {{"joint", skeleton.joints[j]}};
+    entry.update(ToJson(take.holdout.joints[j]));
+    json["joints"].push_back(entry);
+  }
+  return json;
+}
+
+ordered_json MethodMetrics(const triangulate::MethodChoice& choice) {
+  ordered_json list = ordered_json::array();
+  for (size_t m = 0; m < choice.scores.size(); ++m) {
+    const triangulate::MethodScore& score = choice.scores[m];
+    list.push_back({{"method", score.name},
+                    {"holdout_median_px", Finite(score.figures.median_px)},
+                    {"holdout_p90_px", Finite(score.figures.p90_px)},
+                    {"coverage", Finite(score.figures.coverage)},
+                    {"justified", score.justified},
+                    {"chosen", m == choice.chosen}});
+  }
+  return list;
+}
+
+ordered_json LimbMetrics(const triangulate::TakeResult& take, const PoseInput& input) {
+  ordered_json list = ordered_json::array();
+  for (const triangulate::LimbLength& limb : MeasureLimbs(take.points, input.limbs)) {
+    const auto [a, b] = input.limbs[static_cast<size_t>(limb.limb)];
+    list.push_back({{"person", limb.person},
+                    {"limb", input.skeleton.joints[static_cast<size_t>(a)] + "-" + input.skeleton.joints[static_cast<size_t>(b)]},
+                    {"num_frames", limb.num_frames},
+                    {"mean_mm", 1000 * limb.mean_m},
+                    {"std_mm", 1000 * limb.std_m}});
+  }
+  return list;
+}
+
+int AddMetrics(const triangulate::TakeResult& take, const PoseInput& input, double seconds, CommandResult* result) {
   std::vector<double> rms_px, sigmas_mm;
   for (const auto& entry : take.points) {
     if (entry.point.status != Status::kOk) continue;
@@ -106,8 +150,16 @@ int AddMetrics(const triangulate::TakeResult& take, const body::Skeleton& skelet
   metrics["median_rms_px"] = Median(rms_px);
   metrics["median_sigma_mm"] = Median(sigmas_mm);
   metrics["sigma_px"] = take.sigma_px;
+  metrics["method"] = take.method;
+  if (!take.choice.scores.empty()) {
+    metrics["method_reason"] = take.choice.reason;
+    metrics["methods"] = MethodMetrics(take.choice);
+  }
+  metrics["holdout"] = HoldoutMetrics(take, input.skeleton);
+  metrics["limb_std_mm"] = Finite(1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs)));
+  metrics["limbs"] = LimbMetrics(take, input);
   metrics["cameras"] = CameraMetrics(take);
-  metrics["joints"] = JointMetrics(take, skeleton);
+  metrics["joints"] = JointMetrics(take, input.skeleton);
   metrics["points_per_s"] = count / seconds;
   return static_cast<int>(rms_px.size());
 }
@@ -215,6 +267,9 @@ std::string Summary(const CommandResult& result) {
       m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
   std::string text = line;
+  std::snprintf(line, sizeof line, "\nmethod %s; one camera left out: median %.2f px; limb lengths vary by %.1f mm",
+                m["method"].get<std::string>().c_str(), number(m["holdout"]["median_px"]), number(m["limb_std_mm"]));
+  text += line;
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
     std::snprintf(line, sizeof line, "\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
@@ -227,22 +282,19 @@ std::string Summary(const CommandResult& result) {
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   result.folder = arguments.out;
-  result.inputs = {arguments.calib};
-  const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
-  const geometry::Rig rig = dataset::ReadAnyCalibration(arguments.calib);
-  const std::vector<dataset::Pose2dTrack> tracks = ReadTracks(arguments, &result);
-  const auto frames = ToFrames(tracks, rig, arguments.calib);
+  const PoseInput input = ReadPoseInput(arguments.pose, &result);
+  const body::Skeleton& skeleton = input.skeleton;
 
   const auto start = std::chrono::steady_clock::now();
   const triangulate::TakeResult take =
-      triangulate::TriangulateTake(rig, frames, static_cast<int>(skeleton.joints.size()), arguments.options, context.run);
+      triangulate::TriangulateTake(input.rig, input.frames, static_cast<int>(skeleton.joints.size()), arguments.options, context.run);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   const dataset::Pose3d pose = ToPose3d(take, skeleton);
-  const int num_ok = AddMetrics(take, skeleton, seconds, &result);
-  AddCameraWarnings(take, tracks, &result);
+  const int num_ok = AddMetrics(take, input, seconds, &result);
+  AddCameraWarnings(take, input.tracks, &result);
   AddComparisons(arguments, pose, &result);
-  CheckConsistency(take, rig, &result);
+  CheckConsistency(take, input.rig, &result);
   if (num_ok == 0) {
     result.exit = kExitIllPosed;
     result.errors.push_back(
@@ -263,9 +315,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
 void RegisterTriangulate(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = app.add_subcommand("triangulate", "2D joints of several cameras -> 3D joints");
-  sub->add_option("--calib", arguments->calib, "calibration file, ours or Panoptic's calibration_*.json")->required();
-  sub->add_option("--pose2d", arguments->pose2d, "NAME=FOLDER of OpenPose JSON files; once a camera")->required();
-  sub->add_option("--skeleton", arguments->skeleton, "body25 | body25b | coco17 | coco18 | coco19")->capture_default_str();
+  AddPoseArguments(sub, arguments->pose);
   sub->add_option("--out", arguments->out, "folder for points.csv, covariance.csv, pose3d.json")->required();
   AddOptions(sub, arguments->options);
   sub->add_option("--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");

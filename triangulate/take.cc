@@ -6,6 +6,7 @@
 
 #include "core/check.h"
 #include "core/parallel.h"
+#include "triangulate/calibration_covariance.h"
 #include "triangulate/exhaustive_dlt.h"
 #include "triangulate/noise.h"
 
@@ -15,28 +16,11 @@ namespace {
 constexpr char kExhaustiveDlt[] = "exhaustive-dlt";
 
 PointMethod MethodByName(const std::string& name) {
-  if (name == "auto" || name == kExhaustiveDlt) return PointMethod::kRobust;
+  if (name == "auto" || name == "robust" || name == kExhaustiveDlt) return PointMethod::kRobust;
   if (name == "all-views") return PointMethod::kAllViews;
   if (name == "linear") return PointMethod::kLinear;
   if (name == "midpoint") return PointMethod::kMidpoint;
   throw UsageError("--method " + name + " is unknown; choose auto, all-views, linear, midpoint or exhaustive-dlt");
-}
-
-void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
-  MethodByName(o.method);
-  const auto require = [](bool holds, const char* message) {
-    if (!holds) throw UsageError(message);
-  };
-  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "--sigma-px must be a positive number, or 0 to estimate it");
-  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
-  require(o.score_power >= 0 && o.score_power <= 4, "--score-power must lie in 0..4");
-  require(o.max_residual_sigmas > 0, "--max-residual-sigmas must be positive");
-  require(o.min_parallax_sigmas > 0, "--min-parallax-sigmas must be positive");
-  require(o.max_distance_m >= 0, "--max-distance-m must not be negative");
-  require(o.min_views >= 2, "--min-views must be at least 2");
-  require(o.max_persons >= 1, "--max-persons must be at least 1");
-  require(o.max_error_px > 0, "--max-error-px must be positive");
-  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20, "--method exhaustive-dlt takes at most 20 cameras; use auto");
 }
 
 PointOptions ToPointOptions(const TakeOptions& o) {
@@ -142,30 +126,100 @@ std::vector<CameraDiagnosis> Diagnose(const PreparedRig& prepared, const Problem
   return DiagnoseCameras(prepared, diagnosed);
 }
 
+/// How a point is solved, by a method's name.
+PointSolver SolverFor(const geometry::Rig& rig, const PreparedRig& prepared, const TakeOptions& options,
+                      const std::string& method) {
+  if (method == kExhaustiveDlt) {
+    const ExhaustiveDltOptions dlt{options.max_error_px, options.min_score, 2};
+    return [&rig, dlt](const std::vector<Observation>& seen) { return TriangulateExhaustiveDlt(rig, seen, dlt); };
+  }
+  PointOptions point = ToPointOptions(options);
+  point.method = MethodByName(method);
+  const bool with_calibration = options.calibration_covariance;
+  return [&prepared, point, with_calibration](const std::vector<Observation>& seen) {
+    Point solved = TriangulatePoint(prepared, seen, point);
+    if (with_calibration) AddCalibrationCovariance(prepared, seen, &solved);
+    return solved;
+  };
+}
+
+std::vector<PointLabel> Labels(const Problems& problems) {
+  std::vector<PointLabel> labels;
+  for (const TakePoint& point : problems.points) labels.push_back({point.frame, point.person, point.joint_idx});
+  return labels;
+}
+
+/// All candidates choose among the views: whether some are wrong is not to be guessed from a sample of the take.
+MethodChoice Choose(const geometry::Rig& rig, const PreparedRig& prepared, const TakeOptions& options, const Problems& problems,
+                    int num_threads) {
+  std::vector<MethodCandidate> candidates;
+  double cost = 3;
+  for (const char* name : {"robust"}) {
+    candidates.push_back({name, cost--, SolverFor(rig, prepared, options, name)});
+  }
+  MethodChoiceOptions choice;
+  choice.max_points = options.holdout_points;
+  return ChooseMethod(prepared, problems.observations, Labels(problems), candidates, choice, num_threads);
+}
+
+/// Every k-th point that several cameras see, with what the others say of each of its detections.
+LeftOutSummary HoldOut(const PreparedRig& prepared, const Problems& problems, const PointSolver& solve, int max_points,
+                       int num_threads) {
+  std::vector<std::vector<Observation>> points;
+  std::vector<PointLabel> labels;
+  const std::vector<PointLabel> all = Labels(problems);
+  const size_t stride = std::max<size_t>(1, all.size() / static_cast<size_t>(std::max(max_points, 1)));
+  for (size_t i = 0; max_points > 0 && i < all.size(); i += stride) {
+    points.push_back(problems.observations[i]);
+    labels.push_back(all[i]);
+  }
+  return SummarizeLeftOut(prepared, LeaveOneCameraOut(prepared, points, solve, num_threads), labels);
+}
+
 }  // namespace
+
+void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
+  MethodByName(o.method);
+  const auto require = [](bool holds, const char* message) {
+    if (!holds) throw UsageError(message);
+  };
+  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "--sigma-px must be a positive number, or 0 to estimate it");
+  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
+  require(o.score_power >= 0 && o.score_power <= 4, "--score-power must lie in 0..4");
+  require(o.max_residual_sigmas > 0, "--max-residual-sigmas must be positive");
+  require(o.min_parallax_sigmas > 0, "--min-parallax-sigmas must be positive");
+  require(o.max_distance_m >= 0, "--max-distance-m must not be negative");
+  require(o.min_views >= 2, "--min-views must be at least 2");
+  require(o.max_persons >= 1, "--max-persons must be at least 1");
+  require(o.max_error_px > 0, "--max-error-px must be positive");
+  require(o.holdout_points >= 0, "--holdout-points must not be negative");
+  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20, "--method exhaustive-dlt takes at most 20 cameras; use auto");
+}
 
 TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints,
                            const TakeOptions& options, const RunContext& run) {
   CheckOptions(rig, options);
   CheckFrames(rig, frames, num_joints);
-  ProgressStage stage(run, "triangulate", 3);
-  const bool dlt = options.method == kExhaustiveDlt;
-  const PreparedRig prepared = Prepare(rig, options.ignore_distortion || dlt);
+  ProgressStage stage(run, "triangulate", 4);
+  const PreparedRig prepared = Prepare(rig, options.ignore_distortion || options.method == kExhaustiveDlt);
   Problems problems = Collect(frames, AssociateTake(prepared, frames, ToAssociationOptions(options), run), num_joints, options);
   stage.Advance();
 
   TakeResult result;
-  const PointOptions point_options = ToPointOptions(options);
-  ResolveSigma(rig, prepared, options, point_options, run.num_threads, &problems.observations, &result.sigma_px);
+  ResolveSigma(rig, prepared, options, ToPointOptions(options), run.num_threads, &problems.observations, &result.sigma_px);
   stage.Advance();
 
-  const auto solve = [&](int64_t i) {
-    if (dlt) return TriangulateExhaustiveDlt(rig, problems.observations[i], {options.max_error_px, options.min_score, 2});
-    PointOptions own = point_options;
-    own.seed = run.seed + static_cast<uint64_t>(i);
-    return TriangulatePoint(prepared, problems.observations[i], own);
-  };
-  ForEachPoint(problems.points.size(), run, solve, &problems.points);
+  result.method = options.method;
+  if (options.method == "auto") {
+    result.choice = Choose(rig, prepared, options, problems, run.num_threads);
+    result.method = result.choice.scores[result.choice.chosen].name;
+  }
+  const PointSolver solve = SolverFor(rig, prepared, options, result.method);
+  result.holdout = HoldOut(prepared, problems, solve, options.holdout_points, run.num_threads);
+  stage.Advance();
+
+  ForEachPoint(problems.points.size(), run, [&](int64_t i) { return solve(problems.observations[static_cast<size_t>(i)]); },
+               &problems.points);
   result.cameras = Diagnose(prepared, problems);
   result.num_persons = problems.num_persons;
   result.points = std::move(problems.points);
