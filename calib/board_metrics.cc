@@ -1,7 +1,6 @@
 #include "calib/board_metrics.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,99 +10,34 @@
 #include <utility>
 
 #include "core/check.h"
-#include "geometry/camera.h"
+#include "geometry/rig.h"
+#include "triangulate/linear.h"
+#include "triangulate/refine.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using Eigen::Index;
-using geometry::Projector;
-using geometry::Rigid3;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kParallel = 1e-12;  // smallest over largest eigenvalue of the rays' normal equations
 
-struct Sight {
-  int camera_idx;
-  Eigen::Vector2d px;
-};
-
-/// Point nearest to the rays of all sights that have one; nothing without two rays or when they are parallel.
-std::optional<Eigen::Vector3d> NearestToRays(const std::vector<Projector>& projectors, const RigState& state,
-                                             std::vector<Sight>* sights) {
-  std::vector<Sight> kept;
-  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> rays;  // centre, direction
-  for (const Sight& sight : *sights) {
-    const geometry::Unprojection ray = projectors[sight.camera_idx].Unproject(sight.px);
-    if (ray.status != Status::kOk) continue;
-    const Rigid3 world_from_cam = geometry::Inverse(state.cam_from_world[sight.camera_idx]);
-    rays.emplace_back(world_from_cam.translation, world_from_cam.rotation * ray.ray_in_cam);
-    kept.push_back(sight);
+/// The cameras at the instant of a frame: those with a time offset stand where the board, not having moved yet, looks as it did
+/// to them.
+triangulate::PreparedRig RigAt(int frame, const RigState& state) {
+  geometry::Rig rig;
+  for (size_t c = 0; c < state.cameras.size(); ++c) {
+    const geometry::Rigid3 motion = BoardMotion(static_cast<int>(c), frame, state);
+    rig.cameras.push_back({state.cameras[c], state.cam_from_world[c] * motion, std::nullopt, std::nullopt});
   }
-  *sights = kept;
-  if (rays.size() < 2) return std::nullopt;
-  const Eigen::Vector3d origin = rays[0].first;
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
-  for (const auto& [centre, direction] : rays) {
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - direction * direction.transpose();
-    normal += across, right += across * (centre - origin);
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
-  if (!(eigen.eigenvalues()[0] > kParallel * eigen.eigenvalues()[2])) return std::nullopt;
-  return origin + normal.ldlt().solve(right);
+  return triangulate::Prepare(rig);
 }
 
-/// Normal equations of the pixel errors at a point; nothing where a camera does not see it.
-struct PixelEquations {
-  double cost = 0;
-  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();
-};
-
-std::optional<PixelEquations> Linearize(const std::vector<Projector>& projectors, const RigState& state,
-                                        const std::vector<Sight>& sights, const Eigen::Vector3d& x_in_world) {
-  PixelEquations out;
-  for (const Sight& sight : sights) {
-    const Rigid3& cam_from_world = state.cam_from_world[sight.camera_idx];
-    const auto at = projectors[sight.camera_idx].ProjectWithJacobians(cam_from_world * x_in_world);
-    if (at.status != Status::kOk) return std::nullopt;
-    const Eigen::Vector2d residual = at.px - sight.px;
-    const Eigen::Matrix<double, 2, 3> d = at.d_px_d_x * cam_from_world.rotation.toRotationMatrix();
-    out.cost += residual.squaredNorm();
-    out.h += d.transpose() * d, out.g += d.transpose() * residual;
-  }
-  return out;
+bool WideEnough(const std::vector<triangulate::View>& views, double min_parallax_rad) {
+  double widest = 0;
+  for (const triangulate::View& view : views)
+    widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
+  return widest >= min_parallax_rad;
 }
-
-/// Least squares of the pixel errors by damped Gauss-Newton steps from the rays. `sights` loses those without a ray.
-std::optional<Eigen::Vector3d> Triangulate(const std::vector<Projector>& projectors, const RigState& state,
-                                           std::vector<Sight>* sights) {
-  std::optional<Eigen::Vector3d> x = NearestToRays(projectors, state, sights);
-  if (!x) return std::nullopt;
-  auto at = Linearize(projectors, state, *sights, *x);
-  double damping = 0;
-  constexpr int kMaxTrials = 50;
-  for (int trial = 0; at && trial < kMaxTrials; ++trial) {
-    Eigen::Matrix3d h = at->h;
-    h.diagonal() *= 1 + damping;
-    const Eigen::Vector3d step = -h.ldlt().solve(at->g);
-    if (!step.allFinite()) return std::nullopt;
-    const double predicted = -at->g.dot(step);
-    if (predicted <= 1e-14 * at->cost) break;
-    const auto next = Linearize(projectors, state, *sights, *x + step);
-    if (next && next->cost <= at->cost) {
-      *x += step, at = next, damping /= 10;
-    } else {
-      damping = std::max(1e-4, 10 * damping);
-    }
-  }
-  if (!at) return std::nullopt;
-  return x;
-}
-
-/// The triangulated corners of one board in one frame.
-using Cloud = std::map<int, Eigen::Vector3d>;
 
 double Rms(const std::vector<double>& values) {
   double sum = 0;
@@ -131,11 +65,11 @@ struct Errors {
 };
 
 /// Measured minus true length of a pair of corners.
-double LengthError(const Eigen::Matrix3Xd& corners, const Cloud& cloud, int a, int b) {
+double LengthError(const Eigen::Matrix3Xd& corners, const CornerCloud& cloud, int a, int b) {
   return 1e3 * ((cloud.at(a) - cloud.at(b)).norm() - (corners.col(a) - corners.col(b)).norm());
 }
 
-void Measure(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, int>>& neighbours, const Cloud& cloud,
+void Measure(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, int>>& neighbours, const CornerCloud& cloud,
              Errors* errors) {
   for (const auto& [a, b] : neighbours) {
     if (cloud.count(a) && cloud.count(b)) errors->edges_mm.push_back(LengthError(corners, cloud, a, b));
@@ -188,14 +122,30 @@ std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board) {
   return pairs;
 }
 
+CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad,
+                               std::vector<double>* errors_px) {
+  CornerCloud cloud;
+  for (const auto& [id, seen] : sights) {
+    Status rejected = Status::kOk;
+    const std::vector<triangulate::View> views = triangulate::MakeViews(rig, seen, &rejected);
+    const triangulate::LinearPoint start = triangulate::WeightedLinear(views);
+    if (start.status != Status::kOk || !WideEnough(views, min_parallax_rad)) continue;
+    const triangulate::Refinement point = triangulate::Refine(views, start.x_in_local);
+    if (point.status != Status::kOk && point.status != Status::kNotConverged) continue;
+    cloud[id] = rig.origin_in_world + point.x_in_local;
+    if (!errors_px) continue;
+    for (const triangulate::View& view : views)
+      errors_px->push_back(view.sigma_px * triangulate::WhitenedResidual(view, point.x_in_local));
+  }
+  return cloud;
+}
+
 BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state) {
-  std::vector<Projector> projectors;
-  for (const geometry::Camera& camera : state.cameras) projectors.emplace_back(camera);
-  std::map<std::pair<int, int>, std::map<int, std::vector<Sight>>> sights;  // by frame and board, then by corner
+  std::map<std::pair<int, int>, CornerSights> sights;  // by frame and board
   for (const View& view : views) {
     MVS_CHECK(view.board >= 0 && view.board < static_cast<int>(boards.size()), "board " << view.board);
-    auto& of_board = sights[{view.frame, view.board}];
-    for (Index i = 0; i < view.size(); ++i) of_board[view.corner_ids[i]].push_back({view.camera_idx, view.px.col(i)});
+    CornerSights& of_board = sights[{view.frame, view.board}];
+    for (Index i = 0; i < view.size(); ++i) of_board[view.corner_ids[i]].push_back({view.camera_idx, view.px.col(i), 1, 1});
   }
   std::vector<std::vector<std::pair<int, int>>> neighbours;
   std::vector<Eigen::Matrix3Xd> corners;
@@ -203,18 +153,11 @@ BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::ve
   BoardMetrics metrics;
   Errors errors;
   std::set<int> frames;
-  for (auto& [place, of_board] : sights) {
-    Cloud cloud;
-    for (auto& [id, seen] : of_board) {
-      if (seen.size() < 2) continue;
-      const std::optional<Eigen::Vector3d> x = Triangulate(projectors, state, &seen);
-      if (!x) continue;
-      cloud[id] = *x;
-      for (const Sight& sight : seen) {
-        const auto at = projectors[sight.camera_idx].Project(state.cam_from_world[sight.camera_idx] * *x);
-        errors.pixels.push_back((at.px - sight.px).norm());
-      }
-    }
+  const bool moving = !state.time_offset_frames.empty();
+  triangulate::PreparedRig rig;
+  for (const auto& [place, of_board] : sights) {
+    if (moving || rig.cameras.empty()) rig = RigAt(place.first, state);
+    const CornerCloud cloud = TriangulateCorners(rig, of_board, 0, &errors.pixels);
     if (!cloud.empty()) frames.insert(place.first);
     metrics.num_points += static_cast<int>(cloud.size());
     Measure(corners[place.second], neighbours[place.second], cloud, &errors);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "calib/homography.h"
 #include "calib/rig_problem.h"
@@ -50,6 +52,8 @@ Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, d
     if (state->time_offset_frames.empty()) state->time_offset_frames.assign(state->cameras.size(), 0);
     EstimateVelocities(views, state);
   }
+  if (options.refine_stretch && state->board_stretch.empty())
+    state->board_stretch.assign(state->rig_from_board.size(), Eigen::Vector2d::Zero());
   RigProblem problem(views, *state, options);
   SchurSystem system;
   problem.AllocateSystem(&system);
@@ -181,25 +185,46 @@ std::optional<BundleReport> CheckInput(const std::vector<View>& views, const Rig
 
 }  // namespace
 
-void EstimateVelocities(const std::vector<View>& views, RigState* state) {
+namespace {
+
+/// The two frames whose difference is the motion in frame `f`: the nearest seen ones before and after it, or else two that are
+/// nearest; nothing where fewer are near enough.
+std::optional<std::pair<size_t, size_t>> MotionNeighbours(const std::vector<int64_t>& frames, const std::vector<bool>& seen,
+                                                          size_t f) {
   constexpr int64_t kReach = 2;  // frames
+  const auto next = [&](size_t from, int direction) {
+    for (size_t g = from + direction; g < frames.size() && std::llabs(frames[g] - frames[f]) <= kReach; g += direction) {
+      if (seen[g]) return g;
+    }
+    return frames.size();
+  };
+  const size_t none = frames.size(), before = next(f, -1), after = next(f, 1);
+  if (before != none && after != none) return std::make_pair(before, after);
+  if (before == none && after == none) return std::nullopt;
+  const size_t side = before != none ? before : after;
+  const size_t other = seen[f] ? f : next(side, before != none ? -1 : 1);
+  if (other == none) return std::nullopt;
+  return std::make_pair(std::min(side, other), std::max(side, other));
+}
+
+}  // namespace
+
+void EstimateVelocities(const std::vector<View>& views, RigState* state) {
   const size_t n = state->frames.size();
   std::vector<bool> seen(n, false);
   for (const View& view : views) seen[view.frame] = seen[view.frame] || (view.weights.array() > 0).any();
   state->board_velocity.assign(n, geometry::Vector6d::Zero());
   for (size_t f = 0; f < n; ++f) {
-    const auto neighbour = [&](int direction) {
-      for (size_t g = f + direction; g < n && std::llabs(state->frames[g] - state->frames[f]) <= kReach; g += direction) {
-        if (seen[g]) return g;
-      }
-      return f;
-    };
-    const size_t before = neighbour(-1), after = neighbour(1);
-    if (before == after || ((before == f || after == f) && !seen[f])) continue;
+    const auto neighbours = MotionNeighbours(state->frames, seen, f);
+    if (!neighbours) continue;
+    const auto [before, after] = *neighbours;
     const double frames = static_cast<double>(state->frames[after] - state->frames[before]);
     const Rigid3 &a = state->world_from_board[before], &b = state->world_from_board[after];
-    state->board_velocity[f] << geometry::RotationLog(b.rotation * a.rotation.conjugate()) / frames,
-        (b.translation - a.translation) / frames;
+    geometry::Vector6d& velocity = state->board_velocity[f];
+    velocity << geometry::RotationLog(b.rotation * a.rotation.conjugate()) / frames, (b.translation - a.translation) / frames;
+    if (seen[f]) continue;
+    const double step = static_cast<double>(state->frames[f] - state->frames[before]);
+    state->world_from_board[f] = geometry::Perturb(step * velocity, a);
   }
 }
 

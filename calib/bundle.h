@@ -21,6 +21,7 @@ struct BundleOptions {
   bool refine_cameras = true;  ///< cam_from_world
   bool refine_boards = true;   ///< rig_from_board of all boards but the first
   bool refine_warp = false;    ///< board_warp_m
+  bool refine_stretch = false;  ///< board_stretch
   bool refine_time = false;    ///< time_offset_frames of all cameras but the first of each frame rate's clock (camera 0)
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
@@ -52,7 +53,9 @@ struct BundleReport {
 /// whose weights become 0. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
 
-/// Motion of the boards per frame from the frames before and after that are seen, at most two frames away; zero without them.
+/// Motion of the boards per frame, from the nearest frames before and after that are seen, at most two frames away; else from
+/// the frame itself and its neighbour, or two neighbours on one side. Zero without them. Frames that are not seen get the pose
+/// that their neighbours give them.
 void EstimateVelocities(const std::vector<View>& views, RigState* state);
 
 /// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.

@@ -62,13 +62,25 @@ Rigid3 WorldFromFloorBoard() {
   return world_from_board;
 }
 
-/// N of `--holdout every:N`; 0 without it.
-int HoldoutStep(const std::string& text) {
-  if (text.empty()) return 0;
-  const std::string number = text.rfind("every:", 0) == 0 ? text.substr(6) : "";
-  if (number.empty() || number.size() > 6 || number.find_first_not_of("0123456789") != std::string::npos || std::stoi(number) < 2)
-    throw UsageError("--holdout " + text + ": expected every:N with N at least 2");
-  return std::stoi(number);
+struct HoldoutRule {
+  int step = 0, first = 0;  // of instants; step 0: none
+};
+
+/// `--holdout every:N` or `every:N:K`.
+HoldoutRule ParseHoldout(const std::string& text) {
+  if (text.empty()) return {};
+  const auto number = [](const std::string& digits) {
+    const bool ok = !digits.empty() && digits.size() <= 6 && digits.find_first_not_of("0123456789") == std::string::npos;
+    return ok ? std::stoi(digits) : -1;
+  };
+  const std::string rest = text.rfind("every:", 0) == 0 ? text.substr(6) : "";
+  const auto colon = rest.find(':');
+  HoldoutRule rule;
+  rule.step = number(rest.substr(0, colon));
+  rule.first = colon == std::string::npos ? rule.step - 1 : number(rest.substr(colon + 1));
+  if (rule.step < 2 || rule.first < 0 || rule.first >= rule.step)
+    throw UsageError("--holdout " + text + ": expected every:N with N at least 2, or every:N:K with K from 0 to N - 1");
+  return rule;
 }
 
 /// Weights with mean 1, so that sigma_px is that of an average corner.
@@ -82,11 +94,11 @@ void NormalizeWeights(std::vector<View>* views) {
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   std::vector<View> all = MakeViews(input.boards, input.detections, &work->frames);
   NormalizeWeights(&all);
-  const int step = HoldoutStep(options.holdout);
+  const HoldoutRule rule = ParseHoldout(options.holdout);
   for (View& view : all) {
     const auto& listed = input.held_out_frames;
     const bool named = std::find(listed.begin(), listed.end(), work->frames[view.frame]) != listed.end();
-    const bool out = named || (step > 0 && view.frame % step == step - 1);
+    const bool out = named || (rule.step > 0 && view.frame % rule.step == rule.first);
     (out ? work->held_out : work->views).push_back(std::move(view));
   }
   for (const View& view : work->views) work->prior.push_back(view.weights);
@@ -94,7 +106,7 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
   work->state.rig_from_board.resize(input.boards.size());
 }
 
-/// Frames of different cameras that do not belong together are refused, or shifted with `--time-offset auto`.
+/// Frames of different cameras that do not belong together are refused, or shifted unless `--time-offset none`.
 bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
   std::vector<std::string> names;
@@ -103,9 +115,8 @@ bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* r
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
   report->frame_shift = offsets.shift;
-  const bool shift = options.time_offset == "auto";
+  if (options.time_offset != "none") work->shift = offsets.shift;
   Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
-  report->frames_must_shift = shift;
   return false;
 }
 
@@ -184,19 +195,14 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
             CalibrateReport* report) {
   work->bundle.num_threads = ResolveThreads(run.num_threads);
   if (!Keep(Solve(input, options, work), report)) return false;
-  if (options.time_offset != "auto" || input.cameras.size() < 2) return true;
-  if (!internal::TimeOffsetsPay(*work, work->bundle, &report->time_reason)) return true;
-  work->bundle.refine_time = true;
-  constexpr int kRounds = 3;  // the boards' motion follows from their poses
-  for (int round = 0; round < kRounds; ++round) {
-    if (!Keep(SolveBundle(&work->views, &work->state, work->bundle), report)) return false;
-  }
-  return true;
+  if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason)) return true;
+  return Keep(internal::SolveWithTimeOffsets(work), report);
 }
 
 void AddCovariance(const Work& work, CalibrateReport* report) {
   const RigCovariance covariance = ComputeCovariance(work.views, work.state, work.bundle, report->sigma_px);
   if (covariance.status != Status::kOk) return Stop(covariance.status, covariance.message, report);
+  report->rig.joint_covariance = JointCovariance(covariance, work.state);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras[c].params_covariance = covariance.params[c];
     report->rig.cameras[c].cam_from_world_covariance = covariance.cam_from_world[c];
@@ -267,30 +273,33 @@ std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& optio
   return "camera " + input.cameras[world.camera].name;
 }
 
-void RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
+/// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution.
+std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                                 CalibrateReport* report) {
   const World world = internal::ParseWorld(options.world, input.cameras);
   Work work;
   MakeWork(input, options, &work);
   ProgressStage stage(run, "calibrating", 4);
-  if (!internal::CalibrateLenses(input, options, run, &work, report)) return;
+  if (!internal::CalibrateLenses(input, options, run, &work, report)) return {};
   stage.Advance(1, "lenses");
   if (options.intrinsics_only) {
     KeepLensesOnly(&work);
   } else {
-    if (!CheckFrames(options, &work, report)) return;
+    if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
-    if (!PlaceCameras(input, world, &work, report)) return;
-    if (world.is_board && !UseBoardWorld(world, &work, report)) return;
+    if (!PlaceCameras(input, world, &work, report)) return {};
+    if (world.is_board && !UseBoardWorld(world, &work, report)) return {};
   }
   stage.Advance(1, "rig");
   const auto start = std::chrono::steady_clock::now();
-  if (!Adjust(input, options, run, &work, report)) return;
+  if (!Adjust(input, options, run, &work, report)) return {};
   report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   stage.Advance(1, "adjustment");
   internal::FillReport(input, work, GaugeText(input, options, world, work), report);
   AddCovariance(work, report);
   AddUncertainty(input, options, work, report);
   stage.Advance(1, "covariance");
+  return {};
 }
 
 /// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
@@ -329,13 +338,14 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
 
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
-  RunPipeline(input, options, run, &report);
-  if (!report.frames_must_shift) return report;
+  const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
+  if (shift.empty()) return report;
   CalibrateInput shifted = input;
-  for (Detection& d : shifted.detections) d.frame_idx += report.frame_shift[d.camera_idx];
+  for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
-  again.frame_shift = report.frame_shift;
   RunPipeline(shifted, options, run, &again);
+  again.frame_shift = shift;
+  if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;
 }
 

@@ -21,9 +21,10 @@ struct CalibrateOptions {
   std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify
   std::string share_intrinsics = "auto";  ///< auto, none, all, or groups "a,b;c,d": cameras with one lens
   std::string warp = "auto";              ///< auto, on, off: two numbers for the bend of the boards
-  std::string time_offset = "none";       ///< none, or auto: cameras may be late by a constant part of a frame
+  std::string stretch = "auto";           ///< auto, on, off: two numbers for boards that are not square
+  std::string time_offset = "auto";       ///< auto, on, none: cameras may be late by a constant part of a frame
   std::string world = "camera";  ///< camera[:NAME] (the first one without a name) or board:FRAME
-  std::string holdout;           ///< "every:N": every Nth instant takes no part in the solution and checks it
+  std::string holdout;  ///< "every:N": instants N - 1, 2 N - 1, … take no part in the solution and check it; "every:N:K": K, K + N, …
   bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
   int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;        ///< at most so many views of a camera take part in it
@@ -37,9 +38,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("model", o.model, "a lens model (docs/formulation.md), or auto: the simplest that held-out boards justify");
   visit("share-intrinsics", o.share_intrinsics, "one lens for several cameras: auto (if held-out boards say so), none, all, or a,b;c,d");
   visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
-  visit("time-offset", o.time_offset, "none, or auto: constant offsets in time between cameras, if held-out frames say so");
+  visit("stretch", o.stretch, "two numbers for shear and aspect of the board: auto (if held-out boards say so), on or off");
+  visit("time-offset", o.time_offset, "constant offsets in time between cameras: auto (if held-out frames say so), on or none");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
-  visit("holdout", o.holdout, "every:N keeps every Nth instant out of the solution and checks the rig on it");
+  visit("holdout", o.holdout, "every:N keeps every Nth instant out of the solution and checks the rig on it; every:N:K begins with instant K (from 0)");
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
@@ -118,11 +120,11 @@ struct CalibrateReport {
   double rms_px = 0, sigma_px = 0;           ///< 2-D RMS over kept corners; standard deviation per coordinate
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
-  std::string warp_reason, time_reason;
-  std::vector<int64_t> frame_shift;  ///< per camera, when frames did not belong together
-  bool frames_must_shift = false;
+  std::string warp_reason, stretch_reason, time_reason;
+  std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that frames belong together; empty: none
   std::string frames_doubt;  ///< why frames with the same number may not belong together; empty: no doubt
   std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it counts as flat
+  std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it counts as square
   std::vector<geometry::Rigid3> rig_from_board;
   BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
   double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without

@@ -188,11 +188,17 @@ std::vector<LensConfig> Promising(const LensChoice& choice) {
   return configs;
 }
 
-void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, bool fixed, bool warp, const RunContext& run,
-               Kind* kind) {
+/// What the boards are allowed to be besides flat and square.
+struct BoardShape {
+  bool bent = false, stretched = false;
+  bool plain() const { return !bent && !stretched; }
+};
+
+void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, bool fixed, const BoardShape& shape,
+               const RunContext& run, Kind* kind) {
   SelectionOptions selection = SelectionFor(input, options, *kind, fixed);
-  selection.warp = warp;
-  if (warp) selection.only = Promising(kind->choice);
+  selection.warp = shape.bent, selection.stretch = shape.stretched;
+  if (!shape.plain()) selection.only = Promising(kind->choice);
   BundleOptions bundle = options.bundle;
   bundle.refine_intrinsics = !fixed;
   kind->choice = ChooseLens(kind->pool, selection, bundle, run);
@@ -203,27 +209,40 @@ void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, boo
   }
   LensConfig config = selection.models.empty() ? LensConfig{kind->pool.config.model, {}, false, false} : selection.models.back();
   config.shared = kind->forced_sharing && kind->cameras.size() > 1;
-  config.warp = warp;
+  config.warp = shape.bent, config.stretch = shape.stretched;
   kind->pool = FitPool(kind->pool, config, bundle);
 }
 
-/// Whether the boards are bent, judged on the kind with most views, which comes first: its bend is the start of the rig's.
-bool BoardsAreBent(const CalibrateOptions& options, const RunContext& run, std::vector<Kind>* kinds, CalibrateReport* report) {
-  if (options.warp != "off" && options.warp != "on" && options.warp != "auto")
-    throw UsageError("--warp " + options.warp + ": expected auto, on or off");
+/// One question about the boards by its option: auto, on or off.
+template <class Judge>
+bool Decide(const std::string& option, const std::string& name, Judge&& judge, std::string* reason) {
+  if (option != "off" && option != "on" && option != "auto") throw UsageError(name + " " + option + ": expected auto, on or off");
+  *reason = option == "on" ? "asked for" : "not asked for";
+  if (option != "auto") return option == "on";
+  const ShapeChoice choice = judge();
+  *reason = choice.reason;
+  return choice.pays;
+}
+
+/// The boards' shape, judged on the kind with most views, which comes first: its shape is the start of the rig's.
+BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, std::vector<Kind>* kinds, CalibrateReport* report) {
   const auto largest = std::max_element(kinds->begin(), kinds->end(), [](const Kind& a, const Kind& b) {
     return a.pool.views.size() < b.pool.views.size();
   });
   std::iter_swap(kinds->begin(), largest);
-  WarpChoice choice{options.warp == "on", 0, 0, options.warp == "on" ? "asked for" : "not asked for"};
-  if (options.warp == "auto") {
-    SelectionOptions selection;
-    selection.folds = std::max(3, options.holdout_folds);
-    selection.max_views = options.holdout_views;
-    choice = ChooseWarp((*kinds)[0].pool, selection, options.bundle, run);
-  }
-  report->warp_reason = choice.reason;
-  return choice.bent;
+  const LensPool& pool = kinds->front().pool;
+  SelectionOptions selection;
+  selection.folds = std::max(3, options.holdout_folds);
+  selection.max_views = options.holdout_views;
+  BoardShape shape;
+  shape.bent = Decide(options.warp, "--warp", [&] { return ChooseWarp(pool, selection, options.bundle, run); }, &report->warp_reason);
+  selection.warp = shape.bent;
+  // libmrcal knows no such boards, and the control points of a spline take up most of a stretch: hundreds of slow steps.
+  const bool unable = options.engine == "mrcal" || (options.stretch == "auto" && pool.config.model == LensModel::kSplined);
+  shape.stretched = Decide(unable ? "off" : options.stretch, "--stretch",
+                           [&] { return ChooseStretch(pool, selection, options.bundle, run); }, &report->stretch_reason);
+  if (unable) report->stretch_reason = "not judged with " + (options.engine == "mrcal" ? "libmrcal" : ToString(pool.config));
+  return shape;
 }
 
 void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report) {
@@ -253,7 +272,9 @@ void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report)
     }
   }
   work->state.board_warp_m = kinds[0].pool.state.board_warp_m;
+  work->state.board_stretch = kinds[0].pool.state.board_stretch;
   work->bundle.refine_warp = kinds[0].pool.config.warp;
+  work->bundle.refine_stretch = kinds[0].pool.config.stretch;
 }
 
 }  // namespace
@@ -288,17 +309,17 @@ bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& option
   std::vector<Kind> kinds = FindKinds(input, options, fixed, *work);
   work->bundle = options.bundle;
   work->bundle.fix_lens = fixed;
-  bool bent = false;
+  BoardShape shape;
   for (int round = 0; round < 2; ++round) {
     for (Kind& kind : kinds) {
       if (round == 0) kind.pool = MakePool(work->monos, kind.cameras, static_cast<int>(input.boards.size()));
-      JudgeKind(input, options, fixed[kind.cameras[0]], bent, run, &kind);
+      JudgeKind(input, options, fixed[kind.cameras[0]], shape, run, &kind);
       if (kind.pool.status == Status::kOk || kind.pool.status == Status::kNotConverged) continue;
       Stop(kind.pool.status, "camera " + kind.pool.state.cameras[0].name + ": " + kind.pool.message, report);
       return false;
     }
-    // A bent board looks like a stranger lens: lenses are judged again when it is.
-    if (round == 0 && !(bent = BoardsAreBent(options, run, &kinds, report))) break;
+    // A bent or stretched board looks like a stranger lens: lenses are judged again when it is.
+    if (round == 0 && (shape = JudgeBoards(options, run, &kinds, report)).plain()) break;
   }
   for (const Kind& kind : kinds) ReportKind(kind, report);
   HandOn(kinds, work, report);

@@ -101,6 +101,7 @@ void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report
   report->world_from_board = work.state.world_from_board;
   report->rig_from_board = work.state.rig_from_board;
   report->board_warp_m = work.state.board_warp_m;
+  report->board_stretch = work.state.board_stretch;
 }
 
 void ReportHeldOut(const Work& work, CalibrateReport* report) {

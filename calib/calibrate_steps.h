@@ -30,6 +30,7 @@ struct Work {
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
   BundleOptions bundle;                   // of the last adjustment
+  std::vector<int64_t> shift;             // per camera: what its frame numbers lack; the run has to start again with them
 };
 
 void Stop(Status status, const std::string& message, CalibrateReport* report);
@@ -44,8 +45,12 @@ std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::strin
 bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
                      CalibrateReport* report);
 
-/// The time offsets of the cameras by held-out frames; true when they are to be estimated.
-bool TimeOffsetsPay(const Work& work, const BundleOptions& bundle, std::string* reason);
+/// Are the cameras' offsets in time to be estimated? `--time-offset`; with auto by the residuals, then by held-out frames, from a
+/// solution without them whose standard deviation per coordinate is `sigma_px`.
+bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
+
+/// The adjustment with time offsets, from the solution without them; corners that it rejected have their say again.
+BundleReport SolveWithTimeOffsets(Work* work);
 
 /// Reprojection errors of held-out frames: the pose of every board from half of the corners of all cameras, the error on the
 /// others. `views` are those frames' views, lenses and cameras are those of `state`.

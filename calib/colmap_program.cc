@@ -87,6 +87,13 @@ void RunProgram(const std::vector<std::string>& words, const std::string& log, P
   throw IoError(log, "colmap " + words[1] + " " + how + "; its last line: " + Tail(log));
 }
 
+/// colmap's mapper ends with an error when no two images fit together; that is the scene's fault.
+bool SaysNoModel(const std::string& log) {
+  const std::string text = ReadFile(log);
+  return text.find("failed to create sparse model") != std::string::npos ||
+         text.find("No good initial image pair found") != std::string::npos;
+}
+
 std::string Numbers(const std::vector<double>& values) {
   std::string text;
   char number[40];
@@ -192,31 +199,35 @@ void Map(const std::vector<SceneImage>& images, const Work& work, ProgressStage*
              work.log, stage);
   stage->Advance(1, "matching");
   MakeFolder(work.folder + "/model");
-  RunProgram({work.program,
-              "mapper",
-              "--database_path",
-              work.database,
-              "--image_path",
-              work.folder + "/images",
-              "--output_path",
-              work.folder + "/model",
-              "--Mapper.num_threads",
-              threads,
-              "--Mapper.multiple_models",
-              "0",
-              "--Mapper.min_model_size",
-              "2",
-              "--Mapper.extract_colors",
-              "0",
-              "--Mapper.init_min_tri_angle",
-              "4",
-              "--Mapper.tri_ignore_two_view_tracks",
-              "0",
-              "--Mapper.ba_refine_focal_length",
-              refine,
-              "--Mapper.ba_refine_extra_params",
-              refine},
-             work.log, stage);
+  const std::vector<std::string> mapper = {work.program,
+                                           "mapper",
+                                           "--database_path",
+                                           work.database,
+                                           "--image_path",
+                                           work.folder + "/images",
+                                           "--output_path",
+                                           work.folder + "/model",
+                                           "--Mapper.num_threads",
+                                           threads,
+                                           "--Mapper.multiple_models",
+                                           "0",
+                                           "--Mapper.min_model_size",
+                                           "2",
+                                           "--Mapper.extract_colors",
+                                           "0",
+                                           "--Mapper.init_min_tri_angle",
+                                           "4",
+                                           "--Mapper.tri_ignore_two_view_tracks",
+                                           "0",
+                                           "--Mapper.ba_refine_focal_length",
+                                           refine,
+                                           "--Mapper.ba_refine_extra_params",
+                                           refine};
+  try {
+    RunProgram(mapper, work.log, stage);
+  } catch (const IoError&) {
+    if (!SaysNoModel(work.log)) throw;
+  }
   stage->Advance(1, "mapping");
 }
 
@@ -322,10 +333,7 @@ ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& 
   ProgressStage stage(run, "colmap", static_cast<int64_t>(images.size()) + 2);
   ExtractFeatures(images, work, options, &stage);
   Map(images, work, &stage);
-  if (!fs::exists(work_folder + "/model/0/images.bin")) {
-    throw IoError(work.log,
-                  "colmap found no two images that fit together; the scene needs more texture, or cameras more overlap");
-  }
+  if (!fs::exists(work_folder + "/model/0/images.bin")) return {};
   return ReadColmapScene(work_folder + "/model/0");
 }
 

@@ -48,8 +48,8 @@ geometry::Camera GuessLens(const std::string& camera, int width_px, int height_p
 
 /// SIFT features on the CPU, exhaustive matching and incremental mapping by the colmap program (Schoenberger and Frahm, CVPR
 /// 2016) in `work_folder`, which is created; its output goes to `work_folder`/colmap.log. Lenses that are known are kept; the
-/// other images of one size share one. Throws MissingToolError when there is no colmap, IoError when it fails or finds no
-/// model.
+/// other images of one size share one. An empty scene when no two images fit together. Throws MissingToolError when there is no
+/// colmap, IoError when it fails.
 ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& work_folder, const ColmapOptions& options,
                       const RunContext& run);
 

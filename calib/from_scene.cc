@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "calib/scene_adjustment.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -137,29 +138,7 @@ SceneSimilarity FromDistance(const geometry::Rig& rig, const SceneScale::Distanc
   return out;
 }
 
-struct Adjustment {
-  PointScene scene;
-  std::vector<PointObservation> observations;
-  PointBundleOptions options;
-  int first_known = 0;     ///< points from here on are known
-  size_t first_click = 0;  ///< observations from here on are of known points
-};
-
-Eigen::MatrixXd LensDirections(const SceneImage& image, const geometry::Camera& lens, bool refine) {
-  if (image.lens_known || !refine) return FixedLens(lens);
-  const int radial = lens.model == geometry::LensModel::kPinhole || lens.model == geometry::LensModel::kPinholeP ? 0
-                     : lens.model == geometry::LensModel::kBrown1                                                ? 1
-                                                                                                                 : 2;
-  return FocalDirections(lens, radial);
-}
-
-const SceneImage& ImageOf(const std::vector<SceneImage>& images, const std::string& camera) {
-  const auto found = std::find_if(images.begin(), images.end(), [&](const SceneImage& i) { return i.camera == camera; });
-  MVS_CHECK(found != images.end(), "no image of camera " << camera);
-  return *found;
-}
-
-void AddKnown(const KnownPoints& known, const geometry::Rig& rig, Adjustment* work) {
+void AddKnown(const KnownPoints& known, const geometry::Rig& rig, SceneAdjustment* work) {
   const Eigen::Index n = work->scene.points.cols();
   work->scene.points.conservativeResize(3, n + known.x_in_world.cols());
   work->options.fix_point.assign(static_cast<size_t>(n), false);
@@ -175,31 +154,7 @@ void AddKnown(const KnownPoints& known, const geometry::Rig& rig, Adjustment* wo
   }
 }
 
-Adjustment Prepare(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
-                   int num_threads) {
-  Adjustment work;
-  std::map<std::pair<int, int>, int> shared;  // lens of the cameras of one image size whose lenses are not known
-  for (const geometry::RigCamera& camera : scene.rig.cameras) {
-    const SceneImage& image = ImageOf(images, camera.camera.name);
-    work.scene.cam_from_world.push_back(camera.cam_from_world);
-    const std::pair<int, int> size(camera.camera.width_px, camera.camera.height_px);
-    const auto next = static_cast<int>(work.scene.lenses.size());
-    work.scene.lens_of_camera.push_back(image.lens_known ? next : shared.insert({size, next}).first->second);
-    if (work.scene.lens_of_camera.back() != next) continue;
-    work.scene.lenses.push_back(image.lens_known ? image.lens : camera.camera);
-    work.options.lens_directions.push_back(LensDirections(image, work.scene.lenses.back(), options.refine_intrinsics));
-  }
-  work.scene.points = scene.points;
-  for (const ColmapTrackPoint& t : scene.tracks) work.observations.push_back({t.image_idx, t.point_idx, t.px, 1});
-  work.first_known = static_cast<int>(scene.points.cols());
-  work.first_click = work.observations.size();
-  work.options.fix_camera.assign(scene.rig.cameras.size(), false);
-  work.options.reject_sigmas = options.reject_sigmas;
-  work.options.num_threads = num_threads;
-  return work;
-}
-
-void AddScale(const SceneScale& scale, const geometry::Rig& rig, Adjustment* work) {
+void AddScale(const SceneScale& scale, const geometry::Rig& rig, SceneAdjustment* work) {
   if (scale.points) return AddKnown(*scale.points, rig, work);
   const int a = rig.Find(scale.distance->a), b = rig.Find(scale.distance->b);
   work->options.fix_camera[static_cast<size_t>(a)] = true;
@@ -216,9 +171,9 @@ double Rms(const Eigen::Matrix2Xd& residuals) {
 }
 
 /// Adjusts the scene in its own unit; returns the standard deviation per coordinate of a feature.
-double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions& options, int threads, ColmapScene* scene,
-                   double* start_rms_px) {
-  Adjustment work = Prepare(*scene, images, options, threads);
+double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions& options, bool own_lenses, int threads,
+                   ColmapScene* scene, double* start_rms_px) {
+  SceneAdjustment work = PrepareAdjustment(*scene, images, options, own_lenses, threads);
   *start_rms_px = Rms(PointResiduals(work.scene, work.observations));
   work.options.fix_camera[0] = true;
   const PointBundleReport report = SolvePointBundle(&work.scene, &work.observations, work.options);
@@ -233,7 +188,7 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
   return std::max(report.sigma_px, kFinestPx);
 }
 
-void FillRig(const Adjustment& work, const ColmapScene& scene, const PointBundleCovariance& covariance,
+void FillRig(const SceneAdjustment& work, const ColmapScene& scene, const PointBundleCovariance& covariance,
              FromSceneReport* report) {
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     geometry::RigCamera camera;
@@ -257,7 +212,7 @@ void FillRig(const Adjustment& work, const ColmapScene& scene, const PointBundle
   report->num_points = static_cast<int>(points.size());
 }
 
-void NameGross(const Adjustment& work, const KnownPoints& known, const geometry::Rig& rig, FromSceneReport* report) {
+void NameGross(const SceneAdjustment& work, const KnownPoints& known, const geometry::Rig& rig, FromSceneReport* report) {
   const Eigen::Matrix2Xd residuals = PointResiduals(work.scene, work.observations);
   for (size_t i = work.first_click; i < work.observations.size(); ++i) {
     const PointObservation& o = work.observations[i];
@@ -267,6 +222,23 @@ void NameGross(const Adjustment& work, const KnownPoints& known, const geometry:
     report->gross.push_back(known.names[static_cast<size_t>(o.point_idx - work.first_known)] + " in " +
                             rig.cameras[static_cast<size_t>(o.camera_idx)].camera.name + ": " + distance);
   }
+}
+
+/// colmap's order is that of its images' sizes and lenses.
+void SortByImages(const std::vector<SceneImage>& images, FromSceneReport* report) {
+  geometry::Rig sorted;
+  std::vector<int> num_seen;
+  for (const SceneImage& image : images) {
+    const int c = report->rig.Find(image.camera);
+    if (c < 0) {
+      report->missing.push_back(image.camera);
+      continue;
+    }
+    sorted.cameras.push_back(report->rig.cameras[static_cast<size_t>(c)]);
+    num_seen.push_back(report->num_seen[static_cast<size_t>(c)]);
+  }
+  report->rig.cameras = sorted.cameras;
+  report->num_seen = num_seen;
 }
 
 FromSceneReport Refused(Status status, const std::string& message) {
@@ -351,15 +323,24 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   if (!scale.points && !scale.distance) {
     throw UsageError("the scale of a scene is not seen in pictures: give a board, --scene-points or --camera-distance");
   }
+  if (input.rig.cameras.size() < 2 || input.tracks.empty())
+    return Refused(Status::kTooFewViews,
+                   "no two images fit together: the scene needs more texture, or cameras that see more of the same surfaces");
   const int threads = ResolveThreads(run.num_threads);
   ColmapScene scene = input;
   FromSceneReport report;
-  report.feature_sigma_px = AdjustAlone(images, options, threads, &scene, &report.colmap_rms_px);
+  report.feature_sigma_px = AdjustAlone(images, options, false, threads, &scene, &report.colmap_rms_px);
+  const auto unknown = std::count_if(images.begin(), images.end(), [](const SceneImage& i) { return !i.lens_known; });
+  if (unknown > 1 && options.refine_intrinsics && OwnLensesPay(scene, images, options, report.feature_sigma_px, threads)) {
+    report.own_lenses = true;
+    double again = 0;
+    report.feature_sigma_px = AdjustAlone(images, options, true, threads, &scene, &again);
+  }
   const SceneSimilarity similarity =
       scale.points ? AlignScene(scene.rig, *scale.points) : FromDistance(scene.rig, *scale.distance);
   if (similarity.status != Status::kOk) return Refused(similarity.status, similarity.message);
   Scale(similarity, &scene.rig, &scene.points);
-  Adjustment work = Prepare(scene, images, options, threads);
+  SceneAdjustment work = PrepareAdjustment(scene, images, options, report.own_lenses, threads);
   for (PointObservation& o : work.observations) o.weight = 1 / (report.feature_sigma_px * report.feature_sigma_px);
   work.options.min_sigma = 1;
   AddScale(scale, scene.rig, &work);
@@ -368,14 +349,14 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   report.bundle = SolvePointBundle(&work.scene, &work.observations, work.options);
   report.status = report.bundle.status, report.message = report.bundle.message;
   const double sigma = std::max(1.0, report.bundle.sigma_px);
-  const PointBundleCovariance covariance = CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma);
+  report.clusters = InflationByClusters(work.scene, work.observations, work.options, sigma);
+  const PointBundleCovariance covariance =
+      CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma * std::sqrt(report.clusters.factor));
   if (report.status == Status::kOk && covariance.status != Status::kOk)
     report.status = covariance.status, report.message = covariance.message;
   FillRig(work, scene, covariance, &report);
   if (scale.points) NameGross(work, *scale.points, scene.rig, &report);
-  for (const SceneImage& image : images) {
-    if (report.rig.Find(image.camera) < 0) report.missing.push_back(image.camera);
-  }
+  SortByImages(images, &report);
   return report;
 }
 

@@ -8,6 +8,7 @@
 #include "calib/colmap_program.h"
 #include "calib/detection.h"
 #include "calib/point_bundle.h"
+#include "calib/point_clusters.h"
 #include "calib/scene_points.h"
 
 namespace mvstudio::calib {
@@ -46,8 +47,9 @@ SceneScale::Distance ParseCameraDistance(const std::string& text);
 
 struct FromSceneOptions {
   ColmapOptions colmap;
-  bool refine_intrinsics = true;  ///< focal length, k1, k2 of lenses that are not known; cameras of one image size share them
-  double reject_sigmas = 4.5;
+  bool refine_intrinsics = true;  ///< focal length, k1, k2 of lenses that are not known; cameras of one image size share
+                                  ///< them, unless held-out points say otherwise
+  double reject_sigmas = 6;
 };
 
 template <class Visitor>
@@ -64,8 +66,10 @@ struct FromSceneReport {
   geometry::Rig rig;                 ///< with covariances, when the status allows
   std::vector<std::string> missing;  ///< cameras that could not be placed
   PointBundleReport bundle;
+  bool own_lenses = false;         ///< held-out points say that cameras whose lenses were not known do not share one
   int num_points = 0;              ///< with at least two kept observations
   std::vector<int> num_seen;       ///< per camera of the rig: kept features
+  ClusterInflation clusters;       ///< what the covariances were multiplied by, because neighbouring features err together
   double feature_sigma_px = 0;     ///< standard deviation of a feature per coordinate, as estimated
   double colmap_rms_px = 0;        ///< 2-D RMS of all features before our adjustment, with colmap's cameras
   std::vector<std::string> gross;  ///< known points that disagree

@@ -21,6 +21,7 @@ Status SolvePool(const BundleOptions& options, LensPool* pool) {
   bundle.gauge = {Gauge::Kind::kNone, 0};
   bundle.refine_cameras = bundle.refine_boards = bundle.refine_time = false;
   bundle.refine_warp = pool->config.warp;
+  bundle.refine_stretch = pool->config.stretch;
   bundle.fix_lens.clear(), bundle.fix_camera.clear();
   pool->bundle = SolveBundle(&pool->views, &pool->state, bundle);
   pool->status = pool->bundle.status;
@@ -79,7 +80,7 @@ std::string ToString(const LensConfig& config) {
   std::string text(geometry::ToString(config.model));
   if (config.model == geometry::LensModel::kSplined)
     text += " " + std::to_string(config.spline.cols) + "x" + std::to_string(config.spline.rows);
-  return text + (config.shared ? ", shared" : "") + (config.warp ? ", bent board" : "");
+  return text + (config.shared ? ", shared" : "") + (config.warp ? ", bent board" : "") + (config.stretch ? ", stretched board" : "");
 }
 
 int NumLensParams(const LensConfig& config, int num_cameras) {
@@ -112,6 +113,7 @@ LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>
 LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOptions& options) {
   LensPool pool = start;
   pool.config = config;
+  if (!config.stretch) pool.state.board_stretch.clear();
   Eigen::VectorXd mean;
   for (size_t c = 0; c < pool.state.cameras.size(); ++c) {
     Camera& camera = pool.state.cameras[c];

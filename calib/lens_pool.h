@@ -16,6 +16,7 @@ struct LensConfig {
   geometry::SplineGrid spline;  ///< kSplined only
   bool shared = false;          ///< one lens for all cameras
   bool warp = false;            ///< boards may be bent
+  bool stretch = false;         ///< boards may be stretched
 };
 
 /// "brown4", "splined 16x11", "brown2, shared".

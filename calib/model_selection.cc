@@ -15,7 +15,6 @@ namespace {
 using geometry::LensModel;
 
 constexpr int kMinViews = 6, kMinViewsOfCamera = 3;
-constexpr double kNegligible = 0.01;     // of the held-out error
 constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
 constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
 constexpr int kMinSplineCorners = 5000;  // of one camera
@@ -105,7 +104,7 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
     const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
     LensCandidate& candidate = (*candidates)[i];
     candidate.within_one_se = difference.mean <= difference.standard_error ||
-                              candidate.relative_error <= (1 + kNegligible) * best->relative_error;
+                              candidate.relative_error <= (1 + kNegligibleGain) * best->relative_error;
     if (chosen < 0 && candidate.within_one_se) chosen = static_cast<int>(i);
   }
   if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
@@ -154,10 +153,10 @@ std::vector<LensConfig> Models(const LensPool& pool) {
 std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options) {
   const int cameras = static_cast<int>(pool.state.cameras.size());
   std::vector<LensConfig> configs = options.only;
-  for (LensConfig& config : configs) config.warp = options.warp;
+  for (LensConfig& config : configs) config.warp = options.warp, config.stretch = options.stretch;
   if (!configs.empty()) return configs;
   for (LensConfig config : options.models.empty() ? Models(pool) : options.models) {
-    config.warp = options.warp;
+    config.warp = options.warp, config.stretch = options.stretch;
     if (options.separate || cameras == 1) configs.push_back(config);
     config.shared = true;
     if (options.sharing && cameras > 1) configs.push_back(config);
@@ -194,7 +193,7 @@ double Disagreement(const LensPool& fit) {
   BundleOptions options;
   options.gauge = {Gauge::Kind::kNone, 0};
   options.refine_cameras = options.refine_boards = false;
-  options.refine_warp = fit.config.warp;
+  options.refine_warp = fit.config.warp, options.refine_stretch = fit.config.stretch;
   const RigCovariance covariance = ComputeCovariance(fit.views, fit.state, options, fit.bundle.sigma_px);
   if (covariance.status != Status::kOk) return std::numeric_limits<double>::quiet_NaN();
   const Eigen::Index n = fit.state.cameras[0].params.size();
@@ -277,25 +276,39 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
   return choice;
 }
 
-WarpChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
-  WarpChoice choice;
-  choice.reason = "too few views to see whether the board is bent";
+namespace {
+
+ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const LensConfig& with, const SelectionOptions& options,
+                        const BundleOptions& bundle, const RunContext& run) {
+  ShapeChoice choice;
+  choice.reason = "too few views to see the shape of the board";
   if (!EnoughViews(pool)) return choice;
   std::vector<LensCandidate> candidates(2);
   BundleOptions single = bundle;
   single.num_threads = 1;
-  ParallelFor(2, run.num_threads, [&](int64_t i) {
-    LensConfig config = pool.config;
-    config.warp = i == 1;
-    candidates[i] = Try(pool, config, options, single);
-  });
+  ParallelFor(2, run.num_threads, [&](int64_t i) { candidates[i] = Try(pool, i == 0 ? without : with, options, single); });
   DropFailed(&candidates);
   if (candidates.size() < 2) return choice;
-  const int index = Judge(&candidates, static_cast<int>(pool.state.cameras.size()), &choice.reason);
-  choice.bent = index == 1;
-  choice.flat_error = candidates[0].relative_error;
-  choice.bent_error = candidates[1].relative_error;
+  choice.pays = Judge(&candidates, static_cast<int>(pool.state.cameras.size()), &choice.reason) == 1;
+  choice.error_without = candidates[0].relative_error;
+  choice.error_with = candidates[1].relative_error;
   return choice;
+}
+
+}  // namespace
+
+ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+  LensConfig without = pool.config, with = pool.config;
+  without.warp = false, with.warp = true;
+  return ChooseShape(pool, without, with, options, bundle, run);
+}
+
+ShapeChoice ChooseStretch(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                          const RunContext& run) {
+  LensConfig without = pool.config, with = pool.config;
+  without.warp = with.warp = options.warp;
+  without.stretch = false, with.stretch = true;
+  return ChooseShape(pool, without, with, options, bundle, run);
 }
 
 }  // namespace mvstudio::calib

@@ -23,14 +23,17 @@ struct LensChoice {
   std::string reason;
 };
 
+inline constexpr double kNegligibleGain = 0.01;  ///< of the held-out error: not worth a number
+
 struct SelectionOptions {
   int folds = 10;
   int max_views = 60;     ///< of a camera
   bool sharing = true;    ///< also try one lens for all cameras
   bool separate = true;   ///< also try a lens for each camera
   bool warp = false;      ///< boards may be bent, under every lens
+  bool stretch = false;   ///< boards may be stretched, under every lens
   std::vector<LensConfig> models;  ///< to compare; empty: all that the field of view and the number of corners allow
-  std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (but for warp)
+  std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (but for warp and stretch)
 };
 
 /// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
@@ -41,13 +44,17 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
 /// Splined lenses with control grids of 8, 11 and 16 columns over the field of view that the corners fill.
 std::vector<LensConfig> SplinedConfigs(const LensPool& pool);
 
-/// Do the boards bend? The same judgement for the fits of `pools` with and without two numbers a board; `reason` says why. All
-/// pools share their boards.
-struct WarpChoice {
-  bool bent = false;
-  double flat_error = 0, bent_error = 0;  ///< relative, as in LensCandidate
+/// Two numbers a board, judged with and without them as lenses are; `reason` says why.
+struct ShapeChoice {
+  bool pays = false;
+  double error_without = 0, error_with = 0;  ///< relative, as in LensCandidate
   std::string reason;
 };
-WarpChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+
+/// Do the boards bend? Under the pool's lens. All views share their boards.
+ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+
+/// Are they stretched: sides not square to each other, or longer one way than the other? Bent or not as `options.warp` says.
+ShapeChoice ChooseStretch(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
 
 }  // namespace mvstudio::calib

@@ -4,13 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opengv/absolute_pose/CentralAbsoluteAdapter.hpp>
-#include <opengv/absolute_pose/NoncentralAbsoluteAdapter.hpp>
-#include <opengv/absolute_pose/methods.hpp>
 
 #include "calib/point_bundle.h"
+#include "calib/point_resection_internal.h"
 #include "core/check.h"
-#include "core/random.h"
 #include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
@@ -20,30 +17,6 @@ namespace {
 using geometry::Rigid3;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMaxTriples = 1500;
-
-/// What a fit works on.
-struct Problem {
-  std::vector<PointClick> clicks;
-  Eigen::Matrix3Xd x_in_world;
-  std::vector<Rigid3> cam_from_rig;
-  std::vector<geometry::Camera> cameras;
-  std::vector<Eigen::MatrixXd> directions;  ///< per camera, see PointBundleOptions; all empty unless the lens is refined
-  Rigid3 rig_from_world;
-};
-
-Eigen::Matrix2Xd Residuals(const Problem& problem) {
-  Eigen::Matrix2Xd residuals(2, static_cast<Eigen::Index>(problem.clicks.size()));
-  for (size_t i = 0; i < problem.clicks.size(); ++i) {
-    const PointClick& click = problem.clicks[i];
-    const auto c = static_cast<size_t>(click.camera_idx);
-    const Eigen::Vector3d x_in_rig = problem.rig_from_world * Eigen::Vector3d(problem.x_in_world.col(click.point_idx));
-    Eigen::Vector2d px;
-    const bool ok = geometry::ProjectLens(problem.cameras[c], problem.cam_from_rig[c] * x_in_rig, &px, nullptr);
-    residuals.col(static_cast<Eigen::Index>(i)) = ok ? Eigen::Vector2d(px - click.px) : Eigen::Vector2d(kInfinity, kInfinity);
-  }
-  return residuals;
-}
 
 /// Normal equations over (pose 6, lens directions of all cameras).
 struct Normal {
@@ -52,7 +25,7 @@ struct Normal {
   Eigen::VectorXd g;
 };
 
-bool Linearize(const Problem& problem, const std::vector<bool>& used, Normal* out) {
+bool Linearize(const ResectionProblem& problem, const std::vector<bool>& used, Normal* out) {
   Eigen::Index size = 6;
   std::vector<Eigen::Index> column;
   for (const Eigen::MatrixXd& d : problem.directions) column.push_back(size), size += d.cols();
@@ -81,8 +54,8 @@ bool Linearize(const Problem& problem, const std::vector<bool>& used, Normal* ou
   return std::isfinite(out->cost);
 }
 
-Problem Moved(const Problem& problem, const Eigen::VectorXd& step) {
-  Problem moved = problem;
+ResectionProblem Moved(const ResectionProblem& problem, const Eigen::VectorXd& step) {
+  ResectionProblem moved = problem;
   moved.rig_from_world = geometry::Perturb(step.head<6>(), problem.rig_from_world);
   Eigen::Index column = 6;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
@@ -94,7 +67,7 @@ Problem Moved(const Problem& problem, const Eigen::VectorXd& step) {
 }
 
 /// Levenberg-Marquardt over the used clicks; false when it does not converge.
-bool Refine(const std::vector<bool>& used, Problem* problem, Normal* at_end) {
+bool Refine(const std::vector<bool>& used, ResectionProblem* problem, Normal* at_end) {
   Normal now;
   if (!Linearize(*problem, used, &now)) return false;
   double damping = 1e-4;
@@ -107,7 +80,7 @@ bool Refine(const std::vector<bool>& used, Problem* problem, Normal* at_end) {
       *at_end = now;
       return true;
     }
-    const Problem trial = Moved(*problem, step);
+    const ResectionProblem trial = Moved(*problem, step);
     Normal next;
     if (step.allFinite() && Linearize(trial, used, &next) && next.cost < now.cost) {
       problem->rig_from_world = trial.rig_from_world;
@@ -124,111 +97,8 @@ bool Refine(const std::vector<bool>& used, Problem* problem, Normal* at_end) {
   return false;
 }
 
-/// Rays and points for OpenGV, of the clicks whose pixels a lens can have.
-struct Bearings {
-  opengv::bearingVectors_t rays;
-  opengv::points_t points;
-  std::vector<int> cameras, clicks;
-};
-
-Bearings ToBearings(const Problem& problem) {
-  std::vector<geometry::Projector> projectors;
-  for (const geometry::Camera& camera : problem.cameras) projectors.emplace_back(camera);
-  Bearings out;
-  for (size_t i = 0; i < problem.clicks.size(); ++i) {
-    const PointClick& click = problem.clicks[i];
-    const geometry::Unprojection ray = projectors[static_cast<size_t>(click.camera_idx)].Unproject(click.px);
-    if (ray.status != Status::kOk) continue;
-    out.rays.push_back(ray.ray_in_cam);
-    out.points.push_back(problem.x_in_world.col(click.point_idx));
-    out.cameras.push_back(click.camera_idx);
-    out.clicks.push_back(static_cast<int>(i));
-  }
-  return out;
-}
-
-std::vector<Rigid3> FromOpenGv(const opengv::transformations_t& world_from_rig) {
-  std::vector<Rigid3> poses;
-  for (const opengv::transformation_t& m : world_from_rig) {
-    if (!m.allFinite() || !(m.leftCols<3>().determinant() > 0.5)) continue;
-    Rigid3 pose;
-    pose.rotation = geometry::NearestRotation(m.leftCols<3>());
-    pose.translation = m.col(3);
-    poses.push_back(geometry::Inverse(pose));
-  }
-  return poses;
-}
-
-/// Poses rig_from_world that three clicks allow.
-std::vector<Rigid3> FromTriple(const Problem& problem, const Bearings& b, const std::vector<int>& triple) {
-  opengv::bearingVectors_t rays;
-  opengv::points_t points;
-  std::vector<int> cameras;
-  for (const int i : triple) {
-    const auto k = static_cast<size_t>(i);
-    rays.push_back(b.rays[k]), points.push_back(b.points[k]), cameras.push_back(b.cameras[k]);
-  }
-  const bool central = cameras[0] == cameras[1] && cameras[1] == cameras[2];
-  if (central) {
-    opengv::absolute_pose::CentralAbsoluteAdapter adapter(rays, points);
-    std::vector<Rigid3> poses = FromOpenGv(opengv::absolute_pose::p3p_kneip(adapter, std::vector<int>{0, 1, 2}));
-    const Rigid3 rig_from_cam = geometry::Inverse(problem.cam_from_rig[static_cast<size_t>(cameras[0])]);
-    for (Rigid3& pose : poses) pose = rig_from_cam * pose;
-    return poses;
-  }
-  opengv::translations_t offsets;
-  opengv::rotations_t rotations;
-  for (const Rigid3& cam_from_rig : problem.cam_from_rig) {
-    const Rigid3 rig_from_cam = geometry::Inverse(cam_from_rig);
-    offsets.push_back(rig_from_cam.translation);
-    rotations.push_back(rig_from_cam.rotation.toRotationMatrix());
-  }
-  opengv::absolute_pose::NoncentralAbsoluteAdapter adapter(rays, cameras, points, offsets, rotations);
-  return FromOpenGv(opengv::absolute_pose::gp3p(adapter, std::vector<int>{0, 1, 2}));
-}
-
-std::vector<std::vector<int>> Triples(int n) {
-  std::vector<std::vector<int>> triples;
-  const int64_t all = static_cast<int64_t>(n) * (n - 1) * (n - 2) / 6;
-  if (all <= kMaxTriples) {
-    for (int a = 0; a < n; ++a)
-      for (int b = a + 1; b < n; ++b)
-        for (int c = b + 1; c < n; ++c) triples.push_back({a, b, c});
-    return triples;
-  }
-  Rng rng(1);
-  while (triples.size() < kMaxTriples) {
-    const int a = static_cast<int>(rng.Index(n)), b = static_cast<int>(rng.Index(n)), c = static_cast<int>(rng.Index(n));
-    if (a != b && b != c && a != c) triples.push_back({a, b, c});
-  }
-  return triples;
-}
-
-/// The pose whose error at the click just past the middle is least.
-bool FindStart(Problem* problem, double* middle_px) {
-  const Bearings bearings = ToBearings(*problem);
-  const auto n = static_cast<int>(bearings.clicks.size());
-  if (n < 4) return false;
-  const size_t rank = std::min<size_t>(problem->clicks.size() - 1, std::max<size_t>(3, (problem->clicks.size() + 3) / 2));
-  Problem trial = *problem;
-  *middle_px = kInfinity;
-  for (const std::vector<int>& triple : Triples(n)) {
-    for (const Rigid3& pose : FromTriple(*problem, bearings, triple)) {
-      trial.rig_from_world = pose;
-      const Eigen::Matrix2Xd residuals = Residuals(trial);
-      Eigen::VectorXd lengths = residuals.colwise().norm().transpose();
-      std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(rank), lengths.end());
-      const double middle = lengths[static_cast<Eigen::Index>(rank)];
-      if (!(middle < *middle_px)) continue;
-      *middle_px = middle;
-      problem->rig_from_world = pose;
-    }
-  }
-  return std::isfinite(*middle_px);
-}
-
-std::vector<bool> Within(const Problem& problem, double limit_px) {
-  const Eigen::Matrix2Xd residuals = Residuals(problem);
+std::vector<bool> Within(const ResectionProblem& problem, double limit_px) {
+  const Eigen::Matrix2Xd residuals = ResectionResiduals(problem);
   std::vector<bool> within;
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) within.push_back(residuals.col(i).norm() <= limit_px);
   return within;
@@ -237,7 +107,7 @@ std::vector<bool> Within(const Problem& problem, double limit_px) {
 int Count(const std::vector<bool>& flags) { return static_cast<int>(std::count(flags.begin(), flags.end(), true)); }
 
 /// Adjusts and rejects in turn until the kept clicks stay the same.
-bool FitRobustly(double click_sigma_px, double middle_px, Problem* problem, std::vector<bool>* used, Normal* normal) {
+bool FitRobustly(double click_sigma_px, double middle_px, ResectionProblem* problem, std::vector<bool>* used, Normal* normal) {
   constexpr double kFarInSigmas = 4.5;
   // A minimal pose errs at the other clicks by more than a click does.
   *used = Within(*problem, std::max(3 * middle_px, 3 * kFarInSigmas * click_sigma_px));
@@ -254,16 +124,16 @@ bool FitRobustly(double click_sigma_px, double middle_px, Problem* problem, std:
 }
 
 /// Errors of the used clicks when each is left out of the fit.
-std::vector<double> LeaveOneOut(const Problem& problem, const std::vector<bool>& used) {
+std::vector<double> LeaveOneOut(const ResectionProblem& problem, const std::vector<bool>& used) {
   std::vector<double> errors;
   for (size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
     std::vector<bool> others = used;
     others[i] = false;
-    Problem fit = problem;
+    ResectionProblem fit = problem;
     Normal normal;
     const bool ok = Refine(others, &fit, &normal);
-    errors.push_back(ok ? Residuals(fit).col(static_cast<Eigen::Index>(i)).norm() : kInfinity);
+    errors.push_back(ok ? ResectionResiduals(fit).col(static_cast<Eigen::Index>(i)).norm() : kInfinity);
   }
   return errors;
 }
@@ -275,7 +145,7 @@ double Rms(const std::vector<double>& errors) {
 }
 
 /// Extent of the points that were clicked along their principal axes, largest first.
-Eigen::Vector3d Extents(const Problem& problem, const std::vector<bool>& used) {
+Eigen::Vector3d Extents(const ResectionProblem& problem, const std::vector<bool>& used) {
   std::vector<int> points;
   for (size_t i = 0; i < used.size(); ++i) {
     if (used[i]) points.push_back(problem.clicks[i].point_idx);
@@ -290,14 +160,14 @@ Eigen::Vector3d Extents(const Problem& problem, const std::vector<bool>& used) {
 }
 
 /// Frees the focal length, then k1, while leaving out points one by one shows that it pays.
-std::string RefineLens(const std::vector<bool>& used, std::vector<double>* errors, Problem* problem, Normal* normal) {
+std::string RefineLens(const std::vector<bool>& used, std::vector<double>* errors, ResectionProblem* problem, Normal* normal) {
   const Eigen::Vector3d extents = Extents(*problem, used);
   if (problem->cameras.size() > 1) return "lenses of a rigid group are kept";
   if (extents[2] < 0.05 * extents[0]) return "lens kept: the points are nearly coplanar, which does not fix a focal length";
   std::string reason = "lens kept: left-out points get no better with the focal length free";
   geometry::Camera& camera = problem->cameras[0];
   for (int distortion = 0; distortion <= 1; ++distortion) {
-    Problem candidate = *problem;
+    ResectionProblem candidate = *problem;
     if (distortion == 1 && camera.model == geometry::LensModel::kPinhole) {
       candidate.cameras[0].model = geometry::LensModel::kBrown1;
       candidate.cameras[0].params.conservativeResizeLike(Eigen::VectorXd::Zero(5));
@@ -332,7 +202,7 @@ int DistinctPoints(const std::vector<PointClick>& clicks) {
   return static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin());
 }
 
-void FillCovariance(const Problem& problem, const Normal& normal, double sigma_px, PointResection* out) {
+void FillCovariance(const ResectionProblem& problem, const Normal& normal, double sigma_px, PointResection* out) {
   const Eigen::MatrixXd covariance = sigma_px * sigma_px * normal.h.inverse();
   out->covariance = covariance.topLeftCorner<6, 6>();
   out->params_covariance.resize(problem.cameras.size());
@@ -345,7 +215,7 @@ void FillCovariance(const Problem& problem, const Normal& normal, double sigma_p
 }
 
 /// Distance of the nearest used point and the largest standard deviation of the centre.
-bool IsDetermined(const Problem& problem, const std::vector<bool>& used, const PointResection& out) {
+bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used, const PointResection& out) {
   double nearest = kInfinity;
   for (size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
@@ -372,7 +242,7 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   const int distinct = DistinctPoints(clicks);
   if (distinct < 4)
     return Refuse(Status::kTooFewViews, std::to_string(distinct) + " points are marked; at least 4 are needed", clicks.size());
-  Problem problem{clicks, x_in_world, {}, {}, {}, {}};
+  ResectionProblem problem{clicks, x_in_world, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig) {
     problem.cam_from_rig.push_back(camera.cam_from_world);
     problem.cameras.push_back(camera.camera);
@@ -384,7 +254,7 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   double middle_px = 0;
   std::vector<bool> used;
   Normal normal;
-  if (!FindStart(&problem, &middle_px))
+  if (!FindResectionStart(&problem, &middle_px))
     return Refuse(Status::kDegenerate, "no pose of the camera fits the marked points", clicks.size());
   if (!FitRobustly(options.click_sigma_px, middle_px, &problem, &used, &normal))
     return Refuse(Status::kNotConverged, "the pose could not be fitted to the marked points: too many of them disagree",
@@ -399,7 +269,7 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   out.leave_one_out_px = out.num_used >= 5 ? Rms(errors) : std::numeric_limits<double>::quiet_NaN();
   out.rig_from_world = problem.rig_from_world;
   out.cameras = problem.cameras;
-  out.residuals_px = Residuals(problem);
+  out.residuals_px = ResectionResiduals(problem);
   for (const bool u : used) out.rejected.push_back(!u);
   out.rms_px = std::sqrt(normal.cost / out.num_used);
   const int freedom = 2 * out.num_used - static_cast<int>(normal.g.size());

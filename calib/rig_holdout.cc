@@ -3,10 +3,13 @@
 #include <cstdio>
 #include <limits>
 #include <map>
+#include <set>
+#include <utility>
 
 #include "calib/calibrate_steps.h"
 #include "calib/homography.h"
 #include "calib/resection.h"
+#include "core/error.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -83,44 +86,97 @@ std::vector<double> RigErrors(const std::vector<View>& views, const RigState& st
   return errors;
 }
 
-bool TimeOffsetsPay(const Work& work, const BundleOptions& bundle, std::string* reason) {
-  constexpr int kFolds = 4;
-  const double cap_px = 6 * std::max(1e-6, MedianOf(ErrorsOf(work.views, work.state)));
+namespace {
+
+constexpr int kTimeRounds = 3;  // the boards' motion follows from their poses
+constexpr int kMinMovingFrames = 8;
+
+/// Frames whose boards' motion is known from their neighbours.
+int NumMovingFrames(const Work& work) {
+  RigState state = work.state;
+  EstimateVelocities(work.views, &state);
+  std::set<int> frames;
+  for (const View& view : work.views) {
+    if ((view.weights.array() > 0).any() && !state.board_velocity[view.frame].isZero()) frames.insert(view.frame);
+  }
+  return static_cast<int>(frames.size());
+}
+
+/// Squared errors per frame of one fold, with and without time offsets, lenses and cameras from the other folds.
+void ScoreFold(const Work& work, int fold, int folds, double cap_px, std::vector<std::pair<double, double>>* scores) {
+  std::vector<View> train, test;
+  for (const View& view : work.views) (view.frame % folds == fold ? test : train).push_back(view);
+  std::map<int, double> errors[2];
+  RigState state = work.state;
+  for (int with = 0; with < 2; ++with) {
+    std::vector<View> views = train;
+    BundleOptions options = work.bundle;
+    options.reject_outliers = false;
+    options.cost_tolerance = 1e-7;
+    options.refine_time = with == 1;
+    if (options.gauge.kind == Gauge::Kind::kBoard) options.gauge = {Gauge::Kind::kCamera, 0};
+    for (int round = 0; round < (with ? kTimeRounds : 1); ++round) SolveBundle(&views, &state, options);
+    errors[with] = FrameScores(test, state, cap_px);
+  }
+  for (const auto& [frame, score] : errors[0]) {
+    const auto other = errors[1].find(frame);
+    if (other != errors[1].end()) scores->emplace_back(score, other->second);
+  }
+}
+
+/// The rule of lens models: offsets are simpler left out unless the gain is more than its standard error and worth a number.
+bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std::string* reason) {
   double sum = 0, squares = 0, before = 0;
-  int n = 0;
-  for (int fold = 0; fold < kFolds; ++fold) {
-    std::vector<View> train, test;
-    for (const View& view : work.views) (view.frame % kFolds == fold ? test : train).push_back(view);
-    std::map<int, double> scores[2];
-    for (int with = 0; with < 2; ++with) {
-      RigState state = work.state;
-      std::vector<View> views = train;
-      BundleOptions options = bundle;
-      options.reject_outliers = false;
-      options.cost_tolerance = 1e-7;
-      options.refine_time = with == 1;
-      if (options.gauge.kind == Gauge::Kind::kBoard) options.gauge = {Gauge::Kind::kCamera, 0};
-      for (int round = 0; round <= 2 * with; ++round) SolveBundle(&views, &state, options);
-      scores[with] = FrameScores(test, state, cap_px);
-    }
-    for (const auto& [frame, score] : scores[0]) {
-      const auto other = scores[1].find(frame);
-      if (other == scores[1].end()) continue;
-      const double difference = score - other->second;
-      sum += difference, squares += difference * difference, before += score, ++n;
-    }
-  }
-  if (n < 8) {
-    *reason = "too few frames to judge time offsets";
-    return false;
-  }
-  const double mean = sum / n, error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
-  const bool pays = mean > error;
+  for (const auto& [without, with] : scores) sum += without - with, squares += (without - with) * (without - with), before += without;
+  const double n = static_cast<double>(scores.size()), mean = sum / n;
+  const double error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
+  const bool pays = mean > error && std::sqrt(1 - sum / before) < 1 - kNegligibleGain;
   char text[200];
   std::snprintf(text, sizeof text, "time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s",
                 -100 * sum / before, 100 * error * n / before, pays ? "estimated" : "left out");
   *reason = text;
   return pays;
+}
+
+}  // namespace
+
+BundleReport SolveWithTimeOffsets(Work* work) {
+  BundleReport report;
+  work->bundle.refine_time = true;
+  for (int round = 0; round < kTimeRounds; ++round) {
+    for (size_t v = 0; v < work->views.size(); ++v) {
+      if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
+    }
+    report = SolveBundle(&work->views, &work->state, work->bundle);
+    if (report.status != Status::kOk) break;
+  }
+  return report;
+}
+
+bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason) {
+  if (options.time_offset != "auto" && options.time_offset != "on" && options.time_offset != "none")
+    throw UsageError("--time-offset " + options.time_offset + ": expected auto, on or none");
+  if (options.time_offset == "none" || options.intrinsics_only) return false;
+  *reason = options.engine == "mrcal" ? "mrcal knows no time offsets" : "asked for";
+  if (options.engine == "mrcal" || options.time_offset == "on") return options.engine != "mrcal";
+  if (NumMovingFrames(work) < kMinMovingFrames) {
+    *reason = "too few frames follow upon each other to judge time offsets";
+    return false;
+  }
+  Work quick = work;
+  quick.bundle.reject_outliers = false;
+  quick.bundle.refine_time = true;
+  quick.bundle.cost_tolerance = 1e-5;
+  const BundleReport all = SolveBundle(&quick.views, &quick.state, quick.bundle);
+  *reason = "time offsets do not lower the residuals: left out";
+  if (!(all.sigma_px < (1 - kNegligibleGain) * sigma_px)) return false;
+  constexpr int kFolds = 4;
+  const double cap_px = 6 * std::max(1e-6, MedianOf(ErrorsOf(work.views, work.state)));
+  std::vector<std::pair<double, double>> scores;
+  for (int fold = 0; fold < kFolds; ++fold) ScoreFold(work, fold, kFolds, cap_px, &scores);
+  if (scores.size() >= kMinMovingFrames) return JudgeTimeOffsets(scores, reason);
+  *reason = "too few frames to judge time offsets";
+  return false;
 }
 
 }  // namespace mvstudio::calib::internal

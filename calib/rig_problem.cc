@@ -46,11 +46,12 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
   const size_t cameras = state.cameras.size(), boards = state.rig_from_board.size();
   RigColumns columns;
   columns.lens.assign(cameras, -1), columns.first_param.assign(cameras, 0), columns.camera.assign(cameras, -1);
-  columns.board.assign(boards, -1), columns.warp.assign(boards, -1), columns.time.assign(cameras, -1);
-  std::vector<bool> camera_seen(cameras, false), board_seen(boards, false);
+  columns.board.assign(boards, -1), columns.warp.assign(boards, -1), columns.stretch.assign(boards, -1), columns.time.assign(cameras, -1);
+  std::vector<bool> camera_seen(cameras, false), board_seen(boards, false), motion_seen(cameras, false);
   for (const View& view : views) {
     if (!(view.weights.array() > 0).any()) continue;
     camera_seen[view.camera_idx] = board_seen[view.board] = true;
+    if (!state.board_velocity.empty() && !state.board_velocity[view.frame].isZero()) motion_seen[view.camera_idx] = true;
   }
   std::map<int, int> of_group;
   for (size_t c = 0; c < cameras; ++c) {
@@ -64,12 +65,13 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
     }
     const bool gauge = options.gauge.kind == Gauge::Kind::kCamera && options.gauge.index == static_cast<int>(c);
     if (options.refine_cameras && !gauge && !Flag(options.fix_camera, c)) columns.camera[c] = columns.total, columns.total += 6;
-    if (options.refine_time && c > 0) columns.time[c] = columns.total++;
+    if (options.refine_time && c > 0 && motion_seen[c]) columns.time[c] = columns.total++;
   }
   for (size_t b = 0; b < boards; ++b) {
     if (!board_seen[b]) continue;
     if (options.refine_boards && b > 0 && !Flag(options.fix_board, b)) columns.board[b] = columns.total, columns.total += 6;
     if (options.refine_warp) columns.warp[b] = columns.total, columns.total += 2;
+    if (options.refine_stretch && !state.board_stretch.empty()) columns.stretch[b] = columns.total, columns.total += 2;
   }
   return columns;
 }
@@ -100,7 +102,7 @@ RigProblem::RigProblem(const std::vector<View>& views, const RigState& state, co
     for (const View* view : list) {
       use(columns_.lens[view->camera_idx], columns_.num_lens(view->camera_idx, state));
       use(columns_.camera[view->camera_idx], 6), use(columns_.time[view->camera_idx], 1);
-      use(columns_.board[view->board], 6), use(columns_.warp[view->board], 2);
+      use(columns_.board[view->board], 6), use(columns_.warp[view->board], 2), use(columns_.stretch[view->board], 2);
     }
     std::vector<int> columns, position(columns_.total, -1);
     for (int i = 0; i < columns_.total; ++i) {
@@ -134,6 +136,7 @@ void RigProblem::Try(const Eigen::VectorXd& global, const Eigen::MatrixXd& block
     if (columns_.board[b] >= 0)
       trial_.rig_from_board[b] = geometry::Perturb(global.segment<6>(columns_.board[b]), state_.rig_from_board[b]);
     if (columns_.warp[b] >= 0) trial_.board_warp_m[b] += global.segment<2>(columns_.warp[b]);
+    if (columns_.stretch[b] >= 0) trial_.board_stretch[b] += global.segment<2>(columns_.stretch[b]);
   }
   for (size_t i = 0; i < frames_.size(); ++i)
     trial_.world_from_board[frames_[i]] = geometry::Perturb(blocks.col(i), state_.world_from_board[frames_[i]]);
@@ -175,16 +178,27 @@ bool RigProblem::LinearizeFrame(int block, SchurSystem* system, Partial* partial
 
 namespace {
 
+/// Most numbers besides the lens that a view's corners meet.
+constexpr int kMaxRest = 10;
+using RestRows = Eigen::Matrix<double, 2, kMaxRest>;
+
 /// Derivatives of one view by its lens (dense part only) and by the rest: the pose of its board in the camera (6) and, where
-/// wanted, the bend (2). Splined lenses are summed up corner by corner, since a corner meets 18 of their hundreds of numbers.
+/// wanted, the bend (2) and the stretch (2). Splined lenses are summed up corner by corner, since a corner meets 18 of their hundreds of numbers.
 struct ViewSums {
   const geometry::Camera& camera;
   int first_param, num_lens, lens_column, num_rest;
 };
 
+/// Of a corner's place on its board by shear and aspect.
+Eigen::Matrix2d StretchDerivative(const Eigen::Vector3d& x_in_board) {
+  Eigen::Matrix2d d;
+  d << x_in_board.y(), x_in_board.x(), x_in_board.x(), -x_in_board.y();
+  return d;
+}
+
 /// h += d^T d of the lens numbers that one corner meets, lens_rest += d^T rest.
 void AddSparseCorner(const ViewSums& sums, const geometry::LensDerivatives& d, double scale, const Eigen::Vector2d& residual,
-                     const Eigen::Matrix<double, 2, 8>& rest, Eigen::MatrixXd* h, Eigen::VectorXd* g,
+                     const RestRows& rest, Eigen::MatrixXd* h, Eigen::VectorXd* g,
                      Eigen::MatrixXd* lens_rest) {
   for (int row = 0; row < 2; ++row) {
     int index[geometry::LensDerivatives::kMax];
@@ -209,12 +223,12 @@ void AddSparseCorner(const ViewSums& sums, const geometry::LensDerivatives& d, d
 bool RigProblem::AddView(const View& view, int block, SchurSystem* system, Partial* partial) const {
   const int c = view.camera_idx, b = view.board, num_lens = columns_.num_lens(c, trial_);
   const geometry::Camera& camera = trial_.cameras[c];
-  const bool warp = columns_.warp[b] >= 0, sparse = num_lens > 0 && IsSplined(camera);
-  const int num_rest = warp ? 8 : 6, dense_lens = sparse ? 0 : num_lens, width = dense_lens + num_rest;
+  const bool warp = columns_.warp[b] >= 0, stretch = columns_.stretch[b] >= 0, sparse = num_lens > 0 && IsSplined(camera);
+  const int num_rest = 6 + 2 * warp + 2 * stretch, dense_lens = sparse ? 0 : num_lens, width = dense_lens + num_rest;
   const Index n = view.size();
   const Rigid3 cam_from_board = CamFromBoard(view, trial_);
   const Eigen::Matrix3d rotation = cam_from_board.rotation.toRotationMatrix();
-  const Eigen::Vector2d bend = trial_.board_warp_m[b];
+  const Eigen::Matrix3Xd corners = BentCorners(view, trial_);
   const ViewSums sums{camera, columns_.first_param[c], num_lens, columns_.lens[c], num_rest};
   partial->rows.setZero(2 * n, width);
   partial->residuals.setZero(2 * n);
@@ -222,18 +236,17 @@ bool RigProblem::AddView(const View& view, int block, SchurSystem* system, Parti
   geometry::LensDerivatives d;
   for (Index i = 0; i < n; ++i) {
     if (view.weights[i] <= 0) continue;
-    Eigen::Vector3d x = view.x_in_board.col(i);
-    x.z() += bend.dot(view.warp_basis.col(i));
-    const Eigen::Vector3d turned = rotation * x;
+    const Eigen::Vector3d turned = rotation * corners.col(i);
     Eigen::Vector2d px;
     if (!geometry::ProjectLens(camera, turned + cam_from_board.translation, &px, &d)) return false;
     const double scale = std::sqrt(view.weights[i]);
     const Eigen::Matrix<double, 2, 3> d_x = scale * d.d_px_d_x_in_cam;
     const Eigen::Vector2d residual = scale * (px - view.px.col(i));
-    Eigen::Matrix<double, 2, 8> rest;
+    RestRows rest;
     rest.leftCols<3>() = -d_x * geometry::CrossMatrix(turned);
     rest.middleCols<3>(3) = d_x;
-    rest.rightCols<2>() = (d_x * rotation.col(2)) * view.warp_basis.col(i).transpose();
+    if (warp) rest.middleCols<2>(6) = (d_x * rotation.col(2)) * view.warp_basis.col(i).transpose();
+    if (stretch) rest.middleCols<2>(num_rest - 2) = d_x * rotation.leftCols<2>() * StretchDerivative(view.x_in_board.col(i));
     partial->residuals.segment<2>(2 * i) = residual;
     if (sparse) AddSparseCorner(sums, d, scale, residual, rest, &partial->h, &partial->g, &partial->lens_rest);
     for (int k = 0; k < dense_lens; ++k) partial->rows.block<2, 1>(2 * i, k) = scale * d.d_px.col(k);
@@ -267,7 +280,7 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
     motion.topLeftCorner<3, 3>() = geometry::RotationExp(step.head<3>()).toRotationMatrix();
   }
   const Matrix6 by_moved_board = FactorToProduct(cam, world_from_board, rig);
-  Eigen::MatrixXd map(num_rest, 6 + 6 + 6 + 2 + 1);  // eliminated board first, then the global unknowns
+  Eigen::MatrixXd map(num_rest, 6 + 6 + 6 + 1 + 2 + 2);  // eliminated board first, then the global unknowns
   map.setZero();
   std::vector<int> ids;
   map.topLeftCorner<6, 6>() = by_moved_board * motion;
@@ -281,10 +294,12 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
   append(columns_.camera[c], FactorToProduct(Rigid3(), cam, world_from_board * rig));
   append(columns_.board[b], FactorToProduct(cam * world_from_board, rig, Rigid3()));
   if (moved) append(columns_.time[c], Eigen::Matrix<double, 6, 1>(by_moved_board * trial_.board_velocity[view.frame]));
-  if (columns_.warp[b] >= 0) {
-    map.block<2, 2>(6, used).setIdentity();
-    for (int i = 0; i < 2; ++i) ids.push_back(columns_.warp[b] + i);
-    used += 2;
+  int row = 6;
+  for (int column : {columns_.warp[b], columns_.stretch[b]}) {
+    if (column < 0) continue;
+    map.block<2, 2>(row, used).setIdentity();
+    for (int i = 0; i < 2; ++i) ids.push_back(column + i);
+    used += 2, row += 2;
   }
   const Eigen::MatrixXd rest = partial->rest_rest * map.leftCols(used);
   const Eigen::MatrixXd all = map.leftCols(used).transpose() * rest, lens = partial->lens_rest * map.leftCols(used);

@@ -16,6 +16,7 @@ struct RigColumns {
   std::vector<int> camera;       ///< per camera: first of six
   std::vector<int> board;        ///< per board: first of six of rig_from_board; -1 for the first board
   std::vector<int> warp;         ///< per board: first of two
+  std::vector<int> stretch;      ///< per board: first of two
   std::vector<int> time;         ///< per camera: its time offset
   int total = 0;
 

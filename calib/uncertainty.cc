@@ -61,6 +61,7 @@ std::vector<Group> MakeGroups(const RigState& state, const RigColumns& columns) 
     const std::string of = " of board " + std::to_string(b);
     if (columns.board[b] >= 0) groups.push_back(Range("place" + of, columns.board[b], 6, -1));
     if (columns.warp[b] >= 0) groups.push_back(Range("bend" + of, columns.warp[b], 2, -1));
+    if (columns.stretch[b] >= 0) groups.push_back(Range("stretch" + of, columns.stretch[b], 2, -1));
   }
   return groups;
 }

@@ -84,18 +84,33 @@ View HalfOf(const View& view, int first) {
   return half;
 }
 
+namespace {
+
+Rigid3 MovedBoard(int camera_idx, int frame, const RigState& state) {
+  const Rigid3& world_from_board = state.world_from_board[frame];
+  if (state.time_offset_frames.empty()) return world_from_board;
+  return geometry::Perturb(state.time_offset_frames[camera_idx] * state.board_velocity[frame], world_from_board);
+}
+
+}  // namespace
+
+Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state) {
+  if (state.time_offset_frames.empty()) return {};
+  return MovedBoard(camera_idx, frame, state) * geometry::Inverse(state.world_from_board[frame]);
+}
+
 Rigid3 CamFromBoard(const View& view, const RigState& state) {
-  Rigid3 world_from_board = state.world_from_board[view.frame];
-  if (!state.time_offset_frames.empty()) {
-    world_from_board =
-        geometry::Perturb(state.time_offset_frames[view.camera_idx] * state.board_velocity[view.frame], world_from_board);
-  }
-  return state.cam_from_world[view.camera_idx] * (world_from_board * state.rig_from_board[view.board]);
+  return state.cam_from_world[view.camera_idx] *
+         (MovedBoard(view.camera_idx, view.frame, state) * state.rig_from_board[view.board]);
 }
 
 Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state) {
   Eigen::Matrix3Xd corners = view.x_in_board;
   corners.row(2) += state.board_warp_m[view.board].transpose() * view.warp_basis;
+  if (state.board_stretch.empty()) return corners;
+  const double shear = state.board_stretch[view.board].x(), aspect = state.board_stretch[view.board].y();
+  corners.row(0) += aspect * view.x_in_board.row(0) + shear * view.x_in_board.row(1);
+  corners.row(1) += shear * view.x_in_board.row(0) - aspect * view.x_in_board.row(1);
   return corners;
 }
 

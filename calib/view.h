@@ -34,6 +34,7 @@ struct RigState {
   std::vector<geometry::Rigid3> world_from_board;  // per frame: pose of the first board
   std::vector<geometry::Rigid3> rig_from_board = {geometry::Rigid3()};  // per board: first board from it; boards are rigid
   std::vector<Eigen::Vector2d> board_warp_m = {Eigen::Vector2d::Zero()};  // per board, see WarpBasis
+  std::vector<Eigen::Vector2d> board_stretch;  // per board: shear s and aspect a, x' = (1 + a) x + s y, y' = s x + (1 - a) y; empty: none
   std::vector<double> time_offset_frames;             // per camera: its instant minus that of the frame; empty: none
   std::vector<geometry::Vector6d> board_velocity;     // per frame, needed with time offsets: perturbation per frame
   std::vector<int> lens_group;  // per camera: cameras of one group share all parameters; empty: each its own
@@ -53,10 +54,14 @@ std::vector<View> MakeViews(const std::vector<Board>& boards, const std::vector<
 /// Every second corner of a view, from `first` (0 or 1).
 View HalfOf(const View& view, int first);
 
-/// Pose of the view's board in its camera: cam_from_world * world_from_board (moved by the time offset) * rig_from_board.
+/// Motion of the boards, in world, from the instant of a frame to that of a camera's picture of it (RigState::time_offset_frames
+/// times board_velocity); identity without time offsets.
+geometry::Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state);
+
+/// Pose of the view's board in its camera: cam_from_world * BoardMotion * world_from_board * rig_from_board.
 geometry::Rigid3 CamFromBoard(const View& view, const RigState& state);
 
-/// Corners (3, N) of the view on the bent board, metres.
+/// Corners (3, N) of the view on the bent and stretched board, metres.
 Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state);
 
 /// Residuals (projection minus observation, px) and their derivatives with respect to the camera's parameters and to a left

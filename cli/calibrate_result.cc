@@ -153,6 +153,9 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   if (!report.board_warp_m.empty())
     m["board_warp_mm"] = {Number(1e3 * report.board_warp_m[0].x()), Number(1e3 * report.board_warp_m[0].y())};
   m["board_warp_reason"] = report.warp_reason;
+  if (!report.board_stretch.empty())
+    m["board_stretch"] = {{"shear", Number(report.board_stretch[0].x())}, {"aspect", Number(report.board_stretch[0].y())}};
+  m["board_stretch_reason"] = report.stretch_reason;
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
 }

@@ -1,5 +1,6 @@
 #include "cli/command_calib_scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <set>
@@ -33,7 +34,6 @@ void WriteCalibration(const geometry::Rig& rig, const std::string& out, CommandR
   const std::string path = out + "/calibration.json";
   geometry::WriteRig(rig, path);
   result->outputs.push_back({path, "calibration"});
-  result->text += "wrote " + path + "\n";
 }
 
 ordered_json PoseMetrics(const geometry::RigCamera& camera) {
@@ -150,7 +150,13 @@ calib::KnownPoints FindBoard(const std::string& text, const std::vector<calib::S
 calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<std::string>& boards,
                             const std::vector<calib::SceneImage>& images, CommandResult* result) {
   calib::SceneScale scale;
-  if (!arguments.camera_distance.empty()) scale.distance = calib::ParseCameraDistance(arguments.camera_distance);
+  if (!arguments.camera_distance.empty()) {
+    scale.distance = calib::ParseCameraDistance(arguments.camera_distance);
+    for (const std::string& name : {scale.distance->a, scale.distance->b}) {
+      if (std::none_of(images.begin(), images.end(), [&](const calib::SceneImage& image) { return image.camera == name; }))
+        throw UsageError("--camera-distance: there is no image of a camera '" + name + "'");
+    }
+  }
   if (!arguments.scene_points.empty()) {
     scale.points = calib::KnownFromScenePoints(calib::ReadScenePoints(arguments.scene_points), arguments.points.click_sigma_px);
     result->inputs.insert(result->inputs.end(), arguments.scene_points.begin(), arguments.scene_points.end());
@@ -176,6 +182,8 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
   result.metrics["gauge"] = report.rig.gauge;
   result.metrics["rms_px"] = Number(report.bundle.rms_px);
   result.metrics["feature_sigma_px"] = Number(report.feature_sigma_px);
+  result.metrics["own_lenses"] = report.own_lenses;
+  result.metrics["variance_factor"] = Number(report.clusters.factor);
   result.metrics["num_points"] = report.num_points;
   result.metrics["num_features"] = report.bundle.num_observations;
   result.metrics["num_rejected"] = report.bundle.num_rejected;
@@ -207,6 +215,8 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
 
 CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<std::string>& boards,
                        const std::string& out, CommandContext& context) {
+  if (arguments.from_scene.empty() && !boards.empty())
+    throw UsageError("--scene-points without --from-scene places cameras by their marks alone: leave out --board");
   if (arguments.from_scene.empty()) return RunScenePoints(arguments, start, out);
   return RunFromScene(arguments, start, boards, out, context);
 }

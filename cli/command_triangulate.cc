@@ -3,18 +3,17 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <map>
-#include <set>
 
 #include "cli/commands.h"
 #include "cli/pose_input.h"
+#include "cli/pose_truth.h"
+#include "cli/triangulate_metrics.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/panoptic.h"
+#include "dataset/pose3d.h"
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
-#include "triangulate/limbs.h"
+#include "triangulate/stream.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -25,234 +24,20 @@ struct Arguments {
   PoseArguments pose;
   std::string out, trc, truth;
   bool align_truth = false;
+  int chunk_frames = 0;
   triangulate::TakeOptions options;
 };
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
-}
-
-ordered_json StatusCounts(const triangulate::TakeResult& take) {
-  std::map<Status, int> counts;
-  for (const auto& entry : take.points) ++counts[entry.point.status];
-  ordered_json json = ordered_json::object();
-  for (const auto& [status, count] : counts) json[std::string(ToString(status))] = count;
-  return json;
-}
-
-ordered_json JointMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
-  ordered_json list = ordered_json::array();
-  for (size_t j = 0; j < skeleton.joints.size(); ++j) {
-    std::vector<double> sigmas_mm, rms_px;
-    for (const auto& entry : take.points) {
-      if (entry.joint_idx != static_cast<int>(j) || entry.point.status != Status::kOk) continue;
-      sigmas_mm.push_back(1000 * std::sqrt(entry.point.covariance.trace() / 3));
-      rms_px.push_back(entry.point.rms_px);
-    }
-    list.push_back(
-        {{"joint", skeleton.joints[j]}, {"num", rms_px.size()}, {"sigma_mm", Median(sigmas_mm)}, {"rms_px", Median(rms_px)}});
-  }
-  return list;
-}
-
-ordered_json ToJson(const Eigen::Vector2d& v) { return ordered_json::array({v.x(), v.y()}); }
-
-ordered_json CameraMetrics(const triangulate::TakeResult& take) {
-  ordered_json list = ordered_json::array();
-  for (const triangulate::CameraDiagnosis& camera : take.cameras) {
-    list.push_back({{"name", camera.name},
-                    {"mean_residual_px", ToJson(camera.mean_residual_px)},
-                    {"sigma_residual_px", ToJson(camera.sigma_residual_px)},
-                    {"mean_left_out_residual_px", ToJson(camera.mean_left_out_residual_px)},
-                    {"image_scale", ToJson(camera.image_scale)},
-                    {"num_detections", camera.num_detections},
-                    {"num_rejected", camera.num_rejected},
-                    {"off", camera.off},
-                    {"scaled", camera.scaled}});
-  }
-  return list;
-}
-
-ordered_json Finite(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
-ordered_json ToJson(const triangulate::LeftOutFigures& f) {
-  return {{"num", f.num_samples},
-          {"coverage", Finite(f.coverage)},
-          {"median_px", Finite(f.median_px)},
-          {"median_error_px", Finite(f.median_error_px)},
-          {"p90_px", Finite(f.p90_px)},
-          {"predicted_mean_px", Finite(f.predicted_mean_px)},
-          {"median_sigmas", Finite(f.median_sigmas)}};
-}
-
-/// What the other cameras say of each camera's detections.
-ordered_json HoldoutMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
-  ordered_json json = ToJson(take.holdout.all);
-  json["cameras"] = json["joints"] = ordered_json::array();
-  for (size_t c = 0; c < take.holdout.cameras.size(); ++c) {
-    ordered_json entry = {{"name", take.cameras[c].name}};
-    entry.update(ToJson(take.holdout.cameras[c]));
-    json["cameras"].push_back(entry);
-  }
-  for (size_t j = 0; j < take.holdout.joints.size(); ++j) {
-    ordered_json entry = {{"joint", skeleton.joints[j]}};
-    entry.update(ToJson(take.holdout.joints[j]));
-    json["joints"].push_back(entry);
-  }
-  return json;
-}
-
-ordered_json MethodMetrics(const triangulate::MethodChoice& choice) {
-  ordered_json list = ordered_json::array();
-  for (size_t m = 0; m < choice.scores.size(); ++m) {
-    const triangulate::MethodScore& score = choice.scores[m];
-    list.push_back({{"method", score.name},
-                    {"holdout_median_px", Finite(score.figures.median_px)},
-                    {"holdout_p90_px", Finite(score.figures.p90_px)},
-                    {"coverage", Finite(score.figures.coverage)},
-                    {"justified", score.justified},
-                    {"chosen", m == choice.chosen}});
-  }
-  return list;
-}
-
-ordered_json LimbMetrics(const triangulate::TakeResult& take, const PoseInput& input) {
-  ordered_json list = ordered_json::array();
-  for (const triangulate::LimbLength& limb : MeasureLimbs(take.points, input.limbs)) {
-    const auto [a, b] = input.limbs[static_cast<size_t>(limb.limb)];
-    list.push_back({{"person", limb.person},
-                    {"limb", input.skeleton.joints[static_cast<size_t>(a)] + "-" + input.skeleton.joints[static_cast<size_t>(b)]},
-                    {"num_frames", limb.num_frames},
-                    {"mean_mm", 1000 * limb.mean_m},
-                    {"std_mm", 1000 * limb.std_m}});
-  }
-  return list;
-}
-
-int AddMetrics(const triangulate::TakeResult& take, const PoseInput& input, double seconds, CommandResult* result) {
-  std::vector<double> rms_px, sigmas_mm;
-  for (const auto& entry : take.points) {
-    if (entry.point.status != Status::kOk) continue;
-    rms_px.push_back(entry.point.rms_px);
-    sigmas_mm.push_back(1000 * std::sqrt(entry.point.covariance.trace() / 3));
-  }
-  double sum = 0;
-  for (const double rms : rms_px) sum += rms;
-  const double count = static_cast<double>(rms_px.size());
-  ordered_json& metrics = result->metrics;
-  metrics["num_points"] = rms_px.size();
-  metrics["num_joints_tried"] = take.points.size();
-  metrics["num_persons"] = take.num_persons;
-  metrics["status_counts"] = StatusCounts(take);
-  metrics["mean_rms_px"] = sum / count;
-  metrics["median_rms_px"] = Median(rms_px);
-  metrics["median_sigma_mm"] = Median(sigmas_mm);
-  metrics["sigma_px"] = take.sigma_px;
-  metrics["method"] = take.method;
-  if (!take.choice.scores.empty()) {
-    metrics["method_reason"] = take.choice.reason;
-    metrics["methods"] = MethodMetrics(take.choice);
-  }
-  metrics["holdout"] = HoldoutMetrics(take, input.skeleton);
-  metrics["limb_std_mm"] = Finite(1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs)));
-  metrics["limbs"] = LimbMetrics(take, input);
-  metrics["cameras"] = CameraMetrics(take);
-  metrics["joints"] = JointMetrics(take, input.skeleton);
-  metrics["points_per_s"] = count / seconds;
-  return static_cast<int>(rms_px.size());
-}
-
-void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks,
-                       CommandResult* result) {
-  for (const triangulate::CameraDiagnosis& camera : take.cameras) {
-    if (camera.off) {
-      result->warnings.push_back(
-          {"TRI-CAMERA-OFF", camera.message,
-           "recalibrate this camera, or check that its pictures have the calibrated size and were not cropped"});
-    } else if (camera.scaled) {
-      result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its pictures have the calibrated size"});
-    }
-  }
-  std::set<int> frames;
-  for (const auto& track : tracks) {
-    for (const auto& [frame, people] : track.frames) frames.insert(frame);
-  }
-  for (const auto& track : tracks) {
-    const size_t with_people = static_cast<size_t>(
-        std::count_if(track.frames.begin(), track.frames.end(), [](const auto& entry) { return !entry.second.empty(); }));
-    if (2 * with_people >= frames.size()) continue;
-    result->warnings.push_back(
-        {"TRI-FEW-DETECTIONS",
-         track.camera + ": people in " + std::to_string(with_people) + " of " + std::to_string(frames.size()) + " frames only",
-         "check the detector's output for this camera and that all cameras count frames from the same instant"});
-  }
-}
-
-/// Detections that scatter by a noticeable part of the picture do not belong to this calibration.
-void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result) {
-  constexpr double kMaxSigmaOfDiagonal = 0.015;
-  double diagonal_px = 0;
-  for (const geometry::RigCamera& camera : rig.cameras)
-    diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
-  diagonal_px /= static_cast<double>(rig.cameras.size());
-  if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
-  char text[200];
-  std::snprintf(text, sizeof text, "views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
-                100 * take.sigma_px / diagonal_px);
-  result->exit = kExitQualityGate;
-  result->errors.push_back({"TRI-INCONSISTENT", text,
-                            "check that each folder belongs to its camera, that all cameras count frames from the same "
-                            "instant, and the calibration"});
-}
-
-ordered_json ToJson(const dataset::Pose3dComparison& comparison) {
-  ordered_json json = {{"median_mm", comparison.median_mm}, {"mean_mm", comparison.mean_mm}, {"p95_mm", comparison.p95_mm},
-                       {"max_mm", comparison.max_mm},       {"num", comparison.num},         {"aligned", comparison.aligned}};
-  if (comparison.num_covariance > 0) {
-    json["coverage68"] = comparison.coverage68;
-    json["coverage95"] = comparison.coverage95;
-  }
-  return json;
-}
-
-std::map<int, std::map<int, dataset::Coco19Pose>> ReadScenes(const std::vector<std::string>& files) {
-  std::map<int, std::map<int, dataset::Coco19Pose>> scenes;
-  for (const std::string& file : files) {
-    const std::string digits = std::filesystem::path(file).stem().string().substr(std::string("body3DScene_").size());
-    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos) {
-      throw FormatError(file, "", "the file name is not body3DScene_%08d.json");
-    }
-    scenes[std::stoi(digits)] = dataset::ReadBody3dScene(file);
-  }
-  return scenes;
-}
-
-/// A folder of body3DScene files, a folder with points.csv, or a table by itself.
-dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align) {
-  namespace fs = std::filesystem;
-  const fs::path path(truth);
-  const std::vector<std::string> scenes = Glob((path / "body3DScene_*.json").string());
-  if (!scenes.empty()) return ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align);
-  const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
-  if (!fs::exists(table))
-    throw IoError(truth, "--truth is neither a points.csv nor a folder with body3DScene_*.json or points.csv");
-  const dataset::JointTable reference = dataset::ToTable(dataset::ReadPointsCsv(table.string()));
-  const fs::path header = table.parent_path() / "pose3d.json";
-  const bool coco19 =
-      pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
-  return ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align);
-}
-
-void AddComparisons(const Arguments& arguments, const dataset::Pose3d& pose, CommandResult* result) {
+void AddComparisons(const Arguments& arguments, CommandResult* result) {
+  if (arguments.trc.empty() && arguments.truth.empty()) return;
+  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
   if (!arguments.trc.empty()) {
     const dataset::JointTable reference = dataset::ToTable(dataset::ReadTrc(arguments.trc).rows);
-    result->metrics["trc"] = ToJson(ComparePose3d(dataset::ToTable(pose.rows), reference));
+    result->metrics["trc"] = ComparisonToJson(ComparePose3d(dataset::ToTable(pose.rows), reference));
     result->inputs.push_back(arguments.trc);
   }
   if (!arguments.truth.empty()) {
-    result->metrics["truth"] = ToJson(CompareWithTruth(pose, arguments.truth, arguments.align_truth));
+    result->metrics["truth"] = ComparisonToJson(CompareWithTruth(pose, arguments.truth, arguments.align_truth));
     result->inputs.push_back(arguments.truth);
   }
 }
@@ -279,29 +64,68 @@ std::string Summary(const CommandResult& result) {
   return text;
 }
 
+/// Solves the take and writes its points; what was settled for all of it comes back.
+triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& input, const RunContext& run,
+                                   PointStatistics* statistics) {
+  triangulate::TakeResult take = triangulate::TriangulateTake(
+      input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
+  statistics->Add(take);
+  dataset::WritePose3d(ToPose3d(take, input.skeleton), arguments.out);
+  return take;
+}
+
+/// The same chunk by chunk: noise and method from frames spread over the take.
+triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseInput& input, const RunContext& run,
+                                    PointStatistics* statistics) {
+  const triangulate::TakeBody body = BodyOf(input.skeleton);
+  const size_t chunk = static_cast<size_t>(arguments.chunk_frames);
+  std::vector<triangulate::DetectedFrame> sample;
+  const size_t stride = std::max<size_t>(1, input.frames.size() / chunk);
+  for (size_t f = 0; f < input.frames.size(); f += stride) sample.push_back(input.frames[f]);
+  triangulate::TakeResult settled;
+  triangulate::TakeStream stream(input.rig, body,
+                                 SettleOptions(input.rig, sample, body, arguments.options, run, &settled));
+  size_t begin = 0;
+  const auto next = [&](std::vector<dataset::JointRow>* rows) {
+    if (begin >= input.frames.size()) return false;
+    const size_t end = std::min(begin + chunk, input.frames.size());
+    const triangulate::TakeResult part = stream.Push(
+        {input.frames.begin() + static_cast<std::ptrdiff_t>(begin), input.frames.begin() + static_cast<std::ptrdiff_t>(end)},
+        run);
+    statistics->Add(part);
+    *rows = ToPose3d(part, input.skeleton).rows;
+    begin = end;
+    return true;
+  };
+  dataset::WritePose3d(input.skeleton.name, next, arguments.out);
+  return settled;
+}
+
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   result.folder = arguments.out;
+  if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
+  if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);  // a wrong path must not cost the run
+  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth))
+    throw IoError(arguments.truth, "--truth does not exist");
   const PoseInput input = ReadPoseInput(arguments.pose, &result);
-  const body::Skeleton& skeleton = input.skeleton;
-
+  PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
   const auto start = std::chrono::steady_clock::now();
   const triangulate::TakeResult take =
-      triangulate::TriangulateTake(input.rig, input.frames, static_cast<int>(skeleton.joints.size()), arguments.options, context.run);
+      (arguments.chunk_frames > 0 ? SolveChunks : SolveWhole)(arguments, input, context.run, &statistics);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-
-  const dataset::Pose3d pose = ToPose3d(take, skeleton);
-  const int num_ok = AddMetrics(take, input, seconds, &result);
+  statistics.AddTo(input.skeleton, &result.metrics);
+  AddTakeMetrics(take, input.skeleton, &result.metrics);
+  result.metrics["points_per_s"] = statistics.num_ok() / seconds;
   AddCameraWarnings(take, input.tracks, &result);
-  AddComparisons(arguments, pose, &result);
+  AddComparisons(arguments, &result);
   CheckConsistency(take, input.rig, &result);
-  if (num_ok == 0) {
+  if (statistics.num_ok() == 0) {
     result.exit = kExitIllPosed;
     result.errors.push_back(
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
-  dataset::WritePose3d(pose, arguments.out);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result.outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
@@ -318,6 +142,11 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->add_option("--out", arguments->out, "folder for points.csv, covariance.csv, pose3d.json")->required();
   AddOptions(sub, arguments->options);
+  sub->add_option(
+         "--chunk-frames", arguments->chunk_frames,
+         "for takes longer than memory: so many frames at a time; noise and method come from frames spread over the take; 0: "
+         "all at once")
+      ->capture_default_str();
   sub->add_option("--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");
   sub->add_option("--truth", arguments->truth, "compare with a folder of body3DScene files or a points.csv");
   sub->add_flag("--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");

@@ -10,6 +10,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterBoard(app, registry);
   RegisterCalibrate(app, registry);
   RegisterCalib(app, registry);
+  RegisterSync(app, registry);
   RegisterTriangulate(app, registry);
   RegisterTradeoff(app, registry);
   RegisterDataset(app, registry);

@@ -12,6 +12,7 @@ void RegisterBoard(CLI::App& app, Registry& registry);
 void RegisterCalibrate(CLI::App& app, Registry& registry);
 void RegisterCalib(CLI::App& app, Registry& registry);
 void RegisterTradeoff(CLI::App& app, Registry& registry);
+void RegisterSync(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);
 void RegisterDataset(CLI::App& app, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);

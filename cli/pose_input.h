@@ -7,28 +7,33 @@
 #include "cli/command.h"
 #include "dataset/pose2d.h"
 #include "geometry/rig.h"
-#include "triangulate/association.h"
-
+#include "triangulate/take.h"
 /// A calibration and what its cameras saw of people: the input of every command that works on 2D joints.
 namespace mvstudio::cli {
 
 struct PoseArguments {
-  std::string calib, skeleton = "body25";
+  std::string calib;
+  std::string skeleton;             ///< empty: body25, or the joints that the table of points names
+  std::string points2d;             ///< table of points of all cameras, instead of pose2d
   std::vector<std::string> pose2d;  ///< NAME=FOLDER of OpenPose JSON files, once a camera
 };
 
 struct PoseInput {
   geometry::Rig rig;
   body::Skeleton skeleton;
-  std::vector<std::pair<int, int>> limbs;           ///< upper arms, forearms, thighs and shanks that the skeleton has
-  std::vector<dataset::Pose2dTrack> tracks;         ///< a camera each
-  std::vector<triangulate::DetectedFrame> frames;   ///< every frame that any camera has, ascending
+  std::vector<std::pair<int, int>> limbs;          ///< upper arms, forearms, thighs and shanks that the skeleton has
+  std::vector<dataset::Pose2dTrack> tracks;        ///< a camera each
+  std::vector<triangulate::DetectedFrame> frames;  ///< every frame that any camera has, ascending
 };
 
-/// Adds --calib, --pose2d and --skeleton.
+/// Adds --calib, --pose2d, --points2d and --skeleton.
 void AddPoseArguments(CLI::App* sub, PoseArguments& arguments);
 
-/// Reads everything; the files become inputs of `result`. Throws UsageError for fewer than two cameras or one given twice.
+/// What triangulation is to know of the skeleton.
+triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);
+
+/// Reads everything; the files become inputs of `result`. What could not be read is listed in its warnings and makes it partial
+/// (exit 6). Throws UsageError for fewer than two cameras or one given twice.
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result);
 
 }  // namespace mvstudio::cli

@@ -2,24 +2,19 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
-#include <optional>
 
 #include "core/check.h"
-#include "core/error.h"
 #include "core/files.h"
+#include "dataset/pose2d_internal.h"
 
 namespace mvstudio::dataset {
-namespace {
+namespace internal {
 
-namespace fs = std::filesystem;
 using nlohmann::json;
 
-constexpr int kMaxJsonDepth = 16;
-
-/// Last run of digits of the name without `_keypoints` and extension.
 std::optional<int> FrameNumber(const std::string& file_name) {
   std::string stem = file_name.substr(0, file_name.rfind('.'));
   const size_t suffix = stem.rfind("_keypoints");
@@ -33,6 +28,84 @@ std::optional<int> FrameNumber(const std::string& file_name) {
   const size_t first = std::min(digits.find_first_not_of('0'), digits.size());
   if (digits.size() - first > 9) return std::nullopt;
   return std::stoi("0" + digits.substr(first));
+}
+
+json ParsePoseJson(const std::string& text, const PoseFile& file) {
+  constexpr int kMaxDepth = 16;
+  const auto cap_depth = [&file](int depth, json::parse_event_t, json&) {
+    if (depth > kMaxDepth) file.Fail("", "JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
+    return true;
+  };
+  try {
+    return json::parse(text, cap_depth);
+  } catch (const json::exception& error) {
+    const auto* parse_error = dynamic_cast<const json::parse_error*>(&error);
+    const size_t byte = parse_error ? parse_error->byte : 0;
+    const bool truncated = byte >= text.size();
+    file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
+                      std::to_string(std::min(byte, text.size())) + " of " + std::to_string(text.size()) +
+                      "; detect this picture's key points again or remove the file");
+  }
+}
+
+std::string FittingSkeletons(size_t num_joints) {
+  std::string fitting;
+  for (const std::string& name : body::SkeletonsOfSize(num_joints)) fitting += (fitting.empty() ? "" : " or ") + name;
+  return fitting.empty() ? "no known skeleton has that many" : "--skeleton " + fitting + " would fit";
+}
+
+void AppendKeypoints(const json& numbers, size_t num_joints, const std::string& where, const PoseFile& file, Person2d* person) {
+  if (numbers.size() != 3 * num_joints) {
+    file.Fail(where, std::to_string(numbers.size()) + " numbers instead of 3 x " + std::to_string(num_joints) +
+                         " of skeleton " + file.skeleton.name + "; " +
+                         FittingSkeletons(numbers.size() % 3 ? 0 : numbers.size() / 3));
+  }
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    if (!numbers[i].is_number() || !std::isfinite(numbers[i].get<double>())) {
+      file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
+    }
+  }
+  for (size_t k = 0; k < numbers.size(); k += 3) {
+    person->keypoints.push_back({numbers[k].get<double>(), numbers[k + 1].get<double>(), numbers[k + 2].get<double>()});
+  }
+}
+
+void Tolerant::Try(const std::function<void()>& read) {
+  ++num_tried_;
+  try {
+    read();
+  } catch (const FormatError& error) {
+    ++num_failed_;
+    if (!first_) first_ = error;
+    skipped_->push_back(error.what());
+  }
+}
+
+void Tolerant::Finish() const {
+  if (2 * num_failed_ > num_tried_) throw FormatError(*first_);
+}
+
+}  // namespace internal
+
+namespace {
+
+namespace fs = std::filesystem;
+using internal::PoseFile;
+using nlohmann::json;
+using Kind = body::SkeletonPart::Kind;
+
+const char* ListOf(Kind kind) {
+  switch (kind) {
+    case Kind::kFace:
+      return "face_keypoints_2d";
+    case Kind::kLeftHand:
+      return "hand_left_keypoints_2d";
+    case Kind::kRightHand:
+      return "hand_right_keypoints_2d";
+    case Kind::kBody:
+      break;
+  }
+  return "pose_keypoints_2d";
 }
 
 std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string& camera) {
@@ -54,87 +127,70 @@ std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string
   return files;
 }
 
-/// Where messages say the trouble is, and what the file must hold.
-struct FileContext {
-  std::string path, place;
-  const body::Skeleton& skeleton;
-
-  [[noreturn]] void Fail(const std::string& where, const std::string& what) const {
-    throw FormatError(path, place + (where.empty() ? "" : ", " + where), what);
-  }
-};
-
-json ParseJson(const std::string& text, const FileContext& file) {
-  const auto cap_depth = [&file](int depth, json::parse_event_t, json&) {
-    if (depth > kMaxJsonDepth) file.Fail("", "JSON nested deeper than " + std::to_string(kMaxJsonDepth) + " levels");
-    return true;
-  };
-  try {
-    return json::parse(text, cap_depth);
-  } catch (const json::exception& error) {
-    const auto* parse_error = dynamic_cast<const json::parse_error*>(&error);
-    const size_t byte = parse_error ? parse_error->byte : 0;
-    const bool truncated = byte >= text.size();
-    file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
-                      std::to_string(std::min(byte, text.size())) + " of " + std::to_string(text.size()) +
-                      "; detect this picture's key points again or remove the file");
-  }
+/// One of OpenPose's lists; null when it is not there or empty.
+const json* FindList(const json& entry, const char* name, const std::string& where, const PoseFile& file) {
+  const auto list = entry.find(name);
+  if (list == entry.end() || list->is_null()) return nullptr;
+  if (!list->is_array()) file.Fail(where + name, "is not an array");
+  return list->empty() ? nullptr : &*list;
 }
 
-std::string SkeletonsOfSize(size_t num_joints) {
-  std::string fitting;
-  for (const std::string& name : body::SkeletonNames()) {
-    if (body::SkeletonByName(name).joints.size() == num_joints) fitting += (fitting.empty() ? "" : " or ") + name;
-  }
-  return fitting.empty() ? "no known skeleton has that many" : "--skeleton " + fitting + " would fit";
-}
-
-Person2d ParsePerson(const json& numbers, const std::string& where, const FileContext& file) {
-  const size_t expected = file.skeleton.joints.size();
-  if (numbers.size() != 3 * expected) {
-    file.Fail(where, std::to_string(numbers.size()) + " numbers instead of 3 x " + std::to_string(expected) + " of skeleton " +
-                         file.skeleton.name + "; " + SkeletonsOfSize(numbers.size() % 3 ? 0 : numbers.size() / 3));
-  }
+Person2d ParsePerson(const json& entry, const json& pose, const std::string& where, const PoseFile& file) {
+  const body::Skeleton& skeleton = file.skeleton;
   Person2d person;
-  for (size_t k = 0; k < expected; ++k) {
-    for (size_t i = 3 * k; i < 3 * k + 3; ++i) {
-      if (!numbers[i].is_number()) file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
+  if (skeleton.parts.empty() || pose.size() == 3 * skeleton.joints.size()) {
+    internal::AppendKeypoints(pose, skeleton.joints.size(), where + ListOf(Kind::kBody), file, &person);
+    return person;
+  }
+  for (const body::SkeletonPart& part : skeleton.parts) {
+    const json* list = FindList(entry, ListOf(part.kind), where, file);
+    const size_t count = static_cast<size_t>(part.count);
+    if (list) {
+      internal::AppendKeypoints(*list, count, where + ListOf(part.kind), file, &person);
+    } else {
+      person.keypoints.resize(person.keypoints.size() + count);
     }
-    person.keypoints.push_back(
-        {numbers[3 * k].get<double>(), numbers[3 * k + 1].get<double>(), numbers[3 * k + 2].get<double>()});
   }
   return person;
 }
 
-std::vector<Person2d> ParsePeople(const json& root, const FileContext& file) {
+std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
   if (!root.is_object() || !root.contains("people") || !root["people"].is_array()) {
     file.Fail("people", "there is no array \"people\"; this is not an OpenPose key-point file");
   }
   std::vector<Person2d> people;
   for (size_t i = 0; i < root["people"].size(); ++i) {
     const json& entry = root["people"][i];
-    const std::string where = "people[" + std::to_string(i) + "].pose_keypoints_2d";
-    if (!entry.is_object()) file.Fail("people[" + std::to_string(i) + "]", "is not an object");
-    // A face or a hand without a body; Pose2Sim leaves {} where it found nobody.
-    if (!entry.contains("pose_keypoints_2d") || (entry["pose_keypoints_2d"].is_array() && entry["pose_keypoints_2d"].empty()))
-      continue;
-    if (!entry["pose_keypoints_2d"].is_array()) file.Fail(where, "is not an array");
-    people.push_back(ParsePerson(entry["pose_keypoints_2d"], where, file));
+    const std::string where = "people[" + std::to_string(i) + "]";
+    if (!entry.is_object()) file.Fail(where, "is not an object");
+    // A face or a hand without a body is nobody; Pose2Sim leaves {} where it found nobody.
+    const json* pose = FindList(entry, ListOf(Kind::kBody), where + ".", file);
+    if (pose) people.push_back(ParsePerson(entry, *pose, where + ".", file));
   }
   return people;
 }
 
-json PersonToJson(const Person2d& person) {
+json FlatList(const Person2d& person, size_t first, size_t count) {
   json numbers = json::array();
-  for (const Keypoint2d& point : person.keypoints) {
-    numbers.push_back(point.x_px);
-    numbers.push_back(point.y_px);
-    numbers.push_back(point.score);
+  for (size_t k = first; k < first + count; ++k) {
+    const Keypoint2d& point = person.keypoints[k];
+    for (const double value : {point.x_px, point.y_px, point.score}) numbers.push_back(value);
   }
-  json entry = {{"person_id", json::array({-1})}, {"pose_keypoints_2d", std::move(numbers)}};
+  return numbers;
+}
+
+json PersonToJson(const Person2d& person, const body::Skeleton* skeleton) {
+  json entry = {{"person_id", json::array({-1})}};
   for (const char* empty : {"face_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d", "pose_keypoints_3d",
                             "face_keypoints_3d", "hand_left_keypoints_3d", "hand_right_keypoints_3d"}) {
     entry[empty] = json::array();
+  }
+  if (!skeleton || skeleton->parts.empty()) {
+    entry[ListOf(Kind::kBody)] = FlatList(person, 0, person.keypoints.size());
+    return entry;
+  }
+  for (const body::SkeletonPart& part : skeleton->parts) {
+    entry[ListOf(part.kind)] = FlatList(person, static_cast<size_t>(part.first), static_cast<size_t>(part.count));
   }
   return entry;
 }
@@ -143,25 +199,37 @@ json PersonToJson(const Person2d& person) {
 
 Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton) {
   Pose2dTrack track{camera, {}};
+  internal::Tolerant tolerant(&track.skipped);
+  std::map<int, fs::path> seen;
   for (const fs::path& path : ListJsonFiles(folder, camera)) {
-    const std::optional<int> frame = FrameNumber(path.filename().string());
+    const std::optional<int> frame = internal::FrameNumber(path.filename().string());
     if (!frame) {
       throw FormatError(path.string(), "camera " + camera,
                         "the file name holds no frame number (at most 9 digits before _keypoints.json)");
     }
-    const FileContext file{path.string(), "camera " + camera + ", frame " + std::to_string(*frame), skeleton};
-    if (track.frames.count(*frame)) file.Fail("", "another file of this folder has the same frame number");
-    track.frames[*frame] = ParsePeople(ParseJson(ReadFile(path.string()), file), file);
+    const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(*frame), skeleton};
+    if (!seen.emplace(*frame, path).second) file.Fail("", "another file of this folder has the same frame number");
+    tolerant.Try([&] { track.frames[*frame] = ParsePeople(internal::ParsePoseJson(ReadFile(path.string()), file), file); });
   }
+  tolerant.Finish();
   return track;
 }
 
-void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder) {
+Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton) {
+  std::error_code error;
+  return fs::is_regular_file(path, error) ? ReadPoseResults(path, camera, skeleton)
+                                          : ReadOpenPoseFolder(path, camera, skeleton);
+}
+
+void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton) {
   MakeFolder(folder);
   for (const auto& [frame, people] : track.frames) {
     MVS_CHECK(frame >= 0, "camera " << track.camera << ": frame " << frame << " is negative");
     json root = {{"version", 1.3}, {"people", json::array()}};
-    for (const Person2d& person : people) root["people"].push_back(PersonToJson(person));
+    for (const Person2d& person : people) {
+      MVS_CHECK(!skeleton || person.keypoints.size() == skeleton->joints.size(), person.keypoints.size() << " key points");
+      root["people"].push_back(PersonToJson(person, skeleton));
+    }
     char name[64];
     std::snprintf(name, sizeof name, "%012d_keypoints.json", frame);
     WriteFileAtomic((fs::path(folder) / name).string(), root.dump());

@@ -33,9 +33,9 @@ void AppendKey(std::string* text, const JointRow& row) {
   *text += std::to_string(row.frame) + ',' + std::to_string(row.person) + ',' + row.joint + ',';
 }
 
-std::string PointsText(const Pose3d& pose) {
-  std::string text = std::string(kPointsHeader) + '\n';
-  for (const JointRow& row : pose.rows) {
+std::string PointsText(const std::vector<JointRow>& rows) {
+  std::string text;
+  for (const JointRow& row : rows) {
     const bool ok = row.status == Status::kOk;
     MVS_CHECK(!ok || row.x_in_world.allFinite(), "frame " << row.frame << " " << row.joint << " is Ok and not finite");
     AppendKey(&text, row);
@@ -53,9 +53,9 @@ std::string PointsText(const Pose3d& pose) {
   return text;
 }
 
-std::string CovarianceText(const Pose3d& pose) {
-  std::string text = std::string(kCovarianceHeader) + '\n';
-  for (const JointRow& row : pose.rows) {
+std::string CovarianceText(const std::vector<JointRow>& rows) {
+  std::string text;
+  for (const JointRow& row : rows) {
     if (!row.covariance) continue;
     AppendKey(&text, row);
     const Eigen::Matrix3d& c = *row.covariance;
@@ -67,6 +67,11 @@ std::string CovarianceText(const Pose3d& pose) {
     text += '\n';
   }
   return text;
+}
+
+/// Text that ends in a newline, or nothing.
+void AppendText(const std::string& path, std::string_view text) {
+  if (!text.empty()) AppendLine(path, text.substr(0, text.size() - 1));
 }
 
 /// Walks over a CSV file with a fixed header and says where it went wrong.
@@ -198,11 +203,33 @@ bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int
 }  // namespace
 
 void WritePose3d(const Pose3d& pose, const std::string& folder) {
+  bool written = false;
+  WritePose3d(
+      pose.skeleton,
+      [&](std::vector<JointRow>* rows) {
+        if (written) return false;
+        *rows = pose.rows;
+        return written = true;
+      },
+      folder);
+}
+
+void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
+                 const std::string& folder) {
   MakeFolder(folder);
-  WriteFileAtomic(InFolder(folder, "points.csv"), PointsText(pose));
-  WriteFileAtomic(InFolder(folder, "covariance.csv"), CovarianceText(pose));
+  WriteFileAtomic(InFolder(folder, "points.csv"), [&](const std::string& points) {
+    WriteFileAtomic(InFolder(folder, "covariance.csv"), [&](const std::string& covariance) {
+      AppendText(points, std::string(kPointsHeader) + '\n');
+      AppendText(covariance, std::string(kCovarianceHeader) + '\n');
+      std::vector<JointRow> rows;
+      while (next(&rows)) {
+        AppendText(points, PointsText(rows));
+        AppendText(covariance, CovarianceText(rows));
+      }
+    });
+  });
   const nlohmann::ordered_json header = {
-      {"schema", kSchema}, {"skeleton", pose.skeleton},    {"points", "points.csv"}, {"covariance", "covariance.csv"},
+      {"schema", kSchema}, {"skeleton", skeleton},         {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", "right-handed, z up"}};
   WriteFileAtomic(InFolder(folder, "pose3d.json"), header.dump(1) + "\n");
 }

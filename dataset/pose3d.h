@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -33,6 +34,10 @@ struct Pose3d {
 /// `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates are empty
 /// unless status is Ok. Round trip is exact.
 void WritePose3d(const Pose3d& pose, const std::string& folder);
+/// The same files for takes longer than memory: `next` fills the rows that follow, false at the end. They appear when all are
+/// written.
+void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
+                 const std::string& folder);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
 std::vector<JointRow> ReadPointsCsv(const std::string& path);

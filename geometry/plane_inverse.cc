@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/units.h"
+#include "geometry/plane_distortion.h"
 #include "geometry/spline_grid.h"
 
 namespace mvstudio::geometry {
@@ -23,27 +24,19 @@ struct PlaneValue {
 };
 
 /// Radial, decentring and prism terms of a perspective family.
-PlaneValue Distort(LensModel family, const LensTerms& t, const Eigen::Vector2d& at) {
-  const auto& k = t.radial;
-  const double a = at[0], b = at[1], s = a * a + b * b;
-  double radial = 1, slope = 0;
-  if (family != LensModel::kPinhole) {
-    const double n = 1 + s * (k[0] + s * (k[1] + s * k[2])), dn = k[0] + s * (2 * k[1] + s * 3 * k[2]);
-    const double d = 1 + s * (k[3] + s * (k[4] + s * k[5])), dd = k[3] + s * (2 * k[4] + s * 3 * k[5]);
-    radial = n / d, slope = (dn - radial * dd) / d;
-  }
-  const double cross = 2 * (a * b * slope + t.p1 * a + t.p2 * b);
-  const double to_a = 2 * (t.prism[0] + 2 * s * t.prism[1]), to_b = 2 * (t.prism[2] + 2 * s * t.prism[3]);
+PlaneValue Distort(LensModel family, const LensTerms& terms, const Eigen::Vector2d& at) {
+  const auto m = family == LensModel::kPinhole     ? DistortPlane<PlaneTerms::kDecentring>(terms, at[0], at[1])
+                 : family == LensModel::kRational8 ? DistortPlane<PlaneTerms::kAll>(terms, at[0], at[1])
+                                                   : DistortPlane<PlaneTerms::kPolynomial>(terms, at[0], at[1]);
   PlaneValue value;
-  value.ab << a * radial + 2 * t.p1 * a * b + t.p2 * (s + 2 * a * a) + s * (t.prism[0] + s * t.prism[1]),
-      b * radial + t.p1 * (s + 2 * b * b) + 2 * t.p2 * a * b + s * (t.prism[2] + s * t.prism[3]);
-  value.jacobian << radial + 2 * a * a * slope + 2 * t.p1 * b + 6 * t.p2 * a + to_a * a, cross + to_a * b, cross + to_b * a,
-      radial + 2 * b * b * slope + 6 * t.p1 * b + 2 * t.p2 * a + to_b * b;
+  value.ab << m.a, m.b;
+  value.jacobian << m.a_by_a, m.a_by_b, m.b_by_a, m.b_by_b;
   return value;
 }
 
 struct NewtonEnd {
   double residual_px = 0;
+  double rounding_px = 0;  ///< what 4 roundings of the found place do to the pixel: near a pole they are more than the limit
   double determinant = 0;
 };
 
@@ -69,11 +62,12 @@ NewtonEnd Newton(const Function& f, const PlaneTarget& target, Eigen::Vector2d* 
     if (!(next_residual.norm() < residual.norm())) break;
     *at = next, value = next_value, residual = next_residual;
   }
-  return {residual.norm(), value.jacobian.determinant()};
+  const double rounding = 4 * std::numeric_limits<double>::epsilon() * at->stableNorm() * value.jacobian.norm();
+  return {residual.norm(), rounding * target.focal.maxCoeff(), value.jacobian.determinant()};
 }
 
 bool Solved(const NewtonEnd& end, const PlaneTarget& target) {
-  return end.residual_px <= target.limit_px && end.determinant >= 0;
+  return end.residual_px <= std::max(target.limit_px, end.rounding_px) && end.determinant >= 0;
 }
 
 /// Follows the root from the purely radial lens to the whole one.

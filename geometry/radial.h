@@ -3,7 +3,7 @@
 #include "geometry/camera.h"
 
 /// The radial functions of the lens models alone: r_d(r) = r L(r^2) for Brown and rational lenses with r = tan(theta), and the
-/// image-plane radius over theta for wide ones. Internal to geometry/.
+/// image-plane radius over theta for wide ones. Internal to geometry/ and to the batch kernel of triangulate/.
 namespace mvstudio::geometry {
 
 using internal::LensTerms;

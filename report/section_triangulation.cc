@@ -171,6 +171,38 @@ std::string ReferenceChart(const Value& reference) {
   return spec.labels.empty() ? "" : FigureHtml(BarChart(spec), "");
 }
 
+/// Bars of one number of every entry of a list of objects.
+std::string ListChart(const std::string& title, const std::string& label, const Value& list, const char* name, const char* key) {
+  BarChartSpec spec;
+  spec.title = title;
+  spec.value.label = label;
+  spec.series.emplace_back();
+  for (const Value& entry : list.items()) {
+    spec.labels.push_back(entry[name].Text("?"));
+    spec.series[0].values.push_back(entry[key].Number());
+  }
+  return spec.labels.empty() ? "" : FigureHtml(BarChart(spec), "");
+}
+
+/// One camera left out and predicted by the others; how the method was chosen; limbs that should not change their length.
+std::string HoldoutBody(const Value& metrics) {
+  const Value& holdout = metrics["holdout"];
+  std::string html;
+  if (holdout["median_px"].IsNumber()) {
+    std::string text = "Each camera in turn was left out and its detections predicted from the others: median error " +
+                       FormatWithUnit(holdout["median_px"].Number(), "px", 3);
+    if (metrics["limb_std_mm"].IsNumber()) {
+      text += "; limb lengths vary by " + FormatWithUnit(metrics["limb_std_mm"].Number(), "mm", 3) + " over the take";
+    }
+    html += ParagraphHtml(text + ".");
+    html += GridHtml({ListChart("Cameras, each left out", "median error (px)", holdout["cameras"], "name", "median_px"),
+                      ListChart("Joints, one camera left out", "median error (px)", holdout["joints"], "joint", "median_px")});
+  }
+  html += ObjectsTable("Methods compared", metrics["methods"]);
+  html += ObjectsTable("Limb lengths", metrics["limbs"]);
+  return html;
+}
+
 std::string TableBody(SectionContext* context, const CsvFile& points, bool with_statuses) {
   const PointsStats stats = Summarise(points.table);
   if (stats.joints.empty()) return {};
@@ -213,6 +245,7 @@ std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile
   html += StatusBar(counts);
   html += CameraTargets(metrics["cameras"]);
   html += ObjectsTable("Cameras", metrics["cameras"]);
+  html += HoldoutBody(metrics);
   for (const char* key : {"truth", "reference", "trc"}) {
     html += NumbersTable(std::string("Against the ") + (std::string(key) == "trc" ? "reference .trc" : key), metrics[key]);
     html += ReferenceChart(metrics[key]);

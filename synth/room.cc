@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/random.h"
+#include "synth/cell_hash.h"
 
 namespace mvstudio::synth {
 namespace {
@@ -12,17 +11,12 @@ namespace {
 constexpr float kWallRadius = 6;     // m
 constexpr float kWallHeight = 4.5f;  // m
 
-float Hash(uint64_t seed, int x, int y) {
-  return static_cast<float>(
-      Rng(seed ^ (static_cast<uint64_t>(static_cast<uint32_t>(x)) << 32) ^ static_cast<uint32_t>(y)).Uniform());
-}
-
 float Noise(uint64_t seed, float x, float y) {
   const int ix = static_cast<int>(std::floor(x)), iy = static_cast<int>(std::floor(y));
   auto smooth = [](float t) { return t * t * (3 - 2 * t); };
   const float fx = smooth(x - ix), fy = smooth(y - iy);
-  const float top = Hash(seed, ix, iy) * (1 - fx) + Hash(seed, ix + 1, iy) * fx;
-  const float bottom = Hash(seed, ix, iy + 1) * (1 - fx) + Hash(seed, ix + 1, iy + 1) * fx;
+  const float top = CellHash(seed, ix, iy) * (1 - fx) + CellHash(seed, ix + 1, iy) * fx;
+  const float bottom = CellHash(seed, ix, iy + 1) * (1 - fx) + CellHash(seed, ix + 1, iy + 1) * fx;
   return top * (1 - fy) + bottom * fy;
 }
 
@@ -30,7 +24,7 @@ Eigen::Vector3f FloorColor(uint64_t seed, float x, float y) {
   const float tile_x = x / 0.5f, tile_y = y / 0.5f;
   const int ix = static_cast<int>(std::floor(tile_x)), iy = static_cast<int>(std::floor(tile_y));
   const bool joint = tile_x - ix < 0.03f || tile_y - iy < 0.03f;
-  const float light = 1 + 0.10f * (Hash(seed, ix, iy) - 0.5f) + 0.12f * (Noise(seed + 1, x * 3, y * 3) - 0.5f) +
+  const float light = 1 + 0.10f * (CellHash(seed, ix, iy) - 0.5f) + 0.12f * (Noise(seed + 1, x * 3, y * 3) - 0.5f) +
                       0.08f * (Noise(seed + 2, x * 17, y * 17) - 0.5f);
   return Eigen::Vector3f(104, 98, 90) * light * (joint ? 0.8f : 1.f) * (1 - 0.03f * std::hypot(x, y));
 }
@@ -40,7 +34,8 @@ Eigen::Vector3f WallColor(uint64_t seed, float angle, float z) {
   const float light = 0.94f + 0.03f * z + 0.10f * (Noise(seed + 3, along * 1.5f, z * 1.5f) - 0.5f) +
                       0.05f * (Noise(seed + 4, along * 9, z * 9) - 0.5f);
   const int panel = static_cast<int>(std::floor(along / 1.2f));
-  const Eigen::Vector3f tint(Hash(seed + 5, panel, 0) - 0.5f, Hash(seed + 5, panel, 1) - 0.5f, Hash(seed + 5, panel, 2) - 0.5f);
+  const Eigen::Vector3f tint(CellHash(seed + 5, panel, 0) - 0.5f, CellHash(seed + 5, panel, 1) - 0.5f,
+                             CellHash(seed + 5, panel, 2) - 0.5f);
   const bool frame = along / 1.2f - panel < 0.02f || z < 0.1f;
   return (Eigen::Vector3f(128, 132, 138) + 36 * tint) * light * (frame ? 0.75f : 1.f);
 }
@@ -57,23 +52,6 @@ Eigen::Vector3f Room::Color(const Eigen::Vector3f& origin, const Eigen::Vector3f
   if (roof < wall) return {70, 70, 74};
   if (floor < wall) return textured ? FloorColor(seed, at[0], at[1]) : Eigen::Vector3f(100, 98, 94);
   return textured ? WallColor(seed, std::atan2(at[1], at[0]), at[2]) : Eigen::Vector3f(128, 130, 134);
-}
-
-Image RenderPlate(const Room& room, const LensRays& rays, int samples, int num_threads) {
-  Image plate(rays.width(), rays.height(), 3);
-  ParallelFor(rays.height(), num_threads, [&](int64_t y) {
-    for (int x = 0; x < rays.width(); ++x) {
-      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-      for (int s = 0; s < samples * samples; ++s) {
-        const Eigen::Vector3f direction =
-            rays.Direction(x, static_cast<int>(y), (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
-        if (!direction.isZero()) sum += room.Color(rays.origin(), direction);
-      }
-      uint8_t* pixel = plate.Pixel(x, static_cast<int>(y));
-      for (int k = 0; k < 3; ++k) pixel[k] = static_cast<uint8_t>(std::clamp(sum[k] / (samples * samples) + 0.5f, 0.f, 255.f));
-    }
-  });
-  return plate;
 }
 
 }  // namespace mvstudio::synth

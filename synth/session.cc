@@ -14,8 +14,10 @@
 #include "synth/detections.h"
 #include "synth/lens_rays.h"
 #include "synth/motion.h"
+#include "synth/plate.h"
 #include "synth/recorder.h"
 #include "synth/room.h"
+#include "synth/textured_room.h"
 #include "synth/truth_io.h"
 
 namespace mvstudio::synth {
@@ -37,14 +39,27 @@ struct Studio {
   std::string Path(const std::string& relative) const { return folder + "/" + relative; }
 };
 
+/// The empty studio; the room with the posters is the larger one, so that it holds every ring of cameras.
+RayColor Surroundings(const SynthOptions& options, uint64_t seed) {
+  if (options.background == "posters") {
+    TexturedRoom room;
+    room.size_m.head<2>() = room.size_m.head<2>().cwiseMax(2 * static_cast<float>(options.radius_m) + 1.5f);
+    room.size_m.z() = std::max(room.size_m.z(), static_cast<float>(options.height_m + options.radius_m));
+    room.seed = seed;
+    return [room](const auto& origin, const auto& direction) { return room.Color(origin, direction); };
+  }
+  const Room room{options.background == "textured", seed};
+  return [room](const auto& origin, const auto& direction) { return room.Color(origin, direction); };
+}
+
 Studio BuildStudio(const SynthOptions& options, const std::string& folder, const RunContext& run) {
   Studio studio{options, run, folder, MakeStudio(options, run.seed), {}, {}};
   ProgressStage stage(run, "empty studio", studio.num_cameras());
   const int threads = ResolveThreads(run.num_threads);
-  const Room room{options.background == "textured", run.seed};
+  const RayColor color = Surroundings(options, run.seed);
   for (int c = 0; c < studio.num_cameras(); ++c) {
     studio.rays.emplace_back(studio.rig.cameras[c], threads);
-    studio.plates.push_back(RenderPlate(room, studio.rays.back(), 3, threads));
+    studio.plates.push_back(RenderPlate(color, studio.rays.back(), 3, threads));
     dataset::WriteImage(studio.plates.back(), studio.Path("raw/plate/" + studio.name(c) + ".png"));
     stage.Advance();
   }

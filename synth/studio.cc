@@ -90,7 +90,8 @@ void Validate(const SynthOptions& o) {
   Require(o.texture_px >= 8 && o.texture_px <= 4096, "texture-px", "8 to 4096");
   Require(o.format == "mp4" || o.format == "png", "format", "mp4 or png, not '" + o.format + "'");
   Require(o.crf >= 0 && o.crf <= 51, "crf", "0 to 51");
-  Require(o.background == "textured" || o.background == "plain", "background", "textured or plain, not '" + o.background + "'");
+  Require(o.background == "textured" || o.background == "plain" || o.background == "posters", "background",
+          "textured, plain or posters, not '" + o.background + "'");
   calib::ParseBoard(o.board);
 }
 

@@ -27,7 +27,7 @@ struct SynthOptions {
   int texture_px = 256;                           ///< px, side of each chart of the person's texture
   std::string format = "mp4";                     ///< footage as mp4 (H.264) or png (lossless picture folders)
   int crf = 12;                                   ///< H.264 quality: 0 lossless ... 51 worst
-  std::string background = "textured";            ///< textured or plain
+  std::string background = "textured";            ///< textured, plain, or posters: walls full of features
 };
 
 template <class Visitor>
@@ -49,7 +49,7 @@ void VisitFields(Visitor&& visit, SynthOptions& o) {
   visit("texture-px", o.texture_px, "px, side of each of the 24 charts of the person's texture");
   visit("format", o.format, "footage as mp4 (H.264) or png (lossless, picture folders)");
   visit("crf", o.crf, "H.264 quality: 0 lossless ... 51 worst");
-  visit("background", o.background, "textured or plain");
+  visit("background", o.background, "textured, plain, or posters: walls full of features (for calibrate --from-scene)");
 }
 
 /// Throws UsageError that names the option and what was expected.

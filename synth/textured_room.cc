@@ -3,16 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/random.h"
+#include "synth/cell_hash.h"
 
 namespace mvstudio::synth {
 namespace {
-
-float Hash(uint64_t seed, int x, int y) {
-  return static_cast<float>(
-      Rng(seed ^ (static_cast<uint64_t>(static_cast<uint32_t>(x)) << 32) ^ static_cast<uint32_t>(y)).Uniform());
-}
 
 /// A patch of one colour per cell, some cells empty, with edges that are soft over a tenth of the cell.
 Eigen::Vector3f Patches(uint64_t seed, float cell, float x, float y, const Eigen::Vector3f& below) {
@@ -21,15 +15,15 @@ Eigen::Vector3f Patches(uint64_t seed, float cell, float x, float y, const Eigen
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
       const int cx = ix + dx, cy = iy + dy;
-      if (Hash(seed, cx, cy) < 0.45f) continue;
-      const float ox = (x / cell - cx - 0.2f - 0.6f * Hash(seed + 1, cx, cy)),
-                  oy = (y / cell - cy - 0.2f - 0.6f * Hash(seed + 2, cx, cy));
-      const float turn = 6.2831853f * Hash(seed + 3, cx, cy), c = std::cos(turn), s = std::sin(turn);
-      const float a = std::abs(c * ox + s * oy) / (0.15f + 0.35f * Hash(seed + 4, cx, cy));
-      const float b = std::abs(c * oy - s * ox) / (0.15f + 0.35f * Hash(seed + 5, cx, cy));
+      if (CellHash(seed, cx, cy) < 0.45f) continue;
+      const float ox = (x / cell - cx - 0.2f - 0.6f * CellHash(seed + 1, cx, cy)),
+                  oy = (y / cell - cy - 0.2f - 0.6f * CellHash(seed + 2, cx, cy));
+      const float turn = 6.2831853f * CellHash(seed + 3, cx, cy), c = std::cos(turn), s = std::sin(turn);
+      const float a = std::abs(c * ox + s * oy) / (0.15f + 0.35f * CellHash(seed + 4, cx, cy));
+      const float b = std::abs(c * oy - s * ox) / (0.15f + 0.35f * CellHash(seed + 5, cx, cy));
       const float inside = std::clamp((1 - std::max(a, b)) * 5, 0.f, 1.f);
-      const Eigen::Vector3f paint(40 + 180 * Hash(seed + 6, cx, cy), 40 + 180 * Hash(seed + 7, cx, cy),
-                                  40 + 180 * Hash(seed + 8, cx, cy));
+      const Eigen::Vector3f paint(40 + 180 * CellHash(seed + 6, cx, cy), 40 + 180 * CellHash(seed + 7, cx, cy),
+                                  40 + 180 * CellHash(seed + 8, cx, cy));
       color += inside * 0.75f * (paint - color);
     }
   }
@@ -59,23 +53,6 @@ Eigen::Vector3f TexturedRoom::Color(const Eigen::Vector3f& origin, const Eigen::
   const int axis = face / 2;
   const float along = axis == 0 ? at.y() : at.x(), up = axis == 2 ? at.y() : at.z();
   return SurfaceColor(seed * 1000003 + 7919 * static_cast<uint64_t>(face), along, up);
-}
-
-Image RenderTexturedRoom(const TexturedRoom& room, const LensRays& rays, int samples, int num_threads) {
-  Image image(rays.width(), rays.height(), 3);
-  ParallelFor(rays.height(), num_threads, [&](int64_t y) {
-    for (int x = 0; x < rays.width(); ++x) {
-      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-      for (int s = 0; s < samples * samples; ++s) {
-        const Eigen::Vector3f direction =
-            rays.Direction(x, static_cast<int>(y), (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
-        if (!direction.isZero()) sum += room.Color(rays.origin(), direction);
-      }
-      uint8_t* pixel = image.Pixel(x, static_cast<int>(y));
-      for (int k = 0; k < 3; ++k) pixel[k] = static_cast<uint8_t>(std::clamp(sum[k] / (samples * samples) + 0.5f, 0.f, 255.f));
-    }
-  });
-  return image;
 }
 
 }  // namespace mvstudio::synth

@@ -3,9 +3,6 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "core/image.h"
-#include "synth/lens_rays.h"
-
 namespace mvstudio::synth {
 
 /// An empty room whose walls, floor and ceiling are full of things that features can be found on: patches and posters of all
@@ -17,8 +14,5 @@ struct TexturedRoom {
   /// Colour 0..255 that a ray from inside meets.
   Eigen::Vector3f Color(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
 };
-
-/// What a camera sees of it, `samples` x `samples` samples a pixel.
-Image RenderTexturedRoom(const TexturedRoom& room, const LensRays& rays, int samples, int num_threads);
 
 }  // namespace mvstudio::synth

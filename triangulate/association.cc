@@ -1,132 +1,103 @@
 #include "triangulate/association.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
+#include <map>
 
 #include "core/parallel.h"
-#include "triangulate/linear.h"
-#include "triangulate/refine.h"
+#include "triangulate/assignment.h"
+#include "triangulate/association_internal.h"
 #include "triangulate/tracks.h"
 
 namespace mvstudio::triangulate {
 namespace {
 
-using Joints = std::vector<std::optional<Eigen::Vector3d>>;
+using internal::Candidate;
 
-/// A detected person with the rays of its joints.
-struct Candidate {
-  int camera_idx, person_idx;
-  std::vector<std::optional<View>> joints;
+using Sketch = std::vector<std::optional<internal::SketchPoint>>;
+
+Sketch MakeSketch(const std::vector<const Candidate*>& views) {
+  std::vector<internal::RaySum> sums(views.front()->rays.size());
+  for (const Candidate* view : views) {
+    for (size_t j = 0; j < view->rays.size(); ++j) {
+      if (view->is_seen[j]) sums[j].Add(*view, j, 1);
+    }
+  }
+  Sketch sketch;
+  for (const internal::RaySum& sum : sums) sketch.push_back(internal::Solve(sum));
+  return sketch;
+}
+
+Candidate Mirrored(Candidate view, const std::vector<std::pair<int, int>>& mirror) {
+  for (const auto& [l, r] : mirror) {
+    std::swap(view.rays[l], view.rays[r]);
+    std::swap(view.is_seen[l], view.is_seen[r]);
+  }
+  return view;
+}
+
+struct Draft {
+  Cluster cluster;
+  Sketch sketch;
 };
 
-std::vector<Candidate> MakeCandidates(const PreparedRig& rig, const DetectedFrame& frame, const AssociationOptions& options) {
-  std::vector<Candidate> candidates;
-  for (size_t c = 0; c < frame.people.size(); ++c) {
-    for (size_t p = 0; p < frame.people[c].size(); ++p) {
-      Candidate candidate{static_cast<int>(c), static_cast<int>(p), {}};
-      for (const Keypoint& key : frame.people[c][p]) {
-        std::optional<View>& view = candidate.joints.emplace_back();
-        if (!(key.score >= options.min_score) || !(key.score > 0)) continue;
-        Status rejected;
-        const auto views = MakeViews(rig, {{candidate.camera_idx, key.px, 1.0, key.score}}, &rejected);
-        if (!views.empty()) view = views.front();
-      }
-      candidates.push_back(std::move(candidate));
-    }
-  }
-  return candidates;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-double ErrorLimit(const Candidate& candidate, const PreparedRig& rig, const AssociationOptions& options) {
-  if (options.max_error_px > 0) return options.max_error_px;
-  const geometry::Camera& camera = rig.cameras[candidate.camera_idx].projector.camera();
-  return 0.015 * std::hypot(camera.width_px, camera.height_px);
-}
-
-/// Median distance of a candidate's joints from a skeleton, px; infinity with too few joints in common.
-double MedianError(const Candidate& candidate, const Joints& skeleton, const AssociationOptions& options, int* num_common) {
-  std::vector<double> errors;
-  for (size_t j = 0; j < std::min(skeleton.size(), candidate.joints.size()); ++j) {
-    if (skeleton[j] && candidate.joints[j]) errors.push_back(WhitenedResidual(*candidate.joints[j], *skeleton[j]));
-  }
-  *num_common = static_cast<int>(errors.size());
-  return *num_common < options.min_joints ? std::numeric_limits<double>::infinity() : Median(std::move(errors));
-}
-
-Joints TwoViewSkeleton(const Candidate& a, const Candidate& b) {
-  Joints skeleton(std::min(a.joints.size(), b.joints.size()));
-  for (size_t j = 0; j < skeleton.size(); ++j) {
-    if (!a.joints[j] || !b.joints[j]) continue;
-    const LinearPoint point = TwoViewMidpoint(*a.joints[j], *b.joints[j]);
-    if (point.status == Status::kOk) skeleton[j] = point.x_in_local;
-  }
-  return skeleton;
-}
-
-/// The skeleton of all members of a cluster.
-Joints ClusterSkeleton(const Cluster& cluster, const std::vector<Candidate>& candidates) {
-  Joints skeleton;
-  std::vector<std::vector<View>> views;
-  for (const Candidate& candidate : candidates) {
-    if (cluster.choice[candidate.camera_idx] != candidate.person_idx) continue;
-    views.resize(std::max(views.size(), candidate.joints.size()));
-    for (size_t j = 0; j < candidate.joints.size(); ++j) {
-      if (candidate.joints[j]) views[j].push_back(*candidate.joints[j]);
-    }
-  }
-  for (const std::vector<View>& each : views) {
-    const LinearPoint point = Midpoint(each);
-    skeleton.push_back(point.status == Status::kOk ? std::optional<Eigen::Vector3d>(point.x_in_local) : std::nullopt);
-  }
-  return skeleton;
-}
-
-/// What agrees with a proposed skeleton: in each camera the person nearest to it, if near enough.
-Cluster Collect(const PreparedRig& rig, const std::vector<Candidate>& candidates, const Joints& skeleton,
-                const AssociationOptions& options, double* total_error) {
-  Cluster cluster{std::vector<int>(rig.cameras.size(), -1), skeleton, 0};
-  std::vector<double> errors(rig.cameras.size(), std::numeric_limits<double>::infinity());
-  std::vector<int> commons(rig.cameras.size(), 0);
-  for (const Candidate& candidate : candidates) {
-    int common = 0;
-    const double error = MedianError(candidate, skeleton, options, &common);
-    const int c = candidate.camera_idx;
-    if (error > ErrorLimit(candidate, rig, options) || error >= errors[c]) continue;
-    errors[c] = error, commons[c] = common, cluster.choice[c] = candidate.person_idx;
-  }
-  *total_error = 0;
-  for (size_t c = 0; c < errors.size(); ++c) {
-    cluster.support += commons[c];
-    if (cluster.choice[c] >= 0) *total_error += errors[c];
-  }
-  return cluster;
-}
-
-std::optional<Cluster> BestCluster(const PreparedRig& rig, const std::vector<Candidate>& candidates,
-                                   const AssociationOptions& options) {
-  std::optional<Cluster> best;
-  double best_error = 0;
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    for (size_t j = i + 1; j < candidates.size(); ++j) {
-      if (candidates[i].camera_idx == candidates[j].camera_idx) continue;
-      double error = 0;
-      Cluster cluster = Collect(rig, candidates, TwoViewSkeleton(candidates[i], candidates[j]), options, &error);
-      const auto cameras = std::count_if(cluster.choice.begin(), cluster.choice.end(), [](int p) { return p >= 0; });
-      if (cameras < 2) continue;
-      if (!best || cluster.support > best->support || (cluster.support == best->support && error < best_error)) {
-        best = std::move(cluster);
-        best_error = error;
+/// Gives detections that are in no cluster to those that they fit mirrored, camera by camera and optimally.
+void AddMirrored(const std::vector<const Candidate*>& singles, double sigma_px, const AssociationOptions& options,
+                 std::vector<Draft>* drafts) {
+  for (size_t first = 0; first < singles.size();) {
+    size_t last = first;
+    const int camera = singles[first]->camera_idx;
+    while (last < singles.size() && singles[last]->camera_idx == camera) ++last;
+    Eigen::MatrixXd gain =
+        Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(last - first), static_cast<Eigen::Index>(drafts->size()));
+    for (size_t i = first; i < last; ++i) {
+      const Candidate mirrored = Mirrored(*singles[i], options.mirror);
+      for (size_t k = 0; k < drafts->size(); ++k) {
+        int agreeing = 0;
+        if ((*drafts)[k].cluster.choice[camera] >= 0) continue;
+        gain(static_cast<Eigen::Index>(i - first), static_cast<Eigen::Index>(k)) =
+            internal::SketchEvidence(mirrored, (*drafts)[k].sketch, sigma_px, options, &agreeing);
       }
     }
+    const std::vector<int> choice = BestAssignment(gain);
+    for (size_t i = first; i < last; ++i) {
+      if (choice[i - first] >= 0) (*drafts)[choice[i - first]].cluster.choice[camera] = singles[i]->person_idx;
+    }
+    first = last;
   }
-  return best;
+}
+
+Draft MakeDraft(const PreparedRig& rig, const std::vector<const Candidate*>& views, double sigma_px,
+                const AssociationOptions& options) {
+  Draft draft{{std::vector<int>(rig.cameras.size(), -1), {}, 0}, MakeSketch(views)};
+  for (const auto& point : draft.sketch) draft.cluster.joints.push_back(point ? std::optional(point->x) : std::nullopt);
+  for (const Candidate* view : views) {
+    int agreeing = 0;
+    internal::SketchEvidence(*view, draft.sketch, sigma_px, options, &agreeing);
+    draft.cluster.choice[view->camera_idx] = view->person_idx;
+    draft.cluster.support += agreeing;
+  }
+  return draft;
+}
+
+/// Clusters of two cameras and more, the best supported first.
+std::vector<Cluster> MakeClusters(const PreparedRig& rig, const std::vector<Candidate>& candidates, double sigma_px,
+                                  const AssociationOptions& options) {
+  const std::vector<int> group = internal::ClusterCandidates(candidates, sigma_px, options);
+  std::map<int, std::vector<const Candidate*>> members;
+  for (size_t i = 0; i < candidates.size(); ++i) members[group[i]].push_back(&candidates[i]);
+  std::vector<Draft> drafts;
+  std::vector<const Candidate*> singles;
+  for (const Candidate& each : candidates) {
+    if (members[group[static_cast<size_t>(&each - candidates.data())]].size() == 1) singles.push_back(&each);
+  }
+  for (const auto& [number, views] : members) {
+    if (views.size() > 1) drafts.push_back(MakeDraft(rig, views, sigma_px, options));
+  }
+  if (!options.mirror.empty()) AddMirrored(singles, sigma_px, options, &drafts);
+  std::vector<Cluster> clusters;
+  for (Draft& draft : drafts) clusters.push_back(std::move(draft.cluster));
+  std::stable_sort(clusters.begin(), clusters.end(), [](const Cluster& a, const Cluster& b) { return a.support > b.support; });
+  return clusters;
 }
 
 bool AtMostOnePersonAnywhere(const std::vector<DetectedFrame>& frames) {
@@ -138,37 +109,50 @@ bool AtMostOnePersonAnywhere(const std::vector<DetectedFrame>& frames) {
   return true;
 }
 
+std::vector<std::vector<std::vector<int>>> OnlyPerson(const std::vector<DetectedFrame>& frames, size_t num_cameras) {
+  std::vector<std::vector<std::vector<int>>> assignment(frames.size());
+  for (size_t f = 0; f < frames.size(); ++f) {
+    std::vector<int> choice(num_cameras, -1);
+    for (size_t c = 0; c < frames[f].people.size(); ++c) choice[c] = frames[f].people[c].empty() ? -1 : 0;
+    assignment[f] = {choice};
+  }
+  return assignment;
+}
+
+/// AssociationSigma of frames evenly spread over the take.
+double TakeSigma(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, const AssociationOptions& options) {
+  constexpr size_t kMaxFrames = 50;
+  const size_t step = std::max<size_t>(1, frames.size() / kMaxFrames);
+  std::vector<std::vector<Candidate>> sample;
+  for (size_t f = 0; f < frames.size(); f += step) sample.push_back(internal::MakeCandidates(rig, frames[f], options));
+  return internal::AssociationSigma(sample, options);
+}
+
 }  // namespace
 
 std::vector<Cluster> AssociateFrame(const PreparedRig& rig, const DetectedFrame& frame, const AssociationOptions& options) {
-  std::vector<Candidate> candidates = MakeCandidates(rig, frame, options);
-  std::vector<Cluster> clusters;
-  while (auto cluster = BestCluster(rig, candidates, options)) {
-    cluster->joints = ClusterSkeleton(*cluster, candidates);
-    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
-                                    [&](const Candidate& c) { return cluster->choice[c.camera_idx] == c.person_idx; }),
-                     candidates.end());
-    clusters.push_back(std::move(*cluster));
-  }
-  return clusters;
+  const std::vector<Candidate> candidates = internal::MakeCandidates(rig, frame, options);
+  const double sigma_px = options.sigma_px > 0 ? options.sigma_px : internal::AssociationSigma({candidates}, options);
+  return sigma_px > 0 ? MakeClusters(rig, candidates, sigma_px, options) : std::vector<Cluster>();
+}
+
+TakeAssociation AssociatePeople(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                                const AssociationOptions& options, const RunContext& run) {
+  if (AtMostOnePersonAnywhere(frames)) return {OnlyPerson(frames, rig.cameras.size()), 0, 0, 0};
+  AssociationOptions known = options;
+  if (!(known.sigma_px > 0)) known.sigma_px = TakeSigma(rig, frames, options);
+  std::vector<TrackFrame> clusters(frames.size());
+  ParallelFor(static_cast<int64_t>(frames.size()), run.num_threads, [&](int64_t f) {
+    clusters[f] = {frames[f].frame, AssociateFrame(rig, frames[f], known)};
+  });
+  TakeAssociation result = FollowPersons(rig, clusters, known);
+  result.sigma_px = known.sigma_px;
+  return result;
 }
 
 std::vector<std::vector<std::vector<int>>> AssociateTake(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                                                          const AssociationOptions& options, const RunContext& run) {
-  std::vector<std::vector<std::vector<int>>> assignment(frames.size());
-  if (AtMostOnePersonAnywhere(frames)) {
-    for (size_t f = 0; f < frames.size(); ++f) {
-      std::vector<int> choice(rig.cameras.size(), -1);
-      for (size_t c = 0; c < frames[f].people.size(); ++c) choice[c] = frames[f].people[c].empty() ? -1 : 0;
-      assignment[f] = {choice};
-    }
-    return assignment;
-  }
-  std::vector<TrackFrame> clusters(frames.size());
-  ParallelFor(static_cast<int64_t>(frames.size()), run.num_threads, [&](int64_t f) {
-    clusters[f] = {frames[f].frame, AssociateFrame(rig, frames[f], options)};
-  });
-  return FollowPersons(clusters, rig.cameras.size(), options);
+  return AssociatePeople(rig, frames, options, run).assignment;
 }
 
 }  // namespace mvstudio::triangulate

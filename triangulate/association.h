@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "core/progress.h"
@@ -30,6 +31,8 @@ struct AssociationOptions {
   int max_persons = 1;      ///< the best supported so many people of the take are kept
   double max_step_m = 0.5;  ///< farthest a person's joints move, on average, from one frame to the next
   int max_gap_frames = 30;  ///< a person unseen for longer starts a new track
+  double sigma_px = 0;      ///< noise of a joint, calibration errors included; 0: estimated from the frames
+  std::vector<std::pair<int, int>> mirror = {};  ///< (left, right) joints; a detection that fits nobody may fit mirrored
 };
 
 /// One person in one frame.
@@ -39,13 +42,34 @@ struct Cluster {
   int support = 0;                                     // joints seen, summed over the cameras that agree
 };
 
-/// Groups the people of one frame across cameras: every pair of detections proposes a skeleton, the one that most cameras agree
-/// with (each with at most one person) is taken and its detections removed, and so on. People that only one camera sees form no
-/// cluster.
+/// Groups the people of one frame across cameras; the best supported cluster first.
+///
+/// Two detections agree as far as the rays of their common joints pass each other within their noise: every joint adds between
+/// +1 (no distance), 0 (3 sigma) and -1. The groups with the largest sums between them are joined (greedy additive edge
+/// contraction: Keuper et al., "Efficient decomposition of image and mesh graphs by lifted multicuts", ICCV 2015), at most one
+/// detection a camera. Then each camera in turn is taken out and its detections are assigned anew, all at once and optimally
+/// (assignment.h), to the points that the others carry, until nothing changes: matches that are consistent in pairs only
+/// (epipolar planes through several people) fall here, as they do to the cycle consistency of Dong et al., "Fast and robust
+/// multi-person 3D pose estimation from multiple views", CVPR 2019. With `mirror`, detections that are left over are offered to
+/// the clusters once more with left and right exchanged (FixSides of sides.h then finds them); they do not take part in the
+/// clusters' joints. People that only one camera sees form no cluster.
 std::vector<Cluster> AssociateFrame(const PreparedRig& rig, const DetectedFrame& frame, const AssociationOptions& options);
 
-/// [frame][person][camera]: which detection shows the person, or -1. Persons are numbered by how well they are supported over
-/// the take and keep their number across frames. Where no image holds more than one person there is nothing to choose.
+/// Who is who in a take.
+struct TakeAssociation {
+  /// [frame][person][camera]: which detection shows the person, or -1.
+  std::vector<std::vector<std::vector<int>>> assignment;
+  double sigma_px = 0;       ///< noise the association reckoned with; 0 where there was nothing to choose
+  int num_ghosts = 0;        ///< chains of chance matches that were dropped
+  int num_ghost_frames = 0;  ///< clusters in them
+};
+
+/// Persons are numbered by how well they are supported over the take and keep their number across frames (tracks.h). Where no
+/// image holds more than one person there is nothing to choose. The result does not depend on the number of threads.
+TakeAssociation AssociatePeople(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                                const AssociationOptions& options, const RunContext& run);
+
+/// The assignment alone.
 std::vector<std::vector<std::vector<int>>> AssociateTake(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                                                          const AssociationOptions& options, const RunContext& run);
 

@@ -36,35 +36,13 @@ size_t NumCameras(const PreparedRig& rig, const std::vector<Observation>& observ
   return static_cast<size_t>(std::unique(cameras.begin(), cameras.end()) - cameras.begin());
 }
 
-void Predict(const PreparedRig& rig, const Observation& seen, const Point& point, LeftOutSample* sample) {
-  sample->status = point.status;
-  if (point.status != Status::kOk) return;
-  const PreparedCamera& camera = rig.cameras[static_cast<size_t>(seen.camera_idx)];
-  const auto at = camera.projector.ProjectWithJacobians(camera.ToCam(point.x_in_world - rig.origin_in_world));
-  sample->status = at.status == Status::kOk && !at.px.allFinite() ? Status::kOutsideValidRadius : at.status;
-  if (sample->status != Status::kOk) return;
-  const Eigen::Matrix<double, 2, 3> px_from_world = at.d_px_d_x * camera.cam_from_local_rotation;
-  sample->residual_px = seen.px - at.px;
-  sample->covariance_px2 = px_from_world * point.covariance * px_from_world.transpose();
-  sample->covariance_px2.diagonal().array() += seen.sigma_px * seen.sigma_px;
-  sample->sigma_px = std::sqrt(0.5 * sample->covariance_px2.trace());
-}
-
 std::vector<LeftOutSample> LeaveOutOf(const PreparedRig& rig, const std::vector<Observation>& observations, size_t point,
                                       const PointSolver& solve) {
   std::vector<LeftOutSample> samples;
-  for (const Observation& seen : observations) {
-    if (!Usable(seen)) continue;
-    std::vector<Observation> others;
-    for (const Observation& other : observations) {
-      if (Original(rig, other.camera_idx) != Original(rig, seen.camera_idx)) others.push_back(other);
-    }
-    if (NumCameras(rig, others) < 2) continue;
-    LeftOutSample sample;
-    sample.point = point;
-    sample.camera_idx = seen.camera_idx;
-    Predict(rig, seen, solve(others), &sample);
-    samples.push_back(sample);
+  for (size_t i = 0; i < observations.size(); ++i) {
+    if (!IsLeftOutSample(rig, observations, i)) continue;
+    const Point others = solve(WithoutCamera(rig, observations, observations[i].camera_idx));
+    samples.push_back(PredictLeftOut(rig, observations[i], others, point));
   }
   return samples;
 }
@@ -255,6 +233,36 @@ std::vector<size_t> AnyPredicts(const std::vector<std::vector<LeftOutSample>>& r
 }
 
 }  // namespace
+
+std::vector<Observation> WithoutCamera(const PreparedRig& rig, const std::vector<Observation>& observations, int camera_idx) {
+  std::vector<Observation> others;
+  for (const Observation& other : observations) {
+    if (Original(rig, other.camera_idx) != Original(rig, camera_idx)) others.push_back(other);
+  }
+  return others;
+}
+
+bool IsLeftOutSample(const PreparedRig& rig, const std::vector<Observation>& observations, size_t i) {
+  return Usable(observations[i]) && NumCameras(rig, WithoutCamera(rig, observations, observations[i].camera_idx)) >= 2;
+}
+
+LeftOutSample PredictLeftOut(const PreparedRig& rig, const Observation& seen, const Point& point, size_t point_idx) {
+  LeftOutSample sample;
+  sample.point = point_idx;
+  sample.camera_idx = seen.camera_idx;
+  sample.status = point.status;
+  if (point.status != Status::kOk) return sample;
+  const PreparedCamera& camera = rig.cameras[static_cast<size_t>(seen.camera_idx)];
+  const auto at = camera.projector.ProjectWithJacobians(camera.ToCam(point.x_in_world - rig.origin_in_world));
+  sample.status = at.status == Status::kOk && !at.px.allFinite() ? Status::kOutsideValidRadius : at.status;
+  if (sample.status != Status::kOk) return sample;
+  const Eigen::Matrix<double, 2, 3> px_from_world = at.d_px_d_x * camera.cam_from_local_rotation;
+  sample.residual_px = seen.px - at.px;
+  sample.covariance_px2 = px_from_world * point.covariance * px_from_world.transpose();
+  sample.covariance_px2.diagonal().array() += seen.sigma_px * seen.sigma_px;
+  sample.sigma_px = std::sqrt(0.5 * sample.covariance_px2.trace());
+  return sample;
+}
 
 std::vector<LeftOutSample> LeaveOneCameraOut(const PreparedRig& rig, const std::vector<std::vector<Observation>>& points,
                                              const PointSolver& solve, int num_threads) {

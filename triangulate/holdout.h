@@ -37,6 +37,15 @@ struct LeftOutSample {
 std::vector<LeftOutSample> LeaveOneCameraOut(const PreparedRig& rig, const std::vector<std::vector<Observation>>& points,
                                              const PointSolver& solve, int num_threads);
 
+/// True when leaving out the camera of observation `i` leaves two other cameras (copies counted once): then it is a sample.
+bool IsLeftOutSample(const PreparedRig& rig, const std::vector<Observation>& observations, size_t i);
+
+/// One sample by hand, for methods that do not triangulate point by point: `point` from the cameras other than that of `seen`.
+LeftOutSample PredictLeftOut(const PreparedRig& rig, const Observation& seen, const Point& point, size_t point_idx);
+
+/// What `observations` are left without the camera of `camera_idx` and its copies.
+std::vector<Observation> WithoutCamera(const PreparedRig& rig, const std::vector<Observation>& observations, int camera_idx);
+
 /// Where a point belongs.
 struct PointLabel {
   int frame = 0, person = 0, joint_idx = 0;

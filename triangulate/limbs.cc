@@ -39,6 +39,24 @@ std::vector<LimbLength> MeasureLimbs(const std::vector<TakePoint>& points, const
   return measured;
 }
 
+std::vector<LimbLength> MergeLimbs(const std::vector<LimbLength>& a, const std::vector<LimbLength>& b) {
+  std::map<std::pair<int, int>, LimbLength> merged;
+  for (const LimbLength& length : a) merged[{length.person, length.limb}] = length;
+  for (const LimbLength& length : b) {
+    const auto [place, is_new] = merged.emplace(std::pair(length.person, length.limb), length);
+    if (is_new) continue;
+    LimbLength& sum = place->second;
+    const double n = sum.num_frames, m = length.num_frames, step = length.mean_m - sum.mean_m;
+    const double squares = n * sum.std_m * sum.std_m + m * length.std_m * length.std_m + step * step * n * m / (n + m);
+    sum.mean_m += step * m / (n + m);
+    sum.std_m = std::sqrt(squares / (n + m));
+    sum.num_frames += length.num_frames;
+  }
+  std::vector<LimbLength> list;
+  for (const auto& [key, length] : merged) list.push_back(length);
+  return list;
+}
+
 double MeanLimbStd(const std::vector<LimbLength>& lengths) {
   double sum = 0;
   for (const LimbLength& length : lengths) sum += length.std_m;

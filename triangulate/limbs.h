@@ -18,6 +18,9 @@ struct LimbLength {
 /// One entry for each person and limb (a pair of joints) that at least two frames show.
 std::vector<LimbLength> MeasureLimbs(const std::vector<TakePoint>& points, const std::vector<std::pair<int, int>>& limbs);
 
+/// The lengths over both parts of a take.
+std::vector<LimbLength> MergeLimbs(const std::vector<LimbLength>& a, const std::vector<LimbLength>& b);
+
 /// Mean of the standard deviations; NaN when there are none.
 double MeanLimbStd(const std::vector<LimbLength>& lengths);
 

@@ -65,13 +65,15 @@ LinearPoint TwoViewMidpoint(const View& a, const View& b) {
   return {Status::kOk, 0.5 * (a.camera->center_in_local + depth_a * p + b.camera->center_in_local + depth_b * q)};
 }
 
+double ParallaxSignificance(const View& a, const View& b) {
+  const double variance = a.sigma_rad * a.sigma_rad + b.sigma_rad * b.sigma_rad;
+  return a.ray_in_local.cross(b.ray_in_local).norm() / std::sqrt(variance);
+}
+
 double ParallaxSignificance(const std::vector<View>& views) {
   double best = 0;
   for (size_t i = 0; i < views.size(); ++i) {
-    for (size_t j = i + 1; j < views.size(); ++j) {
-      const double sine = views[i].ray_in_local.cross(views[j].ray_in_local).norm();
-      best = std::max(best, sine / std::hypot(views[i].sigma_rad, views[j].sigma_rad));
-    }
+    for (size_t j = i + 1; j < views.size(); ++j) best = std::max(best, ParallaxSignificance(views[i], views[j]));
   }
   return best;
 }

@@ -10,8 +10,9 @@
 namespace mvstudio::triangulate {
 
 struct LinearPoint {
-  Status status =
-      Status::kOk;  ///< kTooFewViews, or kDegenerate when the rays do not determine a point (parallel, or one centre)
+  /// kTooFewViews; kDegenerate when the rays do not determine a point (parallel, or one centre); of the solvers for two views
+  /// also kBehindCamera.
+  Status status = Status::kOk;
   Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
 };
 
@@ -19,8 +20,7 @@ struct LinearPoint {
 LinearPoint Midpoint(const std::vector<View>& views);
 
 /// Inhomogeneous least squares with each ray weighted by one over its distance and angular noise, found by one reweighting of
-/// the midpoint: near the maximum-likelihood point. Compare Henry and Christian, "Absolute triangulation algorithms for space
-/// exploration", 2022 (LOST).
+/// the midpoint: near the maximum-likelihood point (Hartley and Sturm, "Triangulation", CVIU 1997, Iterative-LS, one round).
 LinearPoint WeightedLinear(const std::vector<View>& views);
 
 /// Midpoint of the common perpendicular of two rays; negative depths are possible.
@@ -29,5 +29,6 @@ LinearPoint TwoViewMidpoint(const View& a, const View& b);
 /// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise. Rays at
 /// 0 and at 180 degrees count the same.
 double ParallaxSignificance(const std::vector<View>& views);
+double ParallaxSignificance(const View& a, const View& b);
 
 }  // namespace mvstudio::triangulate

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/check.h"
 #include "triangulate/robust.h"
@@ -20,6 +21,22 @@ void CheckOneAPerCamera(const PreparedRig& rig, const std::vector<Observation>& 
   }
 }
 
+/// Drops views that repeat an earlier one's image.
+void DropCopies(std::vector<View>* views) {
+  const auto is_copy = [views](const View& view) {
+    for (const View& other : *views) {
+      if (&other == &view) return false;
+      if (other.px == view.px && AreOneCamera(*other.camera, *view.camera)) return true;
+    }
+    return false;
+  };
+  size_t kept = 0;
+  for (size_t i = 0; i < views->size(); ++i) {
+    if (!is_copy((*views)[i])) (*views)[kept++] = (*views)[i];
+  }
+  views->resize(kept);
+}
+
 Point ToPoint(const PreparedRig& rig, const Fit& fit, size_t num_observations) {
   Point point;
   point.num_observations = static_cast<int>(num_observations);
@@ -28,6 +45,7 @@ Point ToPoint(const PreparedRig& rig, const Fit& fit, size_t num_observations) {
   point.x_in_world = rig.origin_in_world + fit.at.x_in_local;
   point.covariance = fit.at.information.inverse();
   point.chi_squared = fit.at.chi_squared;
+  point.used.reserve(fit.views.size());
   double sum = 0;
   for (const View& view : fit.views) {
     point.used.push_back(view.observation_idx);
@@ -38,23 +56,42 @@ Point ToPoint(const PreparedRig& rig, const Fit& fit, size_t num_observations) {
   return point;
 }
 
+constexpr std::string_view kMethodNames[] = {"robust", "all-views", "linear", "midpoint", "dlt", "least-squares",
+                                             "lost",   "mid2",      "wmid2",  "l1",       "linf"};
+
 }  // namespace
+
+std::string_view ToString(PointMethod method) { return kMethodNames[static_cast<int>(method)]; }
+
+std::optional<PointMethod> PointMethodFromString(std::string_view name) {
+  if (name == "auto") return PointMethod::kRobust;
+  for (const PointMethod method : kAllPointMethods) {
+    if (ToString(method) == name) return method;
+  }
+  return std::nullopt;
+}
+
+Point TriangulateViews(const PreparedRig& rig, std::vector<View> views, size_t num_observations, Status rejected,
+                       const PointOptions& options) {
+  const size_t num_rays = views.size();
+  DropCopies(&views);
+  const size_t min_views = static_cast<size_t>(std::max(options.min_views, 2));
+  if (views.size() < min_views) {
+    Point point;
+    point.num_observations = static_cast<int>(num_observations);
+    if (num_rays >= min_views) rejected = Status::kDegenerate;  // one image under several names
+    point.status = rejected != Status::kOk && num_observations >= min_views ? rejected : Status::kTooFewViews;
+    return point;
+  }
+  const bool select = options.method == PointMethod::kRobust || options.select_views;
+  return ToPoint(rig, select ? FitConsistent(views, options) : FitViews(views, options), num_observations);
+}
 
 Point TriangulatePoint(const PreparedRig& rig, const std::vector<Observation>& observations, const PointOptions& options) {
   CheckOneAPerCamera(rig, observations);
   Status rejected = Status::kOk;
-  const std::vector<View> views = MakeViews(rig, observations, &rejected);
-  const size_t min_views = static_cast<size_t>(std::max(options.min_views, 2));
-  if (views.size() < min_views) {
-    Point point;
-    point.num_observations = static_cast<int>(observations.size());
-    point.status = rejected != Status::kOk && observations.size() >= min_views ? rejected : Status::kTooFewViews;
-    return point;
-  }
-  const Fit all = FitViews(views, options);
-  const bool consistent = all.status == Status::kOk && all.worst_sigmas <= options.max_residual_sigmas;
-  if (consistent || options.method != PointMethod::kRobust) return ToPoint(rig, all, observations.size());
-  return ToPoint(rig, SelectConsistent(views, all, options), observations.size());
+  std::vector<View> views = MakeViews(rig, observations, &rejected);
+  return TriangulateViews(rig, std::move(views), observations.size(), rejected, options);
 }
 
 }  // namespace mvstudio::triangulate

@@ -13,6 +13,7 @@ struct Refinement {
   Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  ///< 1/m^2: J^T J of the whitened residuals at the end
   double chi_squared = 0;                                 ///< sum |r|^2 / sigma^2
+  double worst_sigmas = 0;                                ///< largest |r| / sigma
 };
 
 /// Maximum-likelihood point for Gaussian pixel noise: Levenberg-Marquardt on the residuals in px through the full lens, each
@@ -24,5 +25,10 @@ Refinement Evaluate(const std::vector<View>& views, const Eigen::Vector3d& x_in_
 
 /// |r| / sigma of one view at a point; infinity where the camera cannot see it.
 double WhitenedResidual(const View& view, const Eigen::Vector3d& x_in_local);
+
+/// The view's residual over sigma to first order, without the lens: it is W (x - c) / (ray . (x - c)) for a point x near the ray
+/// from the centre c. W (2 x 3) holds the derivatives of the pixel along the ray's unit direction, in local; zero where the
+/// lens has none.
+Eigen::Matrix<double, 2, 3> WhitenedRows(const View& view);
 
 }  // namespace mvstudio::triangulate

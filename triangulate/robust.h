@@ -12,13 +12,26 @@ struct Fit {
   Status status = Status::kOutlier;
   Refinement at;
   std::vector<View> views;
-  double worst_sigmas = 0;  ///< largest |r| / sigma among `views`
 };
 
-/// Linear start, refinement and checks on exactly these views.
+/// One pose and one lens: such cameras give one image.
+bool AreOneCamera(const PreparedCamera& a, const PreparedCamera& b);
+
+/// Start, refinement (or the closed form of `options.method`) and checks on exactly these views.
 Fit FitViews(const std::vector<View>& views, const PointOptions& options);
 
-/// The largest consistent set among `views`; `all` is the fit to all of them. Status kOutlier when there is none.
-Fit SelectConsistent(const std::vector<View>& views, const Fit& all, const PointOptions& options);
+/// The fit to all views where they agree, else to the largest consistent set among them; kOutlier, or the reason that all views
+/// together give, when there is none.
+///
+/// Views whose rays pass each other by more than their noise allows cannot be in one set. Up to 6 views: all sets without such
+/// pairs, largest first. More: the points of all pairs (or of `max_hypotheses` random ones) are ranked by the truncated sum of
+/// squares over all views (MSAC: Torr and Zisserman, "MLESAC", CVIU 2000), to first order on the rays; the best are refitted to
+/// their own views until these no longer change (Lebeda et al., BMVC 2012).
+Fit FitConsistent(const std::vector<View>& views, const PointOptions& options);
+
+/// TriangulatePoint from its views on. `num_observations` were offered; `rejected` is why the first of those without a ray has
+/// none.
+Point TriangulateViews(const PreparedRig& rig, std::vector<View> views, size_t num_observations, Status rejected,
+                       const PointOptions& options);
 
 }  // namespace mvstudio::triangulate

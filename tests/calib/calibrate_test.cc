@@ -142,6 +142,11 @@ TEST(Calibrate, EmptyNanAndUnknownNames) {
     world.world = text;
     EXPECT_THROW(Calibrate(testing::ToInput(scene), world, RunContext()), UsageError) << text;
   }
+  CalibrateOptions holdout = Quick();
+  for (const char* text : {"every", "every:1", "every:4:4", "every:4:", "every:4:-1", "every:4:1:2"}) {
+    holdout.holdout = text;
+    EXPECT_THROW(Calibrate(testing::ToInput(scene), holdout, RunContext()), UsageError) << text;
+  }
   world.world = "board:2";
   EXPECT_EQ(Calibrate(testing::ToInput(scene), world, RunContext()).status, Status::kTooFewViews) << "frame 2 does not exist";
 }

@@ -9,7 +9,7 @@ namespace {
 using geometry::LensModel;
 
 LensPool Solve(LensModel model, int num_cameras, int num_frames, double noise_px, uint64_t seed = 1, double warp_m = 0,
-               double focal_step_px = 15) {
+               double focal_step_px = 15, const Eigen::Vector2d& stretch = Eigen::Vector2d::Zero()) {
   testing::SceneOptions options;
   options.seed = seed;
   options.num_cameras = num_cameras;
@@ -21,10 +21,13 @@ LensPool Solve(LensModel model, int num_cameras, int num_frames, double noise_px
   std::vector<int64_t> frames;
   std::vector<View> views = MakeViews({scene.board}, scene.detections, &frames);
   for (View& view : views) {
-    // The picture of the bent board, by moving the observations by what the bend changes.
+    // The picture of the bent, stretched board, by moving the observations by what its shape changes.
     RigState bent = scene.truth;
     bent.board_warp_m = {Eigen::Vector2d(warp_m, -warp_m / 2)};
-    const Eigen::Matrix3Xd corners = BentCorners(view, bent);
+    Eigen::Matrix3Xd corners = BentCorners(view, bent);
+    Eigen::Matrix2d by_stretch;
+    by_stretch << 1 + stretch.y(), stretch.x(), stretch.x(), 1 - stretch.y();
+    corners.topRows<2>() = by_stretch * corners.topRows<2>();
     const auto& camera = scene.truth.cameras[view.camera_idx];
     const auto flat = ResidualsOf(view, camera, CamFromBoard(view, bent));
     view.px += *ResidualsOf(view, camera, CamFromBoard(view, bent), &corners) - *flat;
@@ -84,13 +87,30 @@ TEST(ChooseLens, SharesTheLensOfIdenticalCamerasOnly) {
 
 TEST(ChooseWarp, SeesABendOfTheBoardOnlyWhereThereIsOne) {
   const LensPool flat = Solve(LensModel::kBrown2, 1, 20, 0.05, 2);
-  EXPECT_FALSE(ChooseWarp(FitPool(flat, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).bent);
+  EXPECT_FALSE(ChooseWarp(FitPool(flat, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).pays);
   const LensPool bent = Solve(LensModel::kBrown2, 1, 20, 0.05, 2, 2e-3);
   const LensPool start = FitPool(bent, {LensModel::kBrown2, {}, false, false}, BundleOptions());
-  EXPECT_TRUE(ChooseWarp(start, Four(), BundleOptions(), RunContext()).bent);
+  EXPECT_TRUE(ChooseWarp(start, Four(), BundleOptions(), RunContext()).pays);
   const LensPool fit = FitPool(start, {LensModel::kBrown2, {}, false, true}, BundleOptions());
   EXPECT_NEAR(fit.state.board_warp_m[0].x(), 2e-3, 1e-4);
   EXPECT_NEAR(fit.state.board_warp_m[0].y(), -1e-3, 1e-4);
+}
+
+TEST(ChooseStretch, SeesAStretchOfTheBoardOnlyWhereThereIsOne) {
+  int wrongly = 0;
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    const LensPool square = Solve(LensModel::kBrown2, 1, 20, 0.05, seed);
+    wrongly += ChooseStretch(FitPool(square, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).pays;
+  }
+  EXPECT_EQ(wrongly, 0);
+  const LensPool stretched = Solve(LensModel::kBrown2, 1, 20, 0.05, 2, 0, 15, {-2e-3, 1e-3});
+  const LensPool start = FitPool(stretched, {LensModel::kBrown2, {}, false, false}, BundleOptions());
+  EXPECT_TRUE(ChooseStretch(start, Four(), BundleOptions(), RunContext()).pays);
+  const LensPool fit = FitPool(start, {LensModel::kBrown2, {}, false, false, true}, BundleOptions());
+  EXPECT_NEAR(fit.state.board_stretch[0].x(), -2e-3, 5e-5);
+  EXPECT_NEAR(fit.state.board_stretch[0].y(), 1e-3, 5e-5);
+  EXPECT_NEAR(fit.state.cameras[0].fx(), 540, 0.5);
+  EXPECT_NEAR(fit.state.cameras[0].fy(), 540 * 1.002, 0.5);
 }
 
 TEST(ChooseLens, SaysThatThereAreTooFewViews) {

@@ -48,6 +48,7 @@ TEST(OpencvStereo, BeatsTheKnownFigures) {
   const double baseline_m = (report.rig.cameras[0].CenterInWorld() - report.rig.cameras[1].CenterInWorld()).norm();
   EXPECT_GT(baseline_m, 0.0828);
   EXPECT_LT(baseline_m, 0.0833);
+  for (const CameraReport& camera : report.cameras) EXPECT_EQ(camera.time_offset_frames, 0) << report.time_reason;
   EXPECT_EQ(report.verdict.status, "pass");
 }
 

@@ -34,9 +34,18 @@ TEST(Recordings, WideLensGetsASplineAndABentBoard) {
   EXPECT_EQ(report.cameras[0].model, geometry::LensModel::kSplined) << report.cameras[0].model_reason;
   EXPECT_LE(report.holdout_median_px, 0.455);
   EXPECT_LE(report.holdout_gross_fraction, 0.005);
-  // mrcal: -1.04 and +0.52 mm; with a splined lens 8 % less is found along x.
-  EXPECT_NEAR(1e3 * report.board_warp_m[0].x(), -1.04, 0.1);
-  EXPECT_NEAR(1e3 * report.board_warp_m[0].y(), 0.52, 0.026);
+  // The bend belongs to the lens model: mrcal's own solutions of these corners (calobject_warp in the .cameramodel files of the
+  // set) have -0.969 and +0.529 mm with its splined lens, -1.040 and +0.525 with OPENCV8. Within 5 % of each.
+  EXPECT_NEAR(1e3 * report.board_warp_m[0].x(), -0.969, 0.048);
+  EXPECT_NEAR(1e3 * report.board_warp_m[0].y(), 0.529, 0.026);
+  options.model = "rational8";
+  options.warp = "on";
+  options.stretch = "off";
+  const CalibrateReport lean = Solve(folder + "/corners-cam0.vnl", corners, options);
+  ASSERT_EQ(lean.status, Status::kOk) << lean.message;
+  EXPECT_NEAR(1e3 * lean.board_warp_m[0].x(), -1.040, 0.052);
+  EXPECT_NEAR(1e3 * lean.board_warp_m[0].y(), 0.525, 0.026);
+  EXPECT_GT(lean.holdout_median_px, 1.1 * report.holdout_median_px) << "the lean lens is the worse one";
 }
 
 TEST(Recordings, OmnidirectionalLensIsFoundFromNoGuess) {
@@ -58,7 +67,9 @@ TEST(Recordings, FisheyePairLosesNoView) {
   corners.unit = "mm";
   const CalibrateReport report = Solve(folder + "/omni_stereocalib_data.xml", corners, {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_LE(report.rms_px, 0.46) << "a peer reaches 0.445 without two or three views";
+  EXPECT_LE(report.rms_px, 0.445) << "OpenCV's omnidir, skew included, without four of the views";
+  ASSERT_EQ(report.board_stretch.size(), 1u) << report.stretch_reason;
+  EXPECT_NEAR(report.board_stretch[0].x(), -0.0024, 0.0005) << "the board's sides are not square to each other";
   for (const CameraReport& camera : report.cameras) EXPECT_EQ(camera.num_views, 39) << camera.name;
 }
 
@@ -71,6 +82,27 @@ TEST(Recordings, HandHeldBoardOfFourWebcams) {
       Solve(folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv", {}, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.board_metrics.pair_rms_mm, 0.945);
+  EXPECT_LE(report.board_metrics.reprojection_rms_px, 1.348);
+  EXPECT_NEAR(report.cameras[1].time_offset_frames, -0.6, 0.1) << report.time_reason;
+}
+
+/// The instants that the peer held out.
+TEST(Recordings, HandHeldBoardOnThePeersInstants) {
+  MVS_NEEDS_DATA("caliscope");
+  const std::string folder = mvstudio::testing::DataRoot() + "/" + "caliscope";
+  CalibrateOptions options;
+  options.holdout = "every:4:0";
+  const std::string path = folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv";
+  const CalibrateReport report = Solve(path, {}, options);
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_LE(report.board_metrics.pair_rms_mm, 0.945);
+  EXPECT_LE(report.board_metrics.reprojection_rms_px, 1.348);
+  options.time_offset = "none";
+  options.model = "brown4";  // the peer's lens
+  const CalibrateReport same = Solve(path, {}, options);
+  ASSERT_EQ(same.status, Status::kOk) << same.message;
+  EXPECT_LE(same.board_metrics.pair_rms_mm, 0.945);
+  EXPECT_LE(same.board_metrics.reprojection_rms_px, 1.348);
 }
 
 }  // namespace

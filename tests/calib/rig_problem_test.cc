@@ -9,7 +9,8 @@
 namespace mvstudio::calib {
 namespace {
 
-/// Three cameras, two of which share a lens, two boards that are rigid to each other, bent boards, a late camera.
+/// Three cameras, two of which share a lens, two boards that are rigid to each other, bent and stretched boards, a late
+/// camera.
 struct Case {
   RigState state;
   std::vector<View> views;
@@ -27,13 +28,14 @@ Case MakeCase() {
   c.state.rig_from_board[1].rotation = geometry::RotationExp({0.1, -0.2, 0.3});
   c.state.rig_from_board[1].translation = {0.1, 0.05, -0.02};
   c.state.board_warp_m = {Eigen::Vector2d(1e-3, -5e-4), Eigen::Vector2d(-2e-3, 1e-3)};
+  c.state.board_stretch = {Eigen::Vector2d(-2e-3, 1e-3), Eigen::Vector2d(1e-3, 3e-3)};
   c.state.time_offset_frames = {0, 0.3, -0.2};
   c.state.board_velocity.assign(c.state.frames.size(), geometry::Vector6d::Constant(0.02));
   c.state.cameras[2].params = c.state.cameras[1].params;
   c.state.lens_group = {0, 1, 1};
   c.views = MakeViews({scene.board}, scene.detections, &c.state.frames);
   for (size_t v = 0; v < c.views.size(); ++v) c.views[v].board = v % 2;
-  c.options.refine_warp = c.options.refine_time = true;
+  c.options.refine_warp = c.options.refine_stretch = c.options.refine_time = true;
   c.options.gauge.index = 0;
   return c;
 }
@@ -80,7 +82,7 @@ TEST(RigProblem, NormalEquationsPredictTheCostAroundAnExactSolution) {
   Case c = MakeCase();
   Observe(&c);
   RigProblem problem(c.views, c.state, c.options);
-  EXPECT_EQ(problem.columns().total, 8 + 8 + 2 * 6 + 2 + 6 + 4);
+  EXPECT_EQ(problem.columns().total, 8 + 8 + 2 * 6 + 2 + 6 + 4 + 4);
   SchurSystem system, trial;
   problem.AllocateSystem(&system);
   problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
@@ -151,6 +153,7 @@ TEST(SolveBundle, RecoversEverythingThatIsFree) {
   RigState start = c.state;
   Rng rng(5);
   start.board_warp_m = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  start.board_stretch.clear();
   for (int camera : {1, 2}) start.cameras[camera].params.head<4>() += Eigen::Vector4d(8, -5, 3, 4);
   geometry::Vector6d kick;
   kick << 0.02, -0.01, 0.02, 0.01, 0.02, -0.01;
@@ -162,6 +165,7 @@ TEST(SolveBundle, RecoversEverythingThatIsFree) {
   EXPECT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LT(report.rms_px, 1e-8);
   EXPECT_LT((start.board_warp_m[1] - c.state.board_warp_m[1]).norm(), 1e-8);
+  for (int b = 0; b < 2; ++b) EXPECT_LT((start.board_stretch[b] - c.state.board_stretch[b]).norm(), 1e-8);
   EXPECT_LT((start.rig_from_board[1].translation - c.state.rig_from_board[1].translation).norm(), 1e-8);
   EXPECT_EQ(start.cameras[1].params, start.cameras[2].params);
   EXPECT_LT((start.cameras[1].params - c.state.cameras[1].params).norm(), 1e-5);

@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/message_of.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -127,6 +128,127 @@ TEST_F(Pose2d, DamagedContentIsRefused) {
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("pose_keypoints_2d[4]"));
   Put("1.json", std::string(100000, '['));
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("nested deeper"));
+}
+
+TEST_F(Pose2d, OneDamagedFileAmongManyIsLeftOutAndListed) {
+  for (int f = 0; f < 100; ++f) Put("f_" + std::to_string(1000 + f) + "_keypoints.json", People(51));
+  Put("f_1042_keypoints.json", People(51).substr(0, 80));
+  Put("f_1043_keypoints.json", "");
+  Put("f_1044_keypoints.json", People(75));
+  const Pose2dTrack track = Read();
+  EXPECT_EQ(track.frames.size(), 97u);
+  EXPECT_EQ(track.frames.count(1042), 0u);
+  EXPECT_THAT(track.skipped, ::testing::ElementsAre(AllOf(HasSubstr("f_1042"), HasSubstr("frame 1042"), HasSubstr("truncated")),
+                                                    HasSubstr("f_1043"), AllOf(HasSubstr("f_1044"), HasSubstr("body25"))));
+}
+
+TEST_F(Pose2d, MostlyDamagedFilesAreAnError) {
+  for (int f = 0; f < 10; ++f) Put("f_" + std::to_string(f) + ".json", f < 4 ? People(51) : People(54));
+  EXPECT_THAT(MessageOf<FormatError>(), AllOf(HasSubstr("frame 4"), HasSubstr("coco18")));
+}
+
+TEST_F(Pose2d, FiftyPeopleAndNone) {
+  std::string text = "{\"people\":[";
+  const std::string one = People(51);
+  const size_t begin = one.find("{\"pose"), end = one.rfind("]}");
+  for (int p = 0; p < 50; ++p) text += (p ? "," : "") + one.substr(begin, end - begin);
+  Put("1.json", text + "]}");
+  Put("2.json", "{\"people\":[]}");
+  const Pose2dTrack track = Read();
+  EXPECT_EQ(track.frames.at(1).size(), 50u);
+  EXPECT_EQ(track.frames.at(2).size(), 0u);
+}
+
+TEST_F(Pose2d, FaceAndHandsRoundTrip) {
+  Rng rng(3);
+  const body::Skeleton& skeleton = body::SkeletonByName("openpose137");
+  Pose2dTrack track{"cam_03", {}};
+  for (int k = 0; k < 137; ++k) {
+    if (k == 0) track.frames[5].emplace_back();
+    track.frames[5][0].keypoints.push_back({rng.Uniform(0, 2000), rng.Uniform(0, 2000), rng.Uniform()});
+  }
+  WriteOpenPoseFolder(track, folder_.string(), &skeleton);
+  const auto expect_same = [&](const Pose2dTrack& read, size_t first, size_t count) {
+    for (size_t k = 0; k < count; ++k) {
+      EXPECT_EQ(read.frames.at(5)[0].keypoints[k].x_px, track.frames[5][0].keypoints[first + k].x_px);
+      EXPECT_EQ(read.frames.at(5)[0].keypoints[k].score, track.frames[5][0].keypoints[first + k].score);
+    }
+  };
+  expect_same(Read("openpose137"), 0, 137);
+  expect_same(Read("body25"), 0, 25);
+  expect_same(Read("body25+face"), 0, 95);
+  const Pose2dTrack hands = Read("body25+hands");
+  ASSERT_EQ(hands.frames.at(5)[0].keypoints.size(), 67u);
+  EXPECT_EQ(hands.frames.at(5)[0].keypoints[25].y_px, track.frames[5][0].keypoints[95].y_px);  // left hand first
+  EXPECT_EQ(hands.frames.at(5)[0].keypoints[46].y_px, track.frames[5][0].keypoints[116].y_px);
+}
+
+TEST_F(Pose2d, EmptyHandIsNotDetectedAndWrongOneIsNamed) {
+  std::string text = People(75);
+  text.replace(text.find("]}]}"), 4, "],\"hand_left_keypoints_2d\":[],\"hand_right_keypoints_2d\":[1,2,3]}]}");
+  Put("1.json", text);
+  EXPECT_THAT(MessageOf<FormatError>("body25+hands"),
+              AllOf(HasSubstr("people[0].hand_right_keypoints_2d"), HasSubstr("3 x 21")));
+  text.replace(text.find("[1,2,3]"), 7, "[]");
+  Put("1.json", text);
+  const Pose2dTrack track = Read("body25+hands");
+  EXPECT_EQ(track.frames.at(1)[0].keypoints.size(), 67u);
+  EXPECT_EQ(track.frames.at(1)[0].keypoints[66].score, 0);
+  EXPECT_EQ(track.frames.at(1)[0].keypoints[24].score, 74.5);
+}
+
+TEST_F(Pose2d, AllJointsInOneListSuitASkeletonOfParts) {
+  Put("1.json", People(3 * 137));
+  EXPECT_EQ(Read("openpose137").frames.at(1)[0].keypoints[136].score, 3 * 137 - 0.5);
+}
+
+class Pose2dResults : public Pose2d {
+ protected:
+  Pose2dTrack ReadText(const std::string& text) const {
+    Put("results.json", text);
+    return ReadPose2d((folder_ / "results.json").string(), "cam_03", body::SkeletonByName("coco17"));
+  }
+  static std::string Numbers(int count, double first) {
+    std::string text = "[";
+    for (int i = 0; i < count; ++i) text += (i ? "," : "") + std::to_string(first + i);
+    return text + "]";
+  }
+};
+
+TEST_F(Pose2dResults, CocoAndAlphaPoseLists) {
+  const Pose2dTrack track = ReadText(R"([{"image_id":"img_0007.jpg","category_id":1,"score":2.5,"keypoints":)" +
+                                     Numbers(51, 1) + R"(},{"image_id":12,"keypoints":)" + Numbers(51, 100) +
+                                     R"(},{"image_id":"img_0007.jpg","keypoints":)" + Numbers(51, 200) + "}]");
+  ASSERT_EQ(track.frames.size(), 2u);
+  ASSERT_EQ(track.frames.at(7).size(), 2u);
+  EXPECT_EQ(track.frames.at(7)[1].keypoints[0].x_px, 200);
+  EXPECT_EQ(track.frames.at(12)[0].keypoints[16].score, 150);
+}
+
+TEST_F(Pose2dResults, MmposePredictions) {
+  std::string points = "[", scores = "[";
+  for (int k = 0; k < 17; ++k) {
+    points += std::string(k ? "," : "") + "[" + std::to_string(k) + ",5]";
+    scores += std::string(k ? "," : "") + "0.5";
+  }
+  const std::string instance = "{\"keypoints\":" + points + "],\"keypoint_scores\":" + scores + "],\"bbox\":[[1,2,3,4]]}";
+  const Pose2dTrack track = ReadText("{\"meta_info\":{},\"instance_info\":[{\"frame_id\":1,\"instances\":[" + instance + "," +
+                                     instance + "]},{\"frame_id\":2,\"instances\":[]}]}");
+  EXPECT_EQ(track.frames.at(1).size(), 2u);
+  EXPECT_EQ(track.frames.at(1)[1].keypoints[16].x_px, 16);
+  EXPECT_TRUE(track.frames.at(2).empty());
+}
+
+TEST_F(Pose2dResults, WhatCannotBeReadIsListedOrThrown) {
+  const std::string good = R"({"image_id":1,"keypoints":)" + Numbers(51, 1) + "}";
+  const Pose2dTrack track = ReadText("[" + good + "," + good + R"(,{"image_id":-3,"keypoints":)" + Numbers(51, 1) + "}]");
+  EXPECT_THAT(track.skipped, ::testing::ElementsAre(AllOf(HasSubstr("[2]"), HasSubstr("image_id"))));
+  const auto message = [this](const std::string& text) { return testing::MessageOf<FormatError>([&] { ReadText(text); }); };
+  EXPECT_THAT(message("{\"people\":[]}"), HasSubstr("instance_info"));
+  EXPECT_THAT(message("[7]"), HasSubstr("[0]"));
+  EXPECT_THAT(message(R"([{"image_id":1,"keypoints":[1,2,3]}])"), HasSubstr("3 x 17"));
+  EXPECT_THAT(message(R"([{"image_id":1.5,"keypoints":)" + Numbers(51, 1) + "}]"), HasSubstr("image_id"));
+  EXPECT_THAT(message("[{"), HasSubstr("truncated"));
 }
 
 TEST_F(Pose2d, PeopleWithoutABodyAreLeftOut) {

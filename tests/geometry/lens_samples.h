@@ -6,9 +6,8 @@
 #include <vector>
 
 #include "geometry/camera.h"
-#include "geometry/camera_model.h"
 
-/// Lenses shared by the tests of geometry/, and the projection formula in long double as their oracle.
+/// Lenses shared by the tests of geometry/; exact_lens.h has the oracle of their projections.
 namespace mvstudio::geometry::testing {
 
 inline Camera MakeLens(LensModel model, const std::vector<double>& distortion, int width = 1280, int height = 960,
@@ -86,20 +85,6 @@ inline std::vector<Camera> ExtremeLenses() {
           MakeLens(LensModel::kUcmP, {1.5, 0.03, -0.02}, 1280, 960, 1100),
           MakeLens(LensModel::kEucmP, {0.7, 0.9, 0.02, -0.01}, 1280, 960, 400),
           MakeLens(LensModel::kDoubleSphereP, {0.4, 0.6, -0.02, 0.01}, 1280, 960, 600)};
-}
-
-using Vector2ld = Eigen::Matrix<long double, 2, 1>;
-using Vector3ld = Eigen::Matrix<long double, 3, 1>;
-using VectorXld = Eigen::Matrix<long double, Eigen::Dynamic, 1>;
-
-inline Vector2ld ProjectLong(const Camera& camera, const VectorXld& params, const Vector3ld& x) {
-  Vector2ld px(0, 0);
-  ProjectByFormula<long double>(camera.model, params.data(), x, &px, camera.spline);
-  return px;
-}
-
-inline Vector2ld ProjectLong(const Camera& camera, const Eigen::Vector3d& x) {
-  return ProjectLong(camera, camera.params.cast<long double>(), x.cast<long double>());
 }
 
 /// A direction whose radius (tan theta, or theta for wide models) is `radius`, at the azimuth `phi`.

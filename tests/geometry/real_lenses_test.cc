@@ -8,6 +8,7 @@
 #include "core/files.h"
 #include "core/units.h"
 #include "geometry/lens_fit.h"
+#include "tests/geometry/exact_lens.h"
 #include "tests/geometry/lens_samples.h"
 #include "tests/support/test_data.h"
 
@@ -68,7 +69,7 @@ TEST(RealLenses, EveryPixelHasAnExactRay) {
         const Unprojection back = projector.Unproject({u, v});
         if (back.status != Status::kOk) continue;
         ++solved;
-        ASSERT_LT((testing::ProjectLong(camera, back.ray_in_cam) - testing::Vector2ld(u, v)).norm(), 1e-9L) << name;
+        ASSERT_LT((testing::ProjectExactly(camera, back.ray_in_cam) - testing::Vector2mp(u, v)).norm(), 1e-9L) << name;
       }
     }
     EXPECT_GE(solved, camera.model == LensModel::kSplined ? 0.995 * total : total) << name;

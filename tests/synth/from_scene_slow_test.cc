@@ -8,6 +8,7 @@
 #include "core/random.h"
 #include "core/units.h"
 #include "dataset/image_io.h"
+#include "synth/plate.h"
 #include "synth/textured_room.h"
 #include "tests/support/temp_dir.h"
 
@@ -88,9 +89,9 @@ Errors Compare(const Rig& found, const Rig& truth) {
 void Print(const char* name, const calib::FromSceneReport& r, const Errors& e) {
   std::printf(
       "%s: %zu cameras, %d points, %d features kept, %d rejected, feature sigma %.3f px (colmap %.3f px rms), worst errors "
-      "%.4f deg %.2f mm, focal %.3f %%, Mahalanobis^2 %.1f\n",
+      "%.4f deg %.2f mm, focal %.3f %%, variances x %.2f by %d clusters, Mahalanobis^2 %.1f\n",
       name, r.rig.cameras.size(), r.num_points, r.bundle.num_observations, r.bundle.num_rejected, r.feature_sigma_px,
-      r.colmap_rms_px, e.max_deg, e.max_mm, 100 * e.max_focal, e.max_mahalanobis);
+      r.colmap_rms_px, e.max_deg, e.max_mm, 100 * e.max_focal, r.clusters.factor, r.clusters.num_clusters, e.max_mahalanobis);
 }
 
 calib::ColmapOptions Colmap() {
@@ -104,9 +105,10 @@ class FromScene : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = new TempDir;
     truth_ = MakeRig();
+    const RayColor color = [](const auto& origin, const auto& direction) { return room_.Color(origin, direction); };
     for (const geometry::RigCamera& camera : truth_.cameras) {
       const std::string path = *folder_ / (camera.camera.name + ".png");
-      dataset::WriteImage(RenderTexturedRoom(room_, LensRays(camera, 2), 3, 2), path);
+      dataset::WriteImage(RenderPlate(color, LensRays(camera, 2), 3, 2), path);
       images_.push_back({camera.camera.name, path, camera.camera, true});
     }
   }

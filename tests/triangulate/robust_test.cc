@@ -2,6 +2,8 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cstdio>
+#include <limits>
 
 #include "tests/triangulate/support.h"
 #include "triangulate/point.h"
@@ -47,6 +49,79 @@ TEST(RobustSelection, FindsThePointUpToSixtyPercentOutliers) {
   for (int num_outliers = 0; num_outliers <= 6; ++num_outliers) {
     const Tally tally = TryOutliers(10, num_outliers, 300, 41);
     EXPECT_GE(tally.right, 297) << num_outliers << " of 10 views: wrong " << tally.wrong << ", refused " << tally.refused;
+  }
+}
+
+// Shares of right and wrong answers of 5 to 31 views; a wrong answer is one that claims to be right.
+TEST(RobustSelection, SeldomTellsAPlausibleLie) {
+  int num_answers = 0, num_wrong = 0;
+  for (const int num_cameras : {5, 6, 8, 12, 31}) {
+    for (const int percent : {0, 10, 20, 30, 40, 50, 60}) {
+      const int num_outliers = num_cameras * percent / 100;
+      const int trials = num_cameras < 31 ? 400 : 60;
+      const Tally tally = TryOutliers(num_cameras, num_outliers, trials, 101);
+      std::printf("%2d views, %2d wrong: right %5.1f %%, refused %5.1f %%, wrong %4.1f %%\n", num_cameras, num_outliers,
+                  100.0 * tally.right / trials, 100.0 * tally.refused / trials, 100.0 * tally.wrong / trials);
+      num_answers += tally.right + tally.wrong;
+      num_wrong += tally.wrong;
+      const bool enough = num_cameras - num_outliers >= 4;  // good views; with three, chance agrees now and then
+      EXPECT_LE(tally.wrong, (enough ? 0.01 : 0.04) * trials) << num_outliers << " of " << num_cameras;
+      EXPECT_GE(tally.right, (enough ? 0.98 : 0.85) * trials) << num_outliers << " of " << num_cameras;
+    }
+  }
+  EXPECT_LT(num_wrong, 0.005 * num_answers);
+}
+
+TEST(RobustSelection, TwoEquallySupportedPointsAreRefused) {
+  const geometry::Rig rig = MakeRing(8);
+  const PreparedRig prepared = Prepare(rig);
+  Rng rng(103);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Eigen::Vector3d truth = RandomPoint(&rng), other = truth + Eigen::Vector3d(0.3, -0.2, 0.05);
+    std::vector<Observation> observations = Observe(rig, truth, 1.0, &rng);
+    const std::vector<Observation> swapped = Observe(rig, other, 1.0, &rng);
+    for (int k = 0; k < 4; ++k) observations[(trial + 2 * k) % 8].px = swapped[(trial + 2 * k) % 8].px;
+    EXPECT_EQ(TriangulatePoint(prepared, observations).status, Status::kOutlier);
+  }
+}
+
+TEST(RobustSelection, EveryMethodCanChooseItsViews) {
+  const geometry::Rig rig = MakeRing(9);
+  const PreparedRig prepared = Prepare(rig);
+  Rng rng(107);
+  for (const PointMethod method : kAllPointMethods) {
+    int num_right = 0;
+    for (int trial = 0; trial < 50; ++trial) {
+      const Eigen::Vector3d truth = RandomPoint(&rng);
+      std::vector<Observation> observations = Observe(rig, truth, 0.5, &rng);
+      for (const int wrong : {2, 5, 7}) observations[wrong].px = {rng.Uniform(0, 1279), rng.Uniform(0, 959)};
+      PointOptions options;
+      options.method = method;
+      options.select_views = true;
+      const Point point = TriangulatePoint(prepared, observations, options);
+      num_right += point.status == Status::kOk && (point.x_in_world - truth).norm() < 0.02;
+    }
+    EXPECT_GE(num_right, 45) << ToString(method);
+  }
+}
+
+TEST(RobustSelection, BrokenNumbersAmongOutliers) {
+  const geometry::Rig rig = MakeRing(10);
+  const PreparedRig prepared = Prepare(rig);
+  Rng rng(109);
+  const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+  for (int trial = 0; trial < 100; ++trial) {
+    const Eigen::Vector3d truth = RandomPoint(&rng);
+    std::vector<Observation> observations = Observe(rig, truth, 1.0, &rng);
+    observations[0].px = {nan, nan};
+    observations[2].px.y() = infinity;
+    observations[4].sigma_px = infinity;  // what a confidence of zero amounts to
+    observations[6].sigma_px = nan;
+    observations[7].px = {rng.Uniform(0, 1279), rng.Uniform(0, 959)};
+    const Point point = TriangulatePoint(prepared, observations);
+    ASSERT_EQ(point.status, Status::kOk);
+    EXPECT_LT((point.x_in_world - truth).norm(), 0.03);
+    for (const int used : point.used) EXPECT_TRUE(used % 2 == 1 || used == 8) << used;
   }
 }
 

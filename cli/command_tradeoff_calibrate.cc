@@ -5,12 +5,9 @@
 #include <set>
 
 #include "calib/calibrate.h"
-#include "cli/commands.h"
 #include "cli/corner_input.h"
+#include "cli/tradeoff.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "report/html.h"
-#include "report/svg.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -89,16 +86,6 @@ Trial Run(const calib::CalibrateInput& input, Trial trial, double detect_s, cons
   return trial;
 }
 
-void MarkFront(std::vector<Trial>* trials) {
-  for (Trial& a : *trials) {
-    a.on_front = std::isfinite(a.holdout_px);
-    for (const Trial& b : *trials) {
-      if (b.seconds <= a.seconds && b.holdout_px <= a.holdout_px && (b.seconds < a.seconds || b.holdout_px < a.holdout_px))
-        a.on_front = false;
-    }
-  }
-}
-
 /// Corners by every detector, with the seconds it took.
 struct Source {
   std::string detector;
@@ -120,14 +107,12 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
   return sources;
 }
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 ordered_json ToJson(const std::vector<Trial>& trials) {
   ordered_json table = ordered_json::array();
   for (const Trial& t : trials) {
     table.push_back({{"detector", t.detector}, {"views", t.views}, {"model", t.model}, {"chosen", t.chosen}, {"engine", t.engine},
-                     {"status", t.status}, {"seconds", Number(t.seconds)}, {"holdout_px", Number(t.holdout_px)},
-                     {"edge_mm", Number(t.edge_mm)}, {"on_front", t.on_front}});
+                     {"status", t.status}, {"seconds", FiniteOrNull(t.seconds)}, {"holdout_px", FiniteOrNull(t.holdout_px)},
+                     {"edge_mm", FiniteOrNull(t.edge_mm)}, {"on_front", t.on_front}});
   }
   return table;
 }
@@ -142,19 +127,6 @@ std::string ToText(const std::vector<Trial>& trials) {
     text += line;
   }
   return text + "*: no other way is both faster and better\n";
-}
-
-std::string Figure(const std::vector<Trial>& trials) {
-  report::ParetoChartSpec spec;
-  spec.title = "Ways to calibrate: time against error on instants that took no part";
-  spec.cost.label = "detection and solution (s)";
-  spec.cost.log = true;
-  spec.error.label = "held-out 2-D RMS (px)";
-  spec.error.log = true;
-  for (const Trial& t : trials) {
-    if (std::isfinite(t.holdout_px)) spec.points.push_back({t.Name(), t.seconds, t.holdout_px, t.on_front});
-  }
-  return report::ParetoChart(spec);
 }
 
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
@@ -175,26 +147,25 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
       }
     }
   }
-  MarkFront(&trials);
+  std::vector<TradeoffPoint> points;
+  for (const Trial& t : trials) points.push_back({t.Name(), t.seconds, t.holdout_px});
+  const std::vector<bool> on_front = ParetoFront(points);
+  for (size_t i = 0; i < trials.size(); ++i) trials[i].on_front = on_front[i];
   result.metrics["trials"] = ToJson(trials);
   result.text = ToText(trials);
   if (arguments.out.empty()) return result;
-  MakeFolder(arguments.out);
-  const std::string path = arguments.out + "/tradeoff-calibrate.html";
-  report::Section section{"tradeoff", "Calibration: speed against accuracy", report::FigureHtml(Figure(trials), "Large dots: no other way is both faster and better.")};
-  WriteFileAtomic(path, report::PageHtml("mvstudio tradeoff calibrate", "", {section}, ""));
-  result.outputs.push_back({path, "figure"});
-  result.folder = arguments.out;
+  WriteTradeoffPage({"calibrate", "Calibration: speed against accuracy",
+                     "Ways to calibrate: time against error on instants that took no part", "detection and solution (s)",
+                     "held-out 2-D RMS (px)"},
+                    points, arguments.out, &result);
   return result;
 }
 
 }  // namespace
 
-void RegisterTradeoff(CLI::App& app, Registry& registry) {
-  CLI::App* tradeoff = app.add_subcommand("tradeoff", "Measure what speed costs in accuracy");
-  tradeoff->require_subcommand(1);
+void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = tradeoff->add_subcommand(
+  CLI::App* sub = tradeoff.add_subcommand(
       "calibrate", "Detector x number of boards x lens model x engine: seconds, held-out px, mm, and the Pareto front");
   AddCornerArguments(sub, arguments->corners);
   sub->add_option("--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();

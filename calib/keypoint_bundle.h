@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/keypoint_fit.h"
+#include "core/status.h"
+
+namespace mvstudio::calib {
+
+/// What may move when a rig is adjusted to key points.
+struct KeypointFreedom {
+  std::vector<bool> fix_pose;                    ///< per camera; empty: all poses are free
+  std::vector<Eigen::MatrixXd> lens_directions;  ///< per camera (P, K), see PointBundleOptions; empty: lenses are held
+};
+
+struct KeypointSolution {
+  Status status = Status::kOk;  ///< kTooFewViews, kNotConverged
+  std::string message;          ///< one line when the status is not kOk
+  geometry::Rig rig;            ///< frame and scale near those of the start where nothing holds them; no covariances
+  double cauchy_px = 0;         ///< scale of the noise, see KeypointCost
+  double cost = 0;              ///< over all joints with two views or more
+  int num_joints = 0, num_observations = 0;
+};
+
+/// Adjusts cameras to joints whose points are the eliminated unknowns, under the cost of KeypointCost. With `cauchy_px` 0 its
+/// scale is estimated from the residuals: the first round takes plain squares, so that a start that is off by tens of px has a
+/// smooth way down, and the scale falls with the residuals. Points are looked for anew in every round.
+KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
+                                const KeypointFreedom& freedom, double cauchy_px, int num_threads);
+
+struct KeypointCovariance {
+  Status status = Status::kOk;  ///< kDegenerate: something is held by nothing, see `message`
+  std::string message;
+  Eigen::MatrixXd joint;      ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
+  std::vector<int> begin;     ///< (cameras + 1) first row of each camera in `joint`
+};
+
+/// Covariance at a solution. The frame, when no pose is fixed, is that of AlignToGiven: mean, turn and size of the camera
+/// centres are held. The curvature is that of the Cauchy cost. Joints of a frame, and frames of a stretch of time, err together:
+/// one factor on all variances, from the gradients of ten stretches of the take taken as one sample each (as in Huber's
+/// sandwich estimator, 1967).
+KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
+                                         const KeypointFreedom& freedom, int num_threads);
+
+/// Covariance of a camera's centre in world from that of its pose (left perturbation).
+Eigen::Matrix3d CentreCovariance(const geometry::Rigid3& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
+
+/// The rig in the frame and scale of `given`: least squares of the camera centres over a similarity. Where these lie on a line
+/// (two cameras), their distances give the scale and the mean of the cameras' orientations the turn.
+geometry::Rig AlignToGiven(const geometry::Rig& rig, const geometry::Rig& given);
+
+/// True when the camera centres span a plane, so that AlignToGiven needs nothing but them.
+bool CentresHoldFrame(const geometry::Rig& rig);
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,222 @@
+#include "calib/keypoint_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "calib/point_bundle.h"
+#include "core/parallel.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using Distortion = KeypointPlan::Distortion;
+
+struct Candidate {
+  std::string name;
+  KeypointPlan plan;
+  std::vector<double> block_cost;  // mean cost of a residual in each stretch of time
+  double mean = 0;
+};
+
+/// Stretches of time, 2 a fold: frame -> stretch.
+std::map<int, int> Stretches(const std::vector<KeypointJoint>& joints, int num_folds) {
+  const std::vector<int> frames = FramesOf(joints);
+  std::map<int, int> stretch;
+  for (size_t i = 0; i < frames.size(); ++i)
+    stretch[frames[i]] = static_cast<int>(i * static_cast<size_t>(2 * num_folds) / frames.size());
+  return stretch;
+}
+
+/// A joint without a point costs as much as one that is off by 100 times the noise in every view.
+double CostOf(const KeypointFit& fit) {
+  return fit.ok ? fit.cost : static_cast<double>(fit.joint->seen.size()) * std::log1p(1e4);
+}
+
+class Judge {
+ public:
+  Judge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
+        int num_folds)
+      : given_(given), start_(start), joints_(joints), cauchy_px_(cauchy_px), num_folds_(num_folds),
+        stretch_(Stretches(joints, num_folds)) {}
+
+  void Score(Candidate* candidate, int num_threads) const {
+    std::vector<double> cost(static_cast<size_t>(2 * num_folds_), 0), count = cost;
+    ParallelFor(num_folds_, num_threads, [&](int64_t fold) { ScoreFold(*candidate, static_cast<int>(fold), &cost, &count); });
+    for (size_t b = 0; b < cost.size(); ++b)
+      if (count[b] > 0) candidate->block_cost.push_back(cost[b] / count[b]);
+    for (const double value : candidate->block_cost) candidate->mean += value / static_cast<double>(candidate->block_cost.size());
+  }
+
+ private:
+  void ScoreFold(const Candidate& candidate, int fold, std::vector<double>* cost, std::vector<double>* count) const {
+    std::vector<KeypointJoint> inside, held;
+    for (const KeypointJoint& joint : joints_) (stretch_.at(joint.frame) / 2 == fold ? held : inside).push_back(joint);
+    geometry::Rig rig = StartOf(given_, candidate.plan);
+    if (candidate.plan.free_poses || candidate.plan.fault != CameraFault::kNone) {
+      for (size_t c = 0; candidate.plan.free_poses && c < rig.cameras.size(); ++c)
+        rig.cameras[c].cam_from_world = start_.cameras[c].cam_from_world;
+      rig = SolveKeypoints(rig, inside, FreedomOf(rig, candidate.plan), cauchy_px_, 1).rig;
+    }
+    for (const KeypointFit& fit : FitKeypoints(rig, held, cauchy_px_, 2, 1)) {
+      const auto b = static_cast<size_t>(stretch_.at(fit.joint->frame));
+      (*cost)[b] += CostOf(fit), (*count)[b] += static_cast<double>(fit.joint->seen.size());
+    }
+  }
+
+  const geometry::Rig &given_, &start_;
+  const std::vector<KeypointJoint>& joints_;
+  double cauchy_px_;
+  int num_folds_;
+  std::map<int, int> stretch_;
+};
+
+double LengthOf(double cost, double cauchy_px) { return cauchy_px * std::sqrt(std::expm1(cost)); }
+
+/// Standard error of the mean difference between two candidates, over the stretches.
+double ErrorOfDifference(const Candidate& a, const Candidate& b) {
+  const auto n = static_cast<double>(a.block_cost.size());
+  if (n < 2) return 0;
+  double squares = 0;
+  for (size_t i = 0; i < a.block_cost.size(); ++i) {
+    const double off = (a.block_cost[i] - b.block_cost[i]) - (a.mean - b.mean);
+    squares += off * off;
+  }
+  return std::sqrt(squares / (n - 1) / n);
+}
+
+/// `candidates` from least to most change.
+KeypointPlan Decide(const std::string& group, const std::vector<Candidate>& candidates, double cauchy_px,
+                    const KeypointChoiceOptions& options, std::vector<KeypointDecision>* decisions) {
+  const auto best =
+      std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.mean < b.mean; });
+  const Candidate* winner = nullptr;
+  for (const Candidate& candidate : candidates) {
+    const double error = ErrorOfDifference(candidate, *best), px = LengthOf(candidate.mean, cauchy_px);
+    const bool as_good = candidate.mean <= best->mean + options.sigmas * error ||
+                         px <= (1 + options.gain) * LengthOf(best->mean, cauchy_px);
+    if (!winner && as_good) winner = &candidate;
+    const double px_per_cost = cauchy_px * cauchy_px * std::exp(candidate.mean) / (2 * std::max(px, 1e-12));
+    decisions->push_back({group, candidate.name, px, error * px_per_cost, winner == &candidate});
+  }
+  return winner->plan;
+}
+
+struct Group {
+  std::string name;
+  std::vector<std::pair<std::string, std::function<void(KeypointPlan*)>>> changes;
+};
+
+std::vector<Group> LensGroups() {
+  return {{"focal", {{"free", [](KeypointPlan* p) { p->free_focal = true; }}}},
+          {"image-scale", {{"free", [](KeypointPlan* p) { p->free_image = true; }}}},
+          {"principal-point", {{"free", [](KeypointPlan* p) { p->free_principal = true; }}}},
+          {"distortion",
+           {{"drop", [](KeypointPlan* p) { p->distortion = Distortion::kDrop; }},
+            {"free", [](KeypointPlan* p) { p->distortion = Distortion::kFree; }}}}};
+}
+
+}  // namespace
+
+const char* ToString(CameraFault fault) {
+  constexpr const char* kNames[] = {"none", "pose", "focal-length", "image-scale", "image-width", "image-height"};
+  return kNames[static_cast<int>(fault)];
+}
+
+const char* ToString(Distortion distortion) {
+  return distortion == Distortion::kKeep ? "keep" : distortion == Distortion::kDrop ? "drop" : "free";
+}
+
+geometry::Rig StartOf(const geometry::Rig& given, const KeypointPlan& plan) {
+  geometry::Rig rig = given;
+  for (geometry::RigCamera& camera : rig.cameras) {
+    if (plan.distortion == Distortion::kDrop) camera.camera = geometry::PinholeOf(camera.camera);
+    if (plan.distortion == Distortion::kFree && camera.camera.params.size() == 4) {
+      camera.camera.model = geometry::LensModel::kBrown1;
+      camera.camera.params.conservativeResize(5);
+      camera.camera.params[4] = 0;
+    }
+  }
+  return rig;
+}
+
+KeypointFreedom FreedomOfFault(const geometry::Rig& rig, CameraFault fault, int camera_idx) {
+  KeypointFreedom freedom;
+  const auto camera = static_cast<size_t>(camera_idx);
+  freedom.fix_pose.assign(rig.cameras.size(), true);
+  for (const geometry::RigCamera& each : rig.cameras) freedom.lens_directions.push_back(FixedLens(each.camera));
+  if (fault == CameraFault::kPose) return freedom.fix_pose[camera] = false, freedom;
+  const Eigen::VectorXd& p = rig.cameras[camera].camera.params;
+  Eigen::MatrixXd direction = Eigen::MatrixXd::Zero(p.size(), 1);
+  if (fault != CameraFault::kImageHeight) direction(0, 0) = p[0];
+  if (fault != CameraFault::kImageWidth) direction(1, 0) = p[1];
+  if (fault == CameraFault::kImage || fault == CameraFault::kImageWidth) direction(2, 0) = p[2] + 0.5;
+  if (fault == CameraFault::kImage || fault == CameraFault::kImageHeight) direction(3, 0) = p[3] + 0.5;
+  freedom.lens_directions[camera] = direction;
+  return freedom;
+}
+
+KeypointFreedom FreedomOf(const geometry::Rig& rig, const KeypointPlan& plan) {
+  if (plan.fault != CameraFault::kNone) return FreedomOfFault(rig, plan.fault, plan.fault_camera);
+  KeypointFreedom freedom;
+  if (!plan.free_poses) freedom.fix_pose.assign(rig.cameras.size(), true);
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const Eigen::VectorXd& p = camera.camera.params;
+    std::vector<Eigen::VectorXd> columns;
+    const auto add = [&](int parameter, double by) {
+      columns.emplace_back(Eigen::VectorXd::Zero(p.size()));
+      columns.back()[parameter] = by;
+    };
+    if (plan.free_image) {
+      add(0, p[0]), columns.back()[2] = plan.free_principal ? 0 : p[2] + 0.5;
+      add(1, p[1]), columns.back()[3] = plan.free_principal ? 0 : p[3] + 0.5;
+    }
+    // With the image's scale and the principal point free, a focal length by itself is nothing new.
+    if (plan.free_focal && !(plan.free_image && plan.free_principal)) add(0, p[0]), columns.back()[1] = p[1];
+    if (plan.free_principal) add(2, p[0]), add(3, p[1]);
+    if (plan.distortion == Distortion::kFree && p.size() > 4) add(4, 1);
+    Eigen::MatrixXd directions(p.size(), static_cast<Eigen::Index>(columns.size()));
+    for (size_t i = 0; i < columns.size(); ++i) directions.col(static_cast<Eigen::Index>(i)) = columns[i];
+    freedom.lens_directions.push_back(directions);
+  }
+  return freedom;
+}
+
+KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Rig& start,
+                                  const std::vector<KeypointJoint>& joints, double cauchy_px, const std::vector<KeypointPlan>& faults,
+                                  const KeypointChoiceOptions& options, const RunContext& run) {
+  const int num_threads = ResolveThreads(run.num_threads);
+  const Judge judge(given, start, joints, cauchy_px, options.num_folds);
+  KeypointChoice choice;
+  std::vector<Group> groups = {{"extrinsics", {}}};
+  for (const KeypointPlan& fault : faults) {
+    const std::string name = given.cameras[static_cast<size_t>(fault.fault_camera)].camera.name + ":" + ToString(fault.fault);
+    groups[0].changes.emplace_back(name, [&fault](KeypointPlan* p) { *p = fault; });
+  }
+  groups[0].changes.emplace_back("free", [](KeypointPlan* p) { p->free_poses = true; });
+  if (!options.poses_only)
+    for (Group& group : LensGroups()) groups.push_back(std::move(group));
+  ProgressStage stage(run, "choose what to adjust", static_cast<int64_t>(groups.size()));
+  Candidate base{"keep", choice.plan, {}, 0};
+  judge.Score(&base, num_threads);
+  for (const Group& group : groups) {
+    std::vector<Candidate> candidates = {base};
+    candidates[0].name = "keep";
+    for (const auto& [name, change] : group.changes) {
+      Candidate candidate{name, choice.plan, {}, 0};
+      change(&candidate.plan);
+      judge.Score(&candidate, num_threads);
+      candidates.push_back(std::move(candidate));
+    }
+    choice.plan = Decide(group.name, candidates, cauchy_px, options, &choice.decisions);
+    const size_t first = choice.decisions.size() - candidates.size();
+    for (size_t i = 0; i < candidates.size(); ++i)
+      if (choice.decisions[first + i].chosen) base = candidates[i];
+    stage.Advance();
+    if (!choice.plan.free_poses) break;  // lenses are asked for only where the poses can answer
+  }
+  return choice;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,196 @@
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "calib/keypoint_bundle.h"
+#include "calib/point_problem.h"
+#include "geometry/cross_matrix.h"
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr size_t kStretches = 10;
+
+PointScene CamerasOf(const geometry::Rig& rig) {
+  PointScene scene;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    scene.lenses.push_back(rig.cameras[c].camera);
+    scene.lens_of_camera.push_back(static_cast<int>(c));
+    scene.cam_from_world.push_back(rig.cameras[c].cam_from_world);
+  }
+  return scene;
+}
+
+/// The equations of the cameras alone, points eliminated, from some of the joints.
+struct Equations {
+  bool ok = false;
+  Eigen::MatrixXd h;
+  Eigen::VectorXd g;
+};
+
+Equations Equate(const PointScene& cameras, const std::vector<const KeypointFit*>& fits, const PointBundleOptions& options,
+                 double cauchy_px) {
+  PointScene scene = cameras;
+  scene.points.resize(3, static_cast<Eigen::Index>(fits.size()));
+  std::vector<PointObservation> observations;
+  for (size_t p = 0; p < fits.size(); ++p) {
+    scene.points.col(static_cast<Eigen::Index>(p)) = fits[p]->x_in_world;
+    for (const triangulate::Observation& seen : fits[p]->joint->seen)
+      observations.push_back({seen.camera_idx, static_cast<int>(p), seen.px, 1});
+  }
+  PointProblem problem(scene, observations, options, PointProblem::Blocks::kPoints, cauchy_px);
+  SchurSystem system;
+  problem.AllocateSystem(&system);
+  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(3, system.num_blocks()));
+  Equations equations;
+  equations.ok = problem.LinearizeTrial(&system);
+  if (!equations.ok) return equations;
+  // Points that only two far views hold along the ray are held by the least damping.
+  const ReducedSystem reduced = Reduce(system, 1e-9, options.num_threads);
+  equations.h = reduced.h.selfadjointView<Eigen::Lower>();
+  equations.g = reduced.g;
+  return equations;
+}
+
+/// Derivative of the centre -R^T t for R <- Exp(w) R, t <- t + s.
+Eigen::Matrix<double, 3, 6> CentreFromPose(const geometry::Rigid3& cam_from_world) {
+  const Eigen::Matrix3d world_r_cam = cam_from_world.rotation.toRotationMatrix().transpose();
+  Eigen::Matrix<double, 3, 6> derivative;
+  derivative << -world_r_cam * geometry::CrossMatrix(cam_from_world.translation), -world_r_cam;
+  return derivative;
+}
+
+/// Rows that hold place, turn and size of the camera centres (turn: of the orientations where the centres lie on a line), over
+/// the unknowns of the bundle.
+Eigen::MatrixXd GaugeRows(const geometry::Rig& rig, const std::vector<int>& pose_column, Eigen::Index num_unknowns) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const geometry::RigCamera& camera : rig.cameras) mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
+  const bool by_centres = CentresHoldFrame(rig);
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(7, num_unknowns);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const geometry::Rigid3& pose = rig.cameras[c].cam_from_world;
+    const Eigen::Matrix3d world_r_cam = pose.rotation.toRotationMatrix().transpose();
+    const Eigen::Matrix<double, 3, 6> centre = CentreFromPose(pose);
+    Eigen::Matrix<double, 3, 6> turn = Eigen::Matrix<double, 3, 6>::Zero();  // R <- Exp(w) R turns the camera by R^T w in world
+    turn.leftCols<3>() = world_r_cam;
+    const Eigen::Vector3d arm = rig.cameras[c].CenterInWorld() - mean;
+    rows.block<3, 6>(0, pose_column[c]) = centre;
+    rows.block<3, 6>(3, pose_column[c]) = by_centres ? Eigen::Matrix<double, 3, 6>(geometry::CrossMatrix(arm) * centre) : turn;
+    rows.block<1, 6>(6, pose_column[c]) = arm.transpose() * centre;
+  }
+  return rows;
+}
+
+/// sum w^2 / sum w: the mean curvature of the cost over that of its weights.
+double CurvatureOverWeights(const std::vector<KeypointFit>& fits, double cauchy_px) {
+  double w1 = 0, w2 = 0;
+  for (const KeypointFit& fit : fits) {
+    for (const Eigen::Vector2d& residual : fit.residuals_px) {
+      if (!fit.ok) continue;
+      const double w = 1 / (1 + residual.squaredNorm() / (cauchy_px * cauchy_px));
+      w1 += w, w2 += w * w;
+    }
+  }
+  return w1 > 0 ? w2 / w1 : 1;
+}
+
+/// Basis (n, n - rank) of what the rows leave free.
+Eigen::MatrixXd NullSpace(const Eigen::MatrixXd& rows) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeFullV);
+  const Eigen::Index rank = (svd.singularValues().array() > 1e-12 * svd.singularValues()[0]).count();
+  return svd.matrixV().rightCols(rows.cols() - rank);
+}
+
+struct Layout {
+  std::vector<int> lens_column, pose_column;  // in the bundle's unknowns
+  std::vector<Eigen::MatrixXd> directions;
+};
+
+Layout LayOut(const PointScene& cameras, const PointBundleOptions& options) {
+  const std::vector<PointObservation> none;
+  PointScene empty = cameras;
+  empty.points.resize(3, 0);
+  const PointProblem problem(empty, none, options, PointProblem::Blocks::kPoints, 0);
+  Layout layout;
+  for (int c = 0; c < static_cast<int>(cameras.lenses.size()); ++c) {
+    layout.lens_column.push_back(problem.lens_column(c));
+    layout.pose_column.push_back(problem.camera_column(c));
+    layout.directions.push_back(problem.directions(c));
+  }
+  return layout;
+}
+
+void Spread(const geometry::Rig& rig, const Layout& layout, const Eigen::MatrixXd& covariance, KeypointCovariance* out) {
+  out->begin.assign(1, 0);
+  for (const geometry::RigCamera& camera : rig.cameras)
+    out->begin.push_back(out->begin.back() + static_cast<int>(camera.camera.params.size()) + 6);
+  Eigen::MatrixXd all_from_unknowns = Eigen::MatrixXd::Zero(out->begin.back(), covariance.rows());
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Eigen::MatrixXd& d = layout.directions[c];
+    const Eigen::Index pose_row = out->begin[c + 1] - 6;
+    if (layout.lens_column[c] >= 0) all_from_unknowns.block(out->begin[c], layout.lens_column[c], d.rows(), d.cols()) = d;
+    if (layout.pose_column[c] >= 0) all_from_unknowns.block<6, 6>(pose_row, layout.pose_column[c]).setIdentity();
+  }
+  out->joint = all_from_unknowns * covariance * all_from_unknowns.transpose();
+}
+
+}  // namespace
+
+Eigen::Matrix3d CentreCovariance(const geometry::Rigid3& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::Matrix<double, 3, 6> derivative = CentreFromPose(cam_from_world);
+  return derivative * covariance * derivative.transpose();
+}
+
+KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
+                                         const KeypointFreedom& freedom, int num_threads) {
+  KeypointCovariance out;
+  const auto degenerate = [&](const char* message) {
+    out.status = Status::kDegenerate, out.message = message;
+    return out;
+  };
+  const std::vector<KeypointFit> fits = FitKeypoints(solution.rig, joints, solution.cauchy_px, 2, num_threads);
+  std::vector<const KeypointFit*> all;
+  std::map<int, size_t> rank;
+  for (const int frame : FramesOf(joints)) rank.emplace(frame, rank.size());
+  const size_t num_stretches = std::min(kStretches, rank.size());
+  std::vector<std::vector<const KeypointFit*>> stretches(num_stretches);
+  for (const KeypointFit& fit : fits) {
+    if (!fit.ok) continue;
+    all.push_back(&fit);
+    stretches[rank[fit.joint->frame] * num_stretches / rank.size()].push_back(&fit);
+  }
+  PointBundleOptions options;
+  options.fix_camera = freedom.fix_pose, options.lens_directions = freedom.lens_directions, options.num_threads = num_threads;
+  const PointScene cameras = CamerasOf(solution.rig);
+  const Equations whole = Equate(cameras, all, options, solution.cauchy_px);
+  if (!whole.ok) return degenerate("a joint does not project at the solution");
+  const Layout layout = LayOut(cameras, options);
+  const Eigen::Index n = whole.h.rows();
+  const Eigen::VectorXd scale = whole.h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd basis = Eigen::MatrixXd::Identity(n, n);
+  if (std::none_of(freedom.fix_pose.begin(), freedom.fix_pose.end(), [](bool fixed) { return fixed; }))
+    basis = NullSpace(GaugeRows(solution.rig, layout.pose_column, n) * scale.asDiagonal());
+  const Eigen::MatrixXd held = basis.transpose() * scale.asDiagonal() * whole.h * scale.asDiagonal() * basis;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(held);
+  constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
+  if (!(eigen.eigenvalues()[0] > kSmallest)) return degenerate("the joints do not hold all cameras in place");
+  const double curvature = CurvatureOverWeights(fits, solution.cauchy_px);
+  const Eigen::MatrixXd to_unknowns = scale.asDiagonal() * basis;
+  const Eigen::MatrixXd inverse =
+      to_unknowns * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+      eigen.eigenvectors().transpose() * to_unknowns.transpose() / curvature;
+  double sum = 0, count = 0;
+  for (const auto& stretch : stretches) {
+    const Equations own = Equate(cameras, stretch, options, solution.cauchy_px);
+    if (own.ok && !stretch.empty()) sum += own.g.dot(inverse * own.g), count += 1;
+  }
+  // For independent observations the sum is, on average, the unknowns times the variance of a weighted residual; the gradients
+  // add up to zero, hence n - 1.
+  const double factor = sum / static_cast<double>(basis.cols()) * count / std::max(count - 1, 1.0);
+  const Eigen::MatrixXd covariance = factor * inverse;
+  Spread(solution.rig, layout, covariance, &out);
+  return out;
+}
+
+}  // namespace mvstudio::calib

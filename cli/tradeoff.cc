@@ -1,0 +1,57 @@
+#include "cli/tradeoff.h"
+
+#include <cmath>
+
+#include "cli/commands.h"
+#include "core/files.h"
+#include "report/html.h"
+#include "report/svg.h"
+
+namespace mvstudio::cli {
+
+std::vector<bool> ParetoFront(const std::vector<TradeoffPoint>& points) {
+  std::vector<bool> on_front;
+  for (const TradeoffPoint& a : points) {
+    bool best = std::isfinite(a.cost) && std::isfinite(a.error);
+    for (const TradeoffPoint& b : points) {
+      best &= !(b.cost <= a.cost && b.error <= a.error && (b.cost < a.cost || b.error < a.error));
+    }
+    on_front.push_back(best);
+  }
+  return on_front;
+}
+
+void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
+                       CommandResult* result) {
+  report::ParetoChartSpec spec;
+  spec.title = page.title;
+  spec.cost.label = page.cost_label;
+  spec.error.label = page.error_label;
+  spec.cost.log = spec.error.log = true;
+  const std::vector<bool> on_front = ParetoFront(points);
+  for (size_t i = 0; i < points.size(); ++i) {
+    const TradeoffPoint& p = points[i];
+    if (std::isfinite(p.cost) && std::isfinite(p.error)) spec.points.push_back({p.name, p.cost, p.error, on_front[i]});
+  }
+  MakeFolder(folder);
+  const std::string path = folder + "/tradeoff-" + page.command + ".html";
+  const report::Section section{
+      "tradeoff", page.heading,
+      report::FigureHtml(report::ParetoChart(spec), "Large dots: no other way is both cheaper and better.")};
+  WriteFileAtomic(path, report::PageHtml("mvstudio tradeoff " + page.command, "", {section}, ""));
+  result->outputs.push_back({path, "figure"});
+  result->folder = folder;
+}
+
+nlohmann::ordered_json FiniteOrNull(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+void RegisterTradeoff(CLI::App& app, Registry& registry) {
+  CLI::App* tradeoff = app.add_subcommand("tradeoff", "Measure what speed costs in accuracy");
+  tradeoff->require_subcommand(1);
+  RegisterTradeoffCalibrate(*tradeoff, registry);
+  RegisterTradeoffTriangulate(*tradeoff, registry);
+}
+
+}  // namespace mvstudio::cli

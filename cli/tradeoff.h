@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+
+namespace mvstudio::cli {
+
+/// One way to do a thing. NaN: it could not be done.
+struct TradeoffPoint {
+  std::string name;
+  double cost = 0, error = 0;
+};
+
+/// True where no other way is at least as cheap and as good, and better in one of the two.
+std::vector<bool> ParetoFront(const std::vector<TradeoffPoint>& points);
+
+struct TradeoffPage {
+  std::string command;  ///< "calibrate": names the file tradeoff-calibrate.html
+  std::string heading;  ///< of the section
+  std::string title;    ///< of the figure
+  std::string cost_label, error_label;
+};
+
+/// Writes the figure to `folder` (made when missing) and lists it in the result.
+void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
+                       CommandResult* result);
+
+/// null where the value is not finite.
+nlohmann::ordered_json FiniteOrNull(double value);
+
+void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
+void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
+
+}  // namespace mvstudio::cli

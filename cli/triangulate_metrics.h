@@ -1,0 +1,43 @@
+#pragma once
+
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "cli/pose_input.h"
+#include "core/status.h"
+#include "triangulate/limbs.h"
+
+/// What `triangulate` says about its points.
+namespace mvstudio::cli {
+
+/// Figures over all points of a take, added chunk by chunk.
+class PointStatistics {
+ public:
+  PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs);
+  void Add(const triangulate::TakeResult& take);
+
+  int num_ok() const { return static_cast<int>(rms_px_.size()); }
+  int num_tried() const { return num_tried_; }
+  void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
+
+ private:
+  std::vector<std::pair<int, int>> limbs_;
+  std::map<Status, int> counts_;
+  std::vector<float> rms_px_, sigma_mm_;                           // of points with status kOk
+  std::vector<std::vector<float>> joint_rms_px_, joint_sigma_mm_;  // the same by joint
+  std::vector<triangulate::LimbLength> limb_lengths_;
+  int num_tried_ = 0, num_persons_ = 0;
+};
+
+/// Noise, method, held-out figures and the judgement of the cameras.
+void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
+
+/// Cameras that are off or scaled, or that hardly ever see anybody.
+void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks,
+                       CommandResult* result);
+
+/// Detections that scatter by a noticeable part of the picture do not belong to this calibration: exit 4.
+void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);
+
+}  // namespace mvstudio::cli

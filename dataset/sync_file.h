@@ -1,0 +1,33 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mvstudio::dataset {
+
+/// One camera of a sync file. Frame `f` of the reference and frame `f + offset_frames` of this camera show the same instant.
+struct SyncedCamera {
+  std::string name;
+  std::string status = "Ok";            ///< "Ok", or why there is no offset
+  std::optional<double> offset_frames;  ///< with "Ok" only
+  double sigma_frames = 0;              ///< its standard deviation; 0 for the reference
+};
+
+/// `sync.json`: time offsets of the cameras of a take.
+struct SyncFile {
+  std::string reference;
+  std::optional<double> fps;  ///< of all cameras, where known
+  std::vector<SyncedCamera> cameras;
+};
+
+/// Throws ContractViolation for numbers that are not finite.
+void WriteSync(const SyncFile& sync, const std::string& path);
+
+/// Throws IoError, FormatError (path, place): wrong schema, a camera twice, "Ok" without an offset, offsets beyond 1e6 frames.
+SyncFile ReadSync(const std::string& path);
+
+/// Offsets in the order of `names`; NaN for cameras that the file does not know or has no offset for.
+std::vector<double> OffsetsOf(const SyncFile& sync, const std::vector<std::string>& names);
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,182 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/board_metrics.h"
+#include "calib/calibrate.h"
+#include "calib/projection_uncertainty.h"
+#include "core/error.h"
+#include "tests/calib/synthetic.h"
+
+/// Cameras whose pictures of one frame were taken at different instants of a board that moves.
+namespace mvstudio::calib {
+namespace {
+
+using testing::Scene;
+
+/// Pose of the board in camera 0 at an instant (frames), waved smoothly.
+geometry::Rigid3 Waved(double t) {
+  geometry::Rigid3 cam0_from_board;
+  cam0_from_board.rotation =
+      geometry::RotationExp({0.5 * std::sin(0.09 * t), 0.5 * std::sin(0.07 * t + 1), 0.4 * std::sin(0.05 * t + 2)});
+  const Eigen::Vector3d centre(0.25 * std::sin(0.08 * t + 3), 0.2 * std::sin(0.1 * t), 1.15 + 0.25 * std::sin(0.06 * t + 1));
+  cam0_from_board.translation = centre - cam0_from_board.rotation * Eigen::Vector3d(0.24, 0.15, 0);
+  return cam0_from_board;
+}
+
+/// Camera c takes frame f at the instant f + late[c].
+Scene Film(const std::vector<double>& late, int num_frames, double noise_px, uint64_t seed = 1) {
+  testing::SceneOptions options;
+  options.num_cameras = static_cast<int>(late.size()), options.num_frames = num_frames;
+  Scene scene = testing::MakeScene(options);
+  const geometry::Rigid3 world_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0]);
+  scene.detections.clear();
+  Rng rng(seed);
+  for (size_t c = 0; c < late.size(); ++c) {
+    for (int f = 0; f < num_frames; ++f) {
+      scene.truth.frames[f] = f + 10;
+      scene.truth.world_from_board[f] = world_from_cam0 * Waved(f + late[c]);
+      const Detection seen = testing::Observe(scene, static_cast<int>(c), f, noise_px, &rng);
+      if (seen.num_corners() > 0) scene.detections.push_back(seen);
+    }
+  }
+  for (int f = 0; f < num_frames; ++f) scene.truth.world_from_board[f] = world_from_cam0 * Waved(f);
+  return scene;
+}
+
+CalibrateOptions Given() {
+  CalibrateOptions options;
+  options.model = "brown4";
+  options.holdout = "every:4";
+  return options;
+}
+
+TEST(EstimateVelocities, ConstantMotionIsExactAlsoWhereABoardIsNotSeen) {
+  Scene scene = testing::MakeScene({});
+  RigState& state = scene.truth;
+  geometry::Vector6d velocity;
+  velocity << 0.03, -0.02, 0.05, 0.01, 0.02, -0.01;
+  const geometry::Rigid3 first = state.world_from_board[0];
+  for (size_t f = 0; f < state.frames.size(); ++f) {
+    state.frames[f] = static_cast<int64_t>(f);
+    state.world_from_board[f] = geometry::Perturb(static_cast<double>(f) * velocity, first);
+  }
+  std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
+  for (size_t f = 0; f < state.frames.size(); ++f) state.frames[f] = static_cast<int64_t>(f);
+  const std::vector<geometry::Rigid3> truth = state.world_from_board;
+  for (View& view : views) {
+    if (view.frame % 4 == 0) view.weights.setZero(), state.world_from_board[view.frame] = geometry::Rigid3();
+  }
+  EstimateVelocities(views, &state);
+  for (size_t f = 0; f < state.frames.size(); ++f) {
+    EXPECT_LT((state.board_velocity[f] - velocity).norm(), 1e-12) << "frame " << f;
+    EXPECT_LT((state.world_from_board[f].translation - truth[f].translation).norm(), 1e-12) << "frame " << f;
+    EXPECT_LT(state.world_from_board[f].rotation.angularDistance(truth[f].rotation), 1e-7) << "frame " << f;
+  }
+}
+
+/// Corners moved by half a frame measure the board as well as those of one instant.
+TEST(TimeOffset, BoardMetricsTakeTheMotionAway) {
+  const Scene scene = Film({0, 0.5, -0.3}, 30, 0);
+  RigState state = scene.truth;
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
+  const BoardMetrics apart = ComputeBoardMetrics({scene.board}, views, state);
+  EstimateVelocities(views, &state);
+  state.time_offset_frames = {0, 0.5, -0.3};
+  const BoardMetrics together = ComputeBoardMetrics({scene.board}, views, state);
+  EXPECT_GT(apart.reprojection_rms_px, 1);
+  EXPECT_LT(together.reprojection_rms_px, 0.1) << "what is left is the board's acceleration";
+  EXPECT_LT(together.pair_rms_mm, 0.2 * apart.pair_rms_mm);
+}
+
+TEST(TimeOffset, IsFoundByItself) {
+  const std::vector<double> late = {0, -0.4, 0.2};
+  const Scene scene = Film(late, 48, 0.2);
+  const CalibrateReport report = Calibrate(testing::ToInput(scene), Given(), RunContext());
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_NEAR(report.cameras[c].time_offset_frames, late[c], 0.02) << report.time_reason;
+    EXPECT_NEAR(report.cameras[c].focal_px, scene.truth.cameras[c].fx() * 1.001, 2);
+  }
+  EXPECT_LT(report.rig_holdout_rms_px, 0.4);
+  EXPECT_LT(report.board_metrics.reprojection_rms_px, 0.3);
+  CalibrateOptions none = Given();
+  none.time_offset = "none";
+  const CalibrateReport without = Calibrate(testing::ToInput(scene), none, RunContext());
+  EXPECT_GT(without.rig_holdout_rms_px, 3 * report.rig_holdout_rms_px);
+  // The noise of the corners alone, triangulated with the true rig at one instant.
+  const Scene together = Film({0, 0, 0}, 48, 0.2);
+  RigState truth = together.truth;
+  const double floor_mm =
+      ComputeBoardMetrics({together.board}, MakeViews({together.board}, together.detections, &truth.frames), truth).pair_rms_mm;
+  EXPECT_LT(report.board_metrics.pair_rms_mm, 1.1 * floor_mm);
+  EXPECT_GT(without.board_metrics.pair_rms_mm, 1.2 * floor_mm);
+}
+
+TEST(TimeOffset, IsLeftOutWhereCamerasAreSynchronous) {
+  for (uint64_t seed = 1; seed <= 6; ++seed) {
+    const Scene scene = Film({0, 0, 0}, 32, 0.3, seed);
+    const CalibrateReport report = Calibrate(testing::ToInput(scene), Given(), RunContext());
+    ASSERT_EQ(report.status, Status::kOk) << report.message;
+    EXPECT_NE(report.time_reason.find("left out"), std::string::npos) << report.time_reason;
+    for (const CameraReport& camera : report.cameras) EXPECT_EQ(camera.time_offset_frames, 0);
+  }
+}
+
+TEST(TimeOffset, OfWholeFramesMovesTheNumbersWithAWarning) {
+  Scene scene = Film({0, 0, 0}, 48, 0.2);
+  for (Detection& d : scene.detections) d.frame_idx += d.camera_idx == 2 ? 7 : 0;
+  const CalibrateReport report = Calibrate(testing::ToInput(scene), Given(), RunContext());
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_EQ(report.frame_shift, (std::vector<int64_t>{0, 0, -7}));
+  EXPECT_LT(report.rig_holdout_rms_px, 0.4);
+  const auto& reasons = report.verdict.reasons;
+  EXPECT_TRUE(std::any_of(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.code == "CAL-FRAMES"; }));
+  CalibrateOptions none = Given();
+  none.time_offset = "none";
+  EXPECT_EQ(Calibrate(testing::ToInput(scene), none, RunContext()).status, Status::kDegenerate);
+  none.time_offset = "perhaps";
+  EXPECT_THROW(Calibrate(testing::ToInput(Film({0, 0}, 20, 0.2)), none, RunContext()), UsageError);
+}
+
+/// The place of a camera scatters more when its offset in time is an unknown, and by as much as is said: errors of points at rest
+/// against the boards of the frames' instants.
+TEST(TimeOffset, ProjectionUncertaintyCountsThem) {
+  constexpr int kDraws = 60;
+  constexpr double kNoise = 0.2;
+  const Scene scene = Film({0, 0, 0}, 24, 0);
+  RigState truth = scene.truth;
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &truth.frames);
+  truth.time_offset_frames = {0, 0, 0};
+  EstimateVelocities(views, &truth);
+  BundleOptions options;
+  options.reject_outliers = false, options.refine_time = true;
+  const ProjectionUncertainty uncertainty(views, truth, options, kNoise);
+  const Eigen::Vector2d px(320, 240);
+  const Eigen::Vector3d ray = geometry::Unproject(truth.cameras[1], px).ray_in_cam;
+  const Eigen::Vector3d x_in_world = geometry::Inverse(truth.cam_from_world[1]) * (1.2 * ray);
+  Eigen::Matrix2d sampled = Eigen::Matrix2d::Zero();
+  Rng rng(5);
+  for (int draw = 0; draw < kDraws; ++draw) {
+    std::vector<View> noisy = views;
+    for (View& view : noisy) {
+      for (double& coordinate : view.px.reshaped()) coordinate += kNoise * rng.Normal();
+    }
+    RigState state = truth;
+    ASSERT_EQ(SolveBundle(&noisy, &state, options).status, Status::kOk);
+    Eigen::Vector3d carried = Eigen::Vector3d::Zero();
+    for (size_t f = 0; f < truth.frames.size(); ++f)
+      carried += state.world_from_board[f] * (geometry::Inverse(truth.world_from_board[f]) * x_in_world);
+    carried /= static_cast<double>(truth.frames.size());
+    const Eigen::Vector2d error = geometry::Project(state.cameras[1], state.cam_from_world[1] * carried).px - px;
+    sampled += error * error.transpose() / kDraws;
+  }
+  const PixelUncertainty found = uncertainty.PixelCovariance(1, px, 1.2);
+  ASSERT_EQ(found.status, Status::kOk);
+  // 120 squares of variance 1: 1 +- 0.13; 3.5 of these.
+  EXPECT_NEAR((found.covariance_px2.inverse() * sampled).trace() / 2, 1, 0.45);
+}
+
+}  // namespace
+}  // namespace mvstudio::calib

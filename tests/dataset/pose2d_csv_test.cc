@@ -1,0 +1,155 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <limits>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "dataset/pose2d.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr char kHeader[] = "camera,frame,person,joint,x_px,y_px,score\n";
+
+class Pose2dCsv : public ::testing::Test {
+ protected:
+  Pose2dSet ReadText(const std::string& text, const body::Skeleton* skeleton = nullptr) const {
+    std::ofstream(folder_ / "points.csv") << text;
+    return ReadPose2dCsv(folder_ / "points.csv", skeleton);
+  }
+  std::string Message(const std::string& text, const body::Skeleton* skeleton = nullptr) const {
+    return testing::MessageOf<FormatError>([&] { ReadText(text, skeleton); });
+  }
+  testing::TempDir folder_;
+};
+
+TEST_F(Pose2dCsv, JointsComeFromTheFile) {
+  const Pose2dSet set = ReadText(std::string(kHeader) +
+                                 "left,3,0,tail,10.5,20,0.9\n"
+                                 "left,3,0,nose,11,21,0.8\n"
+                                 "right,7,2,nose,1,2,1\n"
+                                 "right,7,5,tail,3,4,1\n");
+  EXPECT_EQ(set.skeleton.name, "points");
+  EXPECT_THAT(set.skeleton.joints, ElementsAre("tail", "nose"));
+  EXPECT_THAT(set.skeleton.bones, IsEmpty());
+  ASSERT_EQ(set.tracks.size(), 2u);
+  EXPECT_EQ(set.tracks[0].camera, "left");
+  EXPECT_EQ(set.tracks[0].frames.at(3)[0].keypoints[1].x_px, 11);
+  EXPECT_EQ(set.tracks[0].frames.at(3)[0].keypoints[0].score, 0.9);
+  ASSERT_EQ(set.tracks[1].frames.at(7).size(), 2u);  // persons 2 and 5 are the first and second detection
+  EXPECT_EQ(set.tracks[1].frames.at(7)[0].keypoints[0].score, 0);
+  EXPECT_EQ(set.tracks[1].frames.at(7)[1].keypoints[0].y_px, 4);
+  EXPECT_THAT(set.skipped, IsEmpty());
+}
+
+TEST_F(Pose2dCsv, ColumnsInAnyOrderSomeLeftOut) {
+  const Pose2dSet set = ReadText("\xEF\xBB\xBFy_px,x_px, joint ,note,frame,camera\r\n2,1,m1,hello,5,a\r\n\r\n4,3,m2,,5,a\r\n");
+  ASSERT_EQ(set.tracks.size(), 1u);
+  const auto& keypoints = set.tracks[0].frames.at(5).at(0).keypoints;
+  EXPECT_EQ(keypoints[1].x_px, 3);
+  EXPECT_EQ(keypoints[1].score, 1);
+}
+
+TEST_F(Pose2dCsv, GivenSkeletonOrdersTheJoints) {
+  const body::Skeleton& skeleton = body::SkeletonByName("coco17");
+  const Pose2dSet set = ReadText(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\n", &skeleton);
+  EXPECT_EQ(set.tracks[0].frames.at(0)[0].keypoints[16].x_px, 1);
+  EXPECT_THAT(Message(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\na,0,0,tail,1,2,1\na,0,0,Nose,1,2,1\n", &skeleton),
+              AllOf(HasSubstr("line 3"), HasSubstr("tail"), HasSubstr("coco17")));
+}
+
+TEST_F(Pose2dCsv, RoundTripIsExact) {
+  for (uint64_t seed = 1; seed <= 5; ++seed) {
+    Rng rng(seed);
+    Pose2dSet set{body::PointsSkeleton({"a", "b", "c d"}), {}};
+    for (const char* camera : {"cam_1", "cam_0"}) {
+      Pose2dTrack& track = set.tracks.emplace_back(Pose2dTrack{camera, {}});
+      for (const int frame : {0, 9, 123456}) {
+        for (int64_t p = 1 + rng.Index(3); p > 0; --p) {
+          Person2d& person = track.frames[frame].emplace_back();
+          for (int j = 0; j < 3; ++j) person.keypoints.push_back({rng.Normal() * 1e3, rng.Normal() * 1e-3, rng.Uniform()});
+        }
+      }
+    }
+    WritePose2dCsv(set, folder_ / "out.csv");
+    const Pose2dSet read = ReadPose2dCsv(folder_ / "out.csv");
+    EXPECT_EQ(read.skeleton.joints, set.skeleton.joints);
+    ASSERT_EQ(read.tracks.size(), 2u);
+    for (size_t c = 0; c < 2; ++c) {
+      EXPECT_EQ(read.tracks[c].camera, set.tracks[c].camera);
+      for (const auto& [frame, people] : set.tracks[c].frames) {
+        ASSERT_EQ(read.tracks[c].frames.at(frame).size(), people.size());
+        for (size_t p = 0; p < people.size(); ++p) {
+          for (size_t j = 0; j < 3; ++j) {
+            const Keypoint2d &a = people[p].keypoints[j], &b = read.tracks[c].frames.at(frame)[p].keypoints[j];
+            EXPECT_TRUE(a.x_px == b.x_px && a.y_px == b.y_px && a.score == b.score);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_F(Pose2dCsv, BadRowsAreLeftOutAndListed) {
+  std::string text = kHeader;
+  for (int f = 0; f < 20; ++f) text += "a," + std::to_string(f) + ",0,m,1,2,1\n";
+  const Pose2dSet set = ReadText(text +
+                                 "a,20,0,m,nan,2,1\n"    // line 22
+                                 "a,21,0,m,1,inf,1\n"    // 23
+                                 "a,-1,0,m,1,2,1\n"      // 24
+                                 "a,22,x,m,1,2,1\n"      // 25
+                                 "a,23,0,m,1\n"          // 26
+                                 "a,24,0,m,,,\n"         // 27: not detected
+                                 "a,25,0,m,1e999,2,1\n"  // 28
+                                 "a,3,0,m,1,2,1\n"       // 29: twin of line 5
+                                 ",3,0,m,1,2,1\n");      // 30
+  EXPECT_THAT(set.skipped,
+              ElementsAre(HasSubstr("line 22"), HasSubstr("line 23"), HasSubstr("line 24"), HasSubstr("line 25"),
+                          HasSubstr("line 26"), HasSubstr("line 28"), HasSubstr("line 30"), HasSubstr("lines 5 and 29")));
+  EXPECT_EQ(set.tracks[0].frames.count(3), 0u);
+  EXPECT_EQ(set.tracks[0].frames.at(24)[0].keypoints[0].score, 0);
+  EXPECT_EQ(set.tracks[0].frames.size(), 20u);
+}
+
+TEST_F(Pose2dCsv, HopelessFilesAreErrors) {
+  EXPECT_THAT(Message(""), HasSubstr("empty"));
+  EXPECT_THAT(Message(kHeader), HasSubstr("no point"));
+  EXPECT_THAT(Message("camera,frame,joint,x_px\n"), HasSubstr("no column `y_px`"));
+  EXPECT_THAT(Message("camera,frame,joint,x_px,y_px,frame\n"), HasSubstr("two columns"));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,b,c,d,e,f,g\n"), AllOf(HasSubstr("line 2"), HasSubstr("`frame` is `b`")));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,1,0,m,1,2,1\na,1,0,m,1,2,1\n"), HasSubstr("twice"));
+  EXPECT_THROW(ReadPose2dCsv(folder_ / "none.csv"), IoError);
+}
+
+TEST_F(Pose2dCsv, MutationsNeverCrash) {
+  std::string whole = kHeader;
+  for (int f = 0; f < 6; ++f) whole += "cam_" + std::to_string(f % 2) + "," + std::to_string(f) + ",0,nose,10.25,20.5,0.75\n";
+  Rng rng(11);
+  for (int trial = 0; trial < 300; ++trial) {
+    std::string mutated = whole;
+    for (int k = 0; k < 4; ++k)
+      mutated[static_cast<size_t>(rng.Index(static_cast<int64_t>(whole.size())))] = static_cast<char>(rng.Index(256));
+    try {
+      const Pose2dSet set = ReadText(mutated);
+      for (const Pose2dTrack& track : set.tracks) {
+        for (const auto& [frame, people] : track.frames) {
+          EXPECT_GE(frame, 0);
+          for (const Person2d& person : people) EXPECT_EQ(person.keypoints.size(), set.skeleton.joints.size());
+        }
+      }
+    } catch (const FormatError&) {
+    }
+  }
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <optional>
+#include <vector>
+
+#include "triangulate/skeleton_refine.h"
+
+/// Steps of RefineSkeleton; included by skeleton_refine*.cc only.
+namespace mvstudio::triangulate::internal {
+
+/// One joint in one frame.
+struct Cell {
+  size_t take_idx = 0;
+  Point point;                            // as triangulated
+  std::vector<Observation> observations;  // that it may use
+};
+
+/// Consecutive frames of one person.
+struct Window {
+  int person = 0;
+  std::vector<int> frames;  // ascending
+  size_t num_joints = 0;
+  std::vector<Cell> cells;  // (frames, joints)
+
+  const Cell& At(size_t frame_idx, size_t joint_idx) const { return cells[frame_idx * num_joints + joint_idx]; }
+  Cell& At(size_t frame_idx, size_t joint_idx) { return cells[frame_idx * num_joints + joint_idx]; }
+};
+
+struct Terms {
+  bool robust = false;
+  double smoothness = 0, bone_lengths = 0;  // weights, 0: off
+  std::vector<double> acceleration_m;       // (joints) typical size, m / frame^2
+  int max_fill_frames = 0;
+  double max_fill_sigmas = 0;
+  double shared_error = 0;  // 0..1: part of a single point's covariance that the terms do not average away
+
+  bool Any() const { return robust || smoothness > 0 || bone_lengths > 0; }
+};
+
+/// A length known beforehand, metres.
+struct KnownLength {
+  double length_m = 0, sigma_m = 0;
+};
+
+struct WindowSolution {
+  std::vector<Point> points;         // (cells)
+  std::vector<KnownLength> lengths;  // (bones); sigma 0 where the term is off or the bone never seen
+};
+
+/// `known`: (bones) lengths to start from and to hold on to; sigma 0: the bone is not seen and has no term.
+WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const std::vector<std::pair<int, int>>& bones,
+                           const std::vector<KnownLength>& known, const Terms& terms, int max_iterations);
+
+/// Entries of the inverse of a symmetric positive definite matrix where its Cholesky factor has entries: in particular its
+/// diagonal and every block that the matrix itself has (Takahashi, Fagan, Chin, 1973; Erisman and Tinney, 1975).
+class SelectedInverse {
+ public:
+  /// Only the lower triangle of `matrix` is read. `ok()` is false when it is not positive definite.
+  explicit SelectedInverse(const Eigen::SparseMatrix<double>& matrix);
+  bool ok() const { return ok_; }
+  double operator()(Eigen::Index row, Eigen::Index col) const;
+
+ private:
+  bool ok_ = false;
+  Eigen::SparseMatrix<double> inverse_;  // lower triangle, in the factor's order
+  Eigen::VectorXi order_;
+};
+
+}  // namespace mvstudio::triangulate::internal
