@@ -1,3 +1,5 @@
+#include "bench/triangulation.h"
+
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -8,8 +10,6 @@
 #include <opengv/relative_pose/CentralRelativeAdapter.hpp>
 #include <opengv/triangulation/methods.hpp>
 #include <string>
-
-#include "bench/triangulation.h"
 
 namespace mvstudio::bench {
 namespace {
@@ -42,7 +42,8 @@ TriangulationRow MakeTriangulationRow(const TriangulationProblem& problem, const
   return row;
 }
 
-void SetErrors(const TriangulationProblem& problem, const std::function<Eigen::Vector3d(int64_t)>& found, TriangulationRow* row) {
+void SetErrors(const TriangulationProblem& problem, const std::function<Eigen::Vector3d(int64_t)>& found,
+               TriangulationRow* row) {
   std::vector<double> squares;
   for (int64_t i = 0; i < problem.batch.num_points; ++i) {
     const double error = 1000 * (found(i) - problem.truth[i]).norm();
@@ -68,7 +69,8 @@ TriangulationRow Ours(const TriangulationProblem& problem, const std::string& na
   TriangulationRow row = MakeTriangulationRow(problem, name, seconds);
   row.threads = threads;
   row.precision = options.single_precision ? "float" : "double";
-  SetErrors(problem, [&](int64_t i) { return Eigen::Vector3d(result.x[i], result.y[i], result.z[i]); }, &row);
+  SetErrors(
+      problem, [&](int64_t i) { return Eigen::Vector3d(result.x[i], result.y[i], result.z[i]); }, &row);
   return row;
 }
 
@@ -107,7 +109,8 @@ TriangulationRow OpenCv(const TriangulationProblem& problem) {
   });
   TriangulationRow row = MakeTriangulationRow(problem, "OpenCV triangulatePoints", seconds);
   row.peer = "OpenCV";
-  SetErrors(problem, [&](int64_t i) { return found[i]; }, &row);
+  SetErrors(
+      problem, [&](int64_t i) { return found[i]; }, &row);
   return row;
 }
 
@@ -127,14 +130,16 @@ TriangulationRow OpenGv(const TriangulationProblem& problem, bool midpoint) {
   const opengv::rotation_t rotation = first_from_second.rotation.toRotationMatrix();
   std::vector<Eigen::Vector3d> found(static_cast<size_t>(n));
   const double seconds = ShortestSeconds([&] {
-    const opengv::relative_pose::CentralRelativeAdapter adapter(bearings[0], bearings[1], first_from_second.translation, rotation);
+    const opengv::relative_pose::CentralRelativeAdapter adapter(bearings[0], bearings[1], first_from_second.translation,
+                                                                rotation);
     for (size_t i = 0; i < found.size(); ++i) {
       found[i] = midpoint ? opengv::triangulation::triangulate2(adapter, i) : opengv::triangulation::triangulate(adapter, i);
     }
   });
   TriangulationRow row = MakeTriangulationRow(problem, midpoint ? "OpenGV triangulate2" : "OpenGV triangulate", seconds);
   row.peer = "OpenGV";
-  SetErrors(problem, [&](int64_t i) { return Eigen::Vector3d(world_from_first * found[i]); }, &row);
+  SetErrors(
+      problem, [&](int64_t i) { return Eigen::Vector3d(world_from_first * found[i]); }, &row);
   return row;
 }
 
@@ -178,7 +183,8 @@ std::vector<TriangulationRow> BenchScaling(uint64_t seed, int64_t max_points) {
       rows.push_back(Ours(problem, kTwoSteps, TwoSteps(), threads));
     }
     for (const int views : {2, 3, 5, 8, 16, 31}) {
-      const auto problem = MakeTriangulationProblem("scaling with views", views, std::min<int64_t>(max_points, 50000), false, 0, seed);
+      const auto problem =
+          MakeTriangulationProblem("scaling with views", views, std::min<int64_t>(max_points, 50000), false, 0, seed);
       rows.push_back(Ours(problem, kTwoSteps, TwoSteps(), threads));
       rows.push_back(Ours(problem, "robust", {}, threads));
     }
@@ -212,8 +218,8 @@ void WriteForPeers(const std::filesystem::path& folder, uint64_t seed) {
 
 void Print(const TriangulationRow& row) {
   std::printf("%-28s %-30s %-6s %5d %9lld %3d %13.0f %10.4f %10.4f %7.2f%% %s\n", row.problem.c_str(), row.method.c_str(),
-              row.precision.c_str(), row.views, static_cast<long long>(row.points), row.threads, row.points_per_s, row.rms_error_mm,
-              row.median_error_mm, 100 * row.refused, row.peer.c_str());
+              row.precision.c_str(), row.views, static_cast<long long>(row.points), row.threads, row.points_per_s,
+              row.rms_error_mm, row.median_error_mm, 100 * row.refused, row.peer.c_str());
 }
 
 nlohmann::ordered_json ToJson(const TriangulationRow& row) {

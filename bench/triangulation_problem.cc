@@ -49,7 +49,8 @@ TriangulationProblem MakeTriangulationProblem(const std::string& name, int views
     for (int c = 0; c < views; ++c) {
       Eigen::Vector2d px = projectors[c].Project(problem.rig.cameras[c].cam_from_world * x).px;
       px += Eigen::Vector2d(rng.Normal(), rng.Normal());
-      const bool wrong = num_wrong > 0 && (c - first_wrong + views) % views % 3 == 0 && (c - first_wrong + views) % views / 3 < num_wrong;
+      const bool wrong =
+          num_wrong > 0 && (c - first_wrong + views) % views % 3 == 0 && (c - first_wrong + views) % views / 3 < num_wrong;
       if (wrong) px = {rng.Uniform(0, kWidth - 1), rng.Uniform(0, kHeight - 1)};
       problem.batch.x_px[c * points + i] = px.x();
       problem.batch.y_px[c * points + i] = px.y();

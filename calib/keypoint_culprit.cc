@@ -49,6 +49,16 @@ std::vector<size_t> WorstFirst(const geometry::Rig& given, const std::vector<Key
   return order;
 }
 
+/// Pictures are padded to whole blocks, a few per cent at most, or scaled down to another format. In between, a scale about the
+/// corner is the same as a turn where people keep to one part of the picture, and the turn is the likelier story.
+bool IsLikely(const Hypothesis& hypothesis, const geometry::Rig& given) {
+  if (hypothesis.kind == Kind::kPose || hypothesis.kind == Kind::kFocal) return true;
+  const int k = hypothesis.kind == Kind::kImageHeight ? 1 : 0;
+  const double change = std::abs(hypothesis.solution.rig.cameras[hypothesis.camera].camera.params[k] /
+                                     given.cameras[hypothesis.camera].camera.params[k] - 1);
+  return change < 0.025 || change > 0.2;
+}
+
 std::string Line(const char* format, const std::string& name, double a, double b, double c = 0, double d = 0) {
   char text[300];
   std::snprintf(text, sizeof text, format, name.c_str(), a, b, c, d);
@@ -127,7 +137,7 @@ std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geom
   ParallelFor(static_cast<int64_t>(all.size()), num_threads, [&](int64_t i) {
     Hypothesis& each = all[static_cast<size_t>(i)];
     each.solution = SolveKeypoints(given, joints, each.freedom, cauchy_px, 1);
-    each.cost = each.solution.status == Status::kOk ? TotalCost(each.solution.rig, joints, cauchy_px, 1) : before;
+    each.cost = each.solution.status == Status::kOk && IsLikely(each, given) ? TotalCost(each.solution.rig, joints, cauchy_px, 1) : before;
   });
   std::vector<KeypointCulprit> culprits;
   for (const bool pose : {false, true}) {

@@ -149,7 +149,8 @@ bool HasFigures(const CalibrateReport& report) {
 
 void JudgeFrames(const CalibrateReport& report, Judgement* out) {
   if (!report.frames_doubt.empty())
-    out->Warn("CAL-FRAMES", report.frames_doubt, report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"
+    out->Warn("CAL-FRAMES", report.frames_doubt,
+              report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"
                                          : "number the frames by their time stamps");
   if (!(report.rig_holdout_rms_px > kWarnHoldoutPx)) return;
   const std::string text =

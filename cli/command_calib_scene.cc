@@ -201,6 +201,14 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
   result.text +=
       Format("%d points, %d features kept, %d rejected, feature sigma %.3f px, world: %s\n", report.num_points,
              report.bundle.num_observations, report.bundle.num_rejected, report.feature_sigma_px, report.rig.gauge.c_str());
+  constexpr double kMisfit = 10;
+  if (report.clusters.factor > kMisfit) {
+    result.warnings.push_back(
+        {"CAL-MISFIT",
+         Format("neighbouring features err together: variances are %.0f times those of independent errors",
+                report.clusters.factor),
+         "the lens model does not fit: give the lenses with --start"});
+  }
   AddGross("", report.gross, &result);
   WriteCalibration(report.rig, out, &result);
   for (const std::string& camera : report.missing) {

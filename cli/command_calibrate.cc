@@ -7,6 +7,7 @@
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
 #include "cli/command_calib.h"
+#include "cli/command_calib_keypoints.h"
 #include "cli/command_calib_scene.h"
 #include "cli/commands.h"
 #include "cli/corner_input.h"
@@ -22,6 +23,7 @@ struct Arguments {
   std::string save_corners, start, out;
   calib::CalibrateOptions calibrate;
   SceneArguments scene;
+  KeypointArguments keypoints;
 };
 
 void RequireSizes(const CornerInput& corners, const std::string& path) {
@@ -105,10 +107,18 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
 
 void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = calib.add_subcommand("refine", "Adjust an existing calibration to footage of a board; --fix keeps parts of it");
+  CLI::App* sub = calib.add_subcommand(
+      "refine", "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people (--from-keypoints)");
   sub->add_option("--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
-  registry.Add(sub, "calib refine", [arguments](CommandContext& context) { return RunCalibrate(*arguments, context); });
+  AddKeypointArguments(sub, arguments->keypoints);
+  registry.Add(sub, "calib refine", [arguments](CommandContext& context) {
+    const KeypointArguments& keypoints = arguments->keypoints;
+    if (!keypoints.from_keypoints && !keypoints.pose2d.empty())
+      throw UsageError("--pose2d belongs to --from-keypoints");
+    return keypoints.from_keypoints ? RunKeypoints(keypoints, arguments->start, arguments->out, context)
+                                    : RunCalibrate(*arguments, context);
+  });
 }
 
 }  // namespace mvstudio::cli

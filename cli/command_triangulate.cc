@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -67,70 +66,99 @@ std::string Summary(const CommandResult& result) {
 /// Solves the take and writes its points; what was settled for all of it comes back.
 triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& input, const RunContext& run,
                                    PointStatistics* statistics) {
-  triangulate::TakeResult take = triangulate::TriangulateTake(
-      input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
+  triangulate::TakeResult take =
+      triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
   statistics->Add(take);
+  statistics->AddFrames(input.frames);
   dataset::WritePose3d(ToPose3d(take, input.skeleton), arguments.out);
   return take;
 }
 
+/// As many frames as a chunk has, in runs spread over the take.
+std::vector<triangulate::DetectedFrame> Sample(const PoseParts& parts, size_t chunk) {
+  constexpr size_t kRuns = 8;
+  const size_t length = (chunk + kRuns - 1) / kRuns, count = parts.num_frames();
+  CommandResult ignored;  // skipped files are listed when their chunk is read
+  if (chunk >= count) return parts.Read(0, count, &ignored);
+  std::vector<triangulate::DetectedFrame> sample;
+  for (size_t run = 0, next = 0; run < kRuns && next < count; ++run) {
+    const size_t begin = std::max(next, run * count / kRuns);
+    next = begin + length;
+    for (triangulate::DetectedFrame& frame : parts.Read(begin, next, &ignored)) sample.push_back(std::move(frame));
+  }
+  return sample;
+}
+
 /// The same chunk by chunk: noise and method from frames spread over the take.
-triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseInput& input, const RunContext& run,
-                                    PointStatistics* statistics) {
+triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts& parts, const RunContext& run,
+                                    PointStatistics* statistics, CommandResult* result) {
+  const PoseInput& input = parts.input();
   const triangulate::TakeBody body = BodyOf(input.skeleton);
   const size_t chunk = static_cast<size_t>(arguments.chunk_frames);
-  std::vector<triangulate::DetectedFrame> sample;
-  const size_t stride = std::max<size_t>(1, input.frames.size() / chunk);
-  for (size_t f = 0; f < input.frames.size(); f += stride) sample.push_back(input.frames[f]);
   triangulate::TakeResult settled;
   triangulate::TakeStream stream(input.rig, body,
-                                 SettleOptions(input.rig, sample, body, arguments.options, run, &settled));
+                                 SettleOptions(input.rig, Sample(parts, chunk), body, arguments.options, run, &settled));
   size_t begin = 0;
   const auto next = [&](std::vector<dataset::JointRow>* rows) {
-    if (begin >= input.frames.size()) return false;
-    const size_t end = std::min(begin + chunk, input.frames.size());
-    const triangulate::TakeResult part = stream.Push(
-        {input.frames.begin() + static_cast<std::ptrdiff_t>(begin), input.frames.begin() + static_cast<std::ptrdiff_t>(end)},
-        run);
+    if (begin >= parts.num_frames()) return false;
+    const auto frames = parts.Read(begin, begin + chunk, result);
+    const triangulate::TakeResult part = stream.Push(frames, run);
     statistics->Add(part);
+    statistics->AddFrames(frames);
     *rows = ToPose3d(part, input.skeleton).rows;
-    begin = end;
+    begin += chunk;
     return true;
   };
   dataset::WritePose3d(input.skeleton.name, next, arguments.out);
   return settled;
 }
 
-CommandResult Run(const Arguments& arguments, CommandContext& context) {
-  CommandResult result;
-  result.folder = arguments.out;
-  if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
-  if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);  // a wrong path must not cost the run
-  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth))
-    throw IoError(arguments.truth, "--truth does not exist");
-  const PoseInput input = ReadPoseInput(arguments.pose, &result);
-  PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
-  const auto start = std::chrono::steady_clock::now();
-  const triangulate::TakeResult take =
-      (arguments.chunk_frames > 0 ? SolveChunks : SolveWhole)(arguments, input, context.run, &statistics);
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  statistics.AddTo(input.skeleton, &result.metrics);
-  AddTakeMetrics(take, input.skeleton, &result.metrics);
-  result.metrics["points_per_s"] = statistics.num_ok() / seconds;
-  AddCameraWarnings(take, input.tracks, &result);
-  AddComparisons(arguments, &result);
-  CheckConsistency(take, input.rig, &result);
+/// What is said of a take however it was read.
+void Conclude(const Arguments& arguments, const PoseInput& input, const triangulate::TakeResult& take,
+              const PointStatistics& statistics, CommandResult* result) {
+  statistics.AddTo(input.skeleton, &result->metrics);
+  AddTakeMetrics(take, input.skeleton, &result->metrics);
+  AddCameraWarnings(take, result);
+  statistics.WarnOfAbsence(input, result);
+  AddComparisons(arguments, result);
+  CheckConsistency(take, input.rig, result);
   if (statistics.num_ok() == 0) {
-    result.exit = kExitIllPosed;
-    result.errors.push_back(
+    result->exit = kExitIllPosed;
+    result->errors.push_back(
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
-    result.outputs.push_back(
+    result->outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
   }
-  result.text = Summary(result);
+  result->text = Summary(*result);
+}
+
+void CheckArguments(const Arguments& arguments) {
+  if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
+  // A wrong path must not cost the run.
+  if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);
+  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
+    throw IoError(arguments.truth, "--truth does not exist");
+  }
+}
+
+CommandResult Run(const Arguments& arguments, CommandContext& context) {
+  CheckArguments(arguments);
+  CommandResult result;
+  result.folder = arguments.out;
+  if (arguments.chunk_frames > 0) {
+    const PoseParts parts(arguments.pose, &result);
+    PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
+    const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
+    Conclude(arguments, parts.input(), take, statistics, &result);
+  } else {
+    const PoseInput input = ReadPoseInput(arguments.pose, &result);
+    PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
+    const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics);
+    Conclude(arguments, input, take, statistics, &result);
+  }
   return result;
 }
 

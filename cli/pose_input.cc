@@ -1,6 +1,7 @@
 #include "cli/pose_input.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 #include "cli/calib_read.h"
@@ -39,15 +40,45 @@ void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result)
   }
 }
 
-void ReadTracks(const PoseArguments& arguments, CommandResult* result, PoseInput* input) {
-  input->skeleton = body::SkeletonByName(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
+const body::Skeleton& SkeletonOf(const PoseArguments& arguments) {
+  return body::SkeletonByName(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
+}
+
+PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
+  if (arguments.pose2d.empty() == arguments.points2d.empty()) throw UsageError("give either --pose2d or --points2d");
+  PoseInput input;
+  result->inputs.push_back(arguments.calib);
+  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, {});
+  AddNotes(imported.notes, result);
+  input.rig = imported.rig;
+  return input;
+}
+
+void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
+  input->skeleton = SkeletonOf(arguments);
   std::set<std::string> seen;
   for (const std::string& text : arguments.pose2d) {
     const auto [camera, path] = SplitNamePath("--pose2d", text);
     if (!seen.insert(camera).second) throw UsageError("--pose2d names camera " + camera + " twice");
-    input->tracks.push_back(dataset::ReadPose2d(path, camera, input->skeleton));
+    const bool file = std::filesystem::is_regular_file(path);
+    input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
+                                 : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
     result->inputs.push_back(path);
     ListSkipped(input->tracks.back().skipped, result);
+  }
+}
+
+/// The same camera under two names: triangulation counts its pixels once.
+void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks, CommandResult* result) {
+  const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
+  for (const dataset::Pose2dTrack& track : tracks) {
+    const int camera = rig.Find(track.camera);
+    if (camera < 0 || duplicate_of[static_cast<size_t>(camera)] < 0) continue;
+    const std::string& original = rig.cameras[static_cast<size_t>(duplicate_of[static_cast<size_t>(camera)])].camera.name;
+    result->warnings.push_back(
+        {"TRI-DUPLICATE",
+         track.camera + " has the lens and the place of " + original + ": it counts once where their pixels agree",
+         "leave one of the two out"});
   }
 }
 
@@ -79,21 +110,55 @@ triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
 }
 
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
-  PoseInput input;
-  result->inputs.push_back(arguments.calib);
-  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, {});
-  AddNotes(imported.notes, result);
-  input.rig = imported.rig;
-  if (arguments.pose2d.empty() == arguments.points2d.empty()) throw UsageError("give either --pose2d or --points2d");
+  PoseInput input = ReadRig(arguments, result);
   if (arguments.points2d.empty()) {
-    ReadTracks(arguments, result, &input);
+    ReadTracks(arguments, {}, result, &input);
   } else {
     ReadPoints(arguments, result, &input);
   }
   if (input.tracks.size() < 2) throw UsageError("at least two cameras are needed, --pose2d NAME=FOLDER once for each");
+  WarnOfDuplicates(input.rig, input.tracks, result);
+  for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   input.limbs = Limbs(input.skeleton);
   input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
   return input;
+}
+
+PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : arguments_(arguments) {
+  std::set<int> numbers;
+  const auto is_folder = [](const std::string& text) {
+    return std::filesystem::is_directory(SplitNamePath("--pose2d", text).second);
+  };
+  if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
+    input_ = ReadRig(arguments, result);
+    input_.skeleton = SkeletonOf(arguments);
+    input_.limbs = Limbs(input_.skeleton);
+    for (const std::string& text : arguments.pose2d) {
+      const auto [camera, folder] = SplitNamePath("--pose2d", text);
+      input_.cameras.push_back(camera);
+      for (const int frame : dataset::OpenPoseFrames(folder, camera)) numbers.insert(frame);
+    }
+  } else {
+    input_ = ReadPoseInput(arguments, result);
+    frames_ = std::move(input_.frames);
+    for (const triangulate::DetectedFrame& frame : frames_) numbers.insert(frame.frame);
+    input_.frames.clear(), input_.tracks.clear();
+  }
+  numbers_.assign(numbers.begin(), numbers.end());
+}
+
+std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end, CommandResult* result) const {
+  end = std::min(end, numbers_.size());
+  if (begin >= end) return {};
+  if (!frames_.empty()) {
+    return {frames_.begin() + static_cast<std::ptrdiff_t>(begin), frames_.begin() + static_cast<std::ptrdiff_t>(end)};
+  }
+  PoseInput part;
+  CommandResult own;
+  ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1]}, &own, &part);
+  if (own.exit != kExitOk) result->exit = own.exit;
+  result->warnings.insert(result->warnings.end(), own.warnings.begin(), own.warnings.end());
+  return ToFrames(part.tracks, input_.rig, arguments_.calib);
 }
 
 }  // namespace mvstudio::cli

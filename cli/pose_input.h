@@ -8,6 +8,7 @@
 #include "dataset/pose2d.h"
 #include "geometry/rig.h"
 #include "triangulate/take.h"
+
 /// A calibration and what its cameras saw of people: the input of every command that works on 2D joints.
 namespace mvstudio::cli {
 
@@ -22,6 +23,7 @@ struct PoseInput {
   geometry::Rig rig;
   body::Skeleton skeleton;
   std::vector<std::pair<int, int>> limbs;          ///< upper arms, forearms, thighs and shanks that the skeleton has
+  std::vector<std::string> cameras;                ///< that took part, by name
   std::vector<dataset::Pose2dTrack> tracks;        ///< a camera each
   std::vector<triangulate::DetectedFrame> frames;  ///< every frame that any camera has, ascending
 };
@@ -35,5 +37,24 @@ triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);
 /// Reads everything; the files become inputs of `result`. What could not be read is listed in its warnings and makes it partial
 /// (exit 6). Throws UsageError for fewer than two cameras or one given twice.
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result);
+
+/// The same a part at a time, for takes longer than memory. Folders of OpenPose files are read as they are needed; whatever
+/// comes in one file is read at once.
+class PoseParts {
+ public:
+  PoseParts(const PoseArguments& arguments, CommandResult* result);
+
+  /// Without tracks and frames.
+  const PoseInput& input() const { return input_; }
+  size_t num_frames() const { return numbers_.size(); }
+  /// The frames from the `begin`-th of the take to the one before the `end`-th. Lists what could not be read.
+  std::vector<triangulate::DetectedFrame> Read(size_t begin, size_t end, CommandResult* result) const;
+
+ private:
+  PoseArguments arguments_;
+  PoseInput input_;
+  std::vector<triangulate::DetectedFrame> frames_;  ///< all of them, where they came in one file
+  std::vector<int> numbers_;                        ///< of all frames, ascending
+};
 
 }  // namespace mvstudio::cli

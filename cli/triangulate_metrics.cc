@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <set>
 
 #include "cli/tradeoff.h"
 
@@ -99,6 +98,7 @@ PointStatistics::PointStatistics(int num_joints, std::vector<std::pair<int, int>
       joint_sigma_mm_(static_cast<size_t>(num_joints)) {}
 
 void PointStatistics::Add(const triangulate::TakeResult& take) {
+  solve_s_ += take.solve_s;
   for (const triangulate::TakePoint& entry : take.points) {
     ++num_tried_;
     ++counts_[entry.point.status];
@@ -113,6 +113,26 @@ void PointStatistics::Add(const triangulate::TakeResult& take) {
   num_persons_ = std::max(num_persons_, take.num_persons);
 }
 
+void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& frames) {
+  num_frames_ += static_cast<int>(frames.size());
+  for (const triangulate::DetectedFrame& frame : frames) {
+    frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
+    for (size_t c = 0; c < frame.people.size(); ++c) frames_with_people_[c] += !frame.people[c].empty();
+  }
+}
+
+void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* result) const {
+  for (const std::string& camera : input.cameras) {
+    const size_t c = static_cast<size_t>(input.rig.Find(camera));
+    const int seen = c < frames_with_people_.size() ? frames_with_people_[c] : 0;
+    if (2 * seen >= num_frames_) continue;
+    result->warnings.push_back(
+        {"TRI-FEW-DETECTIONS",
+         camera + ": people in " + std::to_string(seen) + " of " + std::to_string(num_frames_) + " frames only",
+         "check the detector's output for this camera and that all cameras count frames from the same instant"});
+  }
+}
+
 void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metrics) const {
   ordered_json& m = *metrics;
   m["num_points"] = rms_px_.size();
@@ -122,6 +142,7 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   for (const auto& [status, count] : counts_) m["status_counts"][std::string(ToString(status))] = count;
   m["mean_rms_px"] = FiniteOrNull(Mean(rms_px_));
   m["median_rms_px"] = FiniteOrNull(Median(rms_px_));
+  m["points_per_s"] = FiniteOrNull(num_tried_ / solve_s_);
   m["median_sigma_mm"] = FiniteOrNull(Median(sigma_mm_));
   m["limb_std_mm"] = FiniteOrNull(1000 * MeanLimbStd(limb_lengths_));
   m["limbs"] = m["joints"] = ordered_json::array();
@@ -154,8 +175,7 @@ void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& s
   m["cameras"] = CameraMetrics(take);
 }
 
-void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks,
-                       CommandResult* result) {
+void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {
       result->warnings.push_back(
@@ -170,19 +190,6 @@ void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<da
     result->warnings.push_back(
         {"TRI-SIDES-SWAPPED", camera.message,
          "they were swapped back; check the detector on this camera's pictures (mirrored? seen from behind?)"});
-  }
-  std::set<int> frames;
-  for (const auto& track : tracks) {
-    for (const auto& [frame, people] : track.frames) frames.insert(frame);
-  }
-  for (const auto& track : tracks) {
-    const size_t with_people = static_cast<size_t>(
-        std::count_if(track.frames.begin(), track.frames.end(), [](const auto& entry) { return !entry.second.empty(); }));
-    if (2 * with_people >= frames.size()) continue;
-    result->warnings.push_back(
-        {"TRI-FEW-DETECTIONS",
-         track.camera + ": people in " + std::to_string(with_people) + " of " + std::to_string(frames.size()) + " frames only",
-         "check the detector's output for this camera and that all cameras count frames from the same instant"});
   }
 }
 

@@ -16,6 +16,8 @@ class PointStatistics {
  public:
   PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs);
   void Add(const triangulate::TakeResult& take);
+  void AddFrames(const std::vector<triangulate::DetectedFrame>& frames);  /// Cameras that hardly ever see anybody.
+  void WarnOfAbsence(const PoseInput& input, CommandResult* result) const;
 
   int num_ok() const { return static_cast<int>(rms_px_.size()); }
   int num_tried() const { return num_tried_; }
@@ -27,15 +29,17 @@ class PointStatistics {
   std::vector<float> rms_px_, sigma_mm_;                           // of points with status kOk
   std::vector<std::vector<float>> joint_rms_px_, joint_sigma_mm_;  // the same by joint
   std::vector<triangulate::LimbLength> limb_lengths_;
+  std::vector<int> frames_with_people_;  // by camera
+  int num_frames_ = 0;
   int num_tried_ = 0, num_persons_ = 0;
+  double solve_s_ = 0;
 };
 
 /// Noise, method, held-out figures and the judgement of the cameras.
 void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
 
-/// Cameras that are off or scaled, or that hardly ever see anybody.
-void AddCameraWarnings(const triangulate::TakeResult& take, const std::vector<dataset::Pose2dTrack>& tracks,
-                       CommandResult* result);
+/// Cameras that are off or scaled, or that take left for right.
+void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
 
 /// Detections that scatter by a noticeable part of the picture do not belong to this calibration: exit 4.
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);

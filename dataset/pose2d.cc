@@ -170,6 +170,22 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
   return people;
 }
 
+std::map<int, fs::path> FilesByFrame(const std::string& folder, const std::string& camera) {
+  std::map<int, fs::path> files;
+  for (const fs::path& path : ListJsonFiles(folder, camera)) {
+    const std::optional<int> frame = internal::FrameNumber(path.filename().string());
+    if (!frame) {
+      throw FormatError(path.string(), "camera " + camera,
+                        "the file name holds no frame number (at most 9 digits before _keypoints.json)");
+    }
+    if (!files.emplace(*frame, path).second) {
+      throw FormatError(path.string(), "camera " + camera + ", frame " + std::to_string(*frame),
+                        "another file of this folder has the same frame number");
+    }
+  }
+  return files;
+}
+
 json FlatList(const Person2d& person, size_t first, size_t count) {
   json numbers = json::array();
   for (size_t k = first; k < first + count; ++k) {
@@ -197,19 +213,23 @@ json PersonToJson(const Person2d& person, const body::Skeleton* skeleton) {
 
 }  // namespace
 
-Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton) {
+std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera) {
+  std::vector<int> frames;
+  for (const auto& [frame, path] : FilesByFrame(folder, camera)) frames.push_back(frame);
+  return frames;
+}
+
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
+                               const FrameRange& range) {
   Pose2dTrack track{camera, {}};
   internal::Tolerant tolerant(&track.skipped);
-  std::map<int, fs::path> seen;
-  for (const fs::path& path : ListJsonFiles(folder, camera)) {
-    const std::optional<int> frame = internal::FrameNumber(path.filename().string());
-    if (!frame) {
-      throw FormatError(path.string(), "camera " + camera,
-                        "the file name holds no frame number (at most 9 digits before _keypoints.json)");
-    }
-    const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(*frame), skeleton};
-    if (!seen.emplace(*frame, path).second) file.Fail("", "another file of this folder has the same frame number");
-    tolerant.Try([&] { track.frames[*frame] = ParsePeople(internal::ParsePoseJson(ReadFile(path.string()), file), file); });
+  for (const auto& [frame, path] : FilesByFrame(folder, camera)) {
+    if (frame < range.first || frame > range.last) continue;
+    const int number = frame;
+    const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(number), skeleton};
+    tolerant.Try([&, text_path = path.string()] {
+      track.frames[number] = ParsePeople(internal::ParsePoseJson(ReadFile(text_path), file), file);
+    });
   }
   tolerant.Finish();
   return track;

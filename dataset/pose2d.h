@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -25,6 +26,11 @@ struct Pose2dTrack {
   std::vector<std::string> skipped = {};  ///< what could not be read and was left out: "FILE: place: why", one a frame
 };
 
+/// Frames to read, both ends included.
+struct FrameRange {
+  int first = 0, last = std::numeric_limits<int>::max();
+};
+
 /// Reads a folder of OpenPose JSON files (`*.json`, one a frame). The frame number is the last run of digits in the file name
 /// before `_keypoints` or the extension. A skeleton of several parts takes them from `pose_keypoints_2d`, `face_keypoints_2d`,
 /// `hand_left_keypoints_2d` and `hand_right_keypoints_2d` (an empty list: not detected), or all of them from
@@ -34,7 +40,11 @@ struct Pose2dTrack {
 /// Throws IoError for a missing or empty folder, FormatError (path, place) for truncated JSON, numbers that are none, or a
 /// key-point count that does not fit the skeleton (with the skeleton that would fit); always for two files of one frame number
 /// and for a file name without one.
-Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton);
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
+                               const FrameRange& range = {});
+
+/// The frame numbers that a folder holds, without reading the files. Errors as ReadOpenPoseFolder.
+std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera);
 
 /// Reads one JSON file of a whole video: a list of detections with `image_id` and `keypoints` (COCO results, AlphaPose), or
 /// MMPose's `instance_info` (`frame_id`, `instances` with `keypoints` and `keypoint_scores`). The frame number is the number

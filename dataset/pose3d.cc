@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string_view>
 #include <tuple>
 
@@ -255,9 +256,18 @@ Pose3d ReadPose3d(const std::string& folder) {
   return pose;
 }
 
+body::Skeleton SkeletonOf(const Pose3d& pose) {
+  std::vector<std::string> joints;
+  std::set<std::string> seen;
+  for (const JointRow& row : pose.rows) {
+    if (seen.insert(row.joint).second) joints.push_back(row.joint);
+  }
+  return body::SkeletonOrPoints(pose.skeleton, joints);
+}
+
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
   constexpr double kConfidenceScale = 0.05;  // metres
-  const body::Skeleton& skeleton = body::SkeletonByName(pose.skeleton);
+  const body::Skeleton skeleton = SkeletonOf(pose);
   const auto sources = body::Coco19From(skeleton);
   std::map<std::pair<int, int>, std::vector<const JointRow*>> people;
   for (const JointRow& row : pose.rows) {

@@ -50,6 +50,9 @@ struct Coco19Pose {
       confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) when it comes from triangulation, the file's own otherwise
 };
 
+/// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that it does not know.
+body::Skeleton SkeletonOf(const Pose3d& pose);
+
 /// frame -> person -> pose; missing joints stay missing.
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose);
 

@@ -120,7 +120,7 @@ JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses) {
 }
 
 JointTable ToCoco19Table(const Pose3d& pose) {
-  const body::Skeleton& skeleton = body::SkeletonByName(pose.skeleton);
+  const body::Skeleton skeleton = SkeletonOf(pose);
   const auto sources = body::Coco19From(skeleton);
   const JointTable joints = ToTable(pose.rows);
   JointTable table = ToTable(ToCoco19(pose));

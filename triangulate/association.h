@@ -25,7 +25,8 @@ struct DetectedFrame {
 };
 
 struct AssociationOptions {
-  double max_error_px = 0;  ///< two views of a person agree up to this median distance; 0: 1.5 % of the image diagonal
+  double max_error_px = 0;  ///< a joint's error in a view is never taken to be larger: limit of 3 sigma_px; 0: 1.5 % of the
+                            ///< image diagonal
   double min_score = 0.3;   ///< joints below do not take part
   int min_joints = 3;       ///< common joints that two views of a person need
   int max_persons = 1;      ///< the best supported so many people of the take are kept

@@ -82,8 +82,8 @@ template <class S>
 void SolveAll(const PreparedRig& rig, const PointBatch& batch, const BatchOptions& options, const RunContext& run,
               BatchResult* result) {
   const PointMethod method = options.point.method;
-  const bool in_lanes = method == PointMethod::kRobust || method == PointMethod::kAllViews ||
-                        method == PointMethod::kLinear || method == PointMethod::kMidpoint;
+  const bool in_lanes = method == PointMethod::kRobust || method == PointMethod::kAllViews || method == PointMethod::kLinear ||
+                        method == PointMethod::kMidpoint;
   const bool quick = in_lanes && internal::FitsLanes(rig);
   const internal::LaneRig<S> lanes = quick ? internal::MakeLaneRig<S>(rig) : internal::LaneRig<S>{};
   ForEachBlock(batch.num_points, run, [&](int64_t first, int64_t count) {

@@ -8,11 +8,11 @@
 
 namespace mvstudio::triangulate {
 
-/// Detections of many points as structure of arrays: entry [camera * num_points + point]. A point that a camera does not see has
-/// NaN in x_px or y_px there.
+/// Detections of many points as structure of arrays: entry [camera * num_points + point]. A point that a camera does not see
+/// has NaN in x_px or y_px there.
 struct PointBatch {
-  int num_cameras = 0;      ///< of the rig, in its order
-  int64_t num_points = 0;   ///< e.g. joints of all persons in all frames
+  int num_cameras = 0;     ///< of the rig, in its order
+  int64_t num_points = 0;  ///< e.g. joints of all persons in all frames
   std::vector<double> x_px, y_px;
   std::vector<double> sigma_px;  ///< standard deviation of each coordinate; read only where the point is seen
 };
@@ -21,8 +21,8 @@ struct PointBatch {
 PointBatch MakeBatch(int num_cameras, int64_t num_points);
 
 struct BatchOptions {
-  PointOptions point;          ///< seed: point i has seed + first_point + i
-  int gauss_newton_steps = 0;  ///< kRobust, kAllViews: so many steps from the linear start (1 … 8); 0: to convergence
+  PointOptions point;             ///< seed: point i has seed + first_point + i
+  int gauss_newton_steps = 0;     ///< kRobust, kAllViews: so many steps from the linear start (1 … 8); 0: to convergence
   bool single_precision = false;  ///< the quick way in float, about a centred origin; what it cannot vouch for in double
   int64_t first_point = 0;        ///< where the batch stands in a take that is solved piece by piece
 };
@@ -31,8 +31,8 @@ struct BatchOptions {
 struct BatchResult {
   int num_cameras = 0;
   int64_t num_points = 0;
-  std::vector<uint8_t> status;  ///< static_cast<uint8_t>(Status)
-  std::vector<double> x, y, z;  ///< m, in world
+  std::vector<uint8_t> status;     ///< static_cast<uint8_t>(Status)
+  std::vector<double> x, y, z;     ///< m, in world
   std::vector<double> covariance;  ///< m^2, [k * num_points + point] with k = xx, xy, xz, yy, yz, zz
   std::vector<double> chi_squared, rms_px;
   std::vector<int32_t> num_views;  ///< that carry the point

@@ -1,21 +1,14 @@
-// Vectors of 32 bytes pass by value between functions that are all inlined: their calling convention does not matter. Without
-// AVX the compiler gives them 16 bytes of alignment, with it it counts on 32: hence `aligned`, and alignas in PlaneDistortion.
-#pragma GCC diagnostic ignored "-Wpsabi"
-#pragma GCC diagnostic ignored "-Wignored-attributes"
-
 #include "triangulate/batch_lanes.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <type_traits>
-#include <utility>
 
 #include "geometry/plane_distortion.h"
 #include "geometry/radial.h"
+#include "triangulate/lane_algebra.h"
 #include "triangulate/robust.h"
-
-#define MVS_INLINE [[gnu::always_inline]] inline
 
 namespace mvstudio::triangulate::internal {
 namespace {
@@ -25,45 +18,7 @@ using geometry::LensModel;
 using geometry::PlaneDistortion;
 using geometry::PlaneTerms;
 
-template <class S>
-struct Lanes;
-template <>
-struct Lanes<double> {
-  typedef double Value __attribute__((vector_size(32), aligned(32)));
-  typedef int64_t Mask __attribute__((vector_size(32), aligned(32)));
-  static constexpr int kWidth = 4, kSteps = 4;
-  // Squares: of the step that counts as none, of the smallest reliable ratio of eigenvalues; a residual in px.
-  static constexpr double kTinyStep = 1e-12, kMaxCondition = 1e10, kMinDeterminant = 1e-8, kUnprojectPx = 1e-9;
-};
-template <>
-struct Lanes<float> {
-  typedef float Value __attribute__((vector_size(32), aligned(32)));
-  typedef int32_t Mask __attribute__((vector_size(32), aligned(32)));
-  static constexpr int kWidth = 8, kSteps = 3;
-  static constexpr float kTinyStep = 1e-4f, kMaxCondition = 1e4f, kMinDeterminant = 1e-4f, kUnprojectPx = 1e-2f;
-};
-template <class S>
-using Value = typename Lanes<S>::Value;
-template <class S>
-using Mask = typename Lanes<S>::Mask;
-static_assert(alignof(Lanes<double>::Value) == 32 && alignof(geometry::PlaneDistortion<Lanes<float>::Value>) == 32);
-
-template <class S>
-MVS_INLINE Value<S> Broadcast(S x) {
-  return x - Value<S>{};
-}
-
-/// The first `count` numbers less `origin` over `unit`, then NaN. In double until then: pixels have many digits.
-template <class S>
-MVS_INLINE Value<S> Load(const double* from, int count, double origin = 0, double unit = 1) {
-  Value<S> x = Broadcast<S>(std::numeric_limits<S>::quiet_NaN());
-  if (count == Lanes<S>::kWidth) {
-    for (int l = 0; l < Lanes<S>::kWidth; ++l) x[l] = static_cast<S>((from[l] - origin) / unit);
-  } else {
-    for (int l = 0; l < count; ++l) x[l] = static_cast<S>((from[l] - origin) / unit);
-  }
-  return x;
-}
+static_assert(alignof(PlaneDistortion<Lanes<float>::Value>) == 32 && alignof(Symmetric<double>) == 32);
 
 /// One camera's detections of the points in the lanes; weights are 0 where it has none.
 template <class S>
@@ -74,56 +29,6 @@ struct alignas(32) LaneView {
   Value<S> variance;            // px^2
   Mask<S> seen;
 };
-
-/// Symmetric 3 x 3 matrices.
-template <class S>
-struct Symmetric {
-  Value<S> xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
-
-  MVS_INLINE void AddOuter(const Value<S>& weight, const Value<S>& x, const Value<S>& y, const Value<S>& z) {
-    const Value<S> wx = weight * x, wy = weight * y;
-    xx += wx * x, xy += wx * y, xz += wx * z;
-    yy += wy * y, yz += wy * z, zz += weight * z * z;
-  }
-  MVS_INLINE Value<S> Trace() const { return xx + yy + zz; }
-};
-
-template <class S>
-struct Inverse {
-  Symmetric<S> matrix;
-  Value<S> determinant;
-};
-
-template <class S>
-MVS_INLINE Inverse<S> Invert(const Symmetric<S>& m) {
-  Inverse<S> result;
-  Symmetric<S>& i = result.matrix;
-  i.xx = m.yy * m.zz - m.yz * m.yz;
-  i.xy = m.xz * m.yz - m.xy * m.zz;
-  i.xz = m.xy * m.yz - m.xz * m.yy;
-  i.yy = m.xx * m.zz - m.xz * m.xz;
-  i.yz = m.xy * m.xz - m.xx * m.yz;
-  i.zz = m.xx * m.yy - m.xy * m.xy;
-  result.determinant = m.xx * i.xx + m.xy * i.xy + m.xz * i.xz;
-  const Value<S> scale = S(1) / result.determinant;
-  i.xx *= scale, i.xy *= scale, i.xz *= scale, i.yy *= scale, i.yz *= scale, i.zz *= scale;
-  return result;
-}
-
-template <class S>
-struct Triple {
-  Value<S> x{}, y{}, z{};
-};
-
-template <class S>
-MVS_INLINE Triple<S> Apply(const Symmetric<S>& m, const Triple<S>& v) {
-  return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z, m.xz * v.x + m.yz * v.y + m.zz * v.z};
-}
-
-template <class S>
-MVS_INLINE Value<S> Dot(const Triple<S>& u, const Triple<S>& v) {
-  return u.x * v.x + u.y * v.y + u.z * v.z;
-}
 
 template <class S>
 MVS_INLINE PlaneDistortion<Value<S>> Distort(const LaneCamera<S>& camera, const Value<S>& a, const Value<S>& b) {
@@ -217,7 +122,7 @@ MVS_INLINE void LoadView(const LaneCamera<S>& camera, const PointBatch& batch, i
 template <class S>
 MVS_INLINE void Undistort(const LaneCamera<S>& camera, LaneView<S>* lane_view, Mask<S>* failed) {
   LaneView<S>& view = *lane_view;
-  Value<S> *a = &view.ray_a, *b = &view.ray_b;
+  Value<S>*a = &view.ray_a, *b = &view.ray_b;
   constexpr int kMaxSteps = 8;
   const S limit = Lanes<S>::kUnprojectPx / camera.mean_focal;
   const Value<S> zero{};
@@ -373,13 +278,16 @@ template <class S>
     const PreparedCamera& camera = prepared.cameras[c];
     const int64_t at = c * batch.num_points + i;
     const Eigen::Vector3d ray(lanes[c].ray_a[lane], lanes[c].ray_b[lane], 1);
-    views.push_back({&camera, {batch.x_px[at], batch.y_px[at]}, batch.sigma_px[at], batch.sigma_px[at] / camera.focal_px,
-                     camera.cam_from_local_rotation.transpose() * ray.normalized(), c});
+    views.push_back({&camera,
+                     {batch.x_px[at], batch.y_px[at]},
+                     batch.sigma_px[at],
+                     batch.sigma_px[at] / camera.focal_px,
+                     camera.cam_from_local_rotation.transpose() * ray.normalized(),
+                     c});
   }
   PointOptions own = options.point;
   own.seed += static_cast<uint64_t>(options.first_point + i);
-  const size_t num_views = views.size();
-  StorePoint(TriangulateViews(prepared, std::move(views), num_views, Status::kOk, own), i, result);
+  StorePoint(TriangulateViews(prepared, views, views.size(), Status::kOk, own), i, result);
 }
 
 template <class S>
@@ -432,10 +340,10 @@ LaneCamera<S> MakeLaneCamera(const PreparedCamera& prepared) {
   const geometry::LensTerms terms = geometry::TermsOf(lens);
   LaneCamera<S> camera;
   const LensModel family = geometry::RadialFamily(lens.model);
-  camera.kind = family == LensModel::kRational8                                   ? Kind::kAll
-                : family == LensModel::kBrown5                                    ? Kind::kPolynomial
-                : lens.model == LensModel::kPinhole                               ? Kind::kPinhole
-                                                                                  : Kind::kDecentring;
+  camera.kind = family == LensModel::kRational8     ? Kind::kAll
+                : family == LensModel::kBrown5      ? Kind::kPolynomial
+                : lens.model == LensModel::kPinhole ? Kind::kPinhole
+                                                    : Kind::kDecentring;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = static_cast<S>(prepared.cam_from_local_rotation(i, j));
     camera.translation[i] = static_cast<S>(prepared.cam_from_local_translation[i]);
@@ -457,11 +365,8 @@ LaneCamera<S> MakeLaneCamera(const PreparedCamera& prepared) {
 }  // namespace
 
 bool FitsLanes(const PreparedRig& rig) {
-  for (size_t i = 0; i < rig.cameras.size(); ++i) {
-    if (geometry::IsWide(rig.cameras[i].projector.camera().model)) return false;
-    for (size_t j = 0; j < i; ++j) {
-      if (AreOneCamera(rig.cameras[i], rig.cameras[j])) return false;
-    }
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (geometry::IsWide(rig.cameras[c].projector.camera().model) || rig.duplicate_of[c] >= 0) return false;
   }
   return true;
 }

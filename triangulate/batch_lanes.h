@@ -36,8 +36,8 @@ LaneRig<S> MakeLaneRig(const PreparedRig& rig);
 /// Writes a point whose `used` are cameras.
 void StorePoint(const Point& point, int64_t i, BatchResult* result);
 
-/// Solves points [first, first + count) and sets done[i - first] to 1 for those that it has written: those that pass every check,
-/// and in double those whose rays are all good, by TriangulateViews.
+/// Solves points [first, first + count) and sets done[i - first] to 1 for those that it has written: those that pass every
+/// check, and in double those whose rays are all good, by TriangulateViews.
 template <class S>
 void SolveInLanes(const LaneRig<S>& rig, const PreparedRig& prepared, const PointBatch& batch, const BatchOptions& options,
                   int64_t first, int64_t count, BatchResult* result, uint8_t* done);

@@ -3,7 +3,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "core/check.h"
 #include "triangulate/robust.h"
@@ -19,22 +18,6 @@ void CheckOneAPerCamera(const PreparedRig& rig, const std::vector<Observation>& 
               "camera " << observation.camera_idx << " is unknown or observes the point twice");
     seen[camera] = true;
   }
-}
-
-/// Drops views that repeat an earlier one's image.
-void DropCopies(std::vector<View>* views) {
-  const auto is_copy = [views](const View& view) {
-    for (const View& other : *views) {
-      if (&other == &view) return false;
-      if (other.px == view.px && AreOneCamera(*other.camera, *view.camera)) return true;
-    }
-    return false;
-  };
-  size_t kept = 0;
-  for (size_t i = 0; i < views->size(); ++i) {
-    if (!is_copy((*views)[i])) (*views)[kept++] = (*views)[i];
-  }
-  views->resize(kept);
 }
 
 Point ToPoint(const PreparedRig& rig, const Fit& fit, size_t num_observations) {
@@ -71,16 +54,13 @@ std::optional<PointMethod> PointMethodFromString(std::string_view name) {
   return std::nullopt;
 }
 
-Point TriangulateViews(const PreparedRig& rig, std::vector<View> views, size_t num_observations, Status rejected,
+Point TriangulateViews(const PreparedRig& rig, const std::vector<View>& views, size_t num_observations, Status rejected,
                        const PointOptions& options) {
-  const size_t num_rays = views.size();
-  DropCopies(&views);
   const size_t min_views = static_cast<size_t>(std::max(options.min_views, 2));
   if (views.size() < min_views) {
     Point point;
     point.num_observations = static_cast<int>(num_observations);
-    if (num_rays >= min_views) rejected = Status::kDegenerate;  // one image under several names
-    point.status = rejected != Status::kOk && num_observations >= min_views ? rejected : Status::kTooFewViews;
+    if (num_observations >= min_views) point.status = rejected != Status::kOk ? rejected : Status::kDegenerate;
     return point;
   }
   const bool select = options.method == PointMethod::kRobust || options.select_views;
@@ -90,8 +70,8 @@ Point TriangulateViews(const PreparedRig& rig, std::vector<View> views, size_t n
 Point TriangulatePoint(const PreparedRig& rig, const std::vector<Observation>& observations, const PointOptions& options) {
   CheckOneAPerCamera(rig, observations);
   Status rejected = Status::kOk;
-  std::vector<View> views = MakeViews(rig, observations, &rejected);
-  return TriangulateViews(rig, std::move(views), observations.size(), rejected, options);
+  const std::vector<View> views = MakeViews(rig, observations, &rejected);
+  return TriangulateViews(rig, views, observations.size(), rejected, options);
 }
 
 }  // namespace mvstudio::triangulate

@@ -26,10 +26,10 @@ enum class PointMethod {
   kLinf,          ///< "linf": least maximum of two angles
 };
 
-inline constexpr PointMethod kAllPointMethods[] = {
-    PointMethod::kRobust, PointMethod::kAllViews, PointMethod::kLinear, PointMethod::kMidpoint,
-    PointMethod::kDlt,    PointMethod::kLost,     PointMethod::kMid2,   PointMethod::kLeastSquares,
-    PointMethod::kWmid2,  PointMethod::kL1,       PointMethod::kLinf};
+inline constexpr PointMethod kAllPointMethods[] = {PointMethod::kRobust,   PointMethod::kAllViews,     PointMethod::kLinear,
+                                                   PointMethod::kMidpoint, PointMethod::kDlt,          PointMethod::kLost,
+                                                   PointMethod::kMid2,     PointMethod::kLeastSquares, PointMethod::kWmid2,
+                                                   PointMethod::kL1,       PointMethod::kLinf};
 
 /// "robust", "all-views", … as above.
 std::string_view ToString(PointMethod method);

@@ -53,8 +53,7 @@ Linearization Linearize(const std::vector<View>& views, const Eigen::Vector3d& x
     if (sum.status != Status::kOk) return sum;
     const double weight = 1 / view.sigma_px;
     const Eigen::Vector2d residual = weight * (px - view.px);
-    const Eigen::Matrix<double, 2, 3> jacobian =
-        weight * derivatives.d_px_d_x_in_cam * view.camera->cam_from_local_rotation;
+    const Eigen::Matrix<double, 2, 3> jacobian = weight * derivatives.d_px_d_x_in_cam * view.camera->cam_from_local_rotation;
     sum.information.noalias() += jacobian.transpose() * jacobian;
     sum.gradient.noalias() += jacobian.transpose() * residual;
     sum.chi_squared += residual.squaredNorm();

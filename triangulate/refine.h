@@ -26,8 +26,8 @@ Refinement Evaluate(const std::vector<View>& views, const Eigen::Vector3d& x_in_
 /// |r| / sigma of one view at a point; infinity where the camera cannot see it.
 double WhitenedResidual(const View& view, const Eigen::Vector3d& x_in_local);
 
-/// The view's residual over sigma to first order, without the lens: it is W (x - c) / (ray . (x - c)) for a point x near the ray
-/// from the centre c. W (2 x 3) holds the derivatives of the pixel along the ray's unit direction, in local; zero where the
+/// The view's residual over sigma to first order, without the lens: it is W (x - c) / (ray . (x - c)) for a point x near the
+/// ray from the centre c. W (2 x 3) holds the derivatives of the pixel along the ray's unit direction, in local; zero where the
 /// lens has none.
 Eigen::Matrix<double, 2, 3> WhitenedRows(const View& view);
 

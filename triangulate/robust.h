@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "triangulate/linear.h"
 #include "triangulate/point.h"
 #include "triangulate/refine.h"
 
@@ -14,8 +15,11 @@ struct Fit {
   std::vector<View> views;
 };
 
-/// One pose and one lens: such cameras give one image.
-bool AreOneCamera(const PreparedCamera& a, const PreparedCamera& b);
+/// As WeightedLinear, by the normal equations where the rays allow it: a start needs few digits.
+LinearPoint QuickStart(const std::vector<View>& views);
+
+/// Largest WhitenedResidual.
+double WorstResidual(const std::vector<View>& views, const Eigen::Vector3d& x_in_local);
 
 /// Start, refinement (or the closed form of `options.method`) and checks on exactly these views.
 Fit FitViews(const std::vector<View>& views, const PointOptions& options);
@@ -30,8 +34,8 @@ Fit FitViews(const std::vector<View>& views, const PointOptions& options);
 Fit FitConsistent(const std::vector<View>& views, const PointOptions& options);
 
 /// TriangulatePoint from its views on. `num_observations` were offered; `rejected` is why the first of those without a ray has
-/// none.
-Point TriangulateViews(const PreparedRig& rig, std::vector<View> views, size_t num_observations, Status rejected,
+/// none: kOk when all that are missing are copies.
+Point TriangulateViews(const PreparedRig& rig, const std::vector<View>& views, size_t num_observations, Status rejected,
                        const PointOptions& options);
 
 }  // namespace mvstudio::triangulate

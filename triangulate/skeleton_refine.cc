@@ -10,17 +10,72 @@
 #include "triangulate/skeleton_refine_internal.h"
 
 namespace mvstudio::triangulate {
+
+namespace internal {
+
+double MedianOf(std::vector<double> values) {
+  if (values.empty()) return std::nan("");
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Window Part(const Window& window, size_t first, size_t last) {
+  Window part{window.person, {}, window.num_joints, {}};
+  part.frames.assign(window.frames.begin() + static_cast<std::ptrdiff_t>(first),
+                     window.frames.begin() + static_cast<std::ptrdiff_t>(last));
+  part.cells.assign(window.cells.begin() + static_cast<std::ptrdiff_t>(first * window.num_joints),
+                    window.cells.begin() + static_cast<std::ptrdiff_t>(last * window.num_joints));
+  return part;
+}
+
+std::vector<double> BoneLengths(const std::vector<Point>& points, size_t num_joints, const std::pair<int, int>& bone) {
+  std::vector<double> lengths;
+  for (size_t first = 0; first + num_joints <= points.size(); first += num_joints) {
+    const Point &a = points[first + static_cast<size_t>(bone.first)], &b = points[first + static_cast<size_t>(bone.second)];
+    if (a.status == Status::kOk && b.status == Status::kOk) lengths.push_back((a.x_in_world - b.x_in_world).norm());
+  }
+  return lengths;
+}
+
+std::vector<Point> PointsOf(const Window& window) {
+  std::vector<Point> points;
+  for (const Cell& cell : window.cells) points.push_back(cell.point);
+  return points;
+}
+
+std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones) {
+  const std::vector<Point> points = PointsOf(window);
+  std::vector<KnownLength> known;
+  for (const auto& bone : bones) {
+    const std::vector<double> lengths = BoneLengths(points, window.num_joints, bone);
+    known.emplace_back();
+    if (static_cast<int>(lengths.size()) < internal::kMinLengthFrames) continue;
+    const double median = MedianOf(lengths);
+    std::vector<double> deviations;
+    for (const double length : lengths) deviations.push_back(std::abs(length - median));
+    if (median > 1e-6) known.back() = {median, std::max(1.4826 * MedianOf(std::move(deviations)), 0.01 * median)};
+  }
+  return known;
+}
+
+}  // namespace internal
+
 namespace {
 
+using internal::BoneLengths;
+using internal::Bones;
 using internal::Cell;
 using internal::KnownLength;
+using internal::MeasureLengths;
+using internal::MedianOf;
+using internal::Part;
+using internal::PointsOf;
 using internal::Terms;
 using internal::Window;
 using internal::WindowSolution;
-using Bones = std::vector<std::pair<int, int>>;
 
 constexpr size_t kMaxWindowFrames = 600;
-constexpr int kMinLengthFrames = 5;
 
 void CheckOptions(const SkeletonRefineOptions& o) {
   const auto require = [](bool holds, const std::string& message) {
@@ -35,13 +90,6 @@ void CheckOptions(const SkeletonRefineOptions& o) {
   require(o.max_fill_sigmas > 0, "--refine-max-fill-sigmas must be positive");
   require(o.choice_frames >= 10, "--refine-choice-frames must be at least 10");
   require(o.choice_cameras >= 1, "--refine-choice-cameras must be at least 1");
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 size_t NumJoints(const TakeResult& take) {
@@ -71,33 +119,6 @@ std::vector<Window> MakePersons(const TakeResult& take, size_t num_joints) {
   return persons;
 }
 
-Window Part(const Window& window, size_t first, size_t last) {
-  Window part{window.person, {}, window.num_joints, {}};
-  part.frames.assign(window.frames.begin() + static_cast<std::ptrdiff_t>(first),
-                     window.frames.begin() + static_cast<std::ptrdiff_t>(last));
-  part.cells.assign(window.cells.begin() + static_cast<std::ptrdiff_t>(first * window.num_joints),
-                    window.cells.begin() + static_cast<std::ptrdiff_t>(last * window.num_joints));
-  return part;
-}
-
-/// Three runs of consecutive frames, or the whole where it is short.
-std::vector<Window> ChoiceWindows(const std::vector<Window>& persons, size_t max_frames) {
-  constexpr size_t kRuns = 3;
-  std::vector<Window> windows;
-  for (const Window& person : persons) {
-    const size_t count = person.frames.size(), run = max_frames / kRuns;
-    if (count <= max_frames) {
-      windows.push_back(person);
-      continue;
-    }
-    for (size_t k = 0; k < kRuns; ++k) {
-      const size_t first = k * (count - run) / (kRuns - 1);
-      windows.push_back(Part(person, first, first + run));
-    }
-  }
-  return windows;
-}
-
 /// Median |second divided difference| of each joint over the take, m / frame^2; 0 for joints never seen three times in a row.
 std::vector<double> TypicalAccelerations(const std::vector<Window>& persons, size_t num_joints) {
   constexpr int kMaxSpan = 4;
@@ -114,190 +135,9 @@ std::vector<double> TypicalAccelerations(const std::vector<Window>& persons, siz
         sizes.push_back((after - before).norm() * 2 / (t2 - t0));
       }
     }
-    if (!sizes.empty()) typical[j] = std::max(Median(std::move(sizes)), 1e-9);
+    if (!sizes.empty()) typical[j] = std::max(MedianOf(std::move(sizes)), 1e-9);
   }
   return typical;
-}
-
-/// Lengths of a bone where both its joints are known, metres.
-std::vector<double> BoneLengths(const std::vector<Point>& points, size_t num_joints, const std::pair<int, int>& bone) {
-  std::vector<double> lengths;
-  for (size_t first = 0; first + num_joints <= points.size(); first += num_joints) {
-    const Point &a = points[first + static_cast<size_t>(bone.first)], &b = points[first + static_cast<size_t>(bone.second)];
-    if (a.status == Status::kOk && b.status == Status::kOk) lengths.push_back((a.x_in_world - b.x_in_world).norm());
-  }
-  return lengths;
-}
-
-std::vector<Point> PointsOf(const Window& window) {
-  std::vector<Point> points;
-  for (const Cell& cell : window.cells) points.push_back(cell.point);
-  return points;
-}
-
-/// Median and robust spread of each bone; sigma 0 where it is seen in fewer than 5 frames.
-std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones) {
-  const std::vector<Point> points = PointsOf(window);
-  std::vector<KnownLength> known;
-  for (const auto& bone : bones) {
-    const std::vector<double> lengths = BoneLengths(points, window.num_joints, bone);
-    known.emplace_back();
-    if (static_cast<int>(lengths.size()) < kMinLengthFrames) continue;
-    const double median = Median(lengths);
-    std::vector<double> deviations;
-    for (const double length : lengths) deviations.push_back(std::abs(length - median));
-    if (median > 1e-6) known.back() = {median, std::max(1.4826 * Median(std::move(deviations)), 0.01 * median)};
-  }
-  return known;
-}
-
-/// Everything as it would be without one camera.
-struct Fold {
-  int camera_idx = 0;
-  std::vector<Window> windows;
-  std::vector<std::vector<KnownLength>> lengths;  // (windows)
-};
-
-/// The detections of the left-out camera, by cell; the same for all trials.
-struct Choice {
-  std::vector<Window> windows;     // with all cameras
-  std::vector<PointLabel> labels;  // of all cells, window by window
-  std::vector<Fold> folds;
-};
-
-Fold LeaveOut(const PreparedRig& rig, const std::vector<Window>& windows, const Bones& bones, const PointSolver& solve,
-              int camera_idx, int num_threads) {
-  Fold fold{camera_idx, windows, {}};
-  for (Window& window : fold.windows) {
-    ParallelFor(static_cast<int64_t>(window.cells.size()), num_threads, [&](int64_t i) {
-      Cell& cell = window.cells[static_cast<size_t>(i)];
-      cell.observations = WithoutCamera(rig, cell.observations, camera_idx);
-      cell.point = solve(cell.observations);
-    });
-    fold.lengths.push_back(MeasureLengths(window, bones));
-  }
-  return fold;
-}
-
-std::vector<int> ChoiceCameras(const PreparedRig& rig, const std::vector<Window>& windows, size_t max_cameras) {
-  std::vector<int64_t> samples(rig.cameras.size(), 0);
-  for (const Window& window : windows) {
-    for (const Cell& cell : window.cells) {
-      for (size_t i = 0; i < cell.observations.size(); ++i) {
-        samples[static_cast<size_t>(cell.observations[i].camera_idx)] += IsLeftOutSample(rig, cell.observations, i);
-      }
-    }
-  }
-  std::vector<int> cameras, chosen;
-  for (size_t c = 0; c < samples.size(); ++c) {
-    if (samples[c] > 0) cameras.push_back(static_cast<int>(c));
-  }
-  const size_t count = std::min(cameras.size(), max_cameras);
-  for (size_t k = 0; k < count; ++k) chosen.push_back(cameras[k * cameras.size() / count]);
-  return chosen;
-}
-
-Choice MakeChoice(const PreparedRig& rig, const std::vector<Window>& persons, const Bones& bones, const PointSolver& solve,
-                  const SkeletonRefineOptions& options, const RunContext& run) {
-  Choice choice;
-  choice.windows = ChoiceWindows(persons, static_cast<size_t>(options.choice_frames));
-  for (const Window& window : choice.windows) {
-    for (size_t i = 0; i < window.cells.size(); ++i) {
-      choice.labels.push_back({window.frames[i / window.num_joints], window.person, static_cast<int>(i % window.num_joints)});
-    }
-  }
-  for (const int camera : ChoiceCameras(rig, choice.windows, static_cast<size_t>(options.choice_cameras))) {
-    choice.folds.push_back(LeaveOut(rig, choice.windows, bones, solve, camera, run.num_threads));
-  }
-  return choice;
-}
-
-/// Refines every fold with these terms and predicts what its camera saw.
-std::vector<LeftOutSample> Predict(const PreparedRig& rig, const Choice& choice, const Bones& bones, const Terms& terms,
-                                   const RunContext& run) {
-  constexpr int kIterations = 8;
-  const size_t num_windows = choice.windows.size();
-  std::vector<std::vector<LeftOutSample>> parts(choice.folds.size() * num_windows);
-  ParallelFor(static_cast<int64_t>(parts.size()), run.num_threads, [&](int64_t task) {
-    const size_t k = static_cast<size_t>(task), w = k % num_windows;
-    const Fold& fold = choice.folds[k / num_windows];
-    const WindowSolution solution = SolveWindow(rig, fold.windows[w], bones, fold.lengths[w], terms, kIterations);
-    size_t label = 0;
-    for (size_t before = 0; before < w; ++before) label += choice.windows[before].cells.size();
-    for (size_t i = 0; i < solution.points.size(); ++i, ++label) {
-      const auto& observations = choice.windows[w].cells[i].observations;
-      for (size_t o = 0; o < observations.size(); ++o) {
-        if (observations[o].camera_idx != fold.camera_idx || !IsLeftOutSample(rig, observations, o)) continue;
-        parts[k].push_back(PredictLeftOut(rig, observations[o], solution.points[i], label));
-      }
-    }
-  });
-  std::vector<LeftOutSample> samples;
-  for (const auto& part : parts) samples.insert(samples.end(), part.begin(), part.end());
-  return samples;
-}
-
-struct TermKind {
-  const char* name;
-  const std::string* wish;
-  std::vector<double> weights;
-  void (*set)(Terms*, double);
-};
-
-bool Better(const PairedDifference& d) {
-  return d.num_samples > 0 && d.median_px < 0 && -d.median_px > d.median_error_px &&
-         (d.p90_px <= 0 || (std::isfinite(d.p90_error_px) && d.p90_px <= d.p90_error_px));
-}
-
-/// Tries the weights of one term beside those in `terms`; keeps the best where it is wanted or justified.
-void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, const TermKind& kind, const RunContext& run,
-             Terms* terms, std::vector<LeftOutSample>* current, SkeletonRefineReport* report) {
-  if (*kind.wish == "off") return;
-  size_t best = report->trials.size();
-  std::vector<LeftOutSample> best_samples;
-  const size_t first = best;
-  for (const double weight : kind.weights) {
-    Terms tried = *terms;
-    kind.set(&tried, weight);
-    std::vector<LeftOutSample> samples = Predict(rig, choice, bones, tried, run);
-    TermTrial trial;
-    trial.name = kind.name, trial.weight = weight;
-    trial.before = SummarizeLeftOut(rig, *current, choice.labels).all;
-    trial.after = SummarizeLeftOut(rig, samples, choice.labels).all;
-    trial.difference = CompareLeftOut(*current, samples, choice.labels);
-    trial.better = Better(trial.difference);
-    report->trials.push_back(trial);
-    const size_t own = report->trials.size() - 1;
-    const TermTrial& leader = report->trials[best];
-    if (own != first && (leader.better && !trial.better)) continue;
-    if (own == first || trial.after.median_px < leader.after.median_px || (trial.better && !leader.better)) {
-      best = own;
-      best_samples = std::move(samples);
-    }
-  }
-  TermTrial& trial = report->trials[best];
-  trial.chosen = trial.better || *kind.wish == "on";
-  if (!trial.chosen) return;
-  kind.set(terms, trial.weight);
-  *current = std::move(best_samples);
-}
-
-Terms ChooseTerms(const PreparedRig& rig, const Choice& choice, const Bones& bones, const SkeletonRefineOptions& options,
-                  Terms terms, const RunContext& run, SkeletonRefineReport* report) {
-  const std::vector<TermKind> kinds = {
-      {"robust", &options.robust, {1}, [](Terms* t, double) { t->robust = true; }},
-      {"smoothness", &options.smoothness, {1, 0.3, 0.1, 0.03}, [](Terms* t, double w) { t->smoothness = w; }},
-      {"bone-lengths", &options.bone_lengths, {0.1, 0.03, 0.01, 0.003}, [](Terms* t, double w) { t->bone_lengths = w; }}};
-  std::vector<LeftOutSample> current = Predict(rig, choice, bones, terms, run);
-  report->before = report->after = SummarizeLeftOut(rig, current, choice.labels).all;
-  ProgressStage stage(run, "choose terms", static_cast<int64_t>(kinds.size()));
-  for (const TermKind& kind : kinds) {
-    TryTerm(rig, choice, bones, kind, run, &terms, &current, report);
-    stage.Advance();
-  }
-  report->after = SummarizeLeftOut(rig, current, choice.labels).all;
-  report->robust = terms.robust, report->smoothness = terms.smoothness, report->bone_lengths = terms.bone_lengths;
-  return terms;
 }
 
 /// All frames of one person, in windows that overlap; then one length a bone is held for all of them.
@@ -327,8 +167,8 @@ WindowSolution SolvePerson(const PreparedRig& rig, const Window& person, const B
     whole.lengths = known;
     for (size_t b = 0; b < bones.size(); ++b) {
       if (lengths[b].empty()) continue;
-      const double sigma = Median(sigmas[b]) / std::sqrt(static_cast<double>(lengths[b].size()));
-      whole.lengths[b] = {Median(lengths[b]), sigma};
+      const double sigma = MedianOf(sigmas[b]) / std::sqrt(static_cast<double>(lengths[b].size()));
+      whole.lengths[b] = {MedianOf(lengths[b]), sigma};
       if (!lengths_known) known[b] = whole.lengths[b];
     }
     if (!(terms.bone_lengths > 0)) break;
@@ -355,7 +195,7 @@ void AddBoneReports(const Window& person, const WindowSolution& solution, const 
     BoneReport bone{person.person, bones[b].first, bones[b].second, static_cast<int>(in_before.size()), 0, 0, 0, 0};
     if (in_before.empty()) continue;
     const bool estimated = terms.bone_lengths > 0 && b < solution.lengths.size() && solution.lengths[b].sigma_m > 0;
-    bone.length_m = estimated ? solution.lengths[b].length_m : Median(in_before);
+    bone.length_m = estimated ? solution.lengths[b].length_m : MedianOf(in_before);
     bone.sigma_m = estimated ? solution.lengths[b].sigma_m : 0;
     bone.std_before_mm = 1000 * StandardDeviation(in_before);
     bone.std_after_mm = 1000 * StandardDeviation(in_after);
@@ -367,7 +207,7 @@ void AverageBones(SkeletonRefineReport* report) {
   double before = 0, after = 0;
   int count = 0;
   for (const BoneReport& bone : report->bones) {
-    if (bone.num_frames < kMinLengthFrames) continue;
+    if (bone.num_frames < internal::kMinLengthFrames) continue;
     before += bone.std_before_mm, after += bone.std_after_mm, ++count;
   }
   report->limb_std_before_mm = count > 0 ? before / count : std::nan("");
@@ -393,8 +233,7 @@ SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& ta
   Terms terms;
   terms.acceleration_m = TypicalAccelerations(persons, num_joints);
   terms.max_fill_frames = options.max_fill_frames, terms.max_fill_sigmas = options.max_fill_sigmas;
-  const Choice choice = MakeChoice(rig, persons, known_bones, solve, options, run);
-  terms = ChooseTerms(rig, choice, known_bones, options, terms, run, &result.report);
+  terms = internal::ChooseTerms(rig, persons, known_bones, solve, options, terms, run, &result.report);
 
   std::vector<WindowSolution> solutions(persons.size());
   ParallelFor(static_cast<int64_t>(persons.size()), run.num_threads, [&](int64_t p) {

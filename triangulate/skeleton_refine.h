@@ -58,7 +58,8 @@ struct BoneReport {
 struct SkeletonRefineReport {
   std::vector<TermTrial> trials;                        ///< in the order tried, chosen or not
   double robust = 0, smoothness = 0, bone_lengths = 0;  ///< weights in use, 0: off
-  LeftOutFigures before, after;                         ///< of the last decision: nothing on, and all chosen terms
+  LeftOutFigures before, after;  ///< held-out figures with nothing on, and with all chosen terms (covariances as reported)
+  double shared_error = 0;       ///< 0..1, see RefineSkeleton
   std::vector<BoneReport> bones;
   double limb_std_before_mm = 0, limb_std_after_mm = 0;  ///< means over the bones with 5 frames or more; NaN without any
   int num_filled = 0;                                    ///< joints that were not kOk and are now
@@ -82,9 +83,11 @@ struct SkeletonRefineResult {
 /// better by more than one standard error. So bones of a person that the calibration stretches are not forced to one length.
 ///
 /// Covariances are those of the whole problem (selected inverse of the normal matrix; Takahashi et al., 1973), given the
-/// weights, plus the point's share from the calibration. A bridged joint becomes kOk only when its largest standard deviation
-/// is within `max_fill_sigmas` of the median of that joint's; all others keep their status. Where no term is on, points stay as
-/// they are.
+/// weights, plus the point's share from the calibration. Errors that last, as those of a calibration that carries no
+/// covariance, do not average out over time: the covariance keeps the smallest part of that of the single point
+/// (`shared_error`) with which the left-out detections lie no farther, in sigmas, than they should or than they did before. A
+/// bridged joint becomes kOk only when its largest standard deviation is within `max_fill_sigmas` of the median of that
+/// joint's; all others keep their status. Where no term is on, points stay as they are.
 ///
 /// `bones`: pairs of joint indices. `solve`: what triangulated the take. Throws UsageError for options out of range.
 SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& take,

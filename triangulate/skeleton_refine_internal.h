@@ -9,6 +9,11 @@
 /// Steps of RefineSkeleton; included by skeleton_refine*.cc only.
 namespace mvstudio::triangulate::internal {
 
+using Bones = std::vector<std::pair<int, int>>;
+
+/// NaN without any.
+double MedianOf(std::vector<double> values);
+
 /// One joint in one frame.
 struct Cell {
   size_t take_idx = 0;
@@ -49,8 +54,26 @@ struct WindowSolution {
 };
 
 /// `known`: (bones) lengths to start from and to hold on to; sigma 0: the bone is not seen and has no term.
-WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const std::vector<std::pair<int, int>>& bones,
+WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const Bones& bones,
                            const std::vector<KnownLength>& known, const Terms& terms, int max_iterations);
+
+std::vector<Point> PointsOf(const Window& window);
+
+/// Frames [first, last) by index.
+Window Part(const Window& window, size_t first, size_t last);
+
+/// Lengths of a bone where both its joints are kOk, metres; `points`: (frames, joints).
+std::vector<double> BoneLengths(const std::vector<Point>& points, size_t num_joints, const std::pair<int, int>& bone);
+
+/// Median and robust spread of each bone; sigma 0 where it is seen in fewer than 5 frames.
+std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones);
+
+/// Decides which terms are on and how strongly; `terms` holds what the take itself gives. Fills all of the report but its
+/// bones.
+Terms ChooseTerms(const PreparedRig& rig, const std::vector<Window>& persons, const Bones& bones, const PointSolver& solve,
+                  const SkeletonRefineOptions& options, Terms terms, const RunContext& run, SkeletonRefineReport* report);
+
+constexpr int kMinLengthFrames = 5;
 
 /// Entries of the inverse of a symmetric positive definite matrix where its Cholesky factor has entries: in particular its
 /// diagonal and every block that the matrix itself has (Takahashi, Fagan, Chin, 1973; Erisman and Tinney, 1975).

@@ -21,7 +21,6 @@ double Weight(double squared, double sigmas) { return 1 / (1 + squared / (sigmas
 struct Seen {
   size_t cell, observation;
 };
-
 /// Three positions of a joint whose acceleration is sum c_k x_k, in units of its sigma.
 struct Triple {
   size_t cell[3];
@@ -127,7 +126,7 @@ void AddAccelerations(Problem* problem) {
   }
 }
 
-void AddBones(const std::vector<std::pair<int, int>>& bones, Problem* problem) {
+void AddBones(const Bones& bones, Problem* problem) {
   problem->length_variable.assign(bones.size(), -1);
   if (!(problem->terms->bone_lengths > 0)) return;
   for (size_t b = 0; b < bones.size(); ++b) {
@@ -248,7 +247,6 @@ Assembly Assemble(const Problem& problem, const Unknowns& at, bool want_matrix) 
   }
   AddAccelerationTerms(problem, at, &sum);
   AddBoneTerms(problem, at, &sum);
-  if (!std::isfinite(sum.cost)) sum.cost = kInfinity;
   return sum;
 }
 
@@ -292,7 +290,7 @@ bool Minimise(const Problem& problem, int max_iterations, Unknowns* at) {
     }
     if (!(cost <= here.cost)) return true;  // nothing left to gain
     *at = std::move(next);
-    if (here.cost - cost < 1e-7 * here.cost) return true;
+    if (here.cost - cost < 1e-6 * here.cost) return true;
   }
   return true;
 }
@@ -321,47 +319,47 @@ double LargestSigma(const Eigen::Matrix3d& covariance) {
   return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly).eigenvalues()[2]);
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+/// The calibration's share for a bridged joint: that of the last seen instant, which is there.
+Eigen::Matrix3d NearestCalibrationCovariance(const Window& window, size_t f, size_t j, int max_frames) {
+  return window.At(*NearestOk(window, f, j, -1, max_frames), j).point.calibration_covariance;
 }
 
-/// The calibration's share for a bridged joint: that of the nearest seen instant.
-Eigen::Matrix3d NearestCalibrationCovariance(const Window& window, size_t f, size_t j, int max_frames) {
-  const auto nearest = NearestOk(window, f, j, -1, max_frames);
-  return nearest ? window.At(*nearest, j).point.calibration_covariance : Eigen::Matrix3d(Eigen::Matrix3d::Zero());
+Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const SelectedInverse& inverse) {
+  const Eigen::Index first = 3 * problem.variable[cell];
+  Eigen::Matrix3d covariance;
+  for (int a = 0; a < 3; ++a) {
+    for (int b = 0; b < 3; ++b) covariance(a, b) = inverse(first + a, first + b);
+  }
+  return covariance;
 }
 
 /// Points with their covariances; bridged ones only where they are determined well enough.
 std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const SelectedInverse& inverse) {
   const Window& window = *problem.window;
+  const double shared = problem.terms->shared_error;
   std::vector<Point> points;
   for (const Cell& cell : window.cells) points.push_back(cell.point);
   for (size_t j = 0; j < window.num_joints; ++j) {
-    std::vector<double> sigmas;
+    std::vector<double> sigmas, ratios;
     for (const bool bridged : {false, true}) {
-      const double limit = problem.terms->max_fill_sigmas * Median(sigmas);
+      const double limit = problem.terms->max_fill_sigmas * MedianOf(sigmas), ratio = MedianOf(ratios);
       for (size_t f = 0; f < window.frames.size(); ++f) {
         const size_t cell = f * window.num_joints + j;
         if (problem.variable[cell] < 0 || IsOk(window, f, j) == bridged) continue;
-        const Eigen::Index first = 3 * problem.variable[cell];
-        Eigen::Matrix3d covariance;
-        for (int a = 0; a < 3; ++a) {
-          for (int b = 0; b < 3; ++b) covariance(a, b) = inverse(first + a, first + b);
-        }
+        const Eigen::Matrix3d covariance = CovarianceAt(problem, cell, inverse);
         const double sigma = LargestSigma(covariance);
-        if (!bridged) sigmas.push_back(sigma);
         if (bridged && !(sigma <= limit)) continue;
         Point& point = points[cell];
+        const Eigen::Matrix3d single = point.covariance - point.calibration_covariance;
+        if (!bridged) sigmas.push_back(sigma), ratios.push_back(single.trace() / covariance.trace());
         if (bridged) {
           point.used.clear();
           point.calibration_covariance = NearestCalibrationCovariance(window, f, j, problem.terms->max_fill_frames);
         }
         point.status = Status::kOk;
         point.x_in_world = problem.rig->origin_in_world + at.x_in_local[cell];
-        point.covariance = covariance + point.calibration_covariance;
+        point.covariance = (1 - shared) * covariance + shared * (bridged ? Eigen::Matrix3d(ratio * covariance) : single) +
+                           point.calibration_covariance;
         Describe(problem, cell, at.x_in_local[cell], &point);
       }
     }
@@ -371,7 +369,7 @@ std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const Se
 
 }  // namespace
 
-WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const std::vector<std::pair<int, int>>& bones,
+WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const Bones& bones,
                            const std::vector<KnownLength>& known, const Terms& terms, int max_iterations) {
   WindowSolution solution;
   for (const Cell& cell : window.cells) solution.points.push_back(cell.point);

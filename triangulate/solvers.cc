@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 using Rows3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 using Rows4 = Eigen::Matrix<double, Eigen::Dynamic, 4>;
 
-constexpr std::string_view kNames[] = {"midpoint", "dlt", "least-squares", "linear", "lost", "mid2", "wmid2", "l1", "linf",
-                                       "all-views"};
+constexpr std::string_view kNames[] = {"midpoint", "dlt", "least-squares", "linear",   "lost", "mid2",
+                                       "wmid2",    "l1",  "linf",          "all-views"};
 constexpr double kRankTolerance = 1e-13;
 
 LinearPoint NoPoint(Status status) { return {status, Vector3d::Zero()}; }
@@ -49,7 +49,8 @@ LinearPoint SolveInhomogeneous(const Rows3& a, const Eigen::VectorXd& b) {
   return {Status::kOk, qr.solve(b)};
 }
 
-/// Distance of the point on ray i from its centre, by the law of sines with the view of largest parallax; 0 where there is none.
+/// Distance of the point on ray i from its centre, by the law of sines with the view of largest parallax; 0 where there is
+/// none.
 double RangeByLawOfSines(const std::vector<View>& views, size_t i) {
   double best_sine = kRankTolerance, range = 0;
   for (size_t j = 0; j < views.size(); ++j) {
@@ -98,8 +99,8 @@ Ranges Mid2Ranges(const RayPair& rays) {
   if (!(ranges.p > 0 && ranges.q > 0)) return {Status::kDegenerate, 0, 0};
   const Vector3d on_p = ranges.p * rays.p, on_q = ranges.q * rays.q;
   const double apart = (rays.t + on_p - on_q).squaredNorm();
-  const double otherwise = std::min({(rays.t + on_p + on_q).squaredNorm(), (rays.t - on_p - on_q).squaredNorm(),
-                                     (rays.t - on_p + on_q).squaredNorm()});
+  const double otherwise = std::min(
+      {(rays.t + on_p + on_q).squaredNorm(), (rays.t - on_p - on_q).squaredNorm(), (rays.t - on_p + on_q).squaredNorm()});
   return apart < otherwise ? ranges : Ranges{Status::kBehindCamera, 0, 0};
 }
 
@@ -113,7 +114,9 @@ LinearPoint Intersect(const RayPair& rays, const Vector3d& p, const Vector3d& q)
   return {Status::kOk, rays.ToLocal(0.5 * (rays.t + range_p * p + range_q * q))};
 }
 
-Vector3d OntoPlane(const Vector3d& ray, const Vector3d& normal) { return ray - ray.dot(normal) / normal.squaredNorm() * normal; }
+Vector3d OntoPlane(const Vector3d& ray, const Vector3d& normal) {
+  return ray - ray.dot(normal) / normal.squaredNorm() * normal;
+}
 
 LinearPoint SolvePair(Solver solver, const View& a, const View& b) {
   if (solver == Solver::kMid2) return Mid2(a, b);
@@ -187,8 +190,7 @@ LinearPoint InverseDepthWeightedMid2(const View& a, const View& b) {
   const Ranges ranges = Mid2Ranges(rays);
   if (ranges.status != Status::kOk) return NoPoint(ranges.status);
   const double sum = ranges.p + ranges.q;
-  return {Status::kOk,
-          rays.ToLocal(ranges.q / sum * (rays.t + ranges.p * rays.p) + ranges.p / sum * (ranges.q * rays.q))};
+  return {Status::kOk, rays.ToLocal(ranges.q / sum * (rays.t + ranges.p * rays.p) + ranges.p / sum * (ranges.q * rays.q))};
 }
 
 LinearPoint L1Angular(const View& a, const View& b) {

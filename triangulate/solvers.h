@@ -26,9 +26,9 @@ enum class Solver {
   kMaximumLikelihood,  ///< "all-views"
 };
 
-inline constexpr Solver kAllSolvers[] = {Solver::kMidpoint, Solver::kDlt,   Solver::kLeastSquares, Solver::kLinear, Solver::kLost,
-                                         Solver::kMid2,     Solver::kWmid2, Solver::kL1,           Solver::kLinf,
-                                         Solver::kMaximumLikelihood};
+inline constexpr Solver kAllSolvers[] = {
+    Solver::kMidpoint, Solver::kDlt,   Solver::kLeastSquares, Solver::kLinear, Solver::kLost,
+    Solver::kMid2,     Solver::kWmid2, Solver::kL1,           Solver::kLinf,   Solver::kMaximumLikelihood};
 
 std::string_view ToString(Solver solver);
 std::optional<Solver> SolverFromString(std::string_view name);

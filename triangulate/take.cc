@@ -1,5 +1,6 @@
 #include "triangulate/take.h"
 
+#include <chrono>
 #include <utility>
 
 #include "triangulate/take_steps.h"
@@ -47,7 +48,9 @@ TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedF
   result.holdout = HoldOut(problem, solve, options.holdout_points, run.num_threads);
   stage.Advance();
 
+  const auto start = std::chrono::steady_clock::now();
   std::vector<Point> points = SolvePoints(problem, solve, run.num_threads);
+  result.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   for (size_t i = 0; i < points.size(); ++i) {
     const PointLabel& label = problem.labels[i];
     result.points.push_back({label.frame, label.person, label.joint_idx, std::move(points[i])});

@@ -80,6 +80,7 @@ struct TakeResult {
   LeftOutSummary holdout;                              ///< that method, one camera left out
   SideReport sides;                                    ///< detections whose left and right were swapped back
   int num_ghosts = 0;                                  ///< persons made of chance matches, dropped
+  double solve_s = 0;                                  ///< wall time of solving the points alone
   double sigma_px = 0;                                 ///< given or estimated; 0 for exhaustive-dlt
   int num_persons = 0;
 };

@@ -39,8 +39,8 @@ def run_peer(entry, name, method, p, px, truth):
     answered = error[np.isfinite(error)]
     return {"problem": entry["problem"], "method": name, "precision": "double", "views": entry["views"], "points": len(px),
             "threads": 1, "points_per_s": len(px) / seconds,
-            "rms_error_mm": float(np.sqrt(np.mean(answered**2))) if len(answered) else None,
-            "median_error_mm": float(np.median(answered)) if len(answered) else None,
+            "rms_error_mm": float(np.sqrt(np.mean(answered**2))) if len(answered) else 0.0,
+            "median_error_mm": float(np.median(answered)) if len(answered) else 0.0,
             "refused": 1 - len(answered) / len(px), "peer": name.split(",")[0]}
 
 

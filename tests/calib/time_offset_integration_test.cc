@@ -140,8 +140,8 @@ TEST(TimeOffset, OfWholeFramesMovesTheNumbersWithAWarning) {
   EXPECT_THROW(Calibrate(testing::ToInput(Film({0, 0}, 20, 0.2)), none, RunContext()), UsageError);
 }
 
-/// The place of a camera scatters more when its offset in time is an unknown, and by as much as is said: errors of points at rest
-/// against the boards of the frames' instants.
+/// Projections scatter by as much as is said when offsets in time are unknowns: errors of points at rest against the boards of
+/// the frames' instants.
 TEST(TimeOffset, ProjectionUncertaintyCountsThem) {
   constexpr int kDraws = 60;
   constexpr double kNoise = 0.2;

@@ -148,6 +148,20 @@ TEST(ToCoco19, TakesOwnJointsAndMeans) {
   EXPECT_EQ(coco.confidence[12], 0);
 }
 
+TEST(ToCoco19, FreePointsGiveWhatTheirNamesSay) {
+  Pose3d pose{"points", {}};
+  for (const char* joint : {"tail", "Nose", "LHip", "RHip"}) {
+    JointRow& row = pose.rows.emplace_back();
+    row.joint = joint, row.status = Status::kOk;
+    row.x_in_world = Eigen::Vector3d::Constant(static_cast<double>(pose.rows.size()));
+  }
+  EXPECT_THAT(SkeletonOf(pose).joints, ::testing::ElementsAre("tail", "Nose", "LHip", "RHip"));
+  const Coco19Pose coco = ToCoco19(pose).at(0).at(0);
+  EXPECT_FALSE(coco.valid[0]);                        // Neck
+  EXPECT_EQ(coco.x_in_world.col(1).x(), 2);           // Nose
+  EXPECT_DOUBLE_EQ(coco.x_in_world.col(2).y(), 3.5);  // between the hips
+}
+
 TEST(ToCoco19, KeepsFramesAndPeopleApart) {
   Pose3d pose{"coco17", {OkRow("Nose", {0, 0, 1}), OkRow("Nose", {0, 0, 2}), OkRow("Nose", {0, 0, 3})}};
   pose.rows[1].person = 1;

@@ -100,6 +100,9 @@ calib::ColmapOptions Colmap() {
   return options;
 }
 
+/// A squared Mahalanobis distance of a pose that is exceeded three times in ten thousand.
+constexpr double kUnlikely = 25;
+
 class FromScene : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -141,6 +144,7 @@ TEST_F(FromScene, KnownLensesAndMarks) {
   for (const std::string& gross : report.gross) ADD_FAILURE() << gross;
   EXPECT_LT(errors.max_deg, 0.05);
   EXPECT_LT(errors.max_mm, 5);
+  EXPECT_LT(errors.max_mahalanobis, kUnlikely);
 }
 
 TEST_F(FromScene, UnknownLensesAndADistance) {
@@ -162,6 +166,8 @@ TEST_F(FromScene, UnknownLensesAndADistance) {
   EXPECT_LT(errors.max_deg, 0.2);
   EXPECT_LT(errors.max_mm, 20);
   EXPECT_LT(errors.max_focal, 0.005);
+  EXPECT_FALSE(report.own_lenses) << "the cameras have one lens";
+  EXPECT_LT(errors.max_mahalanobis, kUnlikely);
 }
 
 TEST_F(FromScene, MissingProgramSaysSo) {

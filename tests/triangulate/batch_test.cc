@@ -46,12 +46,13 @@ PointBatch MixedBatch(const geometry::Rig& rig, int64_t num_points, uint64_t see
     if (kind == 1) seen[rng.Index(static_cast<int64_t>(seen.size()))].px += Eigen::Vector2d(70, -50);
     if (kind == 2) seen.resize(static_cast<size_t>(rng.Index(4)));
     if (kind == 3) seen[0].px.x() = kInfinity;
+    if (kind == 3 && i % 24 < 12) seen.resize(2);
     if (kind == 4) seen[1].sigma_px = i % 24 < 12 ? 0 : kNan;
     if (kind == 5) seen = {seen[0], {1, {1e5, -1e5}, 1, 1}};
     if (kind == 6 && i % 24 < 12) {  // all disagree
       for (Observation& each : seen) each.px = {rng.Uniform(0, 1279), rng.Uniform(0, 959)};
     }
-    if (kind == 9) {  // mirrored through the principal point: the rays meet behind the cameras
+    if (kind == 9) {  // mirrored through the principal point
       seen.resize(std::min<size_t>(seen.size(), 3));
       for (Observation& each : seen) each.px = 2 * Eigen::Vector2d(639.5, 479.5) - each.px + Eigen::Vector2d(200, 0);
     }
@@ -108,20 +109,28 @@ TEST(Batch, IsTriangulatePointForEveryStatus) {
     }
   }
   for (const Status status : {Status::kOk, Status::kTooFewViews, Status::kNonFiniteInput, Status::kOutlier, Status::kDegenerate,
-                              Status::kOutsideValidRadius, Status::kBehindCamera}) {
+                              Status::kOutsideValidRadius}) {
     EXPECT_GT(seen[status], 0) << ToString(status);
   }
-  // Rays almost parallel, and far points, need cameras that look the same way.
+}
+
+// Rays almost parallel, far points and points behind all cameras need cameras that look the same way.
+TEST(Batch, IsTriangulatePointForCamerasSideBySide) {
   geometry::Rig parallel;
   for (const double y : {-2.0, 0.0, 2.0}) parallel.cameras.push_back(LookAt("c" + std::to_string(y), {0, y, 0}, {10, y, 0}));
-  PointBatch batch = MakeBatch(3, 9);
+  PointBatch batch = MakeBatch(3, 10);
   const double distance_m[] = {5, 20, 100, 150, 400, 1e3, 1e4, 1e7, 1e12};
   for (int i = 0; i < 9; ++i) Put(Observe(parallel, {distance_m[i], 0.1, 0.2}), i, &batch);
+  for (int c = 0; c < 3; ++c) {  // the pixels of a point at (-3, 0, 0.5), projected through the centre
+    const Eigen::Vector3d x = parallel.cameras[c].cam_from_world * Eigen::Vector3d(-3, 0, 0.5);
+    Put({{c, {1000 * x.x() / x.z() + 639.5, 1000 * x.y() / x.z() + 479.5}, 1, 1}}, 9, &batch);
+  }
   BatchOptions options;
   options.point.max_distance_m = 90;
   const auto statuses = ExpectAsPoint(Prepare(parallel), batch, options, 1e-5);
   EXPECT_GT(statuses.count(Status::kFarPoint), 0u);
   EXPECT_GT(statuses.count(Status::kLowParallax), 0u);
+  EXPECT_GT(statuses.count(Status::kBehindCamera), 0u);
 }
 
 TEST(Batch, EveryMethodIsTriangulatePoint) {

@@ -19,8 +19,8 @@ namespace {
 constexpr int kPoints = 101;
 
 geometry::Rig EightHdCameras() {
-  const geometry::Rig all = dataset::ReadPanopticCalibration(testing::DataRoot() +
-                                                             "/panoptic/160906_band1/calibration_160906_band1.json");
+  const geometry::Rig all =
+      dataset::ReadPanopticCalibration(testing::DataRoot() + "/panoptic/160906_band1/calibration_160906_band1.json");
   geometry::Rig rig;
   for (const char* name : {"00_00", "00_04", "00_08", "00_12", "00_16", "00_20", "00_24", "00_28"}) {
     rig.cameras.push_back(all.cameras[all.Find(name)]);

@@ -8,6 +8,7 @@
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
 #include "tests/triangulate/support.h"
+#include "triangulate/limbs.h"
 #include "triangulate/take.h"
 
 /// Real recordings of Pose2Sim's demo session against the .trc files that program wrote (a peer's output, not independent
@@ -112,6 +113,28 @@ TEST_F(Pose2Sim, ExhaustiveDltReproducesItsPoints) {
   const auto still = Compare(Static(), options);
   EXPECT_EQ(still.num, 252);
   EXPECT_LT(still.max_mm, 1e-3);
+}
+
+std::vector<std::pair<int, int>> Limbs() {
+  const body::Skeleton& skeleton = body::SkeletonByName("body25b");
+  std::vector<std::pair<int, int>> limbs;
+  for (const auto& [a, b] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
+    for (const std::string side : {"L", "R"}) limbs.emplace_back(skeleton.Find(side + a), skeleton.Find(side + b));
+  }
+  return limbs;
+}
+
+TEST_F(Pose2Sim, DefaultBeatsItOnCamerasLeftOutAndOnLimbLengths) {
+  TakeOptions peer_options;
+  peer_options.method = "exhaustive-dlt";
+  TakeResult ours, peer;
+  Compare(Balancing(), {}, &ours);
+  Compare(Balancing(), peer_options, &peer);
+  EXPECT_NEAR(1000 * MeanLimbStd(MeasureLimbs(peer.points, Limbs())), 22.2, 0.05) << "the figure measured elsewhere";
+  EXPECT_LT(1000 * MeanLimbStd(MeasureLimbs(ours.points, Limbs())), 22.2);
+  const double gain_px = peer.holdout.all.median_px - ours.holdout.all.median_px;
+  EXPECT_GT(gain_px, 2 * std::hypot(peer.holdout.all.median_error_px, ours.holdout.all.median_error_px));
+  EXPECT_GE(ours.holdout.all.coverage, peer.holdout.all.coverage);
 }
 
 TEST_F(Pose2Sim, DefaultStaysWithinTenMillimetres) {

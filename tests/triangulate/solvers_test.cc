@@ -122,8 +122,8 @@ TEST(Solvers, TwoViewFormsAgreeWithMrcal) {
 TEST(Solvers, TwoViewFormsTakeTheWidestPair) {
   geometry::Rig rig;
   for (const double deg : {0.0, 2.0, 80.0, 4.0}) {
-    rig.cameras.push_back(LookAt("c" + std::to_string(deg), 3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0),
-                                 {0, 0, 0}));
+    rig.cameras.push_back(
+        LookAt("c" + std::to_string(deg), 3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0), {0, 0, 0}));
   }
   const PreparedRig prepared = Prepare(rig);
   Rng rng(5);
@@ -176,8 +176,8 @@ TEST(Solvers, LinearFormsSolveTheirEquationsExactly) {
   }
 }
 
-// The paper's formula: q_i S [x_i]x R_i (X - p_i) = 0 with x_i = (a, b, 1) and q_i = |x_i| / (sigma gamma_i), gamma_i by the law
-// of sines with the view of largest parallax.
+// The paper's formula: q_i S [x_i]x R_i (X - p_i) = 0 with x_i = (a, b, 1) and q_i = |x_i| / (sigma gamma_i), gamma_i by the
+// law of sines with the view of largest parallax.
 TEST(Solvers, LostIsThePapersFormula) {
   const geometry::Rig rig = PinholeRing(5);
   const PreparedRig prepared = Prepare(rig);

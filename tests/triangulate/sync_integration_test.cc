@@ -75,10 +75,9 @@ TEST(SyncBalancing, FindsShiftsOfAnyCamera) {
   const Recording recording = LoadPose2Sim("balancing");
   const PreparedRig rig = Prepare(recording.rig);
   const SyncResult unshifted = SynchronizeCameras(rig, recording.frames, {});
-  Print("unshifted", unshifted);
   Errors worst;
   for (size_t c = 0; c < 4; ++c) {
-    for (const int shift : {-25, -7, -2, -1, 1, 3, 13, 25}) {
+    for (const int shift : {-25, -2, 1, 13}) {
       std::vector<int> add(4, 0);
       add[c] = shift;
       const SyncResult result = SynchronizeCameras(rig, Renumber(recording.frames, add), {});
@@ -90,20 +89,20 @@ TEST(SyncBalancing, FindsShiftsOfAnyCamera) {
   }
   std::printf("one camera by -25 ... 25: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
   EXPECT_LT(worst.frames, 0.5);
-  worst = ShiftAll(recording, unshifted, 25, 10, false);
+  worst = ShiftAll(recording, unshifted, 25, 6, false);
   std::printf("all cameras, whole: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
   EXPECT_LT(worst.frames, 0.5);
-  worst = ShiftAll(recording, unshifted, 25, 10, true);
+  worst = ShiftAll(recording, unshifted, 25, 6, true);
   std::printf("all cameras, fractions: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
-  EXPECT_LT(worst.frames, 0.5);
+  EXPECT_LT(worst.frames, 0.15);
+  EXPECT_LT(worst.relative_frames, 0.1);
 }
 
 TEST(SyncBalancing, SeveralPeople) {
   MVS_NEEDS_DATA("pose2sim");
   const Recording recording = LoadPose2Sim("balancing", "pose");
   const SyncResult unshifted = SynchronizeCameras(Prepare(recording.rig), recording.frames, {});
-  Print("unshifted", unshifted);
-  const Errors worst = ShiftAll(recording, unshifted, 25, 10, false);
+  const Errors worst = ShiftAll(recording, unshifted, 25, 6, false);
   std::printf("all cameras, whole: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
   EXPECT_LT(worst.frames, 0.5);
 }
@@ -118,7 +117,6 @@ TEST(SyncStatic, SaysThatNothingMoves) {
       for (const SyncOptions& each : {SyncOptions{}, options}) {
         const SyncResult result =
             SynchronizeCameras(Prepare(recording.rig), Renumber(recording.frames, {0, shift, 0, 0}), each);
-        Print(poses, result);
         EXPECT_NE(result.status, SyncStatus::kOk);
         for (const CameraSync& camera : result.cameras) EXPECT_NE(camera.status, SyncStatus::kOk);
       }
@@ -130,11 +128,10 @@ TEST(SyncPersonA, FindsShifts) {
   MVS_NEEDS_DATA("person_a");
   const Recording recording = LoadPersonA();
   const SyncResult unshifted = SynchronizeCameras(Prepare(recording.rig), recording.frames, {});
-  Print("unshifted", unshifted);
-  Errors worst = ShiftAll(recording, unshifted, 25, 5, false);
+  Errors worst = ShiftAll(recording, unshifted, 25, 2, false);
   std::printf("all cameras, whole: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
   EXPECT_LT(worst.frames, 0.5);
-  worst = ShiftAll(recording, unshifted, 25, 5, true);
+  worst = ShiftAll(recording, unshifted, 25, 2, true);
   std::printf("all cameras, fractions: %.3f frames, %.3f from unshifted\n", worst.frames, worst.relative_frames);
   EXPECT_LT(worst.frames, 0.1);
 }

@@ -1,0 +1,207 @@
+#include "cli/command_calib_keypoints.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cli/calib_read.h"
+#include "cli/pose_input.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "core/units.h"
+#include "geometry/rig_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
+
+ordered_json Pair(double before, double after) { return {{"before", Number(before)}, {"after", Number(after)}}; }
+
+ordered_json Vector(const Eigen::Vector2d& v) { return ordered_json::array({Number(v.x()), Number(v.y())}); }
+
+std::optional<calib::FrameChoice> ParseFrames(const std::string& flag, const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const size_t colon = text.find(':');
+  const auto number = [&](const std::string& digits) {
+    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos)
+      throw UsageError(flag + " " + text + ": give START:STEP, e.g. 0:4 for frames 0, 4, 8, ...");
+    return std::stoi(digits);
+  };
+  calib::FrameChoice choice{number(text.substr(0, colon)), colon == std::string::npos ? 0 : number(text.substr(colon + 1))};
+  if (choice.step < 1) throw UsageError(flag + " " + text + ": the step must be at least 1 (START:STEP)");
+  return choice;
+}
+
+/// The rig's cameras that have poses, and the frames with those cameras alone.
+struct Posed {
+  geometry::Rig rig;
+  std::vector<size_t> camera_of;  // index in the whole rig
+  std::vector<triangulate::DetectedFrame> frames;
+};
+
+Posed PosedCameras(const PoseInput& input) {
+  Posed posed;
+  posed.rig = input.rig;
+  posed.rig.cameras.clear(), posed.rig.joint_covariance.reset();
+  for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
+    const std::string& name = input.rig.cameras[c].camera.name;
+    const auto is_it = [&](const dataset::Pose2dTrack& track) { return track.camera == name; };
+    if (std::none_of(input.tracks.begin(), input.tracks.end(), is_it)) continue;
+    posed.camera_of.push_back(c);
+    posed.rig.cameras.push_back(input.rig.cameras[c]);
+  }
+  for (const triangulate::DetectedFrame& frame : input.frames) {
+    triangulate::DetectedFrame& own = posed.frames.emplace_back();
+    own.frame = frame.frame;
+    for (const size_t c : posed.camera_of) own.people.push_back(frame.people[c]);
+  }
+  return posed;
+}
+
+ordered_json CameraJson(const calib::KeypointCamera& camera, const geometry::Camera& lens, const std::string& distortion) {
+  return {{"name", camera.name},
+          {"rotation_deg", Number(RadToDeg(camera.rotation_rad))},
+          {"rotation_sigma_deg", Number(RadToDeg(camera.rotation_sigma_rad))},
+          {"translation_mm", Number(1e3 * camera.translation_m)},
+          {"translation_sigma_mm", Number(1e3 * camera.translation_sigma_m)},
+          {"focal_change_percent", Number(100 * camera.focal_change)},
+          {"mean_residual_px",
+           {{"before", Vector(camera.mean_residual_before_px)}, {"after", Vector(camera.mean_residual_after_px)}}},
+          {"distortion", distortion},
+          {"model", std::string(geometry::ToString(lens.model))},
+          {"num_detections", camera.num_detections}};
+}
+
+ordered_json CulpritJson(const calib::KeypointCulprit& culprit) {
+  if (culprit.fault == calib::CameraFault::kNone) return nullptr;
+  ordered_json json = {{"camera", culprit.corrected.camera.name},
+                       {"fault", calib::ToString(culprit.fault)},
+                       {"message", culprit.message},
+                       {"explained", Number(culprit.explained)}};
+  if (culprit.fault == calib::CameraFault::kPose) {
+    json["rotation_deg"] = Number(RadToDeg(culprit.rotation_rad));
+    json["rotation_sigma_deg"] = Number(RadToDeg(culprit.rotation_sigma_rad));
+    json["translation_mm"] = Number(1e3 * culprit.translation_m);
+    json["translation_sigma_mm"] = Number(1e3 * culprit.translation_sigma_m);
+  } else {
+    json["scale"] = Number(culprit.scale);
+    json["scale_sigma"] = Number(culprit.scale_sigma);
+  }
+  return json;
+}
+
+void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  const calib::KeypointError &before = report.before, &after = report.after;
+  m["holdout_median_px"] = Pair(before.median_px, after.median_px);
+  m["holdout_mean_px"] = Pair(before.mean_px, after.mean_px);
+  m["holdout_p90_px"] = Pair(before.p90_px, after.p90_px);
+  m["limb_std_mm"] = Pair(before.limb_std_mm, after.limb_std_mm);
+  m["limb_mean_mm"] = Pair(before.limb_mean_mm, after.limb_mean_mm);
+  m["num_holdout_joints"] = after.num_joints;
+  m["num_holdout_failed"] = {{"before", before.num_failed}, {"after", after.num_failed}};
+  m["kept_input"] = report.kept_input;
+  m["keypoint_sigma_px"] = Number(report.sigma_px);
+  m["keypoint_cauchy_px"] = Number(report.cauchy_px);
+  m["num_train_frames"] = report.num_train_frames;
+  m["num_test_frames"] = report.num_test_frames;
+  m["num_train_joints"] = report.num_train_joints;
+  m["culprit"] = CulpritJson(report.culprit);
+  m["cameras"] = ordered_json::array();
+  for (size_t c = 0; c < report.cameras.size(); ++c)
+    m["cameras"].push_back(
+        CameraJson(report.cameras[c], report.rig.cameras[c].camera, calib::ToString(report.plan.distortion)));
+  m["decisions"] = ordered_json::array();
+  for (const calib::KeypointDecision& d : report.decisions)
+    m["decisions"].push_back({{"group", d.group},
+                              {"choice", d.choice},
+                              {"holdout_px", Number(d.holdout_px)},
+                              {"standard_error", Number(d.standard_error_px)},
+                              {"chosen", d.chosen}});
+}
+
+std::string Summary(const calib::KeypointRefineReport& report) {
+  std::string text;
+  for (const auto& [name, error] : {std::pair("before", &report.before), std::pair("after", &report.after)})
+    text += Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px; limbs %.1f mm long +- %.1f mm\n", name,
+                   error->median_px, error->mean_px, error->p90_px, error->limb_mean_mm, error->limb_std_mm);
+  for (const calib::KeypointCamera& c : report.cameras)
+    text += Format("%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) px\n",
+                   c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
+                   1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(),
+                   c.mean_residual_before_px.y(), c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
+  text += Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
+  for (const calib::KeypointDecision& d : report.decisions)
+    text += Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px, d.standard_error_px,
+                   d.chosen ? "  <-" : "");
+  if (report.culprit.fault != calib::CameraFault::kNone) text += report.culprit.message + "\n";
+  if (report.kept_input) text += report.message + "\n";
+  return text;
+}
+
+/// The whole rig with the adjusted cameras in their places.
+geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camera_of, const geometry::Rig& adjusted) {
+  if (camera_of.size() == whole.cameras.size()) return adjusted;
+  geometry::Rig merged = whole;
+  merged.joint_covariance.reset(), merged.gauge = adjusted.gauge;
+  for (size_t i = 0; i < camera_of.size(); ++i) merged.cameras[camera_of[i]] = adjusted.cameras[i];
+  return merged;
+}
+
+void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out, CommandResult* result) {
+  if (report.kept_input)
+    result->warnings.push_back({"CAL-INPUT-KEPT", report.message, "film more people in more of the space, or recalibrate"});
+  if (report.culprit.fault != calib::CameraFault::kNone)
+    result->warnings.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
+                                "the new calibration corrects it; check the camera and its pictures all the same"});
+  if (num_left_out > 0)
+    result->warnings.push_back({"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without --pose2d stay as they are",
+                                "give their poses too"});
+}
+
+}  // namespace
+
+void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
+  sub->add_flag("--from-keypoints", arguments.from_keypoints, "adjust to the people of a take, --pose2d, instead of boards");
+  sub->add_option("--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
+  sub->add_option("--skeleton", arguments.skeleton, "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19")
+      ->capture_default_str();
+  sub->add_option("--train-frames", arguments.train_frames,
+                  "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
+                  "every second frame when neither is given");
+  sub->add_option("--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
+  AddOptions(sub, arguments.options);
+}
+
+CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string& calib_path, const std::string& out,
+                           CommandContext& context) {
+  CommandResult result;
+  const auto train = ParseFrames("--train-frames", arguments.train_frames);
+  const auto test = ParseFrames("--test-frames", arguments.test_frames);
+  PoseArguments pose;
+  pose.calib = calib_path, pose.skeleton = arguments.skeleton, pose.pose2d = arguments.pose2d;
+  const PoseInput input = ReadPoseInput(pose, &result);
+  const Posed posed = PosedCameras(input);
+  const calib::KeypointRefineReport report =
+      RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
+  result.metrics["status"] = std::string(ToString(report.status));
+  if (report.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"CAL-UNSOLVED", report.message, "people must be seen by several cameras at once, in many places"});
+    result.text = report.message + "\n";
+    return result;
+  }
+  FillMetrics(report, &result.metrics);
+  AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), &result);
+  result.folder = out;
+  MakeFolder(out);
+  const std::string path = out + "/calibration.json";
+  geometry::WriteRig(report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig), path);
+  result.outputs.push_back({path, "calibration"});
+  result.text = Summary(report) + "wrote " + path + "\n";
+  return result;
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/keypoint_refine.h"
+#include "cli/command.h"
+
+namespace mvstudio::cli {
+
+/// `mvstudio calib refine --from-keypoints`: the rig is adjusted to people instead of boards.
+struct KeypointArguments {
+  bool from_keypoints = false;
+  std::string skeleton = "body25", train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoint_refine.h
+  std::vector<std::string> pose2d;
+  calib::KeypointRefineOptions options;
+};
+
+/// --from-keypoints, --pose2d, --skeleton, --train-frames, --test-frames and the options.
+void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments);
+
+/// Writes calibration.json to the folder `out`: the adjusted rig, or the given one when nothing explains held-out frames better.
+CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string& calib_path, const std::string& out,
+                           CommandContext& context);
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,181 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "dataset/pose2d.h"
+#include "dataset/pose3d.h"
+#include "geometry/rig_io.h"
+#include "tests/support/run_cli.h"
+#include "tests/triangulate/support.h"
+
+/// `triangulate` and `tradeoff triangulate` as a user runs them.
+namespace mvstudio::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr int kFrames = 60;
+
+/// Where a walking BODY_25 stands, metres; stiff but for its arms and legs.
+Eigen::Vector3d JointAt(int frame, int joint) {
+  const double along = -0.4 + 0.8 * frame / kFrames, swing = 0.15 * std::sin(0.3 * frame);
+  return {along + (joint % 3 - 1) * (0.2 + swing), 0.15 * (joint % 5 - 2), -0.8 + 0.07 * joint};
+}
+
+struct Take {
+  geometry::Rig rig = triangulate::MakeRing(5);
+  body::Skeleton skeleton = body::SkeletonByName("body25");
+  std::vector<dataset::Pose2dTrack> tracks;
+
+  explicit Take(double noise_px = 1) {
+    Rng rng(31);
+    for (const geometry::RigCamera& camera : rig.cameras) {
+      dataset::Pose2dTrack& track = tracks.emplace_back();
+      track.camera = camera.camera.name;
+      for (int f = 0; f < kFrames; ++f) {
+        dataset::Person2d person;
+        for (int j = 0; j < 25; ++j) {
+          const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * JointAt(f, j)).px;
+          person.keypoints.push_back({px.x() + noise_px * rng.Normal(), px.y() + noise_px * rng.Normal(), 0.9});
+        }
+        track.frames[f] = {person};
+      }
+    }
+  }
+
+  /// Files of the take and the words that name them on the command line.
+  std::vector<std::string> Write(const TempDir& folder) const {
+    geometry::WriteRig(rig, folder / "calibration.json");
+    std::vector<std::string> words = {"--calib", folder / "calibration.json"};
+    for (const dataset::Pose2dTrack& track : tracks) {
+      dataset::WriteOpenPoseFolder(track, folder / track.camera);
+      words.insert(words.end(), {"--pose2d", track.camera + "=" + (folder / track.camera)});
+    }
+    return words;
+  }
+};
+
+std::vector<std::string> Words(std::vector<std::string> first, const std::vector<std::string>& second) {
+  first.insert(first.end(), second.begin(), second.end());
+  return first;
+}
+
+double WorstErrorMm(const std::string& folder) {
+  double worst = 0;
+  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  for (const dataset::JointRow& row : dataset::ReadPose3d(folder).rows) {
+    if (row.status != Status::kOk) continue;
+    worst = std::max(worst, (row.x_in_world - JointAt(row.frame, skeleton.Find(row.joint))).norm());
+  }
+  return 1000 * worst;
+}
+
+TEST(TriangulateCommand, GivesPointsAndWhatTheOthersSayOfEachCamera) {
+  const TempDir folder;
+  const CliRun run = RunCli(Words({"triangulate", "--out", folder / "out", "--json"}, Take().Write(folder)));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const nlohmann::json metrics = run.Json()["metrics"];
+  EXPECT_EQ(metrics["num_points"], kFrames * 25);
+  EXPECT_NEAR(metrics["sigma_px"].get<double>(), 1, 0.05);
+  EXPECT_EQ(metrics["holdout"]["cameras"].size(), 5u);
+  EXPECT_EQ(metrics["holdout"]["joints"].size(), 25u);
+  EXPECT_EQ(metrics["holdout"]["coverage"], 1.0);
+  // Two coordinates of the detection's own noise and what the point adds.
+  EXPECT_GT(metrics["holdout"]["median_px"].get<double>(), 1.17);
+  EXPECT_LT(metrics["holdout"]["median_px"].get<double>(), 1.7);
+  EXPECT_LT(WorstErrorMm(folder / "out"), 25);
+}
+
+TEST(TriangulateCommand, ChunksGiveThePointsOfTheWhole) {
+  const TempDir folder;
+  const std::vector<std::string> words = Words({"triangulate", "--sigma-px", "1", "--method", "robust"}, Take().Write(folder));
+  ASSERT_EQ(RunCli(Words(words, {"--out", folder / "whole"})).exit, 0);
+  ASSERT_EQ(RunCli(Words(words, {"--out", folder / "parts", "--chunk-frames", "17"})).exit, 0);
+  EXPECT_EQ(Slurp(folder / "whole/points.csv"), Slurp(folder / "parts/points.csv"));
+  EXPECT_EQ(Slurp(folder / "whole/covariance.csv"), Slurp(folder / "parts/covariance.csv"));
+}
+
+TEST(TriangulateCommand, OneDamagedFileLosesNothingElse) {
+  const TempDir folder;
+  const std::vector<std::string> words = Take().Write(folder);
+  std::filesystem::resize_file(folder / "cam_2/000000000007_keypoints.json", 40);
+  std::ofstream(folder / "cam_3/000000000009_keypoints.json").flush();
+  const CliRun run = RunCli(Words({"triangulate", "--out", folder / "out", "--json"}, words));
+  EXPECT_EQ(run.exit, 6) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("000000000007_keypoints.json"));
+  EXPECT_THAT(run.out, HasSubstr("000000000009_keypoints.json"));
+  EXPECT_EQ(run.Json()["metrics"]["num_points"], kFrames * 25);
+}
+
+TEST(TriangulateCommand, TakesATableOfPointsOfAnyKind) {
+  const TempDir folder;
+  Take take;
+  take.Write(folder);
+  dataset::WritePose2dCsv({take.skeleton, take.tracks}, folder / "points.csv");
+  const CliRun run = RunCli({"triangulate", "--calib", folder / "calibration.json", "--points2d", folder / "points.csv",
+                             "--out", folder / "out", "--json"});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["num_points"], kFrames * 25);
+  EXPECT_EQ(dataset::ReadPose3d(folder / "out").skeleton, "points");
+}
+
+TEST(TriangulateCommand, NamesTheCameraThatSwapsLeftAndRight) {
+  const TempDir folder;
+  Take take;
+  for (auto& [frame, people] : take.tracks[1].frames) {
+    auto& keys = people[0].keypoints;
+    for (const auto& [left, right] : body::MirrorJoints(take.skeleton)) std::swap(keys[left], keys[right]);
+  }
+  const CliRun run = RunCli(Words({"triangulate", "--out", folder / "out", "--json"}, take.Write(folder)));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("TRI-SIDES-SWAPPED"));
+  EXPECT_THAT(run.out, HasSubstr("cam_1: left and right"));
+  EXPECT_LT(WorstErrorMm(folder / "out"), 25);
+}
+
+TEST(TriangulateCommand, ACameraGivenTwiceIsNamedAndAddsNothing) {
+  const TempDir folder;
+  Take take;
+  const CliRun once =
+      RunCli(Words({"triangulate", "--method", "robust", "--out", folder / "once", "--json"}, take.Write(folder)));
+  take.rig.cameras.push_back(take.rig.cameras[0]);
+  take.rig.cameras.back().camera.name = "copy";
+  take.tracks.push_back(take.tracks[0]);
+  take.tracks.back().camera = "copy";
+  const CliRun twice =
+      RunCli(Words({"triangulate", "--method", "robust", "--out", folder / "twice", "--json"}, take.Write(folder)));
+  ASSERT_EQ(twice.exit, 0) << twice.err;
+  EXPECT_THAT(twice.out, HasSubstr("TRI-DUPLICATE"));
+  EXPECT_NEAR(twice.Json()["metrics"]["median_sigma_mm"].get<double>(), once.Json()["metrics"]["median_sigma_mm"].get<double>(),
+              0.02);
+}
+
+TEST(TriangulateCommand, BadArgumentsEndWithTheirExitCodes) {
+  const TempDir folder;
+  const std::vector<std::string> words = Take().Write(folder);
+  EXPECT_EQ(RunCli(Words({"triangulate", "--out", folder / "o", "--method", "guess"}, words)).exit, 2);
+  EXPECT_EQ(RunCli(Words({"triangulate", "--out", folder / "o", "--chunk-frames", "-1"}, words)).exit, 2);
+  EXPECT_EQ(RunCli(Words({"triangulate", "--out", folder / "o", "--points2d", folder / "none.csv"}, words)).exit, 2);
+  EXPECT_EQ(RunCli(Words({"triangulate", "--out", folder / "o", "--trc", folder / "none.trc"}, words)).exit, 3);
+  const CliRun joints = RunCli(Words({"triangulate", "--out", folder / "o", "--skeleton", "coco17"}, words));
+  EXPECT_EQ(joints.exit, 3);
+  EXPECT_THAT(joints.err, HasSubstr("body25"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "o/points.csv"));
+}
+
+TEST(TradeoffTriangulate, ListsEveryWayWithItsErrors) {
+  const TempDir folder;
+  const CliRun run = RunCli(Words({"tradeoff", "triangulate", "--methods", "robust,midpoint", "--views", "0,2",
+                                   "--threads-list", "1", "--out", folder / "out", "--json"},
+                                  Take().Write(folder)));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const nlohmann::json trials = run.Json()["metrics"]["trials"];
+  ASSERT_EQ(trials.size(), 4u);
+  EXPECT_LT(trials[0]["holdout_median_px"].get<double>(), trials[1]["holdout_median_px"].get<double>()) << "5 views beat 2";
+  EXPECT_THAT(Slurp(folder / "out/tradeoff-triangulate.html"), HasSubstr("<svg"));
+}
+
+}  // namespace
+}  // namespace mvstudio::testing
