@@ -114,29 +114,36 @@ TriangulationRow OpenCv(const TriangulationProblem& problem) {
   return row;
 }
 
-/// Bearings are made beforehand and not timed, unlike ours.
-TriangulationRow OpenGv(const TriangulationProblem& problem, bool midpoint) {
+/// Unit bearings of a pinhole camera's detections.
+void MakeBearings(const TriangulationProblem& problem, int camera, opengv::bearingVectors_t* bearings) {
+  const geometry::Camera& lens = problem.rig.cameras[camera].camera;
   const int64_t n = problem.batch.num_points;
-  opengv::bearingVectors_t bearings[2];
-  for (int c = 0; c < 2; ++c) {
-    const geometry::Projector projector(problem.rig.cameras[c].camera);
-    for (int64_t i = 0; i < n; ++i) {
-      bearings[c].push_back(projector.Unproject({problem.batch.x_px[c * n + i], problem.batch.y_px[c * n + i]}).ray_in_cam);
-    }
+  for (int64_t i = 0; i < n; ++i) {
+    const double a = (problem.batch.x_px[camera * n + i] - lens.cx()) / lens.fx();
+    const double b = (problem.batch.y_px[camera * n + i] - lens.cy()) / lens.fy();
+    (*bearings)[static_cast<size_t>(i)] = Eigen::Vector3d(a, b, 1).normalized();
   }
+}
+
+/// With `from_pixels` the time includes the bearings, as ours does; else they are given.
+TriangulationRow OpenGv(const TriangulationProblem& problem, bool midpoint, bool from_pixels) {
+  std::vector<Eigen::Vector3d> found(static_cast<size_t>(problem.batch.num_points));
+  opengv::bearingVectors_t bearings[2] = {opengv::bearingVectors_t(found.size()), opengv::bearingVectors_t(found.size())};
+  for (int c = 0; c < 2; ++c) MakeBearings(problem, c, &bearings[c]);
   const geometry::Rigid3 world_from_first = geometry::Inverse(problem.rig.cameras[0].cam_from_world);
   const geometry::Rigid3 first_from_second =
       problem.rig.cameras[0].cam_from_world * geometry::Inverse(problem.rig.cameras[1].cam_from_world);
   const opengv::rotation_t rotation = first_from_second.rotation.toRotationMatrix();
-  std::vector<Eigen::Vector3d> found(static_cast<size_t>(n));
   const double seconds = ShortestSeconds([&] {
+    if (from_pixels) MakeBearings(problem, 0, &bearings[0]), MakeBearings(problem, 1, &bearings[1]);
     const opengv::relative_pose::CentralRelativeAdapter adapter(bearings[0], bearings[1], first_from_second.translation,
                                                                 rotation);
     for (size_t i = 0; i < found.size(); ++i) {
       found[i] = midpoint ? opengv::triangulation::triangulate2(adapter, i) : opengv::triangulation::triangulate(adapter, i);
     }
   });
-  TriangulationRow row = MakeTriangulationRow(problem, midpoint ? "OpenGV triangulate2" : "OpenGV triangulate", seconds);
+  const std::string name = midpoint ? "OpenGV triangulate2" : "OpenGV triangulate";
+  TriangulationRow row = MakeTriangulationRow(problem, name + (from_pixels ? "" : ", rays given"), seconds);
   row.peer = "OpenGV";
   SetErrors(
       problem, [&](int64_t i) { return Eigen::Vector3d(world_from_first * found[i]); }, &row);
@@ -163,10 +170,16 @@ std::vector<TriangulationRow> BenchMethods(uint64_t seed) {
 
 std::vector<TriangulationRow> BenchTwoViews(uint64_t seed) {
   const TriangulationProblem problem = MakeTriangulationProblem("2 views", 2, 100000, false, 0, seed);
-  BatchOptions mid2;
-  mid2.point.method = PointMethod::kMid2;
-  return {Ours(problem, kTwoSteps, TwoSteps(), 1), Ours(problem, "robust", {}, 1), OpenCv(problem), OpenGv(problem, false),
-          OpenGv(problem, true)};
+  BatchOptions midpoint;
+  midpoint.point.method = PointMethod::kMidpoint;
+  return {Ours(problem, kTwoSteps, TwoSteps(), 1),
+          Ours(problem, "robust", {}, 1),
+          Ours(problem, "midpoint", midpoint, 1),
+          OpenCv(problem),
+          OpenGv(problem, false, true),
+          OpenGv(problem, false, false),
+          OpenGv(problem, true, true),
+          OpenGv(problem, true, false)};
 }
 
 std::vector<TriangulationRow> BenchOutliers(uint64_t seed) {

@@ -206,6 +206,8 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
     for (const auto& [name, change] : group.changes) {
       Candidate candidate{name, choice.plan, {}, 0};
       change(&candidate.plan);
+      // Lenses are adjusted with all poses free: these answer at once.
+      if (&group != &groups[0]) candidate.plan.free_poses = true, candidate.plan.fault = CameraFault::kNone;
       judge.Score(&candidate, num_threads);
       candidates.push_back(std::move(candidate));
     }
@@ -214,7 +216,6 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
     for (size_t i = 0; i < candidates.size(); ++i)
       if (choice.decisions[first + i].chosen) base = candidates[i];
     stage.Advance();
-    if (!choice.plan.free_poses) break;  // lenses are asked for only where the poses can answer
   }
   return choice;
 }

@@ -1,4 +1,6 @@
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -6,6 +8,7 @@
 #include "calib/keypoint_bundle.h"
 #include "calib/point_problem.h"
 #include "geometry/cross_matrix.h"
+#include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -82,19 +85,6 @@ Eigen::MatrixXd GaugeRows(const geometry::Rig& rig, const std::vector<int>& pose
   return rows;
 }
 
-/// sum w^2 / sum w: the mean curvature of the cost over that of its weights.
-double CurvatureOverWeights(const std::vector<KeypointFit>& fits, double cauchy_px) {
-  double w1 = 0, w2 = 0;
-  for (const KeypointFit& fit : fits) {
-    for (const Eigen::Vector2d& residual : fit.residuals_px) {
-      if (!fit.ok) continue;
-      const double w = 1 / (1 + residual.squaredNorm() / (cauchy_px * cauchy_px));
-      w1 += w, w2 += w * w;
-    }
-  }
-  return w1 > 0 ? w2 / w1 : 1;
-}
-
 /// Basis (n, n - rank) of what the rows leave free.
 Eigen::MatrixXd NullSpace(const Eigen::MatrixXd& rows) {
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeFullV);
@@ -119,6 +109,60 @@ Layout LayOut(const PointScene& cameras, const PointBundleOptions& options) {
     layout.directions.push_back(problem.directions(c));
   }
   return layout;
+}
+
+/// One observation's derivatives by the bundle's unknowns (rows of `by_unknowns`) and by its point, and the curvature of its cost.
+struct Derivatives {
+  Eigen::Matrix<double, 2, 3> by_point;
+  Eigen::Matrix2d curvature;
+};
+
+Derivatives Differentiate(const geometry::RigCamera& camera, const KeypointFit& fit, size_t view, const Layout& layout,
+                          double cauchy_px, Eigen::Ref<Eigen::MatrixXd> by_unknowns) {
+  const auto c = static_cast<size_t>(fit.joint->seen[view].camera_idx);
+  const Eigen::Vector3d turned = camera.cam_from_world.rotation * fit.x_in_world;
+  geometry::LensDerivatives d;
+  Eigen::Vector2d px;
+  Derivatives out;
+  geometry::ProjectLens(camera.camera, turned + camera.cam_from_world.translation, &px, &d);
+  out.by_point = d.d_px_d_x_in_cam * camera.cam_from_world.rotation.toRotationMatrix();
+  if (layout.pose_column[c] >= 0) {
+    by_unknowns.middleCols<3>(layout.pose_column[c]) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(turned);
+    by_unknowns.middleCols<3>(layout.pose_column[c] + 3) = d.d_px_d_x_in_cam;
+  }
+  const Eigen::MatrixXd& directions = layout.directions[c];
+  for (int k = 0; layout.lens_column[c] >= 0 && k < d.count; ++k)
+    by_unknowns.middleCols(layout.lens_column[c], directions.cols()) +=
+        d.d_px.col(k) * directions.row(d.columns[static_cast<size_t>(k)]);
+  const Eigen::Vector2d r = fit.residuals_px[view] / cauchy_px;
+  const double weight = 1 / (1 + r.squaredNorm());
+  out.curvature = weight * Eigen::Matrix2d::Identity() - 2 * weight * weight * r * r.transpose();
+  return out;
+}
+
+/// Half the second derivatives of the cost, as a function of the cameras with every point at its best: not those of the
+/// weighted squares, which are too large where views disagree.
+Eigen::MatrixXd CurvatureOf(const geometry::Rig& rig, const std::vector<const KeypointFit*>& fits, const Layout& layout,
+                            Eigen::Index num_unknowns, double cauchy_px) {
+  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(num_unknowns, num_unknowns);
+  for (const KeypointFit* fit : fits) {
+    const auto rows = 2 * static_cast<Eigen::Index>(fit->joint->seen.size());
+    Eigen::MatrixXd by_unknowns = Eigen::MatrixXd::Zero(rows, num_unknowns), curved = by_unknowns;
+    Eigen::Matrix<double, 3, Eigen::Dynamic> mixed = Eigen::MatrixXd::Zero(3, num_unknowns);
+    Eigen::Matrix3d of_point = Eigen::Matrix3d::Zero();
+    for (size_t view = 0; view < fit->joint->seen.size(); ++view) {
+      const auto c = static_cast<size_t>(fit->joint->seen[view].camera_idx);
+      auto own = by_unknowns.middleRows(2 * static_cast<Eigen::Index>(view), 2);
+      const Derivatives d = Differentiate(rig.cameras[c], *fit, view, layout, cauchy_px, own);
+      curved.middleRows(2 * static_cast<Eigen::Index>(view), 2) = d.curvature * own;
+      mixed += d.by_point.transpose() * d.curvature * own;
+      of_point += d.by_point.transpose() * d.curvature * d.by_point;
+    }
+    const Eigen::LDLT<Eigen::Matrix3d> factor(of_point);
+    if (!factor.isPositive() || !(factor.vectorD().minCoeff() > 1e-9 * factor.vectorD().maxCoeff())) continue;
+    h += by_unknowns.transpose() * curved - mixed.transpose() * factor.solve(mixed);
+  }
+  return h;
 }
 
 void Spread(const geometry::Rig& rig, const Layout& layout, const Eigen::MatrixXd& covariance, KeypointCovariance* out) {
@@ -167,19 +211,19 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   if (!whole.ok) return degenerate("a joint does not project at the solution");
   const Layout layout = LayOut(cameras, options);
   const Eigen::Index n = whole.h.rows();
+  const Eigen::MatrixXd h = CurvatureOf(solution.rig, all, layout, n, solution.cauchy_px);
   const Eigen::VectorXd scale = whole.h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   Eigen::MatrixXd basis = Eigen::MatrixXd::Identity(n, n);
   if (std::none_of(freedom.fix_pose.begin(), freedom.fix_pose.end(), [](bool fixed) { return fixed; }))
     basis = NullSpace(GaugeRows(solution.rig, layout.pose_column, n) * scale.asDiagonal());
-  const Eigen::MatrixXd held = basis.transpose() * scale.asDiagonal() * whole.h * scale.asDiagonal() * basis;
+  const Eigen::MatrixXd held = basis.transpose() * scale.asDiagonal() * h * scale.asDiagonal() * basis;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(held);
   constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
   if (!(eigen.eigenvalues()[0] > kSmallest)) return degenerate("the joints do not hold all cameras in place");
-  const double curvature = CurvatureOverWeights(fits, solution.cauchy_px);
   const Eigen::MatrixXd to_unknowns = scale.asDiagonal() * basis;
   const Eigen::MatrixXd inverse =
       to_unknowns * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-      eigen.eigenvectors().transpose() * to_unknowns.transpose() / curvature;
+      eigen.eigenvectors().transpose() * to_unknowns.transpose();
   double sum = 0, count = 0;
   for (const auto& stretch : stretches) {
     const Equations own = Equate(cameras, stretch, options, solution.cauchy_px);

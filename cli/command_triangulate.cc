@@ -12,7 +12,11 @@
 #include "dataset/pose3d.h"
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
+#include "dataset/sync_file.h"
+#include "triangulate/skeleton_refine.h"
 #include "triangulate/stream.h"
+#include "triangulate/sync.h"
+#include "triangulate/take_steps.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -24,7 +28,10 @@ struct Arguments {
   std::string out, trc, truth;
   bool align_truth = false;
   int chunk_frames = 0;
+  std::string sync;
+  bool refine = true;
   triangulate::TakeOptions options;
+  triangulate::SkeletonRefineOptions refine_options;
 };
 
 void AddComparisons(const Arguments& arguments, CommandResult* result) {
@@ -63,11 +70,41 @@ std::string Summary(const CommandResult& result) {
   return text;
 }
 
+/// The detections as the reference camera would have numbered their frames.
+void ApplySync(const std::string& path, PoseInput* input, CommandResult* result) {
+  std::vector<std::string> names;
+  for (const geometry::RigCamera& camera : input->rig.cameras) names.push_back(camera.camera.name);
+  const std::vector<double> offsets = dataset::OffsetsOf(dataset::ReadSync(path), names);
+  result->inputs.push_back(path);
+  for (const std::string& camera : input->cameras) {
+    if (std::isfinite(offsets[static_cast<size_t>(input->rig.Find(camera))])) continue;
+    result->warnings.push_back({"TRI-NO-OFFSET", camera + ": " + path + " has no time offset for it, it is left out",
+                                "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
+  }
+  input->frames = triangulate::ApplyOffsets(input->frames, offsets);
+}
+
+/// Joints of each person together, where that predicts left-out cameras better.
+void RefineTake(const Arguments& arguments, const PoseInput& input, const RunContext& run, triangulate::TakeResult* take,
+                CommandResult* result) {
+  if (!arguments.refine || take->method == "exhaustive-dlt") return;
+  triangulate::TakeOptions options = arguments.options;
+  options.select_views |= options.method == "auto";
+  triangulate::TakeProblem problem;
+  problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
+  const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
+  triangulate::SkeletonRefineResult refined =
+      RefineSkeleton(problem.rig, *take, input.skeleton.bones, solve, arguments.refine_options, run);
+  take->points = std::move(refined.points);
+  AddRefinementMetrics(refined.report, &result->metrics);
+}
+
 /// Solves the take and writes its points; what was settled for all of it comes back.
 triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& input, const RunContext& run,
-                                   PointStatistics* statistics) {
+                                   PointStatistics* statistics, CommandResult* result) {
   triangulate::TakeResult take =
       triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
+  RefineTake(arguments, input, run, &take, result);
   statistics->Add(take);
   statistics->AddFrames(input.frames);
   dataset::WritePose3d(ToPose3d(take, input.skeleton), arguments.out);
@@ -137,6 +174,9 @@ void Conclude(const Arguments& arguments, const PoseInput& input, const triangul
 
 void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
+  if (arguments.chunk_frames > 0 && !arguments.sync.empty()) {
+    throw UsageError("--sync needs the whole take: leave --chunk-frames out");
+  }
   // A wrong path must not cost the run.
   if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);
   if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
@@ -154,9 +194,10 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
     Conclude(arguments, parts.input(), take, statistics, &result);
   } else {
-    const PoseInput input = ReadPoseInput(arguments.pose, &result);
+    PoseInput input = ReadPoseInput(arguments.pose, &result);
+    if (!arguments.sync.empty()) ApplySync(arguments.sync, &input, &result);
     PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
-    const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics);
+    const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
     Conclude(arguments, input, take, statistics, &result);
   }
   return result;
@@ -170,6 +211,13 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->add_option("--out", arguments->out, "folder for points.csv, covariance.csv, pose3d.json")->required();
   AddOptions(sub, arguments->options);
+  sub->add_option("--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
+  sub->add_flag(
+         "--refine,!--no-refine", arguments->refine,
+         "refine the joints of each person together, each term only where that predicts left-out cameras better; not with "
+         "--chunk-frames")
+      ->capture_default_str();
+  AddOptions(sub, arguments->refine_options);
   sub->add_option(
          "--chunk-frames", arguments->chunk_frames,
          "for takes longer than memory: so many frames at a time; noise and method come from frames spread over the take; 0: "

@@ -175,6 +175,28 @@ void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& s
   m["cameras"] = CameraMetrics(take);
 }
 
+void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, ordered_json* metrics) {
+  ordered_json trials = ordered_json::array();
+  for (const triangulate::TermTrial& trial : report.trials) {
+    trials.push_back({{"term", trial.name},
+                      {"weight", trial.weight},
+                      {"holdout_before_px", FiniteOrNull(trial.before.median_px)},
+                      {"holdout_after_px", FiniteOrNull(trial.after.median_px)},
+                      {"gain_px", FiniteOrNull(-trial.difference.median_px)},
+                      {"gain_error_px", FiniteOrNull(trial.difference.median_error_px)},
+                      {"chosen", trial.chosen}});
+  }
+  (*metrics)["refinement"] = {
+      {"robust", report.robust},
+      {"smoothness", report.smoothness},
+      {"bone_lengths", report.bone_lengths},
+      {"holdout_median_px",
+       {{"before", FiniteOrNull(report.before.median_px)}, {"after", FiniteOrNull(report.after.median_px)}}},
+      {"bone_std_mm", {{"before", FiniteOrNull(report.limb_std_before_mm)}, {"after", FiniteOrNull(report.limb_std_after_mm)}}},
+      {"num_filled", report.num_filled},
+      {"trials", trials}};
+}
+
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {

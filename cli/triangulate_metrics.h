@@ -7,7 +7,7 @@
 #include "cli/pose_input.h"
 #include "core/status.h"
 #include "triangulate/limbs.h"
-
+#include "triangulate/skeleton_refine.h"
 /// What `triangulate` says about its points.
 namespace mvstudio::cli {
 
@@ -37,6 +37,9 @@ class PointStatistics {
 
 /// Noise, method, held-out figures and the judgement of the cameras.
 void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
+
+/// Terms tried, and what they did to limbs.
+void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohmann::ordered_json* metrics);
 
 /// Cameras that are off or scaled, or that take left for right.
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);

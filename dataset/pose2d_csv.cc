@@ -205,7 +205,12 @@ Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton)
 
 void WritePose2dCsv(const Pose2dSet& set, const std::string& path) {
   std::string text = "camera,frame,person,joint,x_px,y_px,score\n";
+  const auto check_name = [](const std::string& name) {
+    MVS_CHECK(!name.empty() && name.find_first_of(",\r\n") == std::string::npos, "name `" << name << "`");
+  };
+  for (const std::string& joint : set.skeleton.joints) check_name(joint);
   for (const Pose2dTrack& track : set.tracks) {
+    check_name(track.camera);
     for (const auto& [frame, people] : track.frames) {
       for (size_t p = 0; p < people.size(); ++p) {
         MVS_CHECK(people[p].keypoints.size() == set.skeleton.joints.size(), people[p].keypoints.size() << " key points");

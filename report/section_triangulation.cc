@@ -199,6 +199,7 @@ std::string HoldoutBody(const Value& metrics) {
                       ListChart("Joints, one camera left out", "median error (px)", holdout["joints"], "joint", "median_px")});
   }
   html += ObjectsTable("Methods compared", metrics["methods"]);
+  html += ObjectsTable("Terms that bind joints together, tried", metrics["refinement"]["trials"]);
   html += ObjectsTable("Limb lengths", metrics["limbs"]);
   return html;
 }

@@ -27,7 +27,8 @@ struct BatchOptions {
   int64_t first_point = 0;        ///< where the batch stands in a take that is solved piece by piece
 };
 
-/// Points as structure of arrays. As in Point, values are to be read only where the status is kOk; elsewhere they are NaN.
+/// Points as structure of arrays. As in Point, values are to be read only where the status is kOk; elsewhere they are NaN. The
+/// covariance is that of the detections; the rig counts as exact.
 struct BatchResult {
   int num_cameras = 0;
   int64_t num_points = 0;

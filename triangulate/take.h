@@ -28,7 +28,7 @@ struct TakeOptions {
   bool fix_sides = true;               ///< swap left and right back where a camera has them the wrong way round
   bool calibration_covariance = true;  ///< a point's covariance holds the calibration's uncertainty, where the rig carries one
   int max_persons = 1;                 ///< persons kept
-  double association_error_px = 0;     ///< views of one person agree up to this median distance; 0: 1.5 % of the image diagonal
+  double association_error_px = 0;     ///< see AssociationOptions::max_error_px
   int holdout_points = 2000;           ///< points on which one camera after the other is left out; 0: none
 };
 
@@ -52,7 +52,7 @@ void VisitFields(Visitor&& visit, TakeOptions& o) {
         "a point's covariance holds the calibration's own uncertainty, where the calibration carries one");
   visit("max-persons", o.max_persons, "the best supported persons of the take are kept");
   visit("association-error-px", o.association_error_px,
-        "px; views of one person agree up to this median; 0: 1.5 % of the diagonal");
+        "px; 3 sigma of a joint is taken to be at most this when people are matched across views; 0: 1.5 % of the diagonal");
   visit("holdout-points", o.holdout_points, "points on which one camera after the other is left out and predicted; 0: none");
 }
 

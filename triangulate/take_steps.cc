@@ -32,8 +32,9 @@ PointOptions ToPointOptions(const TakeOptions& o, const std::string& method) {
   return options;
 }
 
-AssociationOptions ToAssociationOptions(const TakeOptions& o) {
+AssociationOptions ToAssociationOptions(const TakeOptions& o, const MirrorGroups& mirror) {
   AssociationOptions options;
+  for (const auto& group : mirror) options.mirror.insert(options.mirror.end(), group.begin(), group.end());
   options.max_error_px = o.association_error_px;
   options.min_score = o.min_score;
   options.max_persons = o.max_persons;
@@ -148,7 +149,7 @@ TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFram
   CheckFrames(rig, detected, body.num_joints);
   TakeProblem problem;
   problem.rig = Prepare(rig, options.ignore_distortion || options.method == kExhaustiveDlt);
-  const TakeAssociation people = AssociatePeople(problem.rig, detected, ToAssociationOptions(options), run);
+  const TakeAssociation people = AssociatePeople(problem.rig, detected, ToAssociationOptions(options, body.mirror), run);
   problem.num_ghosts = people.num_ghosts;
   if (options.fix_sides && !body.mirror.empty() && options.method != kExhaustiveDlt) {
     std::vector<DetectedFrame> frames = detected;

@@ -99,6 +99,11 @@ TEST_F(Pose2dCsv, RoundTripIsExact) {
   }
 }
 
+TEST_F(Pose2dCsv, NamesThatBreakTheTableAreRefused) {
+  const Pose2dSet set{body::PointsSkeleton({"a,b"}), {}};
+  EXPECT_THROW(WritePose2dCsv(set, folder_ / "out.csv"), ContractViolation);
+}
+
 TEST_F(Pose2dCsv, BadRowsAreLeftOutAndListed) {
   std::string text = kHeader;
   for (int f = 0; f < 20; ++f) text += "a," + std::to_string(f) + ",0,m,1,2,1\n";

@@ -225,6 +225,24 @@ TEST_F(RealSides, CleanRecording) {
   EXPECT_EQ(report.num_swapped, 0);
 }
 
+// Rendered people in ten cameras, 2D joints with 1 px of noise, from files that this project did not write.
+TEST(PersonASides, NothingToCorrectAndEveryCameraFound) {
+  MVS_NEEDS_DATA("person_a");
+  const Recording recording = LoadPersonA();
+  const MirrorGroups& groups = Body25Groups();
+  auto frames = recording.frames;
+  const PreparedRig rig = Prepare(recording.rig);
+  EXPECT_EQ(FixSides(rig, OnePerson(frames), groups, {}, {}, &frames).num_swapped, 0);
+  for (DetectedFrame& frame : frames) {
+    for (const size_t c : {1, 6, 7}) {
+      for (DetectedPerson& person : frame.people[c]) Mirror(Flatten(groups), &person);
+    }
+  }
+  const SideReport report = FixSides(rig, OnePerson(frames), groups, {}, {}, &frames);
+  for (const size_t c : {1, 6, 7}) EXPECT_GE(report.cameras[c].num_swapped, 0.95 * static_cast<double>(frames.size()));
+  EXPECT_LE(WrongPairs(frames, recording.frames, Flatten(groups), 20), 0.01);
+}
+
 TEST_F(RealSides, EachCameraSwapped) {
   for (size_t c = 0; c < 4; ++c) {
     frames_ = recording_.frames;

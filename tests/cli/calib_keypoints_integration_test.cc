@@ -1,0 +1,80 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "geometry/rig_io.h"
+#include "tests/support/run_cli.h"
+#include "tests/support/test_data.h"
+
+/// `calib refine --from-keypoints` as a user runs it.
+namespace mvstudio::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using Words = std::vector<std::string>;
+
+Words Refine(const std::string& out) {
+  const std::string p = DataRoot() + "/pose2sim";
+  Words words = {"calib", "refine", "--from-keypoints", "--calib", p + "/calibration/Calib_qualisys.toml", "--skeleton", "body25b"};
+  for (const std::string n : {"01", "02", "03", "04"})
+    words.insert(words.end(), {"--pose2d", "cam_" + n + "=" + p + "/balancing/pose-associated/cam" + n + "_json"});
+  words.insert(words.end(), {"--out", out, "--json"});
+  return words;
+}
+
+Words operator+(Words words, const Words& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+TEST(CalibKeypoints, RefinesARealRigFromPeople) {
+  MVS_NEEDS_DATA("pose2sim");
+  const TempDir folder;
+  const CliRun run = RunCli(Refine(folder / "run") + Words{"--train-frames", "0:4", "--test-frames", "2:4"});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const auto metrics = run.Json()["metrics"];
+  EXPECT_NEAR(metrics["holdout_median_px"]["before"].get<double>(), 6.69, 0.1);
+  EXPECT_LE(metrics["holdout_median_px"]["after"].get<double>(), 3.97);
+  EXPECT_LT(metrics["holdout_mean_px"]["after"].get<double>(), 8.84);
+  EXPECT_LE(metrics["limb_std_mm"]["after"].get<double>(), 19.6);
+  ASSERT_EQ(metrics["cameras"].size(), 4u);
+  for (const auto& camera : metrics["cameras"]) {
+    EXPECT_GT(camera["rotation_deg"].get<double>(), 0.3);
+    EXPECT_LT(camera["rotation_deg"].get<double>(), 1.5);
+    EXPECT_LT(camera["translation_mm"].get<double>(), 100);
+    EXPECT_EQ(camera["mean_residual_px"]["before"].size(), 2u);
+    EXPECT_EQ(camera["distortion"], "keep");
+  }
+  int chosen = 0;
+  for (const auto& decision : metrics["decisions"]) chosen += decision["chosen"].get<bool>();
+  EXPECT_EQ(chosen, 5);  // one of each group
+  const geometry::Rig rig = geometry::ReadRig(folder / "run/calibration.json");
+  ASSERT_EQ(rig.cameras.size(), 4u);
+  EXPECT_TRUE(rig.cameras[2].cam_from_world_covariance);
+  EXPECT_FALSE(rig.gauge.empty());
+}
+
+TEST(CalibKeypoints, MistakesAreNamed) {
+  MVS_NEEDS_DATA("pose2sim");
+  const TempDir folder;
+  CliRun run = RunCli(Refine(folder / "run") + Words{"--train-frames", "zero"});
+  EXPECT_EQ(run.exit, 2);
+  EXPECT_THAT(run.out, HasSubstr("START:STEP"));
+  run = RunCli(Refine(folder / "run") + Words{"--train-frames", "0:2", "--test-frames", "0:4"});
+  EXPECT_EQ(run.exit, 2);
+  EXPECT_THAT(run.out, HasSubstr("share frame"));
+}
+
+/// Two train frames carry nothing: exit 5, one line, no rig.
+TEST(CalibKeypoints, TooLittleIsIllPosed) {
+  MVS_NEEDS_DATA("pose2sim");
+  const TempDir folder;
+  const CliRun run = RunCli(Refine(folder / "run") + Words{"--train-frames", "0:60"});
+  EXPECT_EQ(run.exit, 5) << run.out;
+  EXPECT_EQ(run.Json()["metrics"]["status"], "TooFewViews");
+  EXPECT_FALSE(std::filesystem::exists(folder / "run/calibration.json"));
+}
+
+}  // namespace
+}  // namespace mvstudio::testing
