@@ -46,8 +46,8 @@ geometry::Rig AlignToGiven(const geometry::Rig& rig, const geometry::Rig& given)
   if (alignment.status != Status::kOk) alignment = AlignByOrientation(rig, given);
   geometry::Rig aligned = rig;
   for (geometry::RigCamera& camera : aligned.cameras) {
-    const Eigen::Vector3d centre = alignment.b_from_a.rotation * (alignment.scale * camera.CenterInWorld()) +
-                                   alignment.b_from_a.translation;
+    const Eigen::Vector3d centre =
+        alignment.b_from_a.rotation * (alignment.scale * camera.CenterInWorld()) + alignment.b_from_a.translation;
     camera.cam_from_world.rotation = (camera.cam_from_world.rotation * alignment.b_from_a.rotation.conjugate()).normalized();
     camera.cam_from_world.translation = -(camera.cam_from_world.rotation * centre);
   }

@@ -33,14 +33,14 @@ KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<Ke
 struct KeypointCovariance {
   Status status = Status::kOk;  ///< kDegenerate: something is held by nothing, see `message`
   std::string message;
-  Eigen::MatrixXd joint;      ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
-  std::vector<int> begin;     ///< (cameras + 1) first row of each camera in `joint`
+  Eigen::MatrixXd joint;   ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
+  std::vector<int> begin;  ///< (cameras + 1) first row of each camera in `joint`
 };
 
 /// Covariance at a solution. The frame, when no pose is fixed, is that of AlignToGiven: mean, turn and size of the camera
-/// centres are held. The curvature is that of the Cauchy cost. Joints of a frame, and frames of a stretch of time, err together:
-/// one factor on all variances, from the gradients of ten stretches of the take taken as one sample each (as in Huber's
-/// sandwich estimator, 1967).
+/// centres are held. Its shape is that of the Cauchy cost's curvature. Joints of a frame, and frames of a stretch of time, err
+/// together, and with three or four views a point follows its noise: its size is that of a jackknife over ten stretches of the
+/// take (Efron and Stein, 1981), one factor on all variances.
 KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
                                          const KeypointFreedom& freedom, int num_threads);
 

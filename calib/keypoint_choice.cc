@@ -38,7 +38,11 @@ class Judge {
  public:
   Judge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
         int num_folds)
-      : given_(given), start_(start), joints_(joints), cauchy_px_(cauchy_px), num_folds_(num_folds),
+      : given_(given),
+        start_(start),
+        joints_(joints),
+        cauchy_px_(cauchy_px),
+        num_folds_(num_folds),
         stretch_(Stretches(joints, num_folds)) {}
 
   void Score(Candidate* candidate, int num_threads) const {
@@ -46,7 +50,8 @@ class Judge {
     ParallelFor(num_folds_, num_threads, [&](int64_t fold) { ScoreFold(*candidate, static_cast<int>(fold), &cost, &count); });
     for (size_t b = 0; b < cost.size(); ++b)
       if (count[b] > 0) candidate->block_cost.push_back(cost[b] / count[b]);
-    for (const double value : candidate->block_cost) candidate->mean += value / static_cast<double>(candidate->block_cost.size());
+    for (const double value : candidate->block_cost)
+      candidate->mean += value / static_cast<double>(candidate->block_cost.size());
   }
 
  private:
@@ -94,8 +99,8 @@ KeypointPlan Decide(const std::string& group, const std::vector<Candidate>& cand
   const Candidate* winner = nullptr;
   for (const Candidate& candidate : candidates) {
     const double error = ErrorOfDifference(candidate, *best), px = LengthOf(candidate.mean, cauchy_px);
-    const bool as_good = candidate.mean <= best->mean + options.sigmas * error ||
-                         px <= (1 + options.gain) * LengthOf(best->mean, cauchy_px);
+    const bool as_good =
+        candidate.mean <= best->mean + options.sigmas * error || px <= (1 + options.gain) * LengthOf(best->mean, cauchy_px);
     if (!winner && as_good) winner = &candidate;
     const double px_per_cost = cauchy_px * cauchy_px * std::exp(candidate.mean) / (2 * std::max(px, 1e-12));
     decisions->push_back({group, candidate.name, px, error * px_per_cost, winner == &candidate});
@@ -184,8 +189,9 @@ KeypointFreedom FreedomOf(const geometry::Rig& rig, const KeypointPlan& plan) {
 }
 
 KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Rig& start,
-                                  const std::vector<KeypointJoint>& joints, double cauchy_px, const std::vector<KeypointPlan>& faults,
-                                  const KeypointChoiceOptions& options, const RunContext& run) {
+                                  const std::vector<KeypointJoint>& joints, double cauchy_px,
+                                  const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,
+                                  const RunContext& run) {
   const int num_threads = ResolveThreads(run.num_threads);
   const Judge judge(given, start, joints, cauchy_px, options.num_folds);
   KeypointChoice choice;

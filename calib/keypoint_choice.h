@@ -62,9 +62,9 @@ struct KeypointChoice {
 
 struct KeypointChoiceOptions {
   int num_folds = 5;
-  double sigmas = 2;   ///< standard errors by which a change must lower the held-out error: five groups are asked, a rule of one
-                       ///< standard error (Breiman et al., 1984) would let one of them through by chance in every second take
-  double gain = 0.002; ///< part of the held-out error below which a change is not worth it
+  double sigmas = 2;  ///< standard errors by which a change must lower the held-out error: five groups are asked, a rule of one
+                      ///< standard error (Breiman et al., 1984) would let one of them through by chance in every second take
+  double gain = 0.002;      ///< part of the held-out error below which a change is not worth it
   bool poses_only = false;  ///< the lenses are not asked for
 };
 
@@ -74,7 +74,8 @@ struct KeypointChoiceOptions {
 /// wins. `start` gives the poses to start from, `cauchy_px` is the noise, see KeypointCost. `faults` are
 /// further choices for the poses, from the least change on, all less than setting all of them free.
 KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Rig& start,
-                                  const std::vector<KeypointJoint>& joints, double cauchy_px, const std::vector<KeypointPlan>& faults,
-                                  const KeypointChoiceOptions& options, const RunContext& run);
+                                  const std::vector<KeypointJoint>& joints, double cauchy_px,
+                                  const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,
+                                  const RunContext& run);
 
 }  // namespace mvstudio::calib

@@ -1,5 +1,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -7,6 +8,7 @@
 
 #include "calib/keypoint_bundle.h"
 #include "calib/point_problem.h"
+#include "core/parallel.h"
 #include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
@@ -68,7 +70,8 @@ Eigen::Matrix<double, 3, 6> CentreFromPose(const geometry::Rigid3& cam_from_worl
 /// the unknowns of the bundle.
 Eigen::MatrixXd GaugeRows(const geometry::Rig& rig, const std::vector<int>& pose_column, Eigen::Index num_unknowns) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const geometry::RigCamera& camera : rig.cameras) mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
+  for (const geometry::RigCamera& camera : rig.cameras)
+    mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
   const bool by_centres = CentresHoldFrame(rig);
   Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(7, num_unknowns);
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -111,7 +114,8 @@ Layout LayOut(const PointScene& cameras, const PointBundleOptions& options) {
   return layout;
 }
 
-/// One observation's derivatives by the bundle's unknowns (rows of `by_unknowns`) and by its point, and the curvature of its cost.
+/// One observation's derivatives by the bundle's unknowns (rows of `by_unknowns`) and by its point, and the curvature of its
+/// cost.
 struct Derivatives {
   Eigen::Matrix<double, 2, 3> by_point;
   Eigen::Matrix2d curvature;
@@ -165,6 +169,43 @@ Eigen::MatrixXd CurvatureOf(const geometry::Rig& rig, const std::vector<const Ke
   return h;
 }
 
+/// Solutions without one of up to ten stretches of time, in the frame of the whole solution.
+std::vector<geometry::Rig> LeaveOutStretches(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
+                                             const KeypointFreedom& freedom, int num_threads) {
+  std::map<int, size_t> rank;
+  for (const int frame : FramesOf(joints)) rank.emplace(frame, rank.size());
+  const size_t count = std::min(kStretches, rank.size());
+  const bool held = std::any_of(freedom.fix_pose.begin(), freedom.fix_pose.end(), [](bool fixed) { return fixed; });
+  std::vector<geometry::Rig> rigs(count);
+  ParallelFor(static_cast<int64_t>(count), num_threads, [&](int64_t i) {
+    std::vector<KeypointJoint> rest;
+    for (const KeypointJoint& joint : joints)
+      if (rank.at(joint.frame) * count / rank.size() != static_cast<size_t>(i)) rest.push_back(joint);
+    geometry::Rig& rig = rigs[static_cast<size_t>(i)];
+    rig = SolveKeypoints(solution.rig, rest, freedom, solution.cauchy_px, 1).rig;
+    if (!held) rig = AlignToGiven(rig, solution.rig);
+  });
+  return rigs;
+}
+
+/// `rig` minus `reference` in the bundle's unknowns.
+Eigen::VectorXd Difference(const geometry::Rig& rig, const geometry::Rig& reference, const Layout& layout,
+                           Eigen::Index num_unknowns) {
+  Eigen::VectorXd off = Eigen::VectorXd::Zero(num_unknowns);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const geometry::Rigid3 &a = rig.cameras[c].cam_from_world, &b = reference.cameras[c].cam_from_world;
+    const Eigen::MatrixXd& d = layout.directions[c];
+    if (layout.pose_column[c] >= 0) {
+      off.segment<3>(layout.pose_column[c]) = geometry::RotationLog((a.rotation * b.rotation.conjugate()).normalized());
+      off.segment<3>(layout.pose_column[c] + 3) = a.translation - b.translation;
+    }
+    if (layout.lens_column[c] >= 0)
+      off.segment(layout.lens_column[c], d.cols()) =
+          d.colPivHouseholderQr().solve(rig.cameras[c].camera.params - reference.cameras[c].camera.params);
+  }
+  return off;
+}
+
 void Spread(const geometry::Rig& rig, const Layout& layout, const Eigen::MatrixXd& covariance, KeypointCovariance* out) {
   out->begin.assign(1, 0);
   for (const geometry::RigCamera& camera : rig.cameras)
@@ -195,15 +236,8 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   };
   const std::vector<KeypointFit> fits = FitKeypoints(solution.rig, joints, solution.cauchy_px, 2, num_threads);
   std::vector<const KeypointFit*> all;
-  std::map<int, size_t> rank;
-  for (const int frame : FramesOf(joints)) rank.emplace(frame, rank.size());
-  const size_t num_stretches = std::min(kStretches, rank.size());
-  std::vector<std::vector<const KeypointFit*>> stretches(num_stretches);
-  for (const KeypointFit& fit : fits) {
-    if (!fit.ok) continue;
-    all.push_back(&fit);
-    stretches[rank[fit.joint->frame] * num_stretches / rank.size()].push_back(&fit);
-  }
+  for (const KeypointFit& fit : fits)
+    if (fit.ok) all.push_back(&fit);
   PointBundleOptions options;
   options.fix_camera = freedom.fix_pose, options.lens_directions = freedom.lens_directions, options.num_threads = num_threads;
   const PointScene cameras = CamerasOf(solution.rig);
@@ -221,17 +255,18 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
   if (!(eigen.eigenvalues()[0] > kSmallest)) return degenerate("the joints do not hold all cameras in place");
   const Eigen::MatrixXd to_unknowns = scale.asDiagonal() * basis;
-  const Eigen::MatrixXd inverse =
-      to_unknowns * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-      eigen.eigenvectors().transpose() * to_unknowns.transpose();
-  double sum = 0, count = 0;
-  for (const auto& stretch : stretches) {
-    const Equations own = Equate(cameras, stretch, options, solution.cauchy_px);
-    if (own.ok && !stretch.empty()) sum += own.g.dot(inverse * own.g), count += 1;
+  const Eigen::MatrixXd inverse = to_unknowns * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                                  eigen.eigenvectors().transpose() * to_unknowns.transpose();
+  const std::vector<geometry::Rig> rigs = LeaveOutStretches(solution, joints, freedom, num_threads);
+  double sum = 0;
+  for (const geometry::Rig& rig : rigs) {
+    const Eigen::VectorXd off =
+        basis.transpose() * scale.cwiseInverse().asDiagonal() * Difference(rig, solution.rig, layout, n);
+    sum += off.dot(held * off);
   }
-  // For independent observations the sum is, on average, the unknowns times the variance of a weighted residual; the gradients
-  // add up to zero, hence n - 1.
-  const double factor = sum / static_cast<double>(basis.cols()) * count / std::max(count - 1, 1.0);
+  // Jackknife: the variance is (n - 1) / n times the sum of squares of the solutions that leave one of n stretches out.
+  const double left_out = static_cast<double>(rigs.size());
+  const double factor = sum * (left_out - 1) / left_out / static_cast<double>(basis.cols());
   const Eigen::MatrixXd covariance = factor * inverse;
   Spread(solution.rig, layout, covariance, &out);
   return out;

@@ -55,7 +55,8 @@ bool IsLikely(const Hypothesis& hypothesis, const geometry::Rig& given) {
   if (hypothesis.kind == Kind::kPose || hypothesis.kind == Kind::kFocal) return true;
   const int k = hypothesis.kind == Kind::kImageHeight ? 1 : 0;
   const double change = std::abs(hypothesis.solution.rig.cameras[hypothesis.camera].camera.params[k] /
-                                     given.cameras[hypothesis.camera].camera.params[k] - 1);
+                                     given.cameras[hypothesis.camera].camera.params[k] -
+                                 1);
   return change < 0.025 || change > 0.2;
 }
 
@@ -69,7 +70,8 @@ std::string Describe(const KeypointCulprit& culprit) {
   const std::string& name = culprit.corrected.camera.name;
   const double percent = 100 * (culprit.scale - 1), sigma = 100 * culprit.scale_sigma;
   switch (culprit.fault) {
-    case Kind::kNone: return "no single camera explains the errors";
+    case Kind::kNone:
+      return "no single camera explains the errors";
     case Kind::kPose:
       return Line("%s: turned by %.3f +- %.3f deg and moved by %.1f +- %.1f mm against its calibration", name,
                   RadToDeg(culprit.rotation_rad), RadToDeg(culprit.rotation_sigma_rad), 1e3 * culprit.translation_m,
@@ -137,7 +139,9 @@ std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geom
   ParallelFor(static_cast<int64_t>(all.size()), num_threads, [&](int64_t i) {
     Hypothesis& each = all[static_cast<size_t>(i)];
     each.solution = SolveKeypoints(given, joints, each.freedom, cauchy_px, 1);
-    each.cost = each.solution.status == Status::kOk && IsLikely(each, given) ? TotalCost(each.solution.rig, joints, cauchy_px, 1) : before;
+    each.cost = each.solution.status == Status::kOk && IsLikely(each, given)
+                    ? TotalCost(each.solution.rig, joints, cauchy_px, 1)
+                    : before;
   });
   std::vector<KeypointCulprit> culprits;
   for (const bool pose : {false, true}) {

@@ -12,8 +12,8 @@ namespace mvstudio::calib {
 struct KeypointCulprit {
   CameraFault fault = CameraFault::kNone;  ///< none: no single camera explains it
   int camera_idx = -1;
-  double explained = 0;                    ///< part of the cost that free poses save which this change alone saves
-  double scale = 1;             ///< focal length, or image size, over that of the calibration
+  double explained = 0;  ///< part of the cost that free poses save which this change alone saves
+  double scale = 1;      ///< focal length, or image size, over that of the calibration
   double scale_sigma = 0;
   double rotation_rad = 0, rotation_sigma_rad = 0;    ///< kPose: against the calibration; sigmas along the motion
   double translation_m = 0, translation_sigma_m = 0;  ///< kPose: of the camera's centre

@@ -89,8 +89,7 @@ std::vector<Eigen::Vector3d> Starts(const triangulate::PreparedRig& prepared, co
     return starts;
   }
   for (size_t a = 0; a < joint.seen.size(); ++a)
-    for (size_t b = a + 1; b < joint.seen.size(); ++b)
-      add(triangulate::PointMethod::kMidpoint, {joint.seen[a], joint.seen[b]});
+    for (size_t b = a + 1; b < joint.seen.size(); ++b) add(triangulate::PointMethod::kMidpoint, {joint.seen[a], joint.seen[b]});
   return starts;
 }
 
@@ -182,7 +181,8 @@ double CauchyScale(const std::vector<KeypointFit>& fits) {
   for (const KeypointFit& fit : fits) {
     if (!fit.ok) continue;
     const double n = static_cast<double>(fit.residuals_px.size());
-    for (const Eigen::Vector2d& residual : fit.residuals_px) lengths.push_back(std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
+    for (const Eigen::Vector2d& residual : fit.residuals_px)
+      lengths.push_back(std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
   }
   return MedianOf(std::move(lengths)) / std::sqrt(3.0);
 }

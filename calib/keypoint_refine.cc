@@ -131,9 +131,15 @@ double MeanCost(const std::vector<KeypointFit>& fits) {
 /// The adjustment in a world whose origin lies amid the cameras.
 class Refinement {
  public:
-  Refinement(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames, const KeypointRefineOptions& options,
-             const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test, const RunContext& run)
-      : given_(given), frames_(frames), options_(options), train_(train), test_(test), run_(run),
+  Refinement(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
+             const KeypointRefineOptions& options, const std::optional<FrameChoice>& train,
+             const std::optional<FrameChoice>& test, const RunContext& run)
+      : given_(given),
+        frames_(frames),
+        options_(options),
+        train_(train),
+        test_(test),
+        run_(run),
         num_threads_(ResolveThreads(run.num_threads)) {
     association_.min_score = options.min_score;
     association_.max_persons = options.max_persons;
@@ -141,8 +147,7 @@ class Refinement {
 
   KeypointRefineReport Run() {
     if (!AdjustPoses()) return report_;
-    const std::vector<KeypointCulprit> culprits =
-        FindCulprits(given_, solution_.rig, split_.train, solution_.cauchy_px, run_);
+    const std::vector<KeypointCulprit> culprits = FindCulprits(given_, solution_.rig, split_.train, solution_.cauchy_px, run_);
     std::vector<KeypointPlan> faults;
     for (const KeypointCulprit& culprit : culprits) {
       faults.emplace_back();
@@ -193,8 +198,7 @@ class Refinement {
     report_.num_train_frames = static_cast<int>(FramesOf(split_.train).size());
     report_.num_test_frames = static_cast<int>(FramesOf(split_.test).size());
     report_.num_train_joints = solution_.num_joints;
-    const KeypointCovariance covariance =
-        CovarianceOfKeypoints(solution_, split_.train, FreedomOf(start, plan), num_threads_);
+    const KeypointCovariance covariance = CovarianceOfKeypoints(solution_, split_.train, FreedomOf(start, plan), num_threads_);
     const std::string loose = WhyLoose(solution_.rig, covariance);
     return loose.empty() ? true : Fail(Status::kDegenerate, loose);
   }
@@ -271,9 +275,9 @@ void KeepInput(const geometry::Rig& given, const std::string& why, KeypointRefin
 }  // namespace
 
 KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
-                                         const std::vector<std::pair<int, int>>& limbs,
-                                         const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test,
-                                         const KeypointRefineOptions& options, const RunContext& run) {
+                                         const std::vector<std::pair<int, int>>& limbs, const std::optional<FrameChoice>& train,
+                                         const std::optional<FrameChoice>& test, const KeypointRefineOptions& options,
+                                         const RunContext& run) {
   CheckOptions(options);
   if (given.cameras.size() < 2) return Failed(Status::kTooFewViews, "a rig of one camera has nothing to adjust");
   if (!IsFinite(given)) return Failed(Status::kNonFiniteInput, "the calibration is not finite");
@@ -297,8 +301,8 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   if (report.kept_input) return report.rig = given, report;
   report.rig = Shifted(report.rig, -offset);
   AddCovariances(refinement.covariance(), offset, &report.rig);
-  report.rig.gauge = report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size"
-                                            : "the other cameras";
+  report.rig.gauge =
+      report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size" : "the other cameras";
   return report;
 }
 

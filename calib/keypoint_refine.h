@@ -33,10 +33,10 @@ void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
 
 struct KeypointCamera {
   std::string name;
-  int num_detections = 0;                                       ///< in the test frames, of joints with three views or more
-  double rotation_rad = 0, rotation_sigma_rad = 0;              ///< new against given calibration, same frame
-  double translation_m = 0, translation_sigma_m = 0;            ///< of its centre
-  double focal_change = 0;                                      ///< relative
+  int num_detections = 0;                             ///< in the test frames, of joints with three views or more
+  double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, same frame
+  double translation_m = 0, translation_sigma_m = 0;  ///< of its centre
+  double focal_change = 0;                            ///< relative
   Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< detection - projection
   Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();
 };
@@ -61,8 +61,8 @@ struct KeypointRefineReport {
 /// `train`; without both, every second frame. People in several views are told apart by the given rig, then by the adjusted
 /// one. `frames` ascend and have one list of people a camera of the rig; `limbs` are pairs of joints.
 KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
-                                         const std::vector<std::pair<int, int>>& limbs,
-                                         const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test,
-                                         const KeypointRefineOptions& options, const RunContext& run = {});
+                                         const std::vector<std::pair<int, int>>& limbs, const std::optional<FrameChoice>& train,
+                                         const std::optional<FrameChoice>& test, const KeypointRefineOptions& options,
+                                         const RunContext& run = {});
 
 }  // namespace mvstudio::calib

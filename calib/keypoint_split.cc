@@ -51,12 +51,13 @@ std::string List(const std::vector<std::string>& names) {
 
 Eigen::Vector3d MeanCentre(const geometry::Rig& rig) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const geometry::RigCamera& camera : rig.cameras) mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
+  for (const geometry::RigCamera& camera : rig.cameras)
+    mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
   return mean;
 }
 
 KeypointSplit SplitKeypoints(const std::vector<KeypointJoint>& joints, const std::optional<FrameChoice>& train,
-                  const std::optional<FrameChoice>& test, int max_frames) {
+                             const std::optional<FrameChoice>& test, int max_frames) {
   std::map<int, size_t> rank;
   for (const int frame : FramesOf(joints)) rank.emplace(frame, rank.size());
   KeypointSplit split;
@@ -64,8 +65,7 @@ KeypointSplit SplitKeypoints(const std::vector<KeypointJoint>& joints, const std
     const bool even = rank[joint.frame] % 2 == 0;
     const bool in_test = test ? test->Contains(joint.frame) : train ? !train->Contains(joint.frame) : !even;
     const bool in_train = train ? train->Contains(joint.frame) : test ? !in_test : even;
-    if (in_train && in_test)
-      throw UsageError("--train-frames and --test-frames share frame " + std::to_string(joint.frame));
+    if (in_train && in_test) throw UsageError("--train-frames and --test-frames share frame " + std::to_string(joint.frame));
     if (in_train) split.train.push_back(joint);
     if (in_test) split.test.push_back(joint);
   }
@@ -97,7 +97,8 @@ std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covaria
     const double turn = std::sqrt(pose.topLeftCorner<3, 3>().trace());
     if (place < kMaxOfSpread * spread && turn < kMaxRad) continue;
     char text[300];
-    std::snprintf(text, sizeof text, "the joints leave camera %s uncertain by %.0f mm and %.1f deg: people must move through more of the space",
+    std::snprintf(text, sizeof text,
+                  "the joints leave camera %s uncertain by %.0f mm and %.1f deg: people must move through more of the space",
                   rig.cameras[c].camera.name.c_str(), 1e3 * place, RadToDeg(turn));
     return text;
   }

@@ -128,10 +128,12 @@ std::string Summary(const calib::KeypointRefineReport& report) {
     text += Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px; limbs %.1f mm long +- %.1f mm\n", name,
                    error->median_px, error->mean_px, error->p90_px, error->limb_mean_mm, error->limb_std_mm);
   for (const calib::KeypointCamera& c : report.cameras)
-    text += Format("%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) px\n",
-                   c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
-                   1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(),
-                   c.mean_residual_before_px.y(), c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
+    text += Format(
+        "%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) "
+        "px\n",
+        c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
+        1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(), c.mean_residual_before_px.y(),
+        c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
   text += Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
   for (const calib::KeypointDecision& d : report.decisions)
     text += Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px, d.standard_error_px,

@@ -19,7 +19,8 @@ struct KeypointArguments {
 /// --from-keypoints, --pose2d, --skeleton, --train-frames, --test-frames and the options.
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments);
 
-/// Writes calibration.json to the folder `out`: the adjusted rig, or the given one when nothing explains held-out frames better.
+/// Writes calibration.json to the folder `out`: the adjusted rig, or the given one when nothing explains held-out frames
+/// better.
 CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string& calib_path, const std::string& out,
                            CommandContext& context);
 

@@ -29,7 +29,7 @@ struct Arguments {
   bool align_truth = false;
   int chunk_frames = 0;
   std::string sync;
-  bool refine = true;
+  bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
 };
@@ -174,8 +174,8 @@ void Conclude(const Arguments& arguments, const PoseInput& input, const triangul
 
 void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
-  if (arguments.chunk_frames > 0 && !arguments.sync.empty()) {
-    throw UsageError("--sync needs the whole take: leave --chunk-frames out");
+  if (arguments.chunk_frames > 0 && (arguments.refine || !arguments.sync.empty())) {
+    throw UsageError("--refine and --sync need the whole take: leave --chunk-frames out");
   }
   // A wrong path must not cost the run.
   if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);
@@ -212,11 +212,9 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   sub->add_option("--out", arguments->out, "folder for points.csv, covariance.csv, pose3d.json")->required();
   AddOptions(sub, arguments->options);
   sub->add_option("--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
-  sub->add_flag(
-         "--refine,!--no-refine", arguments->refine,
-         "refine the joints of each person together, each term only where that predicts left-out cameras better; not with "
-         "--chunk-frames")
-      ->capture_default_str();
+  sub->add_flag("--refine", arguments->refine,
+                "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "
+                "cameras better; not with --chunk-frames");
   AddOptions(sub, arguments->refine_options);
   sub->add_option(
          "--chunk-frames", arguments->chunk_frames,

@@ -80,7 +80,7 @@ struct SkeletonRefineResult {
 ///  - bone-lengths: |x_a - x_b| is normal about one unknown length a bone and person, Cauchy at 3 sigmas.
 /// `auto` tries the terms in this order over a grid of weights, each beside those already chosen: cameras are left out one at a
 /// time, `solve` triangulates from the others, the terms refine, and a term stays when it predicts the left-out detections
-/// better by more than one standard error. So bones of a person that the calibration stretches are not forced to one length.
+/// better by more than one standard error; of weights as good as the best the weakest is taken. So bones of a person that the calibration stretches are not forced to one length.
 ///
 /// Covariances are those of the whole problem (selected inverse of the normal matrix; Takahashi et al., 1973), given the
 /// weights, plus the point's share from the calibration. Errors that last, as those of a calibration that carries no

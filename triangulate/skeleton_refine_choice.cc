@@ -125,37 +125,46 @@ bool Better(const PairedDifference& d) {
          (d.p90_px <= 0 || (std::isfinite(d.p90_error_px) && d.p90_px <= d.p90_error_px));
 }
 
-/// Tries the weights of one term beside those in `terms`; keeps the best where it is wanted or justified.
+/// The weakest weight (they are tried from weak to strong) that is as good as the best: better than no term, and worse than the
+/// best by no more than the standard error of their difference.
+size_t WeakestAsGood(const std::vector<TermTrial>& trials, const std::vector<std::vector<LeftOutSample>>& samples,
+                     const Choice& choice) {
+  size_t best = 0;
+  for (size_t k = 1; k < trials.size(); ++k) {
+    const bool lower = trials[k].after.median_px < trials[best].after.median_px;
+    if (trials[k].better != trials[best].better ? trials[k].better : lower) best = k;
+  }
+  for (size_t k = 0; k < best; ++k) {
+    const PairedDifference d = CompareLeftOut(samples[best], samples[k], choice.labels);
+    if (trials[k].better && d.median_px <= d.median_error_px) return k;
+  }
+  return best;
+}
+
+/// Tries the weights of one term beside those in `terms`; keeps one where it is wanted or justified.
 void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, const TermKind& kind, const RunContext& run,
              Terms* terms, std::vector<LeftOutSample>* current, SkeletonRefineReport* report) {
   if (*kind.wish == "off") return;
-  size_t best = report->trials.size();
-  std::vector<LeftOutSample> best_samples;
-  const size_t first = best;
+  std::vector<TermTrial> trials;
+  std::vector<std::vector<LeftOutSample>> samples;
   for (const double weight : kind.weights) {
     Terms tried = *terms;
     kind.set(&tried, weight);
-    std::vector<LeftOutSample> samples = Predict(rig, choice, bones, tried, run);
-    TermTrial trial;
+    samples.push_back(Predict(rig, choice, bones, tried, run));
+    TermTrial& trial = trials.emplace_back();
     trial.name = kind.name, trial.weight = weight;
     trial.before = SummarizeLeftOut(rig, *current, choice.labels).all;
-    trial.after = SummarizeLeftOut(rig, samples, choice.labels).all;
-    trial.difference = CompareLeftOut(*current, samples, choice.labels);
+    trial.after = SummarizeLeftOut(rig, samples.back(), choice.labels).all;
+    trial.difference = CompareLeftOut(*current, samples.back(), choice.labels);
     trial.better = Better(trial.difference);
-    report->trials.push_back(trial);
-    const size_t own = report->trials.size() - 1;
-    const TermTrial& leader = report->trials[best];
-    if (own != first && (leader.better && !trial.better)) continue;
-    if (own == first || trial.after.median_px < leader.after.median_px || (trial.better && !leader.better)) {
-      best = own;
-      best_samples = std::move(samples);
-    }
   }
-  TermTrial& trial = report->trials[best];
-  trial.chosen = trial.better || *kind.wish == "on";
-  if (!trial.chosen) return;
-  kind.set(terms, trial.weight);
-  *current = std::move(best_samples);
+  const size_t pick = WeakestAsGood(trials, samples, choice);
+  trials[pick].chosen = trials[pick].better || *kind.wish == "on";
+  if (trials[pick].chosen) {
+    kind.set(terms, trials[pick].weight);
+    *current = std::move(samples[pick]);
+  }
+  report->trials.insert(report->trials.end(), trials.begin(), trials.end());
 }
 
 double MedianSigmas(const std::vector<LeftOutSample>& samples) {

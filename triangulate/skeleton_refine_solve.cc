@@ -30,7 +30,6 @@ struct Triple {
 struct Bone {
   size_t bone, cell_a, cell_b;
 };
-
 struct Problem {
   const PreparedRig* rig;
   const Window* window;
@@ -43,7 +42,6 @@ struct Problem {
   std::vector<Bone> bones;
   std::vector<int> length_variable;  // (bones)
   int num_lengths = 0;
-
   Eigen::Index size() const { return 3 * num_positions + num_lengths; }
 };
 
@@ -196,19 +194,23 @@ bool AddDetectionTerms(const Problem& problem, const Unknowns& at, Assembly* sum
   return true;
 }
 
+/// The axes do not mix: three entries of the matrix where a general residual would have nine.
 void AddAccelerationTerms(const Problem& problem, const Unknowns& at, Assembly* sum) {
   for (const Triple& triple : problem.triples) {
     Eigen::Vector3d residual = Eigen::Vector3d::Zero();
-    std::vector<Eigen::Matrix3d> jacobians;
-    for (int k = 0; k < 3; ++k) {
-      residual += triple.c[k] * at.x_in_local[triple.cell[k]];
-      jacobians.push_back(triple.c[k] * Eigen::Matrix3d::Identity());
-    }
-    const double squared = residual.squaredNorm();
+    for (int k = 0; k < 3; ++k) residual += triple.c[k] * at.x_in_local[triple.cell[k]];
+    const double squared = residual.squaredNorm(), weight = Weight(squared, kTermSigmas);
     sum->cost += Loss(squared, kTermSigmas);
     if (!sum->want_matrix) continue;
-    AddResidual<3>(problem, {triple.cell[0], triple.cell[1], triple.cell[2]}, -1, jacobians, Eigen::Vector3d::Zero(), residual,
-                   Weight(squared, kTermSigmas), sum);
+    for (int a = 0; a < 3; ++a) {
+      const int row = 3 * problem.variable[triple.cell[a]];
+      sum->gradient.segment<3>(row) += weight * triple.c[a] * residual;
+      for (int b = 0; b <= a; ++b) {  // cells, and so variables, ascend
+        const int col = 3 * problem.variable[triple.cell[b]];
+        for (int axis = 0; axis < 3; ++axis)
+          sum->entries.emplace_back(row + axis, col + axis, weight * triple.c[a] * triple.c[b]);
+      }
+    }
   }
 }
 
@@ -247,6 +249,9 @@ Assembly Assemble(const Problem& problem, const Unknowns& at, bool want_matrix) 
   }
   AddAccelerationTerms(problem, at, &sum);
   AddBoneTerms(problem, at, &sum);
+  for (int row = 0; want_matrix && row < 3 * problem.num_positions; row += 3) {  // every point's own block has its entries
+    for (const auto& [a, b] : {std::pair<int, int>{1, 0}, {2, 0}, {2, 1}}) sum.entries.emplace_back(row + a, row + b, 0.0);
+  }
   return sum;
 }
 
@@ -319,11 +324,6 @@ double LargestSigma(const Eigen::Matrix3d& covariance) {
   return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly).eigenvalues()[2]);
 }
 
-/// The calibration's share for a bridged joint: that of the last seen instant, which is there.
-Eigen::Matrix3d NearestCalibrationCovariance(const Window& window, size_t f, size_t j, int max_frames) {
-  return window.At(*NearestOk(window, f, j, -1, max_frames), j).point.calibration_covariance;
-}
-
 Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const SelectedInverse& inverse) {
   const Eigen::Index first = 3 * problem.variable[cell];
   Eigen::Matrix3d covariance;
@@ -354,7 +354,8 @@ std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const Se
         if (!bridged) sigmas.push_back(sigma), ratios.push_back(single.trace() / covariance.trace());
         if (bridged) {
           point.used.clear();
-          point.calibration_covariance = NearestCalibrationCovariance(window, f, j, problem.terms->max_fill_frames);
+          point.calibration_covariance =  // that of the last seen instant, which is there
+              window.At(*NearestOk(window, f, j, -1, problem.terms->max_fill_frames), j).point.calibration_covariance;
         }
         point.status = Status::kOk;
         point.x_in_world = problem.rig->origin_in_world + at.x_in_local[cell];
@@ -376,7 +377,6 @@ WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const B
   solution.lengths = known;
   for (KnownLength& each : solution.lengths) each.sigma_m = 0;
   if (!terms.Any()) return solution;
-
   Problem problem{&rig, &window, &terms, &known, {}, 0, {}, {}, {}, {}, 0};
   Unknowns at;
   AddPositions(&problem, &at);

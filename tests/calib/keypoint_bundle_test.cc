@@ -1,7 +1,8 @@
 #include "calib/keypoint_bundle.h"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
 
 #include "calib/keypoint_choice.h"
 #include "geometry/alignment.h"
@@ -42,8 +43,7 @@ TEST(KeypointBundle, FocalLengthsToo) {
   KeypointPlan plan;
   plan.free_poses = plan.free_focal = true;
   const KeypointSolution solution = SolveKeypoints(start, joints, FreedomOf(start, plan), 0, 1);
-  for (size_t c = 0; c < 4; ++c)
-    EXPECT_NEAR(solution.rig.cameras[c].camera.fx() / truth.cameras[c].camera.fx(), 1, 1e-4) << c;
+  for (size_t c = 0; c < 4; ++c) EXPECT_NEAR(solution.rig.cameras[c].camera.fx() / truth.cameras[c].camera.fx(), 1, 1e-4) << c;
 }
 
 TEST(KeypointBundle, TooFewJointsAreSaidSo) {

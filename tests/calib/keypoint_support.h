@@ -24,9 +24,8 @@ inline geometry::Rig PeopleRig(int num_cameras, geometry::LensModel model = geom
     camera.camera = MakeCamera("cam" + std::to_string(c), model, 900);
     camera.camera.width_px = 1280, camera.camera.height_px = 960;
     camera.camera.params.segment<2>(2) << 645, 471;
-    camera.cam_from_world =
-        LookAt(middle + Eigen::Vector3d(4 * std::cos(angle), 4 * std::sin(angle), c % 2 ? 1.6 : 0.6),
-               middle + Eigen::Vector3d(0, 0, 0.2));
+    camera.cam_from_world = LookAt(middle + Eigen::Vector3d(4 * std::cos(angle), 4 * std::sin(angle), c % 2 ? 1.6 : 0.6),
+                                   middle + Eigen::Vector3d(0, 0, 0.2));
     rig.cameras.push_back(camera);
   }
   return rig;

@@ -16,7 +16,8 @@ using Words = std::vector<std::string>;
 
 Words Refine(const std::string& out) {
   const std::string p = DataRoot() + "/pose2sim";
-  Words words = {"calib", "refine", "--from-keypoints", "--calib", p + "/calibration/Calib_qualisys.toml", "--skeleton", "body25b"};
+  Words words = {"calib",      "refine", "--from-keypoints", "--calib", p + "/calibration/Calib_qualisys.toml",
+                 "--skeleton", "body25b"};
   for (const std::string n : {"01", "02", "03", "04"})
     words.insert(words.end(), {"--pose2d", "cam_" + n + "=" + p + "/balancing/pose-associated/cam" + n + "_json"});
   words.insert(words.end(), {"--out", out, "--json"});

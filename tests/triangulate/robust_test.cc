@@ -52,10 +52,10 @@ TEST(RobustSelection, FindsThePointUpToSixtyPercentOutliers) {
   }
 }
 
-// Shares of right and wrong answers of 5 to 31 views; a wrong answer is one that claims to be right.
+// Shares of right and wrong answers of 3 to 31 views; a wrong answer is one that claims to be right.
 TEST(RobustSelection, SeldomTellsAPlausibleLie) {
   int num_answers = 0, num_wrong = 0;
-  for (const int num_cameras : {5, 6, 8, 12, 31}) {
+  for (const int num_cameras : {3, 4, 5, 6, 8, 12, 31}) {
     for (const int percent : {0, 10, 20, 30, 40, 50, 60}) {
       const int num_outliers = num_cameras * percent / 100;
       const int trials = num_cameras < 31 ? 400 : 60;
@@ -64,7 +64,9 @@ TEST(RobustSelection, SeldomTellsAPlausibleLie) {
                   100.0 * tally.right / trials, 100.0 * tally.refused / trials, 100.0 * tally.wrong / trials);
       num_answers += tally.right + tally.wrong;
       num_wrong += tally.wrong;
-      EXPECT_LE(tally.wrong, 0.01 * trials) << num_outliers << " of " << num_cameras;
+      // Of three or four views any two may agree by chance.
+      EXPECT_LE(tally.wrong, (num_cameras > 4 ? 0.01 : 0.03) * trials) << num_outliers << " of " << num_cameras;
+      if (num_cameras <= 4) continue;
       if (num_cameras - num_outliers >= 3) {  // of more than four views, three must agree
         EXPECT_GE(tally.right, 0.98 * trials) << num_outliers << " of " << num_cameras;
       } else {
