@@ -2,6 +2,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <functional>
+#include <limits>
 #include <memory>
 
 #include "cli/pose_input.h"
@@ -9,6 +11,7 @@
 #include "cli/tradeoff.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
+#include "triangulate/batch.h"
 #include "triangulate/limbs.h"
 #include "triangulate/take_steps.h"
 
@@ -21,6 +24,7 @@ struct Arguments {
   PoseArguments pose;
   triangulate::TakeOptions take;
   std::vector<std::string> methods{"robust", "all-views", "lost", "linear", "midpoint", "dlt"};
+  std::vector<std::string> precisions{"double", "float"};
   std::vector<int> views{0, 4, 3, 2}, threads{1, 2};
   std::string out, truth;
   bool align_truth = false;
@@ -28,31 +32,72 @@ struct Arguments {
 
 /// One way to triangulate, and what came of it.
 struct Trial {
-  std::string method;
+  std::string method, precision = "double";
   int views = 0, threads = 1;
   double points_per_s = 0, coverage = 0, truth_mm = std::nan("");
   double limb_std_mm = 0;
   triangulate::LeftOutFigures holdout;
 
   std::string Name() const {
-    return method + ", " + (views ? std::to_string(views) + " views" : std::string("all views")) + ", " +
-           std::to_string(threads) + (threads == 1 ? " thread" : " threads");
+    return method + (precision == "float" ? " in float, " : ", ") +
+           (views ? std::to_string(views) + " views" : std::string("all views")) + ", " + std::to_string(threads) +
+           (threads == 1 ? " thread" : " threads");
   }
 };
 
 double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-/// The shortest of three runs; the points of the last.
-std::vector<triangulate::Point> Time(const triangulate::TakeProblem& problem, const triangulate::PointSolver& solve,
-                                     int threads, double* seconds) {
-  std::vector<triangulate::Point> points;
-  *seconds = std::numeric_limits<double>::infinity();
+/// The shortest of three runs.
+double Time(const std::function<void()>& work) {
+  double seconds = std::numeric_limits<double>::infinity();
   for (int run = 0; run < 3; ++run) {
     const double start = Now();
-    points = SolvePoints(problem, solve, threads);
-    *seconds = std::min(*seconds, Now() - start);
+    work();
+    seconds = std::min(seconds, Now() - start);
   }
-  return points;
+  return seconds;
+}
+
+triangulate::PointBatch ToBatch(const triangulate::PreparedRig& rig,
+                                const std::vector<std::vector<triangulate::Observation>>& points) {
+  const int64_t count = static_cast<int64_t>(points.size());
+  triangulate::PointBatch batch = triangulate::MakeBatch(static_cast<int>(rig.cameras.size()), count);
+  for (int64_t i = 0; i < count; ++i) {
+    for (const triangulate::Observation& seen : points[static_cast<size_t>(i)]) {
+      const size_t at = static_cast<size_t>(seen.camera_idx * count + i);
+      batch.x_px[at] = seen.px.x(), batch.y_px[at] = seen.px.y(), batch.sigma_px[at] = seen.sigma_px;
+    }
+  }
+  return batch;
+}
+
+triangulate::Point PointOf(const triangulate::BatchResult& batch, int64_t i,
+                           const std::vector<triangulate::Observation>& observations) {
+  triangulate::Point point;
+  point.status = batch.StatusOf(i);
+  point.num_observations = static_cast<int>(observations.size());
+  if (point.status != Status::kOk) return point;
+  const size_t at = static_cast<size_t>(i);
+  point.x_in_world = {batch.x[at], batch.y[at], batch.z[at]};
+  const auto entry = [&](int k) { return batch.covariance[static_cast<size_t>(k * batch.num_points + i)]; };
+  point.covariance << entry(0), entry(1), entry(2), entry(1), entry(3), entry(4), entry(2), entry(4), entry(5);
+  point.chi_squared = batch.chi_squared[at], point.rms_px = batch.rms_px[at];
+  for (size_t k = 0; k < observations.size(); ++k) {
+    if (batch.Used(observations[k].camera_idx, i)) point.used.push_back(static_cast<int>(k));
+  }
+  return point;
+}
+
+/// Solved by the batch's kernel; the other methods go point by point, in double.
+bool HasKernel(const std::string& method) {
+  return method == "robust" || method == "all-views" || method == "linear" || method == "midpoint";
+}
+
+triangulate::BatchOptions KernelOptions(const Trial& trial) {
+  triangulate::BatchOptions options;
+  options.point.method = *triangulate::PointMethodFromString(trial.method);
+  options.single_precision = trial.precision == "float";
+  return options;
 }
 
 triangulate::TakeResult ToTake(const triangulate::TakeProblem& problem, std::vector<triangulate::Point> points) {
@@ -75,11 +120,53 @@ double Coverage(const triangulate::TakeProblem& problem, const std::vector<trian
   return solved / seen;
 }
 
+std::vector<triangulate::Point> SolveTimed(const triangulate::TakeProblem& problem, const triangulate::PointSolver& solve,
+                                           const Trial& trial, double* seconds) {
+  std::vector<triangulate::Point> points;
+  if (!HasKernel(trial.method)) {
+    *seconds = Time([&] { points = SolvePoints(problem, solve, trial.threads); });
+    return points;
+  }
+  const triangulate::PointBatch batch = ToBatch(problem.rig, problem.observations);
+  RunContext run;
+  run.num_threads = trial.threads;
+  triangulate::BatchResult solved;
+  *seconds = Time([&] { solved = TriangulateBatch(problem.rig, batch, KernelOptions(trial), run); });
+  for (int64_t i = 0; i < solved.num_points; ++i) {
+    points.push_back(PointOf(solved, i, problem.observations[static_cast<size_t>(i)]));
+  }
+  return points;
+}
+
+/// The way of a trial for one point, for cameras left out.
+triangulate::PointSolver OnePoint(const Arguments& arguments, const PoseInput& input, const triangulate::TakeProblem& problem,
+                                  const Trial& trial) {
+  triangulate::PointSolver solve;
+  if (HasKernel(trial.method)) {
+    solve = [&problem, options = KernelOptions(trial)](const std::vector<triangulate::Observation>& seen) {
+      RunContext run;
+      run.num_threads = 1;
+      return PointOf(TriangulateBatch(problem.rig, ToBatch(problem.rig, {seen}), options, run), 0, seen);
+    };
+  } else {
+    solve = SolverFor(input.rig, problem, arguments.take, trial.method);
+  }
+  if (trial.views == 0) return solve;
+  return [&problem, solve, views = trial.views](const std::vector<triangulate::Observation>& seen) {
+    triangulate::Point point = solve(FewerViews(problem.rig, seen, views));
+    point.used.clear();  // they index the fewer ones
+    return point;
+  };
+}
+
 Trial Run(const Arguments& arguments, const PoseInput& input, const triangulate::TakeProblem& problem, Trial trial) {
-  triangulate::PointSolver solve = SolverFor(input.rig, problem, arguments.take, trial.method);
-  if (trial.views > 0) solve = WithFewerViews(problem.rig, solve, trial.views);
+  const triangulate::PointSolver solve = OnePoint(arguments, input, problem, trial);
+  triangulate::TakeProblem thin = problem;
+  for (auto& seen : thin.observations) {
+    if (trial.views > 0) seen = FewerViews(problem.rig, seen, trial.views);
+  }
   double seconds = 0;
-  const triangulate::TakeResult take = ToTake(problem, Time(problem, solve, trial.threads, &seconds));
+  const triangulate::TakeResult take = ToTake(thin, SolveTimed(thin, solve, trial, &seconds));
   trial.points_per_s = static_cast<double>(take.points.size()) / seconds;
   trial.coverage = Coverage(problem, take.points);
   trial.limb_std_mm = 1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs));
@@ -95,6 +182,7 @@ ordered_json ToJson(const std::vector<Trial>& trials, const std::vector<bool>& o
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
     table.push_back({{"method", t.method},
+                     {"precision", t.precision},
                      {"views", t.views},
                      {"threads", t.threads},
                      {"points_per_s", FiniteOrNull(t.points_per_s)},
@@ -111,27 +199,41 @@ ordered_json ToJson(const std::vector<Trial>& trials, const std::vector<bool>& o
 
 std::string ToText(const std::vector<Trial>& trials, const std::vector<bool>& on_front) {
   char line[300];
-  std::string text = "method         views  threads   points/s  coverage  left-out px  (90 %)  limbs mm  truth mm\n";
+  std::string text =
+      "method          precision  views  threads   points/s  coverage  left-out px  (90 %)  limbs mm  truth mm\n";
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
-    std::snprintf(line, sizeof line, "%-14s %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", t.method.c_str(),
-                  t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s, t.coverage, t.holdout.median_px,
-                  t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
+    std::snprintf(line, sizeof line, "%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", t.method.c_str(),
+                  t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s, t.coverage,
+                  t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
     text += line;
   }
   return text + "*: no other way is both faster and better\n";
 }
 
-std::vector<Trial> Trials(const Arguments& arguments) {
-  std::vector<Trial> trials;
+void CheckArguments(const Arguments& arguments) {
   for (const std::string& method : arguments.methods) {
     if (method == "auto") throw UsageError("--methods compares the methods that auto chooses among; name them");
-    for (const int views : arguments.views) {
-      if (views != 0 && views < 2) throw UsageError("--views: a point needs 2 views; 0 stands for all");
-      for (const int threads : arguments.threads) {
-        Trial trial;
-        trial.method = method, trial.views = views, trial.threads = std::max(threads, 1);
-        trials.push_back(trial);
+  }
+  for (const std::string& precision : arguments.precisions) {
+    if (precision != "double" && precision != "float") throw UsageError("--precisions: double or float, not " + precision);
+  }
+  for (const int views : arguments.views) {
+    if (views != 0 && views < 2) throw UsageError("--views: a point needs 2 views; 0 stands for all");
+  }
+}
+
+std::vector<Trial> Trials(const Arguments& arguments) {
+  CheckArguments(arguments);
+  std::vector<Trial> trials;
+  for (const std::string& method : arguments.methods) {
+    for (const std::string& precision : arguments.precisions) {
+      if (precision == "float" && !HasKernel(method)) continue;
+      for (const int views : arguments.views) {
+        for (const int threads : arguments.threads) {
+          Trial& trial = trials.emplace_back();
+          trial.method = method, trial.precision = precision, trial.views = views, trial.threads = std::max(threads, 1);
+        }
       }
     }
   }
@@ -171,9 +273,13 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
 void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = tradeoff.add_subcommand(
-      "triangulate", "Method x number of views x threads: points a second, left-out px, mm, coverage, and the Pareto front");
+      "triangulate",
+      "Method x precision x number of views x threads: points a second, left-out px, mm, coverage, and the Pareto front");
   AddPoseArguments(sub, arguments->pose);
   sub->add_option("--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
+  sub->add_option("--precisions", arguments->precisions, "double, float; float for robust, all-views, linear and midpoint")
+      ->delimiter(',')
+      ->capture_default_str();
   sub->add_option("--views", arguments->views, "views a point uses at most; 0: all")->delimiter(',')->capture_default_str();
   sub->add_option("--threads-list", arguments->threads, "numbers of threads")->delimiter(',')->capture_default_str();
   sub->add_option("--truth", arguments->truth, "a folder of body3DScene files or a points.csv");

@@ -179,15 +179,10 @@ PointSolver SolverFor(const geometry::Rig& rig, const TakeProblem& problem, cons
   };
 }
 
-PointSolver WithFewerViews(const PreparedRig& rig, const PointSolver& solve, int max_views) {
-  return [&rig, solve, max_views](const std::vector<Observation>& seen) {
-    const std::vector<size_t> chosen = SpreadOut(rig, seen, static_cast<size_t>(max_views));
-    std::vector<Observation> fewer;
-    for (const size_t i : chosen) fewer.push_back(seen[i]);
-    Point point = solve(fewer);
-    for (int& used : point.used) used = static_cast<int>(chosen[static_cast<size_t>(used)]);
-    return point;
-  };
+std::vector<Observation> FewerViews(const PreparedRig& rig, const std::vector<Observation>& observations, int max_views) {
+  std::vector<Observation> fewer;
+  for (const size_t i : SpreadOut(rig, observations, static_cast<size_t>(max_views))) fewer.push_back(observations[i]);
+  return fewer;
 }
 
 std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& solve, int num_threads) {

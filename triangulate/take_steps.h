@@ -26,9 +26,9 @@ TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFram
 PointSolver SolverFor(const geometry::Rig& rig, const TakeProblem& problem, const TakeOptions& options,
                       const std::string& method);
 
-/// The same with at most `max_views` of the observations: those whose cameras stand farthest from each other, one after the
+/// At most `max_views` of the observations, in their order: those whose cameras stand farthest from each other, one after the
 /// other.
-PointSolver WithFewerViews(const PreparedRig& rig, const PointSolver& solve, int max_views);
+std::vector<Observation> FewerViews(const PreparedRig& rig, const std::vector<Observation>& observations, int max_views);
 
 /// All points, by label. The result does not depend on the number of threads.
 std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& solve, int num_threads);

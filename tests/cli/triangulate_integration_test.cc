@@ -167,12 +167,14 @@ TEST(TriangulateCommand, BadArgumentsEndWithTheirExitCodes) {
 
 TEST(TradeoffTriangulate, ListsEveryWayWithItsErrors) {
   const TempDir folder;
-  const CliRun run = RunCli(Words({"tradeoff", "triangulate", "--methods", "robust,midpoint", "--views", "0,2",
-                                   "--threads-list", "1", "--out", folder / "out", "--json"},
+  const CliRun run = RunCli(Words({"tradeoff", "triangulate", "--methods", "robust,midpoint", "--precisions", "double,float",
+                                   "--views", "0,2", "--threads-list", "1", "--out", folder / "out", "--json"},
                                   Take().Write(folder)));
   ASSERT_EQ(run.exit, 0) << run.err;
   const nlohmann::json trials = run.Json()["metrics"]["trials"];
-  ASSERT_EQ(trials.size(), 4u);
+  ASSERT_EQ(trials.size(), 8u);
+  EXPECT_EQ(trials[2]["precision"], "float");
+  EXPECT_NEAR(trials[2]["holdout_median_px"].get<double>(), trials[0]["holdout_median_px"].get<double>(), 1e-2);
   EXPECT_LT(trials[0]["holdout_median_px"].get<double>(), trials[1]["holdout_median_px"].get<double>()) << "5 views beat 2";
   EXPECT_THAT(Slurp(folder / "out/tradeoff-triangulate.html"), HasSubstr("<svg"));
 }
