@@ -252,12 +252,13 @@ nlohmann::ordered_json ToJson(const TriangulationRow& row) {
 }  // namespace
 }  // namespace mvstudio::bench
 
-/// bench_triangulation [SEED] [JSON FILE or -] [LARGEST NUMBER OF POINTS] [FOLDER FOR THE PEERS]
+/// bench_triangulation [SEED] [JSON FILE or -] [LARGEST NUMBER OF POINTS] [FOLDER FOR THE PEERS or -] [HTML FILE]
 int main(int argc, char** argv) {
   using namespace mvstudio::bench;
   const uint64_t seed = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1;
   const int64_t max_points = argc > 3 ? std::atoll(argv[3]) : 1000000;
-  if (argc > 4) WriteForPeers(argv[4], seed);
+  if (argc > 4 && std::string(argv[4]) != "-") WriteForPeers(argv[4], seed);
+  std::vector<TriangulationRow> all;
   nlohmann::ordered_json json = {{"seed", seed}, {"rows", nlohmann::ordered_json::array()}};
   std::printf("%-28s %-30s %-6s %5s %9s %3s %13s %10s %10s %8s %s\n", "problem", "method", "number", "views", "points", "thr",
               "points/s", "rms mm", "median mm", "refused", "peer");
@@ -265,8 +266,10 @@ int main(int argc, char** argv) {
     for (const TriangulationRow& row : rows) {
       Print(row);
       json["rows"].push_back(ToJson(row));
+      all.push_back(row);
     }
   }
+  if (argc > 5) WriteScalingFigure(all, argv[5]);
   if (argc > 2 && std::string(argv[2]) != "-") std::ofstream(argv[2]) << json.dump(1) << "\n";
   return 0;
 }

@@ -37,4 +37,7 @@ struct TriangulationProblem {
 TriangulationProblem MakeTriangulationProblem(const std::string& name, int views, int64_t points, bool distorted, int num_wrong,
                                               uint64_t seed);
 
+/// Points a second over points, views and threads, as one HTML page.
+void WriteScalingFigure(const std::vector<TriangulationRow>& rows, const std::string& path);
+
 }  // namespace mvstudio::bench

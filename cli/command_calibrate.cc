@@ -108,7 +108,8 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
 void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand(
-      "refine", "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people (--from-keypoints)");
+      "refine",
+      "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people (--from-keypoints)");
   sub->add_option("--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
   AddKeypointArguments(sub, arguments->keypoints);

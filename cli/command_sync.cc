@@ -1,13 +1,13 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <set>
 
 #include "cli/commands.h"
+#include "cli/pose_input.h"
+#include "cli/tradeoff.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 #include "core/files.h"
-#include "dataset/panoptic.h"
 #include "dataset/sync_file.h"
 #include "triangulate/sync.h"
 
@@ -20,26 +20,12 @@ using triangulate::SyncResult;
 using triangulate::SyncStatus;
 
 struct Arguments {
-  std::string calib, skeleton = "body25", out;
-  std::vector<std::string> pose2d;
+  PoseArguments pose;
+  std::string out;
   double fps = 0;
   bool range_given = false;
   triangulate::SyncOptions options;
 };
-
-std::vector<dataset::Pose2dTrack> ReadTracks(const Arguments& arguments, CommandResult* result) {
-  const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
-  std::vector<dataset::Pose2dTrack> tracks;
-  std::set<std::string> seen;
-  for (const std::string& text : arguments.pose2d) {
-    const auto [camera, folder] = SplitNamePath("--pose2d", text);
-    if (!seen.insert(camera).second) throw UsageError("--pose2d names camera " + camera + " twice");
-    tracks.push_back(dataset::ReadOpenPoseFolder(folder, camera, skeleton));
-    result->inputs.push_back(folder);
-  }
-  if (tracks.size() < 2) throw UsageError("--pose2d: at least two cameras are needed, given as NAME=FOLDER each");
-  return tracks;
-}
 
 /// The cameras that have poses; others have no clock to find.
 geometry::Rig Filmed(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks) {
@@ -53,21 +39,19 @@ geometry::Rig Filmed(const geometry::Rig& rig, const std::vector<dataset::Pose2d
   return filmed;
 }
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 ordered_json CameraJson(const CameraSync& camera, double fps) {
   const bool ok = camera.status == SyncStatus::kOk;
   ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}};
-  json["offset_frames"] = ok ? Number(camera.offset_frames) : ordered_json(nullptr);
-  json["sigma_frames"] = ok ? Number(camera.sigma_frames) : ordered_json(nullptr);
+  json["offset_frames"] = ok ? FiniteOrNull(camera.offset_frames) : ordered_json(nullptr);
+  json["sigma_frames"] = ok ? FiniteOrNull(camera.sigma_frames) : ordered_json(nullptr);
   if (fps > 0) {
-    json["offset_ms"] = ok ? Number(1000 * camera.offset_frames / fps) : ordered_json(nullptr);
-    json["sigma_ms"] = ok ? Number(1000 * camera.sigma_frames / fps) : ordered_json(nullptr);
+    json["offset_ms"] = ok ? FiniteOrNull(1000 * camera.offset_frames / fps) : ordered_json(nullptr);
+    json["sigma_ms"] = ok ? FiniteOrNull(1000 * camera.sigma_frames / fps) : ordered_json(nullptr);
   }
-  json["contrast"] = Number(camera.contrast);
-  json["agreement"] = Number(camera.agreement);
-  json["runner_up_frames"] = Number(camera.runner_up_frames);
-  json["peak_ratio"] = Number(camera.peak_ratio);
+  json["contrast"] = FiniteOrNull(camera.contrast);
+  json["agreement"] = FiniteOrNull(camera.agreement);
+  json["runner_up_frames"] = FiniteOrNull(camera.runner_up_frames);
+  json["peak_ratio"] = FiniteOrNull(camera.peak_ratio);
   json["num_pairs"] = camera.num_pairs;
   json["num_pairs_disagree"] = camera.num_pairs_disagree;
   return json;
@@ -77,7 +61,8 @@ void AddMetrics(const SyncResult& sync, double fps, CommandResult* result) {
   ordered_json& metrics = result->metrics;
   metrics["status"] = std::string(ToString(sync.status));
   metrics["reference"] = sync.cameras[static_cast<size_t>(sync.reference_idx)].name;
-  metrics["median_residual_px"] = {{"before", Number(sync.residual_before_px)}, {"after", Number(sync.residual_after_px)}};
+  metrics["median_residual_px"] = {{"before", FiniteOrNull(sync.residual_before_px)},
+                                   {"after", FiniteOrNull(sync.residual_after_px)}};
   metrics["num_points"] = sync.num_points;
   metrics["cameras"] = ordered_json::array();
   for (const CameraSync& camera : sync.cameras) metrics["cameras"].push_back(CameraJson(camera, fps));
@@ -150,18 +135,16 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
   CommandResult result;
   result.folder = arguments.out;
-  result.inputs = {arguments.calib};
-  const geometry::Rig rig = dataset::ReadAnyCalibration(arguments.calib);
-  const auto tracks = ReadTracks(arguments, &result);
-  const auto frames = ToFrames(tracks, rig, arguments.calib);  // names any camera that is not calibrated
-  const geometry::Rig filmed = Filmed(rig, tracks);
+  const PoseInput input = ReadPoseInput(arguments.pose, &result);
+  const geometry::Rig filmed = Filmed(input.rig, input.tracks);
   triangulate::SyncOptions options = arguments.options;
   if (arguments.fps > 0 && !arguments.range_given) {
     options.max_offset_frames = static_cast<int>(std::lround(kRangeSeconds * arguments.fps));
   }
   const SyncResult sync = SynchronizeCameras(
       triangulate::Prepare(filmed),
-      filmed.cameras.size() == rig.cameras.size() ? frames : ToFrames(tracks, filmed, arguments.calib), options, context.run);
+      filmed.cameras.size() == input.rig.cameras.size() ? input.frames : ToFrames(input.tracks, filmed, arguments.pose.calib),
+      options, context.run);
   AddMetrics(sync, arguments.fps, &result);
   AddErrors(sync, &result);
   const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
@@ -176,9 +159,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
 void RegisterSync(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = app.add_subcommand("sync", "Time offsets of the cameras, from people who move in the take");
-  sub->add_option("--calib", arguments->calib, "calibration file, ours or Panoptic's calibration_*.json")->required();
-  sub->add_option("--pose2d", arguments->pose2d, "NAME=FOLDER of OpenPose JSON files; once a camera")->required();
-  sub->add_option("--skeleton", arguments->skeleton, "body25 | body25b | coco17 | coco18 | coco19")->capture_default_str();
+  AddPoseArguments(sub, arguments->pose);
   sub->add_option("--out", arguments->out, "folder for sync.json")->required();
   sub->add_option("--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
   AddOptions(sub, arguments->options);

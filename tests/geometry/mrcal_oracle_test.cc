@@ -6,6 +6,7 @@
 
 #include "core/random.h"
 #include "core/units.h"
+#include "geometry/camera_model.h"
 #include "geometry/lens_derivatives.h"
 #include "geometry/spline_grid.h"
 #include "tests/geometry/lens_samples.h"
