@@ -81,10 +81,20 @@ TEST_F(BadInput, TheSessionItselfIsGood) {
   EXPECT_EQ(build.exit, 0) << build.err;
 }
 
-TEST_F(BadInput, TruncatedPoseJson) {
+TEST_F(BadInput, OneTruncatedPoseJsonCostsThatFrameAlone) {
   const std::string victim = FirstFile(session_ + "/pose2d/take1/cam_02");
   fs::resize_file(victim, fs::file_size(victim) / 2);
-  ExpectFailure(Triangulate(), 3, {victim, "cam_02"}, work_ / "pose3d");
+  const CliRun run = RunCli(Triangulate());
+  EXPECT_EQ(run.exit, 6) << run.err;
+  EXPECT_THAT(run.err, HasSubstr(victim));
+  EXPECT_TRUE(fs::exists(work_ / "pose3d/points.csv"));
+}
+
+TEST_F(BadInput, TruncatedPoseJsonEverywhereInACamera) {
+  std::vector<fs::path> victims;
+  for (const auto& entry : fs::directory_iterator(session_ + "/pose2d/take1/cam_02")) victims.push_back(entry.path());
+  for (const fs::path& victim : victims) fs::resize_file(victim, fs::file_size(victim) / 2);
+  ExpectFailure(Triangulate(), 3, {FirstFile(session_ + "/pose2d/take1/cam_02"), "cam_02"}, work_ / "pose3d");
 }
 
 TEST_F(BadInput, EmptyPoseFolder) {
