@@ -47,7 +47,8 @@ class Groups {
          const Eigen::MatrixXd& pairs)
       : candidates_(candidates), group_(std::move(group)), sigma_px_(sigma_px), options_(options), pairs_(pairs) {
     const size_t n = candidates.size();
-    sums_.resize(n), members_.resize(n);
+    // Twice as many as detections: however a camera's are assigned, one that fits nowhere finds a group of its own.
+    sums_.resize(2 * n), members_.resize(2 * n);
     for (size_t i = 0; i < n; ++i) Put(i, group_[i]);
   }
 
