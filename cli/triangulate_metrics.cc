@@ -200,9 +200,10 @@ void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, order
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {
-      result->warnings.push_back(
-          {"TRI-CAMERA-OFF", camera.message,
-           "recalibrate this camera, or check that its pictures have the calibrated size and were not cropped"});
+      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message,
+                                  "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
+                                  "--from-keypoints`); check that its pictures "
+                                  "have the calibrated size and were not cropped"});
     } else if (camera.scaled) {
       result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its pictures have the calibrated size"});
     }

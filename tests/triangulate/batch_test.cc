@@ -78,7 +78,9 @@ std::map<Status, int> ExpectAsPoint(const PreparedRig& rig, const PointBatch& ba
       continue;
     }
     const Eigen::Vector3d apart = Eigen::Vector3d(result.x[i], result.y[i], result.z[i]) - point.x_in_world;
-    EXPECT_LT(std::sqrt(apart.dot(point.covariance.inverse() * apart)), sigmas_apart) << "point " << i;
+    // Gauss-Newton stops at steps of 1e-6 sigma; its rate falls with the misfit, whose curvature it leaves out.
+    const double slow = 1 + 1e-3 * std::sqrt(point.chi_squared);
+    EXPECT_LT(std::sqrt(apart.dot(point.covariance.inverse() * apart)), slow * sigmas_apart) << "point " << i;
     const double relative = std::max(100 * sigmas_apart, 1e-8);
     for (int k = 0, row = 0; row < 3; ++row) {
       for (int col = row; col < 3; ++col, ++k) {
