@@ -106,7 +106,6 @@ CameraSigmas SigmasOf(const geometry::RigCamera& camera) {
 
 void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
   using nlohmann::ordered_json;
-  const auto number = [](double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); };
   result->metrics["num_cameras"] = rig.cameras.size();
   auto& list = result->metrics["cameras"] = ordered_json::array();
   for (const geometry::RigCamera& camera : rig.cameras) {
@@ -121,11 +120,11 @@ void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
                           {"center_px", {c.cx(), c.cy()}},
                           {"center_in_world_m", {centre[0], centre[1], centre[2]}},
                           {"height_m", centre[2]}};
-    entry["fov_deg"] = {number(fov[0]), number(fov[1]), number(fov[2])};
-    entry["valid_radius"] = number(geometry::ValidRadius(c));
-    entry["sigma_focal_px"] = number(sigmas.focal_px);
-    entry["sigma_rotation_deg"] = number(RadToDeg(sigmas.rotation_rad));
-    entry["sigma_position_mm"] = number(1e3 * sigmas.position_m);
+    entry["fov_deg"] = {FiniteOrNull(fov[0]), FiniteOrNull(fov[1]), FiniteOrNull(fov[2])};
+    entry["valid_radius"] = FiniteOrNull(geometry::ValidRadius(c));
+    entry["sigma_focal_px"] = FiniteOrNull(sigmas.focal_px);
+    entry["sigma_rotation_deg"] = FiniteOrNull(RadToDeg(sigmas.rotation_rad));
+    entry["sigma_position_mm"] = FiniteOrNull(1e3 * sigmas.position_m);
     list.push_back(entry);
   }
 }

@@ -13,28 +13,26 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::FootageDetections* found) {
   ordered_json json;
   json["name"] = camera.name;
   json["model"] = std::string(geometry::ToString(camera.model));
   json["model_reason"] = camera.model_reason;
   json["num_params"] = camera.num_params;
-  json["focal_px"] = Number(camera.focal_px);
-  json["focal_sigma_px"] = Number(camera.focal_sigma_px);
-  json["rms_px"] = Number(camera.rms_px);
-  json["holdout_rms_px"] = Number(camera.holdout_rms_px);
-  json["holdout_median_px"] = Number(camera.holdout_median_px);
-  json["holdout_gross_fraction"] = Number(camera.holdout_gross_fraction);
+  json["focal_px"] = FiniteOrNull(camera.focal_px);
+  json["focal_sigma_px"] = FiniteOrNull(camera.focal_sigma_px);
+  json["rms_px"] = FiniteOrNull(camera.rms_px);
+  json["holdout_rms_px"] = FiniteOrNull(camera.holdout_rms_px);
+  json["holdout_median_px"] = FiniteOrNull(camera.holdout_median_px);
+  json["holdout_gross_fraction"] = FiniteOrNull(camera.holdout_gross_fraction);
   if (!camera.shares_lens_with.empty()) json["shares_lens_with"] = camera.shares_lens_with;
-  if (camera.time_offset_frames != 0) json["time_offset_frames"] = Number(camera.time_offset_frames);
+  if (camera.time_offset_frames != 0) json["time_offset_frames"] = FiniteOrNull(camera.time_offset_frames);
   if (found) json["num_images"] = found->num_images;
   json["num_views"] = camera.num_views;
   json["num_corners"] = camera.num_corners;
   json["num_rejected"] = camera.num_rejected + (found ? found->num_corners_dropped : 0);
-  json["coverage"] = Number(camera.coverage);
-  json["valid_radius"] = Number(camera.valid_radius);
+  json["coverage"] = FiniteOrNull(camera.coverage);
+  json["valid_radius"] = FiniteOrNull(camera.valid_radius);
   json["covers_image"] = camera.covers_image;
   if (found) json["boards_not_used"] = found->reasons;
   return json;
@@ -72,9 +70,9 @@ ordered_json Selection(const calib::CalibrateReport& report) {
     table.push_back({{"camera", row.camera},
                      {"model", row.model},
                      {"num_params", row.num_params},
-                     {"holdout_rms_px", Number(row.holdout_rms_px)},
-                     {"holdout_median_px", Number(row.holdout_median_px)},
-                     {"gross_fraction", Number(row.gross_fraction)},
+                     {"holdout_rms_px", FiniteOrNull(row.holdout_rms_px)},
+                     {"holdout_median_px", FiniteOrNull(row.holdout_median_px)},
+                     {"gross_fraction", FiniteOrNull(row.gross_fraction)},
                      {"chosen", row.chosen}});
   }
   return table;
@@ -84,10 +82,10 @@ ordered_json CameraUncertainties(const calib::CalibrateReport& report) {
   ordered_json json = ordered_json::array();
   for (const calib::CameraUncertainty& c : report.uncertainty.cameras) {
     json.push_back({{"name", c.name},
-                    {"range_m", Number(c.range_m)},
-                    {"centre_px", Number(c.centre_px)},
-                    {"edge_px", Number(c.edge_px)},
-                    {"corner_px", Number(c.corner_px)}});
+                    {"range_m", FiniteOrNull(c.range_m)},
+                    {"centre_px", FiniteOrNull(c.centre_px)},
+                    {"edge_px", FiniteOrNull(c.edge_px)},
+                    {"corner_px", FiniteOrNull(c.corner_px)}});
   }
   return json;
 }
@@ -114,7 +112,7 @@ void AddMaps(const calib::CalibrateReport& report, ordered_json* metrics) {
     ordered_json rows = ordered_json::array();
     for (Eigen::Index r = 0; r < map.rows(); ++r) {
       rows.push_back(ordered_json::array());
-      for (Eigen::Index k = 0; k < map.cols(); ++k) rows.back().push_back(Number(std::round(map(r, k) * 1e4) / 1e4));
+      for (Eigen::Index k = 0; k < map.cols(); ++k) rows.back().push_back(FiniteOrNull(std::round(map(r, k) * 1e4) / 1e4));
     }
     (*metrics)["cameras"][c]["uncertainty_map_px"] = rows;
   }
@@ -145,16 +143,19 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
 void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   ordered_json& m = *metrics;
   const auto& boards = report.board_metrics;
-  m["board_edge_mm"] = {{"rms", Number(boards.edge_rms_mm)}, {"median", Number(boards.edge_median_mm)}, {"bias", Number(boards.edge_bias_mm)}};
-  m["pair_distance_rms_mm"] = Number(boards.pair_rms_mm);
-  m["pair_distance_bias_mm"] = Number(boards.pair_bias_mm);
-  m["triangulated_rms_px"] = Number(boards.reprojection_rms_px);
-  m["triangulated_median_px"] = Number(boards.reprojection_median_px);
+  m["board_edge_mm"] = {{"rms", FiniteOrNull(boards.edge_rms_mm)},
+                        {"median", FiniteOrNull(boards.edge_median_mm)},
+                        {"bias", FiniteOrNull(boards.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = FiniteOrNull(boards.pair_rms_mm);
+  m["pair_distance_bias_mm"] = FiniteOrNull(boards.pair_bias_mm);
+  m["triangulated_rms_px"] = FiniteOrNull(boards.reprojection_rms_px);
+  m["triangulated_median_px"] = FiniteOrNull(boards.reprojection_median_px);
   if (!report.board_warp_m.empty())
-    m["board_warp_mm"] = {Number(1e3 * report.board_warp_m[0].x()), Number(1e3 * report.board_warp_m[0].y())};
+    m["board_warp_mm"] = {FiniteOrNull(1e3 * report.board_warp_m[0].x()), FiniteOrNull(1e3 * report.board_warp_m[0].y())};
   m["board_warp_reason"] = report.warp_reason;
   if (!report.board_stretch.empty())
-    m["board_stretch"] = {{"shear", Number(report.board_stretch[0].x())}, {"aspect", Number(report.board_stretch[0].y())}};
+    m["board_stretch"] = {{"shear", FiniteOrNull(report.board_stretch[0].x())},
+                          {"aspect", FiniteOrNull(report.board_stretch[0].y())}};
   m["board_stretch_reason"] = report.stretch_reason;
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
@@ -165,25 +166,25 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
 void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
                           ordered_json* metrics) {
   ordered_json& m = *metrics;
-  m["rms_px"] = Number(report.rms_px);
-  m["sigma_px"] = Number(report.sigma_px);
-  m["holdout_rms_px"] = Number(report.holdout_rms_px);
-  m["holdout_median_px"] = Number(report.holdout_median_px);
-  m["holdout_gross_fraction"] = Number(report.holdout_gross_fraction);
-  m["rig_holdout_rms_px"] = Number(report.rig_holdout_rms_px);
-  m["rig_holdout_median_px"] = Number(report.rig_holdout_median_px);
-  m["rejected_fraction"] = Number(report.rejected_fraction);
-  if (report.rig.cameras.size() == 2) m["baseline_mm"] = Number(BaselineMm(report.rig));
-  m["solve_s"] = Number(report.solve_s);
+  m["rms_px"] = FiniteOrNull(report.rms_px);
+  m["sigma_px"] = FiniteOrNull(report.sigma_px);
+  m["holdout_rms_px"] = FiniteOrNull(report.holdout_rms_px);
+  m["holdout_median_px"] = FiniteOrNull(report.holdout_median_px);
+  m["holdout_gross_fraction"] = FiniteOrNull(report.holdout_gross_fraction);
+  m["rig_holdout_rms_px"] = FiniteOrNull(report.rig_holdout_rms_px);
+  m["rig_holdout_median_px"] = FiniteOrNull(report.rig_holdout_median_px);
+  m["rejected_fraction"] = FiniteOrNull(report.rejected_fraction);
+  if (report.rig.cameras.size() == 2) m["baseline_mm"] = FiniteOrNull(BaselineMm(report.rig));
+  m["solve_s"] = FiniteOrNull(report.solve_s);
   m["num_frames"] = report.num_frames;
   m["num_corners"] = report.num_corners;
   m["gauge"] = report.gauge;
   m["verdict"] = VerdictJson(report.verdict);
-  m["uncertainty"] = {{"centre_px", Number(report.uncertainty.centre_px)},
-                      {"edge_px", Number(report.uncertainty.edge_px)},
-                      {"volume_mm", Number(report.uncertainty.volume_mm)},
-                      {"corner_px", Number(report.uncertainty.corner_px)},
-                      {"volume_max_mm", Number(report.uncertainty.volume_max_mm)},
+  m["uncertainty"] = {{"centre_px", FiniteOrNull(report.uncertainty.centre_px)},
+                      {"edge_px", FiniteOrNull(report.uncertainty.edge_px)},
+                      {"volume_mm", FiniteOrNull(report.uncertainty.volume_mm)},
+                      {"corner_px", FiniteOrNull(report.uncertainty.corner_px)},
+                      {"volume_max_mm", FiniteOrNull(report.uncertainty.volume_max_mm)},
                       {"cameras", CameraUncertainties(report)}};
   m["film_next"] = FilmHints(report);
   FillBoards(report, metrics);
@@ -231,8 +232,8 @@ std::string CalibrateSummary(const calib::CalibrateReport& report, const std::st
     text += line;
   }
   if (std::isfinite(report.uncertainty.centre_px)) {
-    std::snprintf(line, sizeof line, "uncertainty: %.3f px at the centre, %.3f px at the edge%s\n", report.uncertainty.centre_px,
-                  report.uncertainty.edge_px,
+    std::snprintf(line, sizeof line, "uncertainty: %.3f px at the centre, %.3f px at the edge%s\n",
+                  report.uncertainty.centre_px, report.uncertainty.edge_px,
                   std::isfinite(report.uncertainty.volume_mm) ? Volume(report.uncertainty.volume_mm).c_str() : "");
     text += line;
   }

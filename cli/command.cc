@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <set>
 #include <sstream>
 
@@ -10,6 +11,10 @@
 namespace mvstudio::cli {
 
 void Registry::Add(CLI::App* sub, const std::string& name, RunCommand run) { entries_.push_back({sub, name, std::move(run)}); }
+
+nlohmann::ordered_json FiniteOrNull(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
 
 std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text) {
   const size_t equals = text.find('=');

@@ -88,6 +88,9 @@ void AddOptions(CLI::App* sub, Options& options) {
       options);
 }
 
+/// JSON has no NaN and no infinity: null where the value is not finite.
+nlohmann::ordered_json FiniteOrNull(double value);
+
 /// Splits "name=path"; throws UsageError naming `flag` when there is no '='.
 std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text);
 

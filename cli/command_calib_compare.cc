@@ -80,13 +80,11 @@ std::vector<double> ParseMetres(const std::string& text) {
   return ranges;
 }
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 ordered_json GridJson(const Eigen::MatrixXd& grid) {
   ordered_json rows = ordered_json::array();
   for (Eigen::Index r = 0; r < grid.rows(); ++r) {
     ordered_json row = ordered_json::array();
-    for (Eigen::Index c = 0; c < grid.cols(); ++c) row.push_back(Number(std::round(1e4 * grid(r, c)) / 1e4));
+    for (Eigen::Index c = 0; c < grid.cols(); ++c) row.push_back(FiniteOrNull(std::round(1e4 * grid(r, c)) / 1e4));
     rows.push_back(row);
   }
   return rows;
@@ -108,10 +106,10 @@ ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name
   }
   json["ranges"] = ordered_json::array();
   for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
-    json["ranges"].push_back({{"range_m", Number(at.range_m)},
-                              {"rms_px", Number(at.rms_px)},
-                              {"max_px", Number(at.max_px)},
-                              {"centre_px", Number(at.centre_px)},
+    json["ranges"].push_back({{"range_m", FiniteOrNull(at.range_m)},
+                              {"rms_px", FiniteOrNull(at.rms_px)},
+                              {"max_px", FiniteOrNull(at.max_px)},
+                              {"centre_px", FiniteOrNull(at.centre_px)},
                               {"num_points", at.num_points},
                               {"grid_px", GridJson(at.grid_px)}});
   }

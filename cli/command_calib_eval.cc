@@ -20,8 +20,6 @@ struct Arguments {
   calib::RigCheckOptions check;
 };
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 ordered_json CameraJson(const calib::CameraCheck& camera) {
   ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}, {"moved", camera.moved}};
   json["num_views"] = camera.num_views;
@@ -29,17 +27,17 @@ ordered_json CameraJson(const calib::CameraCheck& camera) {
   json["num_rejected"] = camera.num_rejected;
   json["num_bad_views"] = camera.num_bad_views;
   json["num_outlying_views"] = camera.num_outlying_views;
-  json["own_rms_px"] = Number(camera.own_rms_px);
-  json["rms_px"] = Number(camera.rms_px);
-  json["median_px"] = Number(camera.median_px);
+  json["own_rms_px"] = FiniteOrNull(camera.own_rms_px);
+  json["rms_px"] = FiniteOrNull(camera.rms_px);
+  json["median_px"] = FiniteOrNull(camera.median_px);
   if (camera.status != Status::kOk) return json;
-  json["rms_after_px"] = Number(camera.rms_after_px);
-  json["rotation_deg"] = Number(RadToDeg(camera.rotation_rad));
-  json["rotation_sigma_deg"] = Number(RadToDeg(camera.rotation_sigma_rad));
-  json["translation_mm"] = Number(1e3 * camera.translation_m);
-  json["translation_sigma_mm"] = Number(1e3 * camera.translation_sigma_m);
-  json["shift_px"] = Number(camera.shift_px);
-  json["significance"] = Number(camera.significance);
+  json["rms_after_px"] = FiniteOrNull(camera.rms_after_px);
+  json["rotation_deg"] = FiniteOrNull(RadToDeg(camera.rotation_rad));
+  json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(camera.rotation_sigma_rad));
+  json["translation_mm"] = FiniteOrNull(1e3 * camera.translation_m);
+  json["translation_sigma_mm"] = FiniteOrNull(1e3 * camera.translation_sigma_m);
+  json["shift_px"] = FiniteOrNull(camera.shift_px);
+  json["significance"] = FiniteOrNull(camera.significance);
   return json;
 }
 
@@ -49,15 +47,16 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   m["verdict"] = VerdictJson(check.verdict);
   m["moved"] = check.moved;
   m["undecided"] = check.undecided;
-  m["rms_px"] = Number(check.rms_px);
-  m["median_px"] = Number(check.median_px);
+  m["rms_px"] = FiniteOrNull(check.rms_px);
+  m["median_px"] = FiniteOrNull(check.median_px);
   m["num_boards"] = check.num_boards;
-  m["scale_error_percent"] = Number(100 * (check.scale - 1));
+  m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  m["board_edge_mm"] = {
-      {"rms", Number(lengths.edge_rms_mm)}, {"median", Number(lengths.edge_median_mm)}, {"bias", Number(lengths.edge_bias_mm)}};
-  m["pair_distance_rms_mm"] = Number(lengths.pair_rms_mm);
-  m["pair_distance_bias_mm"] = Number(lengths.pair_bias_mm);
+  m["board_edge_mm"] = {{"rms", FiniteOrNull(lengths.edge_rms_mm)},
+                        {"median", FiniteOrNull(lengths.edge_median_mm)},
+                        {"bias", FiniteOrNull(lengths.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = FiniteOrNull(lengths.pair_rms_mm);
+  m["pair_distance_bias_mm"] = FiniteOrNull(lengths.pair_bias_mm);
   m["cameras"] = ordered_json::array();
   for (const calib::CameraCheck& camera : check.cameras) m["cameras"].push_back(CameraJson(camera));
 }

@@ -15,11 +15,9 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
+ordered_json Pair(double before, double after) { return {{"before", FiniteOrNull(before)}, {"after", FiniteOrNull(after)}}; }
 
-ordered_json Pair(double before, double after) { return {{"before", Number(before)}, {"after", Number(after)}}; }
-
-ordered_json Vector(const Eigen::Vector2d& v) { return ordered_json::array({Number(v.x()), Number(v.y())}); }
+ordered_json Vector(const Eigen::Vector2d& v) { return ordered_json::array({FiniteOrNull(v.x()), FiniteOrNull(v.y())}); }
 
 std::optional<calib::FrameChoice> ParseFrames(const std::string& flag, const std::string& text) {
   if (text.empty()) return std::nullopt;
@@ -62,11 +60,11 @@ Posed PosedCameras(const PoseInput& input) {
 
 ordered_json CameraJson(const calib::KeypointCamera& camera, const geometry::Camera& lens, const std::string& distortion) {
   return {{"name", camera.name},
-          {"rotation_deg", Number(RadToDeg(camera.rotation_rad))},
-          {"rotation_sigma_deg", Number(RadToDeg(camera.rotation_sigma_rad))},
-          {"translation_mm", Number(1e3 * camera.translation_m)},
-          {"translation_sigma_mm", Number(1e3 * camera.translation_sigma_m)},
-          {"focal_change_percent", Number(100 * camera.focal_change)},
+          {"rotation_deg", FiniteOrNull(RadToDeg(camera.rotation_rad))},
+          {"rotation_sigma_deg", FiniteOrNull(RadToDeg(camera.rotation_sigma_rad))},
+          {"translation_mm", FiniteOrNull(1e3 * camera.translation_m)},
+          {"translation_sigma_mm", FiniteOrNull(1e3 * camera.translation_sigma_m)},
+          {"focal_change_percent", FiniteOrNull(100 * camera.focal_change)},
           {"mean_residual_px",
            {{"before", Vector(camera.mean_residual_before_px)}, {"after", Vector(camera.mean_residual_after_px)}}},
           {"distortion", distortion},
@@ -79,15 +77,15 @@ ordered_json CulpritJson(const calib::KeypointCulprit& culprit) {
   ordered_json json = {{"camera", culprit.corrected.camera.name},
                        {"fault", calib::ToString(culprit.fault)},
                        {"message", culprit.message},
-                       {"explained", Number(culprit.explained)}};
+                       {"explained", FiniteOrNull(culprit.explained)}};
   if (culprit.fault == calib::CameraFault::kPose) {
-    json["rotation_deg"] = Number(RadToDeg(culprit.rotation_rad));
-    json["rotation_sigma_deg"] = Number(RadToDeg(culprit.rotation_sigma_rad));
-    json["translation_mm"] = Number(1e3 * culprit.translation_m);
-    json["translation_sigma_mm"] = Number(1e3 * culprit.translation_sigma_m);
+    json["rotation_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_rad));
+    json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_sigma_rad));
+    json["translation_mm"] = FiniteOrNull(1e3 * culprit.translation_m);
+    json["translation_sigma_mm"] = FiniteOrNull(1e3 * culprit.translation_sigma_m);
   } else {
-    json["scale"] = Number(culprit.scale);
-    json["scale_sigma"] = Number(culprit.scale_sigma);
+    json["scale"] = FiniteOrNull(culprit.scale);
+    json["scale_sigma"] = FiniteOrNull(culprit.scale_sigma);
   }
   return json;
 }
@@ -103,8 +101,8 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
   m["num_holdout_joints"] = after.num_joints;
   m["num_holdout_failed"] = {{"before", before.num_failed}, {"after", after.num_failed}};
   m["kept_input"] = report.kept_input;
-  m["keypoint_sigma_px"] = Number(report.sigma_px);
-  m["keypoint_cauchy_px"] = Number(report.cauchy_px);
+  m["keypoint_sigma_px"] = FiniteOrNull(report.sigma_px);
+  m["keypoint_cauchy_px"] = FiniteOrNull(report.cauchy_px);
   m["num_train_frames"] = report.num_train_frames;
   m["num_test_frames"] = report.num_test_frames;
   m["num_train_joints"] = report.num_train_joints;
@@ -117,8 +115,8 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
   for (const calib::KeypointDecision& d : report.decisions)
     m["decisions"].push_back({{"group", d.group},
                               {"choice", d.choice},
-                              {"holdout_px", Number(d.holdout_px)},
-                              {"standard_error", Number(d.standard_error_px)},
+                              {"holdout_px", FiniteOrNull(d.holdout_px)},
+                              {"standard_error", FiniteOrNull(d.standard_error_px)},
                               {"chosen", d.chosen}});
 }
 

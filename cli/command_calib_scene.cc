@@ -18,8 +18,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 geometry::Rig ReadStart(const std::string& start, CommandResult* result) {
   if (start.empty()) return {};
   const calib::ImportedRig given = ReadCalibrationFiles({start}, {});
@@ -41,10 +39,10 @@ ordered_json PoseMetrics(const geometry::RigCamera& camera) {
   ordered_json json;
   json["name"] = camera.camera.name;
   json["model"] = std::string(geometry::ToString(camera.camera.model));
-  json["focal_px"] = Number((camera.camera.fx() + camera.camera.fy()) / 2);
-  json["focal_sigma_px"] = Number(sigmas.focal_px);
-  json["rotation_sigma_deg"] = Number(RadToDeg(sigmas.rotation_rad));
-  json["position_sigma_mm"] = Number(1e3 * sigmas.position_m);
+  json["focal_px"] = FiniteOrNull((camera.camera.fx() + camera.camera.fy()) / 2);
+  json["focal_sigma_px"] = FiniteOrNull(sigmas.focal_px);
+  json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(sigmas.rotation_rad));
+  json["position_sigma_mm"] = FiniteOrNull(1e3 * sigmas.position_m);
   return json;
 }
 
@@ -78,7 +76,8 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const std::string&
     const bool ok = r.status == Status::kOk;
     ordered_json json{{"name", camera.name}, {"status", std::string(ToString(r.status))}, {"num_points", camera.num_clicks}};
     if (ok) {
-      json["num_used"] = r.num_used, json["rms_px"] = Number(r.rms_px), json["leave_one_out_px"] = Number(r.leave_one_out_px);
+      json["num_used"] = r.num_used, json["rms_px"] = FiniteOrNull(r.rms_px),
+      json["leave_one_out_px"] = FiniteOrNull(r.leave_one_out_px);
       json["lens"] = r.lens_reason;
       result.text += Format("%-16s %d of %d points, rms %.2f px, left-out points %.2f px\n", camera.name.c_str(), r.num_used,
                             camera.num_clicks, r.rms_px, r.leave_one_out_px);
@@ -180,10 +179,10 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
   const calib::FromSceneReport report = calib::AdjustScene(scene, images, scale, arguments.scene, context.run);
   if (report.status != Status::kOk) return Failed(std::move(result), report.status, report.message);
   result.metrics["gauge"] = report.rig.gauge;
-  result.metrics["rms_px"] = Number(report.bundle.rms_px);
-  result.metrics["feature_sigma_px"] = Number(report.feature_sigma_px);
+  result.metrics["rms_px"] = FiniteOrNull(report.bundle.rms_px);
+  result.metrics["feature_sigma_px"] = FiniteOrNull(report.feature_sigma_px);
   result.metrics["own_lenses"] = report.own_lenses;
-  result.metrics["variance_factor"] = Number(report.clusters.factor);
+  result.metrics["variance_factor"] = FiniteOrNull(report.clusters.factor);
   result.metrics["num_points"] = report.num_points;
   result.metrics["num_features"] = report.bundle.num_observations;
   result.metrics["num_rejected"] = report.bundle.num_rejected;

@@ -4,7 +4,6 @@
 
 #include "cli/commands.h"
 #include "cli/pose_input.h"
-#include "cli/tradeoff.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 #include "core/files.h"

@@ -43,10 +43,6 @@ void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint
   result->folder = folder;
 }
 
-nlohmann::ordered_json FiniteOrNull(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
-
 void RegisterTradeoff(CLI::App& app, Registry& registry) {
   CLI::App* tradeoff = app.add_subcommand("tradeoff", "Measure what speed costs in accuracy");
   tradeoff->require_subcommand(1);

@@ -27,9 +27,6 @@ struct TradeoffPage {
 void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
                        CommandResult* result);
 
-/// null where the value is not finite.
-nlohmann::ordered_json FiniteOrNull(double value);
-
 void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
 

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "cli/tradeoff.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -1,13 +1,8 @@
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <map>
-#include <sstream>
-
-#include "dataset/pose2d.h"
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
-#include "tests/triangulate/support.h"
+#include "tests/triangulate/recordings.h"
 #include "triangulate/limbs.h"
 #include "triangulate/take.h"
 
@@ -16,65 +11,14 @@
 namespace mvstudio::triangulate {
 namespace {
 
-namespace fs = std::filesystem;
-
-std::vector<double> Numbers(std::string text) {
-  for (char& c : text) {
-    if (c == '[' || c == ']' || c == ',') c = ' ';
-  }
-  std::istringstream stream(text);
-  std::vector<double> numbers;
-  for (double value; stream >> value;) numbers.push_back(value);
-  return numbers;
-}
-
-/// The few keys of the session's Calib_qualisys.toml.
-geometry::Rig ReadCalibration(const fs::path& path) {
-  geometry::Rig rig;
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line);) {
-    const size_t equals = line.find(" = ");
-    if (line.rfind("[cam_", 0) == 0) {
-      rig.cameras.emplace_back();
-      rig.cameras.back().camera.name = line.substr(1, 6);
-    }
-    if (equals == std::string::npos || rig.cameras.empty() || line.rfind("adjusted", 0) == 0) continue;
-    const std::string key = line.substr(0, equals);
-    const std::vector<double> v = Numbers(line.substr(equals + 3));
-    geometry::RigCamera& camera = rig.cameras.back();
-    if (key == "size") camera.camera.width_px = static_cast<int>(v[0]), camera.camera.height_px = static_cast<int>(v[1]);
-    if (key == "matrix") camera.camera.params = (Eigen::VectorXd(8) << v[0], v[4], v[2], v[5], 0, 0, 0, 0).finished();
-    if (key == "distortions") camera.camera.params.tail<4>() << v[0], v[1], v[2], v[3];
-    if (key == "rotation") camera.cam_from_world.rotation = geometry::RotationExp({v[0], v[1], v[2]});
-    if (key == "translation") camera.cam_from_world.translation = {v[0], v[1], v[2]};
-    camera.camera.model = geometry::LensModel::kBrown4;
-  }
-  return rig;
-}
-
-struct Session {
-  geometry::Rig rig;
-  std::vector<DetectedFrame> frames;
+struct Session : Recording {
   dataset::JointTable reference;
 };
 
-Session Load(const fs::path& root, const std::string& trial, const std::string& poses, const std::string& trc) {
-  Session session{ReadCalibration(root / "calibration" / "Calib_qualisys.toml"), {}, {}};
-  std::map<int, DetectedFrame> frames;
-  for (size_t c = 0; c < 4; ++c) {
-    const std::string folder = (root / trial / poses / ("cam0" + std::to_string(c + 1) + "_json")).string();
-    const auto track = dataset::ReadOpenPoseFolder(folder, session.rig.cameras[c].camera.name, body::SkeletonByName("body25b"));
-    for (const auto& [number, people] : track.frames) {
-      frames[number].frame = number;
-      frames[number].people.resize(4);
-      for (const dataset::Person2d& person : people) {
-        DetectedPerson& detected = frames[number].people[c].emplace_back();
-        for (const auto& key : person.keypoints) detected.push_back({{key.x_px, key.y_px}, key.score});
-      }
-    }
-  }
-  for (auto& [number, frame] : frames) session.frames.push_back(frame);
-  session.reference = dataset::ToTable(dataset::ReadTrc((root / trial / "pose-3d" / trc).string()).rows);
+Session Load(const std::string& trial, const std::string& poses, const std::string& trc) {
+  Session session{LoadPose2Sim(trial, poses), {}};
+  const std::string path = testing::DataRoot() + "/pose2sim/" + trial + "/pose-3d/" + trc;
+  session.reference = dataset::ToTable(dataset::ReadTrc(path).rows);
   return session;
 }
 
@@ -93,15 +37,11 @@ dataset::Pose3dComparison Compare(const Session& session, const TakeOptions& opt
 
 class Pose2Sim : public ::testing::Test {
  protected:
-  void SetUp() override {
-    root_ = DataFolder() / "pose2sim";
-    if (!fs::exists(root_)) GTEST_SKIP() << "data set pose2sim is not there";
-  }
+  void SetUp() override { MVS_NEEDS_DATA("pose2sim"); }
   Session Balancing(const std::string& poses = "pose-associated") const {
-    return Load(root_, "balancing", poses, "S00_P00_T01_BalancingTrial_0-100.trc");
+    return Load("balancing", poses, "S00_P00_T01_BalancingTrial_0-100.trc");
   }
-  Session Static() const { return Load(root_, "static", "pose-associated", "S00_P00_T00_StaticTrial_0-12.trc"); }
-  fs::path root_;
+  Session Static() const { return Load("static", "pose-associated", "S00_P00_T00_StaticTrial_0-12.trc"); }
 };
 
 TEST_F(Pose2Sim, ExhaustiveDltReproducesItsPoints) {
