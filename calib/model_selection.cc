@@ -15,11 +15,11 @@ namespace {
 using geometry::LensModel;
 
 constexpr int kMinViews = 6, kMinViewsOfCamera = 3;
-constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
-constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
-constexpr int kMinSplineCorners = 5000;  // of one camera
+constexpr double kWideRad = 0.70;                  // corners farther from the axis than this make fisheye models worth a try
+constexpr double kVeryWideRad = 1.55;              // beyond this, perspective models are not
+constexpr int kMinSplineCorners = 5000;            // of one camera
 constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
-constexpr double kCapOfMedian = 6;       // errors count as at most so many medians of the best candidate
+constexpr double kCapOfMedian = 6;                 // errors count as at most so many medians of the best candidate
 
 /// Mean of the paired differences and its standard error.
 struct Difference {
@@ -103,8 +103,10 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
   for (size_t i = 0; i < candidates->size(); ++i) {
     const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
     LensCandidate& candidate = (*candidates)[i];
-    candidate.within_one_se = difference.mean <= difference.standard_error ||
-                              candidate.relative_error <= (1 + kNegligibleGain) * best->relative_error;
+    // A gain of less than a percent that is beyond doubt is a term that the lens has, small as it is.
+    const bool negligible = candidate.relative_error <= (1 + kNegligibleGain) * best->relative_error &&
+                            difference.mean <= kBeyondDoubt * difference.standard_error;
+    candidate.within_one_se = difference.mean <= difference.standard_error || negligible;
     if (chosen < 0 && candidate.within_one_se) chosen = static_cast<int>(i);
   }
   if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
@@ -167,7 +169,8 @@ std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOpti
   return configs;
 }
 
-LensCandidate Try(const LensPool& pool, const LensConfig& config, const SelectionOptions& options, const BundleOptions& bundle) {
+LensCandidate Try(const LensPool& pool, const LensConfig& config, const SelectionOptions& options,
+                  const BundleOptions& bundle) {
   LensCandidate candidate;
   candidate.config = config;
   candidate.fit = FitPool(pool, config, bundle);
@@ -214,8 +217,8 @@ double Disagreement(const LensPool& fit) {
   return chi_square / static_cast<double>(n * (fit.state.cameras.size() - 1));
 }
 
-/// Held-out errors hardly see a wrong focal length, for the boards' poses make up for it; the cameras' own lenses do. When these
-/// lie apart by more than their uncertainty, sharing is off, unless it makes the held-out error clearly smaller: with few
+/// Held-out errors hardly see a wrong focal length, for the boards' poses make up for it; the cameras' own lenses do. When
+/// these lie apart by more than their uncertainty, sharing is off, unless it makes the held-out error clearly smaller: with few
 /// boards a camera, one good lens for all beats a bad one for each.
 bool SharingMisleads(const std::vector<LensCandidate>& candidates, const LensCandidate& chosen) {
   constexpr double kMaxDisagreement = 2, kClearGain = 0.03;
@@ -250,7 +253,8 @@ std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
   return configs;
 }
 
-LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                      const RunContext& run) {
   LensChoice choice;
   choice.reason = std::string(geometry::ToString(pool.state.cameras[0].model)) + ": too few views to compare lens models";
   if (!EnoughViews(pool)) return choice;
@@ -278,8 +282,8 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
 
 namespace {
 
-ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const LensConfig& with, const SelectionOptions& options,
-                        const BundleOptions& bundle, const RunContext& run) {
+ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const LensConfig& with,
+                        const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
   ShapeChoice choice;
   choice.reason = "too few views to see the shape of the board";
   if (!EnoughViews(pool)) return choice;
@@ -297,7 +301,8 @@ ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const L
 
 }  // namespace
 
-ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                       const RunContext& run) {
   LensConfig without = pool.config, with = pool.config;
   without.warp = false, with.warp = true;
   return ChooseShape(pool, without, with, options, bundle, run);

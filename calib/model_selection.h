@@ -23,23 +23,27 @@ struct LensChoice {
   std::string reason;
 };
 
+inline constexpr double kBeyondDoubt =
+    3;  ///< standard errors: a smaller gain of less than kNegligibleGain is not worth a number
 inline constexpr double kNegligibleGain = 0.01;  ///< of the held-out error: not worth a number
 
 struct SelectionOptions {
   int folds = 10;
-  int max_views = 60;     ///< of a camera
-  bool sharing = true;    ///< also try one lens for all cameras
-  bool separate = true;   ///< also try a lens for each camera
-  bool warp = false;      ///< boards may be bent, under every lens
-  bool stretch = false;   ///< boards may be stretched, under every lens
+  int max_views = 60;              ///< of a camera
+  bool sharing = true;             ///< also try one lens for all cameras
+  bool separate = true;            ///< also try a lens for each camera
+  bool warp = false;               ///< boards may be bent, under every lens
+  bool stretch = false;            ///< boards may be stretched, under every lens
   std::vector<LensConfig> models;  ///< to compare; empty: all that the field of view and the number of corners allow
   std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (but for warp and stretch)
 };
 
 /// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
-/// (of the paired differences between views) of the best, or within 1 % of it, which is not worth a number. All cameras of a pool get one model: the views of one camera alone are
-/// too few to see a decentring that shifts its principal point, and hence its direction, by a pixel.
-LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+/// (of the paired differences between views) of the best, or within 1 % and three standard errors of it, which is not worth a number. All cameras of a
+/// pool get one model: the views of one camera alone are too few to see a decentring that shifts its principal point, and hence
+/// its direction, by a pixel.
+LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                      const RunContext& run);
 
 /// Splined lenses with control grids of 8, 11 and 16 columns over the field of view that the corners fill.
 std::vector<LensConfig> SplinedConfigs(const LensPool& pool);
@@ -52,9 +56,11 @@ struct ShapeChoice {
 };
 
 /// Do the boards bend? Under the pool's lens. All views share their boards.
-ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+ShapeChoice ChooseWarp(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                       const RunContext& run);
 
 /// Are they stretched: sides not square to each other, or longer one way than the other? Bent or not as `options.warp` says.
-ShapeChoice ChooseStretch(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run);
+ShapeChoice ChooseStretch(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
+                          const RunContext& run);
 
 }  // namespace mvstudio::calib
