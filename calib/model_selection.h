@@ -23,9 +23,8 @@ struct LensChoice {
   std::string reason;
 };
 
-inline constexpr double kBeyondDoubt =
-    3;  ///< standard errors: a smaller gain of less than kNegligibleGain is not worth a number
-inline constexpr double kNegligibleGain = 0.01;  ///< of the held-out error: not worth a number
+inline constexpr double kNegligibleGain = 0.01;  ///< of the held-out error: not worth a number …
+inline constexpr double kBeyondDoubt = 3;        ///< … unless it is more than so many standard errors
 
 struct SelectionOptions {
   int folds = 10;
@@ -39,9 +38,9 @@ struct SelectionOptions {
 };
 
 /// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
-/// (of the paired differences between views) of the best, or within 1 % and three standard errors of it, which is not worth a number. All cameras of a
-/// pool get one model: the views of one camera alone are too few to see a decentring that shifts its principal point, and hence
-/// its direction, by a pixel.
+/// (of the paired differences between views) of the best, or within 1 % and three standard errors of it, which is not worth a
+/// number. All cameras of a pool get one model: the views of one camera alone are too few to see a decentring that shifts its
+/// principal point, and hence its direction, by a pixel.
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
                       const RunContext& run);
 
