@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
-#include <optional>
 #include <vector>
 
+#include "avatar/safetensors_header.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -16,8 +15,9 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr uint64_t kMaxHeaderBytes = 100'000'000;
-constexpr const char* kDigestPrefix = "sha256.";
+using internal::kDigestPrefix;
+using internal::TensorEntry;
+using internal::TensorHeader;
 
 struct TypeName {
   const char* name;
@@ -35,286 +35,18 @@ std::string NameOfType(at::ScalarType type, const std::string& tensor) {
   return {};
 }
 
-/// One entry of the header.
-struct Entry {
-  std::string type;
-  std::vector<int64_t> shape;
-  uint64_t begin = 0, end = 0;
-};
-
-struct Header {
-  std::map<std::string, Entry> entries;
-  std::map<std::string, std::string> metadata;
-};
-
-std::string Quote(const std::string& text) {
-  static const char* kHex = "0123456789abcdef";
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') {
-      out += '\\', out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20) {
-      out += "\\u00", out += kHex[(c >> 4) & 15], out += kHex[c & 15];
-    } else {
-      out += c;
-    }
-  }
-  return out + "\"";
-}
-
-/// The part of JSON that the header may use: objects of objects, strings, arrays of unsigned integers. No recursion.
-class HeaderParser {
- public:
-  HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}
-
-  Header Parse() {
-    Header header;
-    ForEachMember("header", [&](const std::string& key) {
-      if (key == "__metadata__") {
-        ParseMetadata(&header.metadata);
-      } else if (!header.entries.emplace(key, ParseEntry(key)).second) {
-        Fail("tensor '" + key + "' appears twice");
-      }
-    });
-    while (at_ < text_.size()) {
-      if (text_[at_++] != ' ') Fail("unexpected text after the header");
-    }
-    return header;
-  }
-
- private:
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw FormatError(path_, "header byte " + std::to_string(at_), what);
-  }
-
-  void SkipSpace() {
-    while (at_ < text_.size() && std::strchr(" \t\r\n", text_[at_]) && text_[at_] != '\0') ++at_;
-  }
-  bool Accept(char c) {
-    SkipSpace();
-    if (at_ >= text_.size() || text_[at_] != c) return false;
-    ++at_;
-    return true;
-  }
-  void Expect(char c) {
-    if (!Accept(c)) Fail(std::string("expected '") + c + "'");
-  }
-
-  template <class Function>
-  void ForEachMember(const std::string& what, Function member) {
-    Expect('{');
-    if (Accept('}')) return;
-    do {
-      SkipSpace();
-      const std::string key = ParseString(what);
-      Expect(':');
-      member(key);
-    } while (Accept(','));
-    Expect('}');
-  }
-
-  void ParseMetadata(std::map<std::string, std::string>* metadata) {
-    if (!metadata->empty()) Fail("__metadata__ appears twice");
-    ForEachMember("__metadata__", [&](const std::string& key) {
-      SkipSpace();
-      if (!metadata->emplace(key, ParseString(key)).second) Fail("metadata '" + key + "' appears twice");
-    });
-  }
-
-  Entry ParseEntry(const std::string& name) {
-    Entry entry;
-    int seen = 0;
-    ForEachMember(name, [&](const std::string& key) {
-      SkipSpace();
-      if (key == "dtype" && !(seen & 1)) {
-        entry.type = ParseString(key), seen |= 1;
-      } else if (key == "shape" && !(seen & 2)) {
-        for (const uint64_t size : ParseIntegers()) entry.shape.push_back(static_cast<int64_t>(size));
-        seen |= 2;
-      } else if (key == "data_offsets" && !(seen & 4)) {
-        const std::vector<uint64_t> range = ParseIntegers();
-        if (range.size() != 2) Fail("data_offsets of '" + name + "' must be two numbers");
-        entry.begin = range[0], entry.end = range[1], seen |= 4;
-      } else {
-        Fail("unexpected or repeated '" + key + "' in tensor '" + name + "'");
-      }
-    });
-    if (seen != 7) Fail("tensor '" + name + "' lacks dtype, shape or data_offsets");
-    return entry;
-  }
-
-  std::vector<uint64_t> ParseIntegers() {
-    std::vector<uint64_t> values;
-    Expect('[');
-    if (Accept(']')) return values;
-    do {
-      values.push_back(ParseInteger());
-    } while (Accept(','));
-    Expect(']');
-    return values;
-  }
-
-  uint64_t ParseInteger() {
-    SkipSpace();
-    uint64_t value = 0;
-    const size_t first = at_;
-    for (; at_ < text_.size() && text_[at_] >= '0' && text_[at_] <= '9'; ++at_) {
-      value = value * 10 + static_cast<uint64_t>(text_[at_] - '0');
-      if (value > static_cast<uint64_t>(std::numeric_limits<int64_t>::max()) / 16) Fail("number too large");
-    }
-    if (at_ == first || (text_[first] == '0' && at_ - first > 1)) Fail("expected a number");
-    return value;
-  }
-
-  std::string ParseString(const std::string& what) {
-    if (at_ >= text_.size() || text_[at_] != '"') Fail("expected a string in " + what);
-    std::string out;
-    for (++at_; at_ < text_.size() && text_[at_] != '"'; ++at_) {
-      const auto c = static_cast<unsigned char>(text_[at_]);
-      if (c < 0x20) Fail("control character in a string");
-      if (c == '\\') {
-        ParseEscape(&out);
-      } else {
-        out += text_[at_];
-      }
-    }
-    if (at_ >= text_.size()) Fail("string without an end");
-    ++at_;
-    return out;
-  }
-
-  void ParseEscape(std::string* out) {
-    static const std::string kFrom = "\"\\/bfnrt", kTo = "\"\\/\b\f\n\r\t";
-    if (++at_ >= text_.size()) Fail("string without an end");
-    if (const size_t i = kFrom.find(text_[at_]); i != std::string::npos) {
-      *out += kTo[i];
-      return;
-    }
-    if (text_[at_] != 'u' || at_ + 4 >= text_.size()) Fail("unknown escape in a string");
-    unsigned code = 0;
-    for (int i = 0; i < 4; ++i) {
-      const char c = text_[++at_];
-      const bool digit = c >= '0' && c <= '9', letter = (c | 32) >= 'a' && (c | 32) <= 'f';
-      if (!digit && !letter) Fail("bad \\u escape");
-      code = code * 16 + static_cast<unsigned>(digit ? c - '0' : (c | 32) - 'a' + 10);
-    }
-    if (code >= 0xd800 && code < 0xe000) Fail("surrogates are not supported");
-    if (code < 0x80) {
-      *out += static_cast<char>(code);
-    } else if (code < 0x800) {
-      *out += static_cast<char>(0xc0 | (code >> 6)), *out += static_cast<char>(0x80 | (code & 63));
-    } else {
-      *out += static_cast<char>(0xe0 | (code >> 12)), *out += static_cast<char>(0x80 | ((code >> 6) & 63));
-      *out += static_cast<char>(0x80 | (code & 63));
-    }
-  }
-
-  std::string_view text_;
-  const std::string& path_;
-  size_t at_ = 0;
-};
-
-/// Digest of everything but the tensors' bytes.
-std::string DigestOfHeader(const Header& header) {
-  Sha256 sha;
-  const auto add = [&sha](const std::string& text) {
-    const uint64_t size = text.size();
-    sha.Update(&size, sizeof(size));
-    sha.Update(text.data(), text.size());
-  };
-  for (const auto& [name, entry] : header.entries) {
-    add(name), add(entry.type);
-    for (const int64_t size : entry.shape) add(std::to_string(size));
-    add(std::to_string(entry.begin)), add(std::to_string(entry.end));
-  }
-  add("metadata");
-  for (const auto& [key, value] : header.metadata) add(key), add(value);
-  return sha.HexDigest();
-}
-
-std::string HeaderText(const Header& header) {
-  std::string text = "{\"__metadata__\":{";
-  bool first = true;
-  for (const auto& [key, value] : header.metadata) {
-    text += (first ? "" : ",") + Quote(key) + ":" + Quote(value);
-    first = false;
-  }
-  text += "}";
-  for (const auto& [name, entry] : header.entries) {
-    text += "," + Quote(name) + ":{\"dtype\":\"" + entry.type + "\",\"shape\":[";
-    for (size_t i = 0; i < entry.shape.size(); ++i) text += (i ? "," : "") + std::to_string(entry.shape[i]);
-    text += "],\"data_offsets\":[" + std::to_string(entry.begin) + "," + std::to_string(entry.end) + "]}";
-  }
-  text += "}";
-  while (text.size() % 8) text += ' ';
-  return text;
-}
-
-/// Bytes the shape needs; nothing on overflow.
-std::optional<uint64_t> BytesOf(const Entry& entry, uint64_t element_size) {
-  uint64_t bytes = element_size;
-  for (const int64_t size : entry.shape) {
-    if (__builtin_mul_overflow(bytes, static_cast<uint64_t>(size), &bytes)) return std::nullopt;
-  }
-  return bytes;
-}
-
-std::string SplitOffDigests(const Header& header, std::map<std::string, std::string>* digests) {
-  std::string header_digest;
-  const std::string prefix = kDigestPrefix;
-  for (const auto& [key, value] : header.metadata) {
-    if (key == prefix) {
-      header_digest = value;
-    } else if (key.compare(0, prefix.size(), prefix) == 0) {
-      (*digests)[key.substr(prefix.size())] = value;
-    }
-  }
-  return header_digest;
-}
-
-void CheckHeaderDigest(Header header, std::string_view text, const std::string& digest, bool required,
-                       const std::string& path) {
-  if (digest.empty() && !required) return;
-  if (digest.empty()) throw FormatError(path, "__metadata__", "has no digests: damaged, or not written by mvstudio");
-  if (HeaderText(header) != text) throw FormatError(path, "", "the header is not as it was written: damaged file");
-  header.metadata.erase(kDigestPrefix);
-  if (DigestOfHeader(header) != digest)
-    throw FormatError(path, "__metadata__", "the header does not match its digest: damaged file");
-}
-
-/// Data ranges sorted by position must follow each other without gaps and end where the file ends.
-void CheckRanges(const Header& header, uint64_t data_size, const std::string& path) {
-  std::vector<std::pair<std::pair<uint64_t, uint64_t>, std::string>> ranges;
-  for (const auto& [name, entry] : header.entries) ranges.push_back({{entry.begin, entry.end}, name});
-  std::sort(ranges.begin(), ranges.end());
-  uint64_t expected = 0;
-  for (const auto& [range, name] : ranges) {
-    if (range.first != expected || range.second < range.first || range.second > data_size) {
-      throw FormatError(path, name,
-                        "data range [" + std::to_string(range.first) + ", " + std::to_string(range.second) +
-                            ") leaves a gap, overlaps or ends beyond the file (" + std::to_string(data_size) +
-                            " bytes of data): truncated or damaged file");
-    }
-    expected = range.second;
-  }
-  if (expected != data_size) throw FormatError(path, "", "the tensors end before the file does: damaged file");
-}
-
-at::Tensor ReadTensor(const std::string& name, const Entry& entry, const char* data, const std::string& path) {
+at::Tensor ReadTensor(const TensorEntry& entry, const char* data) {
   const auto* type =
       std::find_if(std::begin(kTypes), std::end(kTypes), [&](const TypeName& t) { return t.name == entry.type; });
-  if (type == std::end(kTypes)) throw FormatError(path, name, "unknown type '" + entry.type + "'");
-  const std::optional<uint64_t> bytes = BytesOf(entry, at::elementSize(type->type));
-  if (!bytes || *bytes != entry.end - entry.begin) throw FormatError(path, name, "its shape does not fit its data range");
   at::Tensor tensor = at::empty(entry.shape, at::TensorOptions().dtype(type->type));
-  if (*bytes > 0) std::memcpy(tensor.data_ptr(), data + entry.begin, *bytes);
+  if (entry.end > entry.begin) std::memcpy(tensor.data_ptr(), data + entry.begin, entry.end - entry.begin);
   return tensor;
 }
 
 }  // namespace
 
 void WriteTensorFile(const TensorFile& file, const std::string& path) {
-  Header header;
+  TensorHeader header;
   header.metadata = file.metadata;
   std::vector<std::pair<int64_t, std::string>> order;
   std::map<std::string, at::Tensor> tensors;
@@ -327,15 +59,15 @@ void WriteTensorFile(const TensorFile& file, const std::string& path) {
   uint64_t end = 0;
   for (const auto& item : order) {
     const at::Tensor& tensor = tensors[item.second];
-    Entry& entry = header.entries[item.second];
+    TensorEntry& entry = header.entries[item.second];
     entry.type = NameOfType(tensor.scalar_type(), item.second);
     entry.shape = tensor.sizes().vec();
     entry.begin = end, entry.end = end += tensor.nbytes();
-    header.metadata[kDigestPrefix + item.second] = Sha256Hex(tensor.data_ptr(), tensor.nbytes());
+    header.metadata[std::string(kDigestPrefix) + item.second] = Sha256Hex(tensor.data_ptr(), tensor.nbytes());
   }
-  header.metadata[kDigestPrefix] = DigestOfHeader(header);
-  const std::string text = HeaderText(header);
-  MVS_CHECK(text.size() <= kMaxHeaderBytes, "the header would need " << text.size() << " bytes");
+  header.metadata[kDigestPrefix] = internal::DigestOfHeader(header);
+  const std::string text = internal::HeaderText(header);
+  MVS_CHECK(text.size() <= internal::kMaxHeaderBytes, "the header would need " << text.size() << " bytes");
   std::string content(8, '\0');
   for (int i = 0; i < 8; ++i) content[i] = static_cast<char>((text.size() >> (8 * i)) & 0xff);
   content += text;
@@ -347,30 +79,18 @@ void WriteTensorFile(const TensorFile& file, const std::string& path) {
 
 TensorFile ReadTensorFile(const std::string& path, bool require_digests) {
   const std::string content = ReadFile(path);
-  if (content.size() < 8) throw FormatError(path, "", "too short for a safetensors file");
-  uint64_t header_size = 0;
-  for (int i = 0; i < 8; ++i) header_size |= static_cast<uint64_t>(static_cast<unsigned char>(content[i])) << (8 * i);
-  if (header_size > kMaxHeaderBytes || header_size > content.size() - 8) {
-    throw FormatError(path, "",
-                      "claims a header of " + std::to_string(header_size) + " bytes: not a safetensors file, or truncated");
-  }
-  const std::string_view header_text = std::string_view(content).substr(8, header_size);
-  Header header = HeaderParser(header_text, path).Parse();
-  CheckRanges(header, content.size() - 8 - header_size, path);
-  std::map<std::string, std::string> digests;
-  const std::string header_digest = SplitOffDigests(header, &digests);
-  CheckHeaderDigest(header, header_text, header_digest, require_digests, path);
+  const internal::TensorLayout layout = internal::ParseTensorLayout(content, require_digests, path);
+  const char* data = content.data() + layout.data_at;
   TensorFile file;
-  const char* data = content.data() + 8 + header_size;
-  for (const auto& [name, entry] : header.entries) {
-    file.tensors[name] = ReadTensor(name, entry, data, path);
-    const auto digest = digests.find(name);
-    if (digest == digests.end() && !require_digests) continue;
-    if (digest == digests.end() || Sha256Hex(data + entry.begin, entry.end - entry.begin) != digest->second) {
+  for (const auto& [name, entry] : layout.header.entries) {
+    const auto digest = layout.digests.find(name);
+    const bool unchecked = digest == layout.digests.end();
+    if (unchecked ? require_digests : Sha256Hex(data + entry.begin, entry.end - entry.begin) != digest->second) {
       throw FormatError(path, name, "its data does not match its digest: damaged file");
     }
+    file.tensors[name] = ReadTensor(entry, data);
   }
-  for (const auto& [key, value] : header.metadata) {
+  for (const auto& [key, value] : layout.header.metadata) {
     if (key.compare(0, std::strlen(kDigestPrefix), kDigestPrefix) != 0) file.metadata[key] = value;
   }
   return file;

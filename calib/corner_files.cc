@@ -10,11 +10,15 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/utf8.h"
 
 namespace mvstudio::calib {
 namespace internal {
 
 int DetectionBuilder::Camera(const std::string& name) {
+  if (name.empty() || !IsUtf8(name)) {
+    throw FormatError(path_, "", "the camera name '" + Printable(name) + "' is empty or not UTF-8");
+  }
   const auto [entry, is_new] = camera_idx_.insert({name, static_cast<int>(cameras_.size())});
   if (is_new) cameras_.push_back(name);
   return entry->second;

@@ -6,6 +6,8 @@
 #include "calib/corner_files_internal.h"
 #include "calib/csv_table.h"
 #include "core/error.h"
+#include "core/files.h"
+#include "core/toml_depth.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -111,8 +113,12 @@ std::map<int64_t, std::pair<int, int>> FindSizes(const std::string& path, std::s
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(file, ignored)) continue;
     toml::table root;
+    const std::string text = ReadFile(file);
+    if (TomlKeyParts(text) > kMaxTomlKeyParts) {
+      throw FormatError(file, "", "a key has more than " + std::to_string(kMaxTomlKeyParts) + " parts");
+    }
     try {
-      root = toml::parse_file(file);
+      root = toml::parse(text);
     } catch (const toml::parse_error& error) {
       throw FormatError(file, "line " + std::to_string(error.source().begin.line), std::string(error.description()));
     }

@@ -107,7 +107,9 @@ class Header {
     Eigen::Matrix3Xd& points = file->boards[index].points;
     points.conservativeResize(3, corner + 1);
     const internal::Place place{path_, place_};
-    points.col(corner) << internal::ParseNumber(x, place), internal::ParseNumber(y, place), internal::ParseNumber(z, place);
+    points(0, corner) = internal::ParseNumber(x, place);
+    points(1, corner) = internal::ParseNumber(y, place);
+    points(2, corner) = internal::ParseNumber(z, place);
   }
 
   std::string path_, place_;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 #include <sstream>
+#include <tuple>
 
 #include "calib/corner_files_internal.h"
 #include "core/error.h"
@@ -135,6 +136,8 @@ struct VnlTable {
   bool is_weight = false;
   size_t num_columns = 0;
   std::vector<VnlImage> images;
+
+  auto Columns() const { return std::tie(x, y, extra, is_weight, num_columns); }
 };
 
 std::vector<std::string> Words(const std::string& line) {
@@ -144,17 +147,23 @@ std::vector<std::string> Words(const std::string& line) {
   return words;
 }
 
-/// Columns from the legend `# filename x y level`.
-void ReadLegend(const std::vector<std::string>& words, VnlTable* table) {
+/// Columns from the legend `# filename x y level`. Files put together have several: they must agree.
+void ReadLegend(const std::vector<std::string>& words, const Place& place, VnlTable* table) {
   const auto position = [&](const char* name) {
     const auto found = std::find(words.begin(), words.end(), name);
     return found == words.end() ? -1 : static_cast<int>(found - words.begin());
   };
   if (position("filename") != 0 || position("x") < 0 || position("y") < 0) return;
-  table->x = position("x"), table->y = position("y");
-  table->is_weight = position("weight") > 0;
-  table->extra = table->is_weight ? position("weight") : position("level");
-  table->num_columns = words.size();
+  VnlTable legend;
+  legend.x = position("x"), legend.y = position("y");
+  legend.is_weight = position("weight") > 0;
+  legend.extra = legend.is_weight ? position("weight") : position("level");
+  legend.num_columns = words.size();
+  if (!table->images.empty() && legend.Columns() != table->Columns()) {
+    throw FormatError(place.path, place.where, "this legend contradicts the rows above it");
+  }
+  std::swap(legend.images, table->images);
+  *table = std::move(legend);
 }
 
 VnlTable ReadTable(const std::string& path) {
@@ -165,7 +174,7 @@ VnlTable ReadTable(const std::string& path) {
   for (int number = 1; std::getline(lines, line); ++number) {
     const size_t comment = line.find('#');
     if (comment != std::string::npos && line.find_first_not_of(" \t") == comment) {
-      ReadLegend(Words(line.substr(comment + 1)), &table);
+      ReadLegend(Words(line.substr(comment + 1)), {path, "line " + std::to_string(number)}, &table);
       continue;
     }
     std::vector<std::string> cells = Words(line);

@@ -21,7 +21,7 @@ struct Value {
 };
 
 /// One value in the syntax of JSON or of Python's literals (dict, list, tuple, numbers, strings, None, True, False, comments).
-/// Finite numbers only; at most 16 levels deep; a key may stand once. Throws FormatError with the line.
+/// Finite numbers only; at most 16 levels deep and kMaxKeys keys a table; a key may stand once. Throws FormatError with the line.
 Value ParseLiteral(const std::string& path, const std::string& text);
 
 /// The part of YAML that calibration files use: block mappings, block sequences, flow sequences and mappings in one line, plain
@@ -30,6 +30,9 @@ Value ParseYaml(const std::string& path, const std::string& text);
 
 /// A YAML flow sequence, flow mapping or quoted or plain scalar; `line` for messages.
 Value ParseFlow(const std::string& path, const std::string& text, int line);
+
+/// Keys that a table may have: looking them up takes time that grows with their number.
+inline constexpr size_t kMaxKeys = 4096;
 
 /// False when the key is in the table already.
 bool AddEntry(const std::string& key, Value value, Value* table);

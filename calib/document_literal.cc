@@ -3,6 +3,7 @@
 
 #include "calib/document_internal.h"
 #include "core/error.h"
+#include "core/utf8.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -13,7 +14,7 @@ constexpr int kMaxDepth = 16;
 class LiteralScanner {
  public:
   LiteralScanner(const std::string& path, std::string_view text, bool bare_words, int first_line)
-      : path_(path), text_(text), bare_words_(bare_words), first_line_(first_line) {}
+      : path_(path), text_(text), bare_words_(bare_words), first_line_(first_line), line_(first_line) {}
 
   Value Whole() {
     Value value = Read(0);
@@ -26,6 +27,13 @@ class LiteralScanner {
   [[noreturn]] void Fail(const std::string& what) const {
     const auto end = text_.begin() + static_cast<std::ptrdiff_t>(std::min(position_, text_.size()));
     throw FormatError(path_, "line " + std::to_string(first_line_ + std::count(text_.begin(), end, '\n')), what);
+  }
+  /// Line of position_; counts on from the last call, so that a file of many numbers is not counted again for each.
+  long Line() {
+    const auto begin = text_.begin();
+    line_ += std::count(begin + static_cast<std::ptrdiff_t>(counted_), begin + static_cast<std::ptrdiff_t>(position_), '\n');
+    counted_ = position_;
+    return line_;
   }
   char Peek() const { return position_ < text_.size() ? text_[position_] : '\0'; }
 
@@ -64,6 +72,7 @@ class LiteralScanner {
     table.kind = Value::Kind::kTable;
     ++position_;
     while (!Accept('}')) {
+      if (table.entries.size() >= kMaxKeys) Fail("more than " + std::to_string(kMaxKeys) + " keys in one table");
       const Value key = Read(depth + 1);
       if (key.kind != Value::Kind::kText) Fail("a quoted key was expected");
       if (!Accept(':')) Fail("':' was expected after the key '" + Printable(key.text) + "'; is the file truncated?");
@@ -107,6 +116,7 @@ class LiteralScanner {
       AppendString(raw, &value.text);
       SkipSpace();
     } while (!bare_words_ && IsStringStart());
+    if (!IsUtf8(value.text)) Fail("the text '" + Printable(value.text) + "' is not UTF-8");
     return value;
   }
 
@@ -177,21 +187,17 @@ class LiteralScanner {
       return value;
     }
     position_ = start;
-    value.number = NumberAt(word);
+    value.number = ParseNumber(word, {path_, "line " + std::to_string(Line())});
     position_ = start + word.size();
     value.kind = Value::Kind::kNumber;
     return value;
-  }
-  double NumberAt(std::string_view word) const {
-    const auto end = text_.begin() + static_cast<std::ptrdiff_t>(position_);
-    return ParseNumber(word, {path_, "line " + std::to_string(first_line_ + std::count(text_.begin(), end, '\n'))});
   }
 
   const std::string& path_;
   std::string_view text_;
   bool bare_words_;
-  long first_line_;
-  size_t position_ = 0;
+  long first_line_, line_;
+  size_t position_ = 0, counted_ = 0;
 };
 
 }  // namespace

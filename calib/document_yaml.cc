@@ -94,6 +94,7 @@ class YamlParser {
   }
 
   void ReadEntry(size_t indent, int depth, Value* table) {
+    if (table->entries.size() >= kMaxKeys) Fail("more than " + std::to_string(kMaxKeys) + " keys in one table");
     const YamlLine line = lines_[next_];
     const size_t length = KeyLength(line.text);
     if (length == std::string::npos) Fail("'key: value' was expected; is the file truncated?");

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -115,6 +117,23 @@ ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& 
 /// A COLMAP model, text or binary: the folder, or its cameras file. Every image is a camera, named by the image without its
 /// extension. https://colmap.github.io/format.html
 ImportedRig ReadColmap(const std::string& path, const ReadOptions& options = {});
+
+/// A point of a COLMAP model and the images that see it.
+struct ColmapModelPoint {
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
+  std::array<uint8_t, 3> rgb{};
+  double error_px = 0;  ///< mean reprojection error, as COLMAP keeps it
+  struct Seen {
+    size_t camera_idx = 0;                         ///< into the rig
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();  ///< (0, 0) is the centre of the top-left pixel
+  };
+  std::vector<Seen> track;
+};
+
+/// A COLMAP model with points, binary and text side by side in `folder`; image i shows camera i. Throws UsageError for names
+/// with spaces and for lenses that COLMAP does not have.
+std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
+                                          const std::vector<ColmapModelPoint>& points, const std::string& folder);
 
 /// nerfstudio's transforms.json (instant-ngp's too): every frame is a camera, named by its file.
 ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options = {});

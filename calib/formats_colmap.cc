@@ -5,6 +5,7 @@
 #include "calib/formats.h"
 #include "calib/formats_colmap_internal.h"
 #include "calib/pixel_origin.h"
+#include "core/check.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {
@@ -100,6 +101,23 @@ ColmapCamera FromCamera(const geometry::Camera& camera) {
   return file;
 }
 
+/// A camera and an image each.
+ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& images) {
+  ColmapFiles model;
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const geometry::RigCamera& camera = rig.cameras[i];
+    if (images[i].find_first_of(" \t\n\r") != std::string::npos) {
+      throw UsageError("the camera name '" + Printable(camera.camera.name) +
+                       "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
+    }
+    const uint32_t id = static_cast<uint32_t>(i + 1);
+    model.cameras[id] = FromCamera(camera.camera);
+    if (!model.cameras[id].model) throw UsageError("COLMAP has no lens like that of camera " + Printable(camera.camera.name));
+    model.images.push_back({camera.cam_from_world.rotation, camera.cam_from_world.translation, id, images[i], {}});
+  }
+  return model;
+}
+
 bool IsPicture(const std::string& extension) {
   const char* const known[] = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".PNG", ".JPG", ".JPEG"};
   return std::any_of(std::begin(known), std::end(known), [&](const char* name) { return extension == name; });
@@ -131,21 +149,33 @@ Eigen::Quaterniond ColmapRotation(double w, double x, double y, double z, const 
 bool ColmapCanCarry(const geometry::Camera& camera) { return FromCamera(camera).model != nullptr; }
 
 Files WriteColmap(const geometry::Rig& rig, const std::string& path, bool text) {
-  ColmapFiles model;
-  for (const geometry::RigCamera& camera : rig.cameras) {
-    const std::string& name = camera.camera.name;
-    if (name.find_first_of(" \t\n\r") != std::string::npos) {
-      throw UsageError("the camera name '" + Printable(name) +
-                       "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
-    }
-    const uint32_t id = static_cast<uint32_t>(model.images.size() + 1);
-    model.cameras[id] = FromCamera(camera.camera);
-    model.images.push_back({camera.cam_from_world.rotation, camera.cam_from_world.translation, id, name + ".png", {}});
-  }
+  std::vector<std::string> images;
+  for (const geometry::RigCamera& camera : rig.cameras) images.push_back(camera.camera.name + ".png");
+  const ColmapFiles model = ModelOf(rig, images);
   return text ? WriteColmapText(model, path) : WriteColmapBinary(model, path);
 }
 
 }  // namespace internal
+
+std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
+                                          const std::vector<ColmapModelPoint>& points, const std::string& folder) {
+  MVS_CHECK(images.size() == rig.cameras.size(), images.size() << " images of " << rig.cameras.size() << " cameras");
+  const Eigen::Vector2d shift = Eigen::Vector2d::Constant(kCornerOriginShiftPx);
+  internal::ColmapFiles model = internal::ModelOf(rig, images);
+  for (const ColmapModelPoint& point : points) {
+    const uint64_t id = model.points.size() + 1;
+    internal::ColmapPoint out{point.x_in_world, point.rgb, point.error_px, {}};
+    for (const ColmapModelPoint::Seen& seen : point.track) {
+      std::vector<internal::ColmapImage::Feature>& features = model.images.at(seen.camera_idx).features;
+      out.track.emplace_back(static_cast<uint32_t>(seen.camera_idx + 1), static_cast<uint32_t>(features.size()));
+      features.push_back({seen.px + shift, id});
+    }
+    model.points.push_back(std::move(out));
+  }
+  std::vector<std::string> files = internal::WriteColmapBinary(model, folder);
+  for (const std::string& file : internal::WriteColmapText(model, folder)) files.push_back(file);
+  return files;
+}
 
 ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
   namespace fs = std::filesystem;

@@ -170,6 +170,39 @@ std::vector<double> PoseNumbers(const ColmapImage& image) {
   return {q.w(), q.x(), q.y(), q.z(), image.translation.x(), image.translation.y(), image.translation.z()};
 }
 
+std::string PointsText(const ColmapFiles& model) {
+  std::string text =
+      "# 3D point list with one line of data per point:\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, "
+      "POINT2D_IDX)\n# Number of points: " +
+      std::to_string(model.points.size()) + "\n";
+  for (size_t i = 0; i < model.points.size(); ++i) {
+    const ColmapPoint& point = model.points[i];
+    text += std::to_string(i + 1);
+    for (int k = 0; k < 3; ++k) text += " " + NumberText(point.x_in_world[k]);
+    for (const uint8_t channel : point.rgb) text += " " + std::to_string(channel);
+    text += " " + NumberText(point.error_px);
+    for (const auto& [image, feature] : point.track) text += " " + std::to_string(image) + " " + std::to_string(feature);
+    text += "\n";
+  }
+  return text;
+}
+
+void AppendPoints(const ColmapFiles& model, std::string* bytes) {
+  Append<uint64_t>(model.points.size(), bytes);
+  for (size_t i = 0; i < model.points.size(); ++i) {
+    const ColmapPoint& point = model.points[i];
+    Append<uint64_t>(i + 1, bytes);
+    for (int k = 0; k < 3; ++k) Append<double>(point.x_in_world[k], bytes);
+    for (const uint8_t channel : point.rgb) Append<uint8_t>(channel, bytes);
+    Append<double>(point.error_px, bytes);
+    Append<uint64_t>(point.track.size(), bytes);
+    for (const auto& [image, feature] : point.track) {
+      Append<uint32_t>(image, bytes);
+      Append<uint32_t>(feature, bytes);
+    }
+  }
+}
+
 }  // namespace
 
 ColmapFiles ReadColmapText(const std::string& folder) {
@@ -202,15 +235,21 @@ Files WriteColmapText(const ColmapFiles& model, const std::string& folder) {
       "# Image list with two lines of data per image:\n"
       "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n"
       "# Number of images: " +
-      count + ", mean observations per image: 0\n";
+      count + "\n";
   for (const ColmapImage& image : model.images) {
     images += std::to_string(image.camera_id);
     for (const double value : PoseNumbers(image)) images += " " + NumberText(value);
-    images += " " + std::to_string(image.camera_id) + " " + image.name + "\n\n";
+    images += " " + std::to_string(image.camera_id) + " " + image.name + "\n";
+    std::string features;
+    for (const ColmapImage::Feature& feature : image.features) {
+      features += (features.empty() ? "" : " ") + NumberText(feature.px_from_corner.x()) + " " +
+                  NumberText(feature.px_from_corner.y()) + " " + std::to_string(feature.point_id);
+    }
+    images += features + "\n";
   }
   WriteFileAtomic(folder + "/cameras.txt", cameras);
   WriteFileAtomic(folder + "/images.txt", images);
-  WriteFileAtomic(folder + "/points3D.txt", "# 3D point list, empty\n");
+  WriteFileAtomic(folder + "/points3D.txt", PointsText(model));
   return {folder + "/cameras.txt", folder + "/images.txt", folder + "/points3D.txt"};
 }
 
@@ -230,9 +269,14 @@ Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder) {
     for (const double value : PoseNumbers(image)) Append<double>(value, &images);
     Append<uint32_t>(image.camera_id, &images);
     images += image.name + '\0';
-    Append<uint64_t>(0, &images);
+    Append<uint64_t>(image.features.size(), &images);
+    for (const ColmapImage::Feature& feature : image.features) {
+      Append<double>(feature.px_from_corner.x(), &images);
+      Append<double>(feature.px_from_corner.y(), &images);
+      Append<uint64_t>(feature.point_id, &images);
+    }
   }
-  Append<uint64_t>(0, &points);
+  AppendPoints(model, &points);
   WriteFileAtomic(folder + "/cameras.bin", cameras);
   WriteFileAtomic(folder + "/images.bin", images);
   WriteFileAtomic(folder + "/points3D.bin", points);

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/formats_internal.h"
@@ -34,16 +36,29 @@ struct ColmapImage {
   uint32_t camera_id = 0;
   std::string name;
   Place place;
+  struct Feature {
+    Eigen::Vector2d px_from_corner;
+    uint64_t point_id;
+  };
+  std::vector<Feature> features = {};  ///< written only
+};
+
+struct ColmapPoint {
+  Eigen::Vector3d x_in_world;
+  std::array<uint8_t, 3> rgb;
+  double error_px;
+  std::vector<std::pair<uint32_t, uint32_t>> track;  ///< image id, index into its features
 };
 
 struct ColmapFiles {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
+  std::vector<ColmapPoint> points = {};  ///< written only; ids from 1
 };
 
 ColmapFiles ReadColmapText(const std::string& folder);
 ColmapFiles ReadColmapBinary(const std::string& folder);
-/// cameras, images and an empty points3D; return the files.
+/// cameras, images and points3D; return the files.
 Files WriteColmapText(const ColmapFiles& model, const std::string& folder);
 Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder);
 

@@ -61,7 +61,7 @@ std::string ListText(const Eigen::VectorXd& vector);
 /// `"text"` with backslashes for JSON, TOML and YAML. Throws UsageError for control characters.
 std::string Quoted(const std::string& text);
 
-/// Adds a camera; throws FormatError when its name is empty or there already.
+/// Adds a camera; throws FormatError when its name is empty, not UTF-8, or there already.
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
 
 /// `name` when it can be a file's name, else UsageError.

@@ -227,7 +227,6 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
     const Place place{path, "camera[" + std::to_string(i) + "]"};
     const std::string name = Attribute(elements[i], "serial"), turned = Attribute(elements[i], "viewrotation");
     if (name.empty()) throw FormatError(path, place.where, "attribute 'serial' is missing");
-    if (imported.rig.Find(name) >= 0) throw FormatError(path, place.where, "the serial '" + name + "' is used twice");
     if (!turned.empty() && internal::ParseNumber(turned, place) != 0) {
       imported.notes.push_back(
           {"CAL-VIEWROTATION",
@@ -237,7 +236,7 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
     geometry::RigCamera camera;
     camera.camera = ReadIntrinsics(elements[i], name, place, options.qca_distortion_divisor);
     camera.cam_from_world = ReadTransform(elements[i], place);
-    imported.rig.cameras.push_back(camera);
+    internal::AddCamera(std::move(camera), place, &imported.rig);
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "there is no <camera> in it");
   const bool any_distorted = std::any_of(imported.rig.cameras.begin(), imported.rig.cameras.end(), [](const auto& camera) {

@@ -7,6 +7,7 @@
 #include "calib/formats_internal.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/toml_depth.h"
 #include "geometry/rigid3.h"
 
 namespace mvstudio::calib {
@@ -63,6 +64,9 @@ struct CameraTable {
 
 toml::table Parse(const std::string& path) {
   const std::string text = ReadFile(path);
+  if (TomlKeyParts(text) > kMaxTomlKeyParts) {
+    throw FormatError(path, "", "a key has more than " + std::to_string(kMaxTomlKeyParts) + " parts");
+  }
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {

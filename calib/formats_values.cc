@@ -4,6 +4,7 @@
 
 #include "calib/formats_internal.h"
 #include "core/error.h"
+#include "core/utf8.h"
 #include "geometry/rigid3.h"
 
 /// Numbers, texts and lenses that several formats share.
@@ -174,6 +175,9 @@ std::string Quoted(const std::string& text) {
 
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig) {
   if (camera.camera.name.empty()) throw FormatError(place.path, place.where, "the camera has no name");
+  if (!IsUtf8(camera.camera.name)) {
+    throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is not UTF-8");
+  }
   if (rig->Find(camera.camera.name) >= 0) {
     throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is used twice");
   }

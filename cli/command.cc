@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/utf8.h"
 
 namespace mvstudio::cli {
 
@@ -21,6 +22,7 @@ std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
     throw UsageError(flag + " " + text + ": expected NAME=PATH, e.g. " + flag + " cam_01=videos/cam01.mp4");
   }
+  if (!IsUtf8(text.substr(0, equals))) throw UsageError(flag + " " + text + ": the name is not UTF-8");
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 

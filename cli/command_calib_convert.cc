@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "dataset/panoptic.h"
+#include "exports/export.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -56,6 +57,40 @@ void RenameForPanoptic(Rig* rig, CommandResult* result) {
                               "choose the names yourself with --rename OLD=NEW"});
 }
 
+/// Formats of whole datasets that hold the cameras by themselves too.
+std::vector<std::string> DatasetFormats() {
+  std::vector<std::string> names;
+  for (const exports::FormatInfo& format : exports::Formats()) {
+    if (format.rig_only) names.push_back(format.name);
+  }
+  return names;
+}
+
+std::vector<std::string> OutputChoices() {
+  std::vector<std::string> choices = CalibrationFormatChoices(false);
+  for (const std::string& name : DatasetFormats()) choices.push_back(name);
+  return choices;
+}
+
+std::string OutputNames() {
+  std::string names = CalibrationFormatNames();
+  for (const std::string& name : DatasetFormats()) names += ", " + name;
+  return names;
+}
+
+/// Writes a dataset format's cameras; returns the files.
+std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Rig& rig, CommandResult* result) {
+  if (arguments.out_unit != "m") throw UsageError("--out-unit: " + arguments.to + " has a unit of its own");
+  const exports::ExportReport report = exports::WriteRig(rig, arguments.to, arguments.out);
+  std::vector<std::string> files;
+  for (const std::string& file : report.files) files.push_back(arguments.out + "/" + file);
+  for (const exports::ExportNote& note : report.notes) result->warnings.push_back({note.code, note.text, note.hint});
+  for (const exports::ExportedCamera& camera : report.cameras) {
+    if (camera.name != camera.source) result->metrics["renamed"][camera.source] = camera.name;
+  }
+  return files;
+}
+
 /// Writes the rig; returns the files.
 std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat format, Rig* rig, CommandResult* result) {
   calib::WriteOptions options;
@@ -80,12 +115,13 @@ CommandResult Convert(const Arguments& arguments) {
   result.inputs = arguments.in;
   AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
-  const CalibrationFormat format = *calib::CalibrationFormatFromString(arguments.to);
-  for (const std::string& file : Write(arguments, format, &imported.rig, &result)) {
+  const auto format = calib::CalibrationFormatFromString(arguments.to);
+  for (const std::string& file :
+       format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
     result.outputs.push_back({file, "calibration"});
   }
   AddCameraMetrics(imported.rig, &result);
-  result.metrics["format"] = std::string(ToString(format));
+  result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
   const bool is_folder = std::filesystem::is_directory(arguments.out);
   result.folder = is_folder ? arguments.out : std::filesystem::absolute(arguments.out).parent_path().string();
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";
@@ -98,12 +134,13 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand("convert", "Read a calibration of any known program and write it for another");
   sub->add_option("IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
-  sub->add_option("--to", arguments->to, "format of the output: " + CalibrationFormatNames())
+  sub->add_option("--to", arguments->to, "format of the output: " + OutputNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(CalibrationFormatChoices(false)).description(""));
+      ->check(CLI::IsMember(OutputChoices()).description(""));
   sub->add_option("--out", arguments->out,
-                  "file to write; a folder for colmap and easymocap, and for opencv and mrcal with several cameras")
+                  "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
+                  "several cameras")
       ->required();
   sub->add_option("--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
       ->capture_default_str()

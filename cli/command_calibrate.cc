@@ -11,6 +11,7 @@
 #include "cli/command_calib_scene.h"
 #include "cli/commands.h"
 #include "cli/corner_input.h"
+#include "cli/session_input.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "geometry/rig_io.h"
@@ -19,6 +20,7 @@ namespace mvstudio::cli {
 namespace {
 
 struct Arguments {
+  SessionArguments session;
   CornerArguments corners;
   std::string save_corners, start, out;
   calib::CalibrateOptions calibrate;
@@ -53,10 +55,13 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   return result;
 }
 
-CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) {
+CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
+  if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
+  if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   if (UsesScene(arguments.scene))
     return RunScene(arguments.scene, arguments.start, arguments.corners.boards, arguments.out, context);
   CommandResult result;
+  FillCorners(arguments.session, &arguments.corners, &result);
   const auto start = std::chrono::steady_clock::now();
   CornerInput corners = ReadCornerInput(arguments.corners, context, &result);
   RequireSizes(corners, arguments.corners.corners);
@@ -89,8 +94,9 @@ CommandResult RunCalibrate(const Arguments& arguments, CommandContext& context) 
 
 void AddArguments(CLI::App* sub, const std::shared_ptr<Arguments>& arguments) {
   AddCornerArguments(sub, arguments->corners);
+  AddSessionArguments(sub, arguments->session, "board and footage", "a board");
   sub->add_option("--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
-  sub->add_option("--out", arguments->out, "folder for calibration.json")->required();
+  sub->add_option("--out", arguments->out, "folder for calibration.json; SESSION/calib unless given");
   AddOptions(sub, arguments->calibrate);
 }
 
@@ -115,8 +121,8 @@ void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   AddKeypointArguments(sub, arguments->keypoints);
   registry.Add(sub, "calib refine", [arguments](CommandContext& context) {
     const KeypointArguments& keypoints = arguments->keypoints;
-    if (!keypoints.from_keypoints && !keypoints.pose2d.empty())
-      throw UsageError("--pose2d belongs to --from-keypoints");
+    if (keypoints.from_keypoints && arguments->out.empty()) throw UsageError("--out is required with --from-keypoints");
+    if (!keypoints.from_keypoints && !keypoints.pose2d.empty()) throw UsageError("--pose2d belongs to --from-keypoints");
     return keypoints.from_keypoints ? RunKeypoints(keypoints, arguments->start, arguments->out, context)
                                     : RunCalibrate(*arguments, context);
   });

@@ -4,10 +4,10 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/dataset_check.h"
+#include "cli/take_input.h"
 #include "core/error.h"
 #include "dataset/build.h"
-#include "dataset/panoptic.h"
-#include "dataset/verify.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -15,35 +15,26 @@ namespace {
 using nlohmann::ordered_json;
 
 struct BuildArguments {
+  TakeArguments take;
   std::string calib, pose3d, out;
-  std::vector<std::string> video, images, plate;
+  bool sequence_given = false, rate_given = false;
   dataset::BuildOptions options;
 };
 
-struct VerifyArguments {
-  std::string folder, keep;
-  dataset::VerifyOptions options;
-};
-
-dataset::BuildInputs ToInputs(const BuildArguments& arguments) {
+/// Inputs; what a session says takes the place of flags that were not given.
+dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) {
+  TakeInput take = ReadTakeInput(arguments->take, result);
+  if (take.footage.empty()) throw UsageError("no footage: give --video or --images once a camera, or --session");
   dataset::BuildInputs inputs;
-  inputs.calibration = arguments.calib;
-  inputs.pose3d = arguments.pose3d;
-  const auto add = [&inputs](const std::string& flag, const std::vector<std::string>& words) {
-    for (const std::string& word : words) {
-      const auto [camera, path] = SplitNamePath(flag, word);
-      inputs.footage.push_back({camera, path, ""});
-    }
-  };
-  add("--video", arguments.video);
-  add("--images", arguments.images);
-  for (const std::string& word : arguments.plate) {
-    const auto [camera, path] = SplitNamePath("--plate", word);
-    const auto found =
-        std::find_if(inputs.footage.begin(), inputs.footage.end(), [&](const auto& f) { return f.camera == camera; });
-    if (found == inputs.footage.end()) throw UsageError("--plate " + word + ": camera " + camera + " has no footage");
-    found->plate = path;
-  }
+  inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
+  if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
+  inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
+  if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
+  if (arguments->out.empty()) arguments->out = take.Folder("dataset");
+  if (arguments->out.empty()) throw UsageError("--out is needed without --session");
+  if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);
+  if (!arguments->rate_given && take.fps_hz > 0) arguments->options.frame_rate_hz = take.fps_hz;
+  inputs.footage = std::move(take.footage);
   return inputs;
 }
 
@@ -74,12 +65,12 @@ ordered_json CameraMetrics(const dataset::BuildReport& report) {
   return list;
 }
 
-CommandResult RunBuild(const BuildArguments& arguments, CommandContext& context) {
+CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   const auto start = std::chrono::steady_clock::now();
-  const dataset::BuildInputs inputs = ToInputs(arguments);
+  CommandResult result;
+  const dataset::BuildInputs inputs = ToInputs(&arguments, &result);
   const dataset::BuildReport report = dataset::BuildDataset(inputs, arguments.out, arguments.options, context.run);
   const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  CommandResult result;
   result.metrics = {{"cameras", report.cameras.size()}, {"frames", report.frames}, {"images", report.images}};
   if (arguments.options.masks) result.metrics["masks"] = MaskMetrics(report);
   result.metrics["per_camera"] = CameraMetrics(report);
@@ -89,8 +80,13 @@ CommandResult RunBuild(const BuildArguments& arguments, CommandContext& context)
   result.outputs.push_back(
       {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
   result.folder = arguments.out;
-  result.inputs = {arguments.calib, arguments.pose3d};
-  for (const dataset::CameraFootage& f : inputs.footage) result.inputs.push_back(f.path);
+  result.inputs.insert(result.inputs.end(), {inputs.calibration, inputs.pose3d});
+  if (!report.gaps.empty()) result.exit = kExitPartial;
+  if (report.images == 0) {
+    result.exit = kExitBadInput;
+    result.errors.push_back({"DAT-INSTANTS", "no camera has a picture of any instant with joints",
+                             "do the frame numbers in " + inputs.pose3d + " count the take's instants? see session timeline"});
+  }
   char text[160];
   std::snprintf(text, sizeof(text), "%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(),
                 report.cameras.size(), report.frames, report.images, wall_s);
@@ -103,74 +99,20 @@ CommandResult RunBuild(const BuildArguments& arguments, CommandContext& context)
   return result;
 }
 
-CommandResult RunVerify(const VerifyArguments& arguments, CommandContext& context) {
-  const dataset::VerifyReport report = dataset::VerifyDataset(arguments.folder, arguments.options, context.run);
-  CommandResult result;
-  result.inputs = {arguments.folder};
-  result.folder = arguments.keep;
-  result.metrics = {{"num_errors", report.num_errors()}, {"num_warnings", report.num_warnings()}};
-  result.metrics["findings"] = ordered_json::array();
-  for (const dataset::Finding& f : report.findings) {
-    const bool error = f.severity == dataset::Finding::Severity::kError;
-    result.metrics["findings"].push_back(
-        {{"severity", error ? "error" : "warning"}, {"code", f.code}, {"path", f.path}, {"text", f.text}});
-    (error ? result.errors : result.warnings).push_back({f.code, f.path + ": " + f.text, ""});
-    result.text += std::string(error ? "error   " : "warning ") + f.code + " " + f.path + ": " + f.text + "\n";
-  }
-  result.metrics["cameras"] = report.cameras;
-  result.metrics["frames"] = report.frames;
-  result.metrics["pictures"] = report.pictures;
-  result.metrics["masks"] = report.masks;
-  result.text += std::to_string(report.cameras) + " cameras, " + std::to_string(report.frames) +
-                 " frames: " + std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) +
-                 " warnings\n";
-  if (report.num_errors() > 0) result.exit = kExitQualityGate;
-  return result;
-}
-
-CommandResult RunInfo(const std::string& folder) {
-  const dataset::PanopticDataset dataset = dataset::OpenPanopticDataset(folder);
-  CommandResult result;
-  result.inputs = {folder};
-  int people = 0;
-  for (const auto& [frame, poses] : dataset.poses) people = std::max(people, static_cast<int>(poses.size()));
-  result.metrics = {{"sequence", dataset.sequence},        {"cameras", dataset.rig.cameras.size()},
-                    {"frames", dataset.frames.size()},     {"first_frame", dataset.frames.front()},
-                    {"last_frame", dataset.frames.back()}, {"most_people", people}};
-  result.metrics["camera_list"] = ordered_json::array();
-  result.text = "sequence " + dataset.sequence + ", frames " + std::to_string(dataset.frames.front()) + " to " +
-                std::to_string(dataset.frames.back()) + " (" + std::to_string(dataset.frames.size()) + "), " +
-                std::to_string(people) + " people at most\n";
-  for (const auto& c : dataset.rig.cameras) {
-    std::string alias;
-    for (const auto& [from, to] : dataset.aliases) {
-      if (to == c.camera.name) alias = from;
-    }
-    const std::string model(geometry::ToString(c.camera.model));
-    result.metrics["camera_list"].push_back({{"name", c.camera.name},
-                                             {"alias", alias},
-                                             {"width", c.camera.width_px},
-                                             {"height", c.camera.height_px},
-                                             {"model", model}});
-    result.text += "  " + c.camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(c.camera.width_px) +
-                   "x" + std::to_string(c.camera.height_px) + " " + model + "\n";
-  }
-  return result;
-}
-
 void RegisterBuild(CLI::App* dataset, Registry& registry) {
   auto arguments = std::make_shared<BuildArguments>();
   CLI::App* sub =
       dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
-  sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's")->required();
-  sub->add_option("--video", arguments->video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
-  sub->add_option("--images", arguments->images,
-                  "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
-  sub->add_option("--plate", arguments->plate, "CAMERA=FILE: picture of the empty scene");
-  sub->add_option("--pose3d", arguments->pose3d, "folder with points.csv, as triangulate writes it")->required();
-  sub->add_option("--out", arguments->out, "new folder")->required();
+  sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
+  AddTakeArguments(sub, arguments->take);
+  sub->add_option("--pose3d", arguments->pose3d,
+                  "folder with points.csv, as triangulate writes it; the session's pose3d/TAKE unless given");
+  sub->add_option("--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
-  registry.Add(sub, "dataset build", [arguments](CommandContext& context) { return RunBuild(*arguments, context); });
+  registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
+    arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;
+    return RunBuild(*arguments, context);
+  });
 }
 
 }  // namespace
@@ -179,19 +121,11 @@ void RegisterDataset(CLI::App& app, Registry& registry) {
   CLI::App* dataset = app.add_subcommand("dataset", "Build, check and describe datasets in CMU Panoptic layout");
   dataset->require_subcommand(1);
   RegisterBuild(dataset, registry);
-
-  auto arguments = std::make_shared<VerifyArguments>();
-  CLI::App* verify = dataset->add_subcommand("verify", "List everything that is wrong with a dataset folder");
-  verify->add_option("folder", arguments->folder, "dataset folder")->required();
-  verify->add_option("--keep", arguments->keep,
-                     "folder that keeps the findings for the report; the dataset itself is only read");
-  AddOptions(verify, arguments->options);
-  registry.Add(verify, "dataset verify", [arguments](CommandContext& context) { return RunVerify(*arguments, context); });
-
-  auto folder = std::make_shared<std::string>();
-  CLI::App* info = dataset->add_subcommand("info", "Describe a dataset folder");
-  info->add_option("folder", *folder, "dataset folder")->required();
-  registry.Add(info, "dataset info", [folder](CommandContext&) { return RunInfo(*folder); });
+  RegisterDatasetImport(*dataset, registry);
+  RegisterDatasetPack(*dataset, registry);
+  RegisterDatasetSplit(*dataset, registry);
+  RegisterDatasetExport(*dataset, registry);
+  RegisterDatasetCheck(*dataset, registry);
 }
 
 }  // namespace mvstudio::cli

@@ -1,13 +1,20 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
+#include <optional>
 
 #include "cli/commands.h"
 #include "cli/pose_input.h"
+#include "cli/session_input.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/parallel.h"
+#include "dataset/frames.h"
+#include "dataset/motion_sync.h"
 #include "dataset/sync_file.h"
+#include "dataset/timeline_source.h"
 #include "triangulate/sync.h"
 
 namespace mvstudio::cli {
@@ -20,7 +27,8 @@ using triangulate::SyncStatus;
 
 struct Arguments {
   PoseArguments pose;
-  std::string out;
+  SessionArguments session;
+  std::string out, from = "poses";
   double fps = 0;
   bool range_given = false;
   triangulate::SyncOptions options;
@@ -129,12 +137,36 @@ std::string Summary(const SyncResult& sync, double fps) {
   return text;
 }
 
-CommandResult Run(const Arguments& arguments, CommandContext& context) {
+/// What --session and --take say, in place of the flags that were not given.
+std::optional<FoundTake> FillFromSession(Arguments* arguments, CommandResult* result) {
+  std::optional<FoundTake> found = FindTake(arguments->session, result);
+  if (!found) return found;
+  if (arguments->out.empty()) arguments->out = dataset::TakeFolder(found->session, "sync", found->take.name);
+  if (arguments->fps <= 0) arguments->fps = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
+  if (arguments->from == "poses") FillPoses(*found, arguments->session, &arguments->pose);
+  return found;
+}
+
+/// Detectors number the frames that were recorded; dropped ones must count too.
+void CountDropped(const FoundTake& found, const Arguments& arguments, PoseInput* input, CommandResult* result) {
+  if (!RenumberByClock(found, arguments.session, input)) return;
+  input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
+  result->warnings.push_back({"SYN-DROPPED", "cameras dropped or doubled frames: offsets count the instants of their clocks",
+                              "see mvstudio session timeline"});
+}
+
+void Write(const dataset::SyncFile& file, const Arguments& arguments, CommandResult* result) {
+  const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
+  dataset::WriteSync(file, path);
+  result->outputs.push_back({path, "sync"});
+}
+
+CommandResult RunPoses(const Arguments& arguments, const std::optional<FoundTake>& found, CommandContext& context,
+                       CommandResult result) {
   constexpr double kRangeSeconds = 3;
-  if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
-  CommandResult result;
-  result.folder = arguments.out;
-  const PoseInput input = ReadPoseInput(arguments.pose, &result);
+  if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
+  PoseInput input = ReadPoseInput(arguments.pose, &result);
+  if (found) CountDropped(*found, arguments, &input, &result);
   const geometry::Rig filmed = Filmed(input.rig, input.tracks);
   triangulate::SyncOptions options = arguments.options;
   if (arguments.fps > 0 && !arguments.range_given) {
@@ -146,20 +178,106 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
       options, context.run);
   AddMetrics(sync, arguments.fps, &result);
   AddErrors(sync, &result);
-  const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
-  dataset::WriteSync(ToFile(sync, arguments.fps), path);
-  result.outputs.push_back({path, "sync"});
+  Write(ToFile(sync, arguments.fps), arguments, &result);
   result.text = Summary(sync, arguments.fps);
   return result;
+}
+
+/// Metrics, text and exit code of offsets that did not come from poses.
+void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* result) {
+  int num_ok = 0;
+  result->metrics["reference"] = file.reference;
+  result->metrics["cameras"] = ordered_json::array();
+  result->text = "reference " + file.reference + "\n";
+  char line[200];
+  for (const dataset::SyncedCamera& c : file.cameras) {
+    ordered_json json{{"name", c.name}, {"status", c.status}, {"offset_frames", nullptr}, {"sigma_frames", nullptr}};
+    if (c.offset_frames) {
+      ++num_ok;
+      json["offset_frames"] = FiniteOrNull(*c.offset_frames);
+      json["sigma_frames"] = FiniteOrNull(c.sigma_frames);
+      json["rate_ppm"] = FiniteOrNull(c.rate_ppm);
+      std::snprintf(line, sizeof line, "%-12s %+9.3f +- %.3f frames %+8.2f ppm\n", c.name.c_str(), *c.offset_frames,
+                    c.sigma_frames, c.rate_ppm);
+      result->text += line;
+    } else {
+      result->errors.push_back({"SYN-UNDETERMINED", "camera " + c.name + ": " + c.status, hint});
+      result->text += c.name + "  " + c.status + "\n";
+    }
+    result->metrics["cameras"].push_back(json);
+  }
+  const int total = static_cast<int>(file.cameras.size());
+  result->metrics["status"] = num_ok == total ? "Ok" : num_ok > 1 ? "Partial" : "Undetermined";
+  if (num_ok < total) result->exit = num_ok > 1 ? kExitPartial : kExitIllPosed;
+}
+
+CommandResult RunTimestamps(const Arguments& arguments, const FoundTake& found, CommandContext& context, CommandResult result) {
+  if (found.take.timestamps.empty()) {
+    throw UsageError("take " + found.take.name + " names no table of time stamps: timestamps = \"FILE.csv\" in mvstudio.toml");
+  }
+  dataset::TakeTimelineOptions options;
+  options.allow_outside = arguments.session.allow_outside;
+  options.timeline.reference = arguments.options.reference;
+  const dataset::TakeTimeline made = dataset::BuildTakeTimeline(found.session, found.take, options, context.run);
+  for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
+  const dataset::SyncFile file = dataset::SyncFromTimeline(made.timeline);
+  Describe(file, "see mvstudio session timeline", &result);
+  Write(file, arguments, &result);
+  return result;
+}
+
+CommandResult RunMotion(const Arguments& arguments, const FoundTake& found, CommandContext& context, CommandResult result) {
+  const auto& footage = found.take.footage;
+  std::vector<dataset::MotionEnergy> motion(footage.size());
+  {
+    ProgressStage stage(context.run, "looking for movement", static_cast<int64_t>(footage.size()));
+    ParallelFor(static_cast<int64_t>(footage.size()), context.run.num_threads, [&](int64_t i) {
+      const dataset::SessionFootage& f = footage[static_cast<size_t>(i)];
+      const std::string path = dataset::ResolveInSession(found.session, f.path, arguments.session.allow_outside);
+      motion[static_cast<size_t>(i)] = dataset::ReadMotionEnergy(dataset::ReadFootageTimes(f.camera, path, 30));
+    });
+  }
+  dataset::MotionSyncOptions options;
+  options.reference = arguments.options.reference;
+  options.max_offset_frames = arguments.options.max_offset_frames;
+  const dataset::MotionSync sync = dataset::SynchronizeByMotion(motion, options);
+  dataset::SyncFile file = dataset::ToSyncFile(sync);
+  if (arguments.fps > 0) file.fps = arguments.fps;
+  Describe(file, "film people who move, in no regular rhythm; or use 2D poses", &result);
+  for (size_t i = 0; i < sync.cameras.size(); ++i) {
+    result.metrics["cameras"][i]["correlation"] = FiniteOrNull(sync.cameras[i].correlation);
+    result.metrics["cameras"][i]["runner_up"] = FiniteOrNull(sync.cameras[i].runner_up);
+  }
+  Write(file, arguments, &result);
+  return result;
+}
+
+CommandResult Run(Arguments arguments, CommandContext& context) {
+  if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
+  CommandResult result;
+  const std::optional<FoundTake> found = FillFromSession(&arguments, &result);
+  if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
+  result.folder = arguments.out;
+  if (arguments.from == "poses") return RunPoses(arguments, found, context, std::move(result));
+  if (!found) throw UsageError("--from " + arguments.from + " needs --session");
+  return arguments.from == "timestamps" ? RunTimestamps(arguments, *found, context, std::move(result))
+                                        : RunMotion(arguments, *found, context, std::move(result));
 }
 
 }  // namespace
 
 void RegisterSync(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = app.add_subcommand("sync", "Time offsets of the cameras, from people who move in the take");
+  CLI::App* sub =
+      app.add_subcommand("sync", "Time offsets of the cameras: from people who move in the take, or from time stamps");
   AddPoseArguments(sub, arguments->pose);
-  sub->add_option("--out", arguments->out, "folder for sync.json")->required();
+  sub->get_option("--calib")->required(false);
+  sub->add_option("--from", arguments->from,
+                  "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: pictures only, coarse")
+      ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
+      ->capture_default_str();
+  AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
+  sub->add_option("--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
   sub->add_option("--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {

@@ -6,6 +6,8 @@
 #include "cli/commands.h"
 #include "cli/pose_input.h"
 #include "cli/pose_truth.h"
+#include "cli/session_input.h"
+#include "cli/take_input.h"
 #include "cli/triangulate_metrics.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
@@ -13,6 +15,7 @@
 #include "dataset/pose3d_compare.h"
 #include "dataset/pose3d_trc.h"
 #include "dataset/sync_file.h"
+#include "dataset/timeline_source.h"
 #include "triangulate/skeleton_refine.h"
 #include "triangulate/stream.h"
 #include "triangulate/sync.h"
@@ -24,6 +27,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
+  SessionArguments session;
   PoseArguments pose;
   std::string out, trc, truth;
   bool align_truth = false;
@@ -82,6 +86,20 @@ void ApplySync(const std::string& path, PoseInput* input, CommandResult* result)
                                 "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
   }
   input->frames = triangulate::ApplyOffsets(input->frames, offsets);
+}
+
+/// Frame numbers become instants, as everything later counts them. Offsets of a sync file are kept to a fraction of a frame;
+/// else each camera's nearest frame is taken.
+void ApplySession(const FoundTake& found, const Arguments& arguments, PoseInput* input, CommandResult* result) {
+  const auto timeline = TimelineOf(found.session, found.take, arguments.session.allow_outside, true, result);
+  const std::string sync = dataset::SyncPathOf(found.session, found.take, arguments.session.allow_outside);
+  if (!arguments.sync.empty() || (timeline && timeline->clock == dataset::TimelineClock::kOffsets && !sync.empty())) {
+    RenumberByClock(found, arguments.session, input);
+    input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
+    ApplySync(arguments.sync.empty() ? sync : arguments.sync, input, result);
+  } else if (timeline && RenumberByTimeline(*timeline, input)) {
+    input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
+  }
 }
 
 /// Joints of each person together, where that predicts left-out cameras better.
@@ -177,6 +195,10 @@ void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames > 0 && (arguments.refine || !arguments.sync.empty())) {
     throw UsageError("--refine and --sync need the whole take: leave --chunk-frames out");
   }
+  if (arguments.chunk_frames > 0 && !arguments.session.session.empty()) {
+    throw UsageError(
+        "--session needs the whole take for the timing of its cameras: leave --chunk-frames out, or give --pose2d");
+  }
   // A wrong path must not cost the run.
   if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);
   if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
@@ -184,9 +206,16 @@ void CheckArguments(const Arguments& arguments) {
   }
 }
 
-CommandResult Run(const Arguments& arguments, CommandContext& context) {
-  CheckArguments(arguments);
+CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
+  const std::optional<FoundTake> found = FindTake(arguments.session, &result);
+  if (found) {
+    FillPoses(*found, arguments.session, &arguments.pose);
+    if (arguments.out.empty()) arguments.out = dataset::TakeFolder(found->session, "pose3d", found->take.name);
+  }
+  if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
+  if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
+  CheckArguments(arguments);
   result.folder = arguments.out;
   if (arguments.chunk_frames > 0) {
     const PoseParts parts(arguments.pose, &result);
@@ -195,7 +224,11 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
     Conclude(arguments, parts.input(), take, statistics, &result);
   } else {
     PoseInput input = ReadPoseInput(arguments.pose, &result);
-    if (!arguments.sync.empty()) ApplySync(arguments.sync, &input, &result);
+    if (found) {
+      ApplySession(*found, arguments, &input, &result);
+    } else if (!arguments.sync.empty()) {
+      ApplySync(arguments.sync, &input, &result);
+    }
     PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
     Conclude(arguments, input, take, statistics, &result);
@@ -209,7 +242,10 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = app.add_subcommand("triangulate", "2D joints of several cameras -> 3D joints");
   AddPoseArguments(sub, arguments->pose);
-  sub->add_option("--out", arguments->out, "folder for points.csv, covariance.csv, pose3d.json")->required();
+  sub->get_option("--calib")->required(false);
+  AddSessionArguments(sub, arguments->session, "calibration, 2D poses and the timing of the cameras", "people");
+  sub->add_option("--out", arguments->out,
+                  "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   AddOptions(sub, arguments->options);
   sub->add_option("--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
   sub->add_flag("--refine", arguments->refine,

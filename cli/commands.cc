@@ -7,9 +7,15 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterDemo(app, registry);
 #endif
   RegisterSynth(app, registry);
+  RegisterSession(app, registry);
   RegisterBoard(app, registry);
   RegisterCalibrate(app, registry);
   RegisterCalib(app, registry);
+#if MVSTUDIO_HAS_AVATAR
+  RegisterModels(app, registry);
+  RegisterPose2d(app, registry);
+  RegisterMask(app, registry);
+#endif
   RegisterSync(app, registry);
   RegisterTriangulate(app, registry);
   RegisterTradeoff(app, registry);
@@ -22,6 +28,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterMetrics(app, registry);
 #endif
   RegisterReport(app, registry);
+  RegisterDoctor(app, registry);
   RegisterVersion(app, registry);
 }
 

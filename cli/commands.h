@@ -2,7 +2,8 @@
 
 #include "cli/command.h"
 
-/// One function a command file; each adds its subcommands to `app` (Avatar*: to the subcommand `avatar`) and registers what
+/// One function a command file; each adds its subcommands to `app` (Avatar*, Dataset*: to the subcommand of that
+/// name) and registers what
 /// they run.
 namespace mvstudio::cli {
 
@@ -14,11 +15,20 @@ void RegisterCalib(CLI::App& app, Registry& registry);
 void RegisterTradeoff(CLI::App& app, Registry& registry);
 void RegisterSync(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);
+void RegisterModels(CLI::App& app, Registry& registry);
+void RegisterPose2d(CLI::App& app, Registry& registry);
+void RegisterMask(CLI::App& app, Registry& registry);
 void RegisterDataset(CLI::App& app, Registry& registry);
+void RegisterDatasetImport(CLI::App& dataset, Registry& registry);
+void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
+void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
+void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterMetrics(CLI::App& app, Registry& registry);
 void RegisterReport(CLI::App& app, Registry& registry);
+void RegisterSession(CLI::App& app, Registry& registry);
+void RegisterDoctor(CLI::App& app, Registry& registry);
 void RegisterVersion(CLI::App& app, Registry& registry);
 
 }  // namespace mvstudio::cli

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -11,6 +12,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
+#include "core/utf8.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -74,6 +76,30 @@ class SilentProgress : public ProgressSink {
 
 }  // namespace
 
+std::string OneLine(const std::string& text) {
+  constexpr size_t kMaxBytes = 4000;
+  std::string line;
+  for (size_t at = 0; at < text.size();) {
+    const size_t length = Utf8Length(text, at);
+    const auto lead = static_cast<unsigned char>(text[at]);
+    const bool c1_control = lead == 0xc2 && length == 2 && static_cast<unsigned char>(text[at + 1]) < 0xa0;
+    if (lead == '\n' || lead == '\t') {
+      line += ' ';
+    } else if (length == 0 || lead < 0x20 || lead == 0x7f || c1_control) {
+      line += '?';
+    } else {
+      line.append(text, at, length);
+    }
+    at += std::max<size_t>(length, 1);
+  }
+  while (!line.empty() && line.back() == ' ') line.pop_back();
+  if (line.size() <= kMaxBytes) return line;
+  size_t head = kMaxBytes / 2, tail = line.size() - kMaxBytes / 2;
+  while (static_cast<unsigned char>(line[head]) >> 6 == 2) --head;
+  while (tail < line.size() && static_cast<unsigned char>(line[tail]) >> 6 == 2) ++tail;
+  return line.substr(0, head) + " [...] " + line.substr(tail);
+}
+
 void InstallLog(const std::string& level) {
   auto logger = spdlog::stderr_color_mt("mvstudio");
   logger->set_pattern("%^%l%$: %v");
@@ -81,13 +107,14 @@ void InstallLog(const std::string& level) {
   SetLogSink([logger](LogLevel severity, const std::string& message) {
     static constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
                                                             spdlog::level::err};
-    logger->log(kLevels[static_cast<int>(severity)], "{}", message);
+    logger->log(kLevels[static_cast<int>(severity)], "{}", OneLine(message));
   });
 }
 
 void InstallSignalHandlers() {
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error like a full disk, and nothing is left behind
 }
 
 int ReceivedSignal() { return received_signal; }

@@ -7,6 +7,10 @@
 
 namespace mvstudio::cli {
 
+/// `text` as one line that a terminal can be shown: names and paths come from foreign files and may hold line breaks, escape
+/// sequences or bytes that are no UTF-8; those become spaces and '?'. Longer than 4000 bytes, the middle is left out.
+std::string OneLine(const std::string& text);
+
 /// Sends core/log to stderr through spdlog. `level`: debug, info, warning, error, off.
 void InstallLog(const std::string& level);
 

@@ -22,11 +22,12 @@ void RestartWithShortSpins(char** argv) {
   execv("/proc/self/exe", argv);  // comes back only when that is not possible: then it is merely slower
 }
 
+std::string WithHint(const Notice& notice) { return notice.text + (notice.hint.empty() ? "" : " (" + notice.hint + ")"); }
+
 void PrintForPerson(const CommandResult& result) {
   if (!result.text.empty()) std::cout << result.text << (result.text.back() == '\n' ? "" : "\n");
   for (const Notice& notice : result.warnings) {
-    std::cerr << "warning " << notice.code << ": " << notice.text << (notice.hint.empty() ? "" : " (" + notice.hint + ")")
-              << "\n";
+    std::cerr << OneLine("warning " + notice.code + ": " + WithHint(notice)) << "\n";
   }
   for (const auto& output : result.outputs) {
     if (output.role != "heldout-picture") std::cout << "Wrote " << output.path << "\n";
@@ -35,7 +36,7 @@ void PrintForPerson(const CommandResult& result) {
 
 void PrintErrors(const CommandResult& result) {
   for (const Notice& notice : result.errors) {
-    std::cerr << "error: " << notice.text << (notice.hint.empty() ? "" : " (" + notice.hint + ")") << "\n";
+    std::cerr << OneLine("error: " + WithHint(notice)) << "\n";
   }
 }
 

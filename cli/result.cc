@@ -150,6 +150,10 @@ CommandResult ResultOfCurrentException() {
     return ErrorResult(kExitResources, "RESOURCES", "out of memory", "use fewer threads, smaller images or fewer frames");
   } catch (const MissingToolError& e) {
     return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
+  } catch (const fs::filesystem_error& e) {  // a path that cannot even be looked at: a loop of links, a name too long, no right
+    const bool full = e.code() == std::errc::no_space_on_device;
+    return ErrorResult(full ? kExitResources : kExitBadInput, full ? "RESOURCES" : "INPUT-IO",
+                       e.path1().string() + ": " + e.code().message());
   } catch (const std::exception& e) {
     return ErrorResult(kExitInternal, "INTERNAL", e.what(),
                        "this is a defect of mvstudio: please report it with the command line");

@@ -48,6 +48,7 @@ void RegisterTradeoff(CLI::App& app, Registry& registry) {
   tradeoff->require_subcommand(1);
   RegisterTradeoffCalibrate(*tradeoff, registry);
   RegisterTradeoffTriangulate(*tradeoff, registry);
+  RegisterTradeoffPack(*tradeoff, registry);
 }
 
 }  // namespace mvstudio::cli

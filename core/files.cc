@@ -6,11 +6,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "core/error.h"
 
@@ -18,30 +17,56 @@ namespace mvstudio {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr size_t kPieceBytes = 1 << 18;               // of one write
+constexpr size_t kMostStreamBytes = size_t{1} << 30;  // read from a pipe or a device
+
+struct Descriptor {
+  explicit Descriptor(int fd_) : fd(fd_) {}
+  ~Descriptor() {
+    if (fd >= 0) close(fd);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  const int fd;
+};
+
+std::atomic<IoFault> io_fault{nullptr};
+
+// True when the step is to go ahead; otherwise errno says why not.
+bool Allowed(const char* operation, const std::string& path) {
+  const IoFault fault = io_fault.load();
+  const int code = fault ? fault(operation, path) : 0;
+  if (code) errno = code;
+  return code == 0;
+}
+
 [[noreturn]] void ThrowErrno(const std::string& path, const std::string& action, int code) {
   const std::string text = action + ": " + std::strerror(code);
-  if (code == ENOSPC || code == EDQUOT) {
+  if (code == ENOSPC || code == EDQUOT || code == EFBIG) {
     throw ResourceError(path + ": " + text + "; free some space or choose another --out");
   }
   throw IoError(path, text);
 }
 
-void FlushToDisk(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY);
-  if (fd < 0) ThrowErrno(path, "cannot reopen to flush", errno);
-  const int failed = fsync(fd);
-  const int code = errno;
-  close(fd);
-  // Folders on some file systems cannot be flushed; that is not a loss of data.
-  if (failed && code != EINVAL) ThrowErrno(path, "cannot flush", code);
-}
-
 void WriteAll(int fd, const std::string& path, std::string_view content) {
   while (!content.empty()) {
-    const ssize_t written = write(fd, content.data(), content.size());
+    if (!Allowed("write", path)) ThrowErrno(path, "cannot write", errno);
+    const ssize_t written = write(fd, content.data(), std::min(content.size(), kPieceBytes));
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) ThrowErrno(path, "cannot write", errno);
     content.remove_prefix(static_cast<size_t>(written));
+  }
+}
+
+void Rename(const std::string& from, const std::string& to) {
+  if (!Allowed("rename", to) || rename(from.c_str(), to.c_str()) != 0) ThrowErrno(to, "cannot rename into place", errno);
+}
+
+void MoveFolder(const std::string& from, const std::string& to, std::error_code& code) {
+  if (Allowed("rename", to)) {
+    fs::rename(from, to, code);
+  } else {
+    code.assign(errno, std::generic_category());
   }
 }
 
@@ -59,26 +84,53 @@ void MakeParent(const std::string& path) {
 
 std::string ReadFile(const std::string& path) {
   if (fs::is_directory(path)) throw IoError(path, "is a folder, a file was expected");
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw IoError(path, std::string("cannot open: ") + std::strerror(errno));
-  std::ostringstream content;
-  content << in.rdbuf();
-  if (in.bad()) throw IoError(path, "cannot read");
-  return content.str();
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  struct stat info {};
+  if (file.fd < 0 || fstat(file.fd, &info) != 0) ThrowErrno(path, "cannot open", errno);
+  const size_t told = static_cast<size_t>(std::max<off_t>(info.st_size, 0));
+  std::string content;
+  for (;;) {  // pipes and devices tell no size, files may grow
+    const size_t have = content.size();
+    content.resize(have < told ? told : have + kPieceBytes);
+    const ssize_t got = read(file.fd, content.data() + have, content.size() - have);
+    if (got < 0 && errno != EINTR) ThrowErrno(path, "cannot read", errno);
+    content.resize(have + static_cast<size_t>(std::max<ssize_t>(got, 0)));
+    if (got == 0) return content;
+    if (!S_ISREG(info.st_mode) && content.size() > kMostStreamBytes)
+      throw FormatError(path, "", "gives more than 1 GiB and is no regular file: is it a device?");
+  }
+}
+
+void FlushToDisk(const std::string& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) ThrowErrno(path, "cannot reopen to flush", errno);
+  const bool failed = !Allowed("flush", path) || fsync(fd) != 0;
+  const int code = errno;
+  close(fd);
+  // Folders on some file systems cannot be flushed; that is not a loss of data.
+  if (failed && code != EINVAL) ThrowErrno(path, "cannot flush", code);
+}
+
+void RemoveFile(const std::string& path) {
+  if ((!Allowed("remove", path) || unlink(path.c_str()) != 0) && errno != ENOENT) ThrowErrno(path, "cannot remove", errno);
+}
+
+void WriteFile(const std::string& path, std::string_view content) {
+  const int fd = Allowed("create", path) ? open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644) : -1;
+  if (fd < 0) ThrowErrno(path, "cannot create", errno);
+  try {
+    WriteAll(fd, path, content);
+  } catch (...) {
+    close(fd);
+    throw;
+  }
+  const bool allowed = Allowed("close", path);
+  const int code = errno;
+  if (close(fd) != 0 || !allowed) ThrowErrno(path, "cannot close", allowed ? errno : code);
 }
 
 void WriteFileAtomic(const std::string& path, std::string_view content) {
-  WriteFileAtomic(path, [&](const std::string& temporary) {
-    const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (fd < 0) ThrowErrno(temporary, "cannot create", errno);
-    try {
-      WriteAll(fd, path, content);
-    } catch (...) {
-      close(fd);
-      throw;
-    }
-    if (close(fd) != 0) ThrowErrno(path, "cannot close", errno);
-  });
+  WriteFileAtomic(path, [&](const std::string& temporary) { WriteFile(temporary, content); });
 }
 
 void WriteFileAtomic(const std::string& path, const std::function<void(const std::string&)>& write) {
@@ -87,13 +139,15 @@ void WriteFileAtomic(const std::string& path, const std::function<void(const std
   try {
     write(temporary);
     FlushToDisk(temporary);
-    if (rename(temporary.c_str(), path.c_str()) != 0) ThrowErrno(path, "cannot rename into place", errno);
+    Rename(temporary, path);
   } catch (...) {
     std::error_code ignored;
     fs::remove(temporary, ignored);
     throw;
   }
 }
+
+IoFault SetIoFault(IoFault fault) { return io_fault.exchange(fault); }
 
 void AppendLine(const std::string& path, std::string_view line) {
   MakeParent(path);
@@ -110,6 +164,7 @@ void AppendLine(const std::string& path, std::string_view line) {
 
 void MakeFolder(const std::string& path) {
   std::error_code code;
+  if (!Allowed("folder", path)) ThrowErrno(path, "cannot create folder", errno);
   fs::create_directories(path, code);
   if (code) ThrowErrno(path, "cannot create folder", code.value());
 }
@@ -151,9 +206,9 @@ void AtomicFolder::Commit() {
   std::error_code code;
   const std::string old = work_path_ + ".old";
   const bool had_old = fs::exists(path_);
-  if (had_old) fs::rename(path_, old, code);
+  if (had_old) MoveFolder(path_, old, code);
   if (code) ThrowErrno(path_, "cannot move the old folder away", code.value());
-  fs::rename(work_path_, path_, code);
+  MoveFolder(work_path_, path_, code);
   if (code) {
     std::error_code ignored;
     if (had_old) fs::rename(old, path_, ignored);

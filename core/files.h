@@ -17,6 +17,16 @@ void WriteFileAtomic(const std::string& path, std::string_view content);
 /// Same for writers that need a path of their own: `write(temporary_path)` fills the file (it keeps the extension of `path`).
 void WriteFileAtomic(const std::string& path, const std::function<void(const std::string&)>& write);
 
+/// Creates or overwrites a file and writes `content`, not atomically: for the temporary path that the function above hands out.
+void WriteFile(const std::string& path, std::string_view content);
+
+/// Makes a file's content, or what was created, renamed or removed in a folder, survive a loss of power. Throws IoError or
+/// ResourceError.
+void FlushToDisk(const std::string& file_or_folder);
+
+/// Removes a file; nothing happens when it is not there. Throws IoError.
+void RemoveFile(const std::string& path);
+
 /// Appends one line (a newline is added) in a single write.
 void AppendLine(const std::string& path, std::string_view line);
 
@@ -43,5 +53,11 @@ class AtomicFolder {
   std::string path_, work_path_;
   bool committed_ = false;
 };
+
+/// For tests of what happens when the disk fails or the process dies: called before each step of the functions above ("create",
+/// "write", "flush", "close", "rename", "remove", "folder"). Returns 0, or the errno that the step then fails with.
+using IoFault = int (*)(const char* operation, const std::string& path);
+/// nullptr, which is how a program starts, means none. Returns the one before.
+IoFault SetIoFault(IoFault fault);
 
 }  // namespace mvstudio

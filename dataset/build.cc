@@ -14,6 +14,7 @@
 #include "dataset/build_internal.h"
 #include "dataset/json_internal.h"
 #include "dataset/panoptic.h"
+#include "dataset/session.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -43,8 +44,8 @@ void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
   if (!rules.count(options.size_rule))
     throw UsageError("--size-rule " + options.size_rule +
                      ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
-  if (options.sequence.empty() || options.sequence.find('/') != std::string::npos)
-    throw UsageError("--sequence must be a plain name");
+  const std::string why = WhyNotAName(options.sequence);
+  if (!why.empty()) throw UsageError("--sequence must be a plain name: it " + why);
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("--jpeg-quality must be in 0..100");
   if (!(options.frame_rate_hz > 0)) throw UsageError("--frame-rate must be positive");
   if (inputs.footage.empty()) throw UsageError("no footage was given: add --video CAMERA=FILE or --images CAMERA=PATTERN");
@@ -127,6 +128,7 @@ Json CameraEntry(const CameraResult& r, const CameraJob& job, bool masks) {
                         {"offset_px", {rule.offset_x_px, rule.offset_y_px}},
                         {"decisive", r.size.decisive}};
   entry["images"] = r.built.images;
+  if (!r.gaps.empty()) entry["without_picture"] = r.gaps;
   if (!masks) return entry;
   entry["mask"] = {{"method", job.footage.plate.empty() ? "background-cut/take" : "background-cut/plate"},
                    {"background_known", r.built.background_known},
@@ -183,6 +185,16 @@ void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) 
                        "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
 }
 
+void AddGaps(const CameraResult& r, BuildReport* report) {
+  if (r.gaps.empty()) return;
+  report->gaps.push_back({r.built.alias, r.gaps});
+  std::string text = "camera " + r.built.alias + " has no picture of " + std::to_string(r.gaps.size()) + " of " +
+                     std::to_string(report->frames) + " instants: " + std::to_string(r.gaps.front());
+  for (size_t i = 1; i < std::min<size_t>(r.gaps.size(), 8); ++i) text += ", " + std::to_string(r.gaps[i]);
+  report->warnings.push_back({"DAT-INSTANTS", text + (r.gaps.size() > 8 ? ", …" : ""),
+                              "the camera dropped frames, or they are damaged; see the timeline"});
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
@@ -205,6 +217,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
     report.cameras.push_back(r.built);
     report.images += r.built.images;
     report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
+    AddGaps(r, &report);
     if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
   }
   const double frame_rate_hz = TakeFrameRate(results, options, &report.warnings);

@@ -1,7 +1,8 @@
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
+#include <map>
 #include <set>
 
 #include "core/check.h"
@@ -17,17 +18,6 @@ namespace fs = std::filesystem;
 namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
-/// Last run of digits of a label ("frame 12", "img_0012.png"), or the position.
-int FrameNumber(const FrameSource::Frame& frame) {
-  const std::string& label = frame.label;
-  size_t end = label.rfind('.') == std::string::npos ? label.size() : label.rfind('.');
-  while (end > 0 && !std::isdigit(static_cast<unsigned char>(label[end - 1]))) --end;
-  size_t begin = end;
-  while (begin > 0 && std::isdigit(static_cast<unsigned char>(label[begin - 1]))) --begin;
-  if (begin == end || end - begin > 9) return static_cast<int>(frame.frame_idx);
-  return std::stoi(label.substr(begin, end - begin));
-}
 
 bool HasJoint(const People& people) {
   for (const auto& [id, pose] : people) {
@@ -52,36 +42,105 @@ struct Samples {
   std::vector<Image> frames;
   std::vector<People> people;
   int width = 0, height = 0;
+  std::vector<int> gaps;
 };
 
-/// First pass over the footage: all of it must decode, have one size and reach the last frame of the joints.
-Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted) {
-  Samples samples;
-  std::set<int> missing;
-  for (const auto& [frame, people] : *job.poses) missing.insert(frame);
-  auto source = OpenFrames(job.footage.path);
-  int last = -1, count = 0;
-  while (auto frame = source->Next()) {
-    const int number = FrameNumber(*frame);
-    if (count++ == 0) samples.width = frame->rgb.width, samples.height = frame->rgb.height;
-    if (number <= last)
-      throw FormatError(source->path(), frame->label, "its number does not come after the one before, " + std::to_string(last));
-    if (frame->rgb.width != samples.width || frame->rgb.height != samples.height) {
-      throw FormatError(source->path(), frame->label,
-                        "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " +
-                            SizeText(samples.width, samples.height));
-    }
-    last = number;
-    missing.erase(number);
-    if (!wanted.count(number)) continue;
-    samples.frames.push_back(std::move(frame->rgb));
-    samples.people.push_back(job.poses->at(number));
+/// Which instants a frame of the footage shows.
+class Instants {
+ public:
+  explicit Instants(const CameraFootage& footage) {
+    if (!footage.timeline) return;
+    known_ = true;
+    const CameraTimeline* camera = footage.timeline->Find(footage.camera);
+    if (!camera) throw FormatError(footage.path, "timeline", "camera " + footage.camera + " is not in the take's timeline");
+    for (const auto& [frame, instant] : InstantsOfFrames(*camera)) of_[frame].push_back(static_cast<int>(instant));
   }
-  if (!missing.empty()) {
-    throw FormatError(source->path(), "frame " + std::to_string(*missing.begin()),
+  std::vector<int> Of(int64_t number) const {
+    if (!known_)
+      return number >= 0 && number <= std::numeric_limits<int>::max() ? std::vector<int>{static_cast<int>(number)}
+                                                                      : std::vector<int>{};
+    const auto found = of_.find(number);
+    return found == of_.end() ? std::vector<int>{} : found->second;
+  }
+  /// Those of `wanted` that the camera has no frame for, as the timeline tells.
+  std::set<int> WithoutFrame(const std::set<int>& wanted) const {
+    std::set<int> without = known_ ? wanted : std::set<int>{};
+    for (const auto& [frame, instants] : of_) {
+      for (const int instant : instants) without.erase(instant);
+    }
+    return without;
+  }
+
+ private:
+  bool known_ = false;
+  std::map<int64_t, std::vector<int>> of_;
+};
+
+std::string ListText(const std::set<int>& numbers) {
+  constexpr size_t kShown = 8;
+  std::string text;
+  size_t count = 0;
+  for (const int number : numbers) {
+    if (count++ == kShown) return text + ", … (" + std::to_string(numbers.size()) + " in all)";
+    text += (text.empty() ? "" : ", ") + std::to_string(number);
+  }
+  return text;
+}
+
+/// Decides what becomes of instants that have joints and no picture.
+void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>& lost, int count, int64_t last,
+            const BuildOptions& options, Samples* samples) {
+  if (!lost.empty() && !options.keep_undamaged) {
+    throw FormatError(job.footage.path, "frame " + std::to_string(*lost.begin()),
                       "has 3D joints and no picture; the footage holds " + std::to_string(count) + " frames, the last is " +
                           std::to_string(last) + ": is it the footage of this take, and whole?");
   }
+  std::set<int> all = gaps;
+  all.insert(lost.begin(), lost.end());
+  if (!all.empty() && options.require_complete) {
+    throw FormatError(job.footage.path, "instant " + std::to_string(*all.begin()),
+                      "has 3D joints and no picture: no frame was recorded at the instants " + ListText(all) +
+                          "; without --require-complete these pictures are left out");
+  }
+  samples->gaps.assign(all.begin(), all.end());
+}
+
+void CheckOrder(const FrameSource& source, const FrameSource::Frame& frame, int64_t last, Samples* samples) {
+  const auto [width, height] = source.size_px();
+  if (frame.number <= last) {
+    throw FormatError(source.path(), frame.label, "its number does not come after the one before, " + std::to_string(last));
+  }
+  if (samples->width == 0) samples->width = width, samples->height = height;
+  if (width != samples->width || height != samples->height) {
+    throw FormatError(source.path(), frame.label,
+                      "is " + SizeText(width, height) + ", the ones before are " + SizeText(samples->width, samples->height));
+  }
+}
+
+/// First pass over the footage: all of it must decode, have one size and reach the last frame of the joints.
+Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const BuildOptions& options) {
+  Samples samples;
+  std::set<int> missing;
+  for (const auto& [frame, people] : *job.poses) missing.insert(frame);
+  const Instants instants(job.footage);
+  const std::set<int> gaps = instants.WithoutFrame(missing);
+  for (const int gap : gaps) missing.erase(gap);
+  auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
+  int64_t last = -1;
+  int count = 0;
+  for (; auto frame = source->Advance(); ++count) {
+    CheckOrder(*source, *frame, last, &samples);
+    last = frame->number;
+    Image picture;
+    for (const int instant : instants.Of(frame->number)) {
+      missing.erase(instant);
+      if (!wanted.count(instant)) continue;
+      if (picture.empty()) picture = source->Picture();
+      samples.frames.push_back(picture);
+      samples.people.push_back(job.poses->at(instant));
+    }
+  }
+  Settle(job, gaps, missing, count, last, options, &samples);
   return samples;
 }
 
@@ -143,29 +202,35 @@ void AddToReport(const BodyMask& mask, BuiltCamera* built) {
   built->joints_supported += mask.joints_supported;
 }
 
-/// Second pass: pictures and masks of the frames that have joints.
+/// Second pass: pictures and masks of the instants that have joints.
 void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
                  const BuildOptions& options, BuiltCamera* built) {
   const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";
-  auto source = OpenFrames(job.footage.path);
-  while (auto frame = source->Next()) {
-    const int number = FrameNumber(*frame);
-    const auto people = job.poses->find(number);
-    if (people == job.poses->end()) continue;
-    const std::string name = FrameName(job.name, number);
-    WriteImage(frame->rgb, images + name + (options.png ? ".png" : ".jpg"), options.jpeg_quality);
-    if (model) {
-      const BodyMask mask = SegmentBody(frame->rgb, ProjectBody(people->second, camera, options.mask), *model, options.mask);
-      WriteImage(mask.mask, masks + name + ".png");
-      AddToReport(mask, built);
+  const Instants instants(job.footage);
+  auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
+  while (auto frame = source->Advance()) {
+    Image rgb;
+    for (const int instant : instants.Of(frame->number)) {
+      const auto people = job.poses->find(instant);
+      if (people == job.poses->end()) continue;
+      if (rgb.empty()) rgb = source->Picture();
+      const std::string name = FrameName(job.name, instant);
+      WriteImage(rgb, images + name + (options.png ? ".png" : ".jpg"), options.jpeg_quality);
+      if (model) {
+        const BodyMask mask = SegmentBody(rgb, ProjectBody(people->second, camera, options.mask), *model, options.mask);
+        WriteImage(mask.mask, masks + name + ".png");
+        AddToReport(mask, built);
+      }
+      ++built->images;
+      job.on_image();
     }
-    ++built->images;
-    job.on_image();
   }
   if (built->images > 0) built->mean_area_fraction /= built->images;
 }
 
-double FrameRate(const std::string& path) {
+double FrameRate(const CameraFootage& footage) {
+  const std::string& path = footage.path;
+  if (footage.timeline) return footage.timeline->fps_hz;
   const std::string extension = fs::path(path).extension().string();
   if (!fs::is_regular_file(path) || extension == ".png" || extension == ".jpg" || extension == ".jpeg") return 0;
   return VideoReader(path).info().frame_rate_hz;
@@ -189,8 +254,9 @@ CameraMaskModel Learn(const CameraJob& job, const Samples& samples, const geomet
 
 CameraResult Build(const CameraJob& job, const BuildOptions& options) {
   CameraResult result;
-  result.frame_rate_hz = FrameRate(job.footage.path);
-  Samples samples = ReadSamples(job, SampleFrames(*job.poses, options.mask.background_frames));
+  result.frame_rate_hz = FrameRate(job.footage);
+  Samples samples = ReadSamples(job, SampleFrames(*job.poses, options.mask.background_frames), options);
+  result.gaps = samples.gaps;
   result.size = MatchSize(job, samples, options, &result.warnings);
   result.camera = ApplySizeRule(job.camera, result.size.rule, samples.width, samples.height);
   result.built.name = job.name;

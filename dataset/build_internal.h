@@ -28,7 +28,8 @@ struct CameraResult {
   geometry::RigCamera camera;  ///< as the pictures need it, under Panoptic's name
   BuiltCamera built;
   SizeDecision size;
-  double frame_rate_hz = 0;  ///< 0 for pictures
+  double frame_rate_hz = 0;  ///< 0 for pictures; with a timeline, of its instants
+  std::vector<int> gaps;     ///< instants with joints and no picture, ascending
   std::vector<BuildWarning> warnings;
 };
 

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -41,6 +43,48 @@ uint32_t Crc32(Bytes b, size_t begin, size_t size) {
   return ~crc;
 }
 
+constexpr int64_t kMaxSide = 65535;
+constexpr uintmax_t kMaxFileBytes = uintmax_t{1} << 30;
+constexpr int kMaxJpegScans = 500;
+
+ImageHeader PngHeader(Bytes b, const std::string& path) {
+  if (b.size() < 33 || b.compare(12, 4, "IHDR") != 0) throw FormatError(path, "byte 8", "the PNG file has no header");
+  ImageHeader header{BigEndian32(b, 16), BigEndian32(b, 20), 1, At(b, 24), true};
+  const uint8_t colour = At(b, 25);
+  header.channels = colour == 2 || colour == 3 ? 3 : colour == 4 ? 2 : colour == 6 ? 4 : 1;
+  return header;
+}
+
+/// The first frame header (SOF0 … SOF15 without DHT, JPG, DAC).
+ImageHeader JpegHeader(Bytes b, const std::string& path) {
+  for (size_t at = 2; at + 9 < b.size() && At(b, at) == 0xff;) {
+    const uint8_t marker = At(b, at + 1);
+    if (marker == 0xff) {
+      ++at;
+      continue;
+    }
+    if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
+      const auto side = [&](size_t i) { return int64_t{At(b, i)} << 8 | At(b, i + 1); };
+      return {side(at + 7), side(at + 5), At(b, at + 9), At(b, at + 4), false};
+    }
+    at += 2 + (size_t{At(b, at + 2)} << 8 | At(b, at + 3));
+  }
+  throw FormatError(path, "", "the JPEG file has no frame header; it ends early or is damaged");
+}
+
+ImageHeader Header(Bytes b, const std::string& path) {
+  if (!IsPng(b) && !IsJpeg(b)) throw FormatError(path, "", "is neither PNG nor JPEG");
+  const ImageHeader header = IsPng(b) ? PngHeader(b, path) : JpegHeader(b, path);
+  const std::string size = std::to_string(header.width) + "x" + std::to_string(header.height);
+  if (header.width < 1 || header.height < 1) throw FormatError(path, "header", "a picture of " + size + " pixels");
+  if (header.width > kMaxSide || header.height > kMaxSide || header.width * header.height > MaxPixels()) {
+    throw FormatError(path, "header",
+                      "declares " + size + " pixels, more than the " + std::to_string(MaxPixels() >> 20) +
+                          " Mi that are allowed; if it is sound, set MVSTUDIO_MAX_MEGAPIXELS");
+  }
+  return header;
+}
+
 /// Walks the chunks: decoders accept a file that ends early and give the missing rows some colour.
 void CheckPng(Bytes b, const std::string& path) {
   size_t at = 8;
@@ -70,6 +114,7 @@ size_t SkipScan(Bytes b, size_t at) {
 /// Walks the segments to the end-of-image marker.
 void CheckJpeg(Bytes b, const std::string& path) {
   size_t at = 2;
+  int scans = 0;
   while (at + 1 < b.size() && At(b, at) == 0xff) {
     const uint8_t marker = At(b, at + 1);
     if (marker == 0xd9) return;
@@ -79,7 +124,9 @@ void CheckJpeg(Bytes b, const std::string& path) {
     }
     if (at + 3 >= b.size()) break;
     at += 2 + (size_t{At(b, at + 2)} << 8 | At(b, at + 3));
-    if (marker == 0xda) at = SkipScan(b, at);
+    if (marker != 0xda) continue;
+    if (++scans > kMaxJpegScans) throw FormatError(path, "byte " + std::to_string(at), "has too many scans to be a picture");
+    at = SkipScan(b, at);
   }
   throw FormatError(path, "byte " + std::to_string(std::min(at, b.size())),
                     "the JPEG file ends early or is damaged; copy it again");
@@ -98,17 +145,49 @@ Image FromMat(const cv::Mat& mat) {
   return image;
 }
 
+/// The file, or its first `most` bytes.
+std::string ReadStart(const std::string& path, size_t most) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw IoError(path, "cannot open");
+  std::string bytes(most, '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(most));
+  bytes.resize(static_cast<size_t>(std::max<std::streamsize>(in.gcount(), 0)));
+  return bytes;
+}
+
+void CheckFileSize(const std::string& path) {
+  std::error_code error;
+  const uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return;  // reading says why
+  if (size == 0) throw FormatError(path, "", "the file is empty");
+  if (size > kMaxFileBytes) throw FormatError(path, "", "is larger than 1 GiB: not a picture");
+}
+
 }  // namespace
 
+int64_t MaxPixels() {
+  constexpr int64_t kUsual = int64_t{1} << 27;
+  const char* text = std::getenv("MVSTUDIO_MAX_MEGAPIXELS");
+  const double megapixels = text ? std::atof(text) : 0;
+  return megapixels > 0 && megapixels < 1e6 ? std::max<int64_t>(static_cast<int64_t>(megapixels * 1e6), 1) : kUsual;
+}
+
+ImageHeader ReadImageHeader(const std::string& path) {
+  CheckFileSize(path);
+  const std::string start = ReadStart(path, 4096);
+  if (IsPng(start)) return Header(start, path);
+  return Header(ReadStart(path, 1 << 20), path);  // EXIF thumbnails and profiles come before a JPEG's size
+}
+
 Image ReadImage(const std::string& path, bool grey) {
+  CheckFileSize(path);
   const std::string bytes = ReadFile(path);
   if (bytes.empty()) throw FormatError(path, "", "the file is empty");
-  if (IsPng(bytes)) {
+  const ImageHeader header = Header(bytes, path);
+  if (header.is_png) {
     CheckPng(bytes, path);
-  } else if (IsJpeg(bytes)) {
-    CheckJpeg(bytes, path);
   } else {
-    throw FormatError(path, "", "is neither PNG nor JPEG");
+    CheckJpeg(bytes, path);
   }
   cv::Mat mat;
   try {

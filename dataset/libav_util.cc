@@ -5,6 +5,7 @@
 extern "C" {
 #include <libavutil/frame.h>
 #include <libavutil/log.h>
+#include <libavutil/mem.h>
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
@@ -100,7 +101,10 @@ std::string AvErrorText(int code) {
 
 void SilenceLibav() {
   static std::once_flag once;
-  std::call_once(once, [] { av_log_set_level(AV_LOG_QUIET); });
+  std::call_once(once, [] {
+    av_log_set_level(AV_LOG_QUIET);
+    av_max_alloc(size_t{512} << 20);  // a container of 2 kB may declare tables of gigabytes
+  });
 }
 
 SwsContext* MakeToRgbConverter(const AVFrame& frame) {

@@ -9,10 +9,11 @@
 namespace mvstudio::dataset {
 namespace {
 
-/// Blur of a camera that trembles by a fraction of a pixel: the colour step to the neighbours widens the noise at edges.
-void WidenAtEdges(BackgroundModel* model) {
+/// A camera that trembles by a fraction of a pixel: the colour step to the neighbours widens the noise at edges, the more so
+/// the fewer frames (`counts`) have shown how much it really varies.
+void WidenAtEdges(const std::vector<int>& counts, BackgroundModel* model) {
   const Image& c = model->colour;
-  constexpr double kTremblePx = 0.35;
+  constexpr double kTremblePx = 0.35, kEnough = 6;
   for (int y = 0; y < c.height; ++y) {
     for (int x = 0; x < c.width; ++x) {
       const int xa = std::max(x - 1, 0), xb = std::min(x + 1, c.width - 1), ya = std::max(y - 1, 0),
@@ -22,8 +23,9 @@ void WidenAtEdges(BackgroundModel* model) {
         const double dx = 0.5 * (c.Pixel(xb, y)[k] - c.Pixel(xa, y)[k]), dy = 0.5 * (c.Pixel(x, yb)[k] - c.Pixel(x, ya)[k]);
         step = std::max(step, std::hypot(dx, dy));
       }
-      float& sigma = model->sigma[static_cast<size_t>(y) * c.width + x];
-      sigma = static_cast<float>(std::min(std::hypot(sigma, kTremblePx * step), 40.0));
+      const size_t i = static_cast<size_t>(y) * c.width + x;
+      const double tremble_px = kTremblePx * std::min(1.0, kEnough / std::max(1, counts[i]));
+      model->sigma[i] = static_cast<float>(std::min(std::hypot(model->sigma[i], tremble_px * step), 40.0));
     }
   }
 }
@@ -52,6 +54,7 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
   BackgroundModel model{Image(w, h, 3), std::vector<float>(size_t(w) * h), std::vector<uint8_t>(size_t(w) * h, 0)};
   std::vector<uint8_t> values(frames.size());
   std::vector<const uint8_t*> free_pixels(frames.size());
+  std::vector<int> counts(size_t(w) * h, 0);
   for (size_t i = 0; i < size_t(w) * h; ++i) {
     int count = 0;
     for (size_t f = 0; f < frames.size(); ++f) {
@@ -59,6 +62,7 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
     }
     if (count < enough) continue;
     model.known[i] = 1;
+    counts[i] = count;
     double deviation = 0;
     for (int k = 0; k < 3; ++k) {
       for (int f = 0; f < count; ++f) values[f] = free_pixels[f][k];
@@ -68,16 +72,16 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
     }
     model.sigma[i] = static_cast<float>(std::max(options.noise_levels, 1.2533 * deviation / (3.0 * count)));
   }
-  WidenAtEdges(&model);
+  WidenAtEdges(counts, &model);
   return model;
 }
 
 BackgroundModel BackgroundFromPlate(const Image& plate, const MaskOptions& options) {
   MVS_CHECK(plate.channels == 3 && !plate.empty(), "a plate is an RGB picture");
   const size_t n = size_t(plate.width) * plate.height;
-  BackgroundModel model{plate, std::vector<float>(n, static_cast<float>(1.4 * options.noise_levels)),
+  BackgroundModel model{plate, std::vector<float>(n, static_cast<float>(2.5 * options.noise_levels)),
                         std::vector<uint8_t>(n, 1)};
-  WidenAtEdges(&model);
+  WidenAtEdges(std::vector<int>(n, 1), &model);
   return model;
 }
 

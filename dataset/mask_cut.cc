@@ -20,10 +20,12 @@ void SolveCut(CutProblem* problem) {
     graph.addTermWeights(node[i], p.background_cost[i], p.person_cost[i]);
   }
   const double beta = 1.0 / (2.0 * p.mean_contrast2);
+  bool connected = false;
   const auto connect = [&](int i, int j, float contrast2, double length) {
     const double weight = p.smoothness / length * std::exp(-beta * contrast2);
     if (node[i] >= 0 && node[j] >= 0) {
       graph.addEdges(node[i], node[j], weight, weight);
+      connected = true;
     } else if (node[i] >= 0 || node[j] >= 0) {
       const int free = node[i] >= 0 ? i : j, fixed = node[i] >= 0 ? j : i;
       const bool person = p.label[fixed] == Label::kPerson;
@@ -38,6 +40,12 @@ void SolveCut(CutProblem* problem) {
       if (x + 1 < p.width && y + 1 < p.height) connect(i, i + p.width + 1, p.contrast2_d[i], M_SQRT2);
       if (x > 0 && y + 1 < p.height) connect(i, i + p.width - 1, p.contrast2_u[i], M_SQRT2);
     }
+  }
+  if (!connected) {  // the solver refuses a graph without edges; pixels decide alone
+    for (int i = 0; i < n; ++i) {
+      if (node[i] >= 0) p.label[i] = p.background_cost[i] > p.person_cost[i] ? Label::kPerson : Label::kBackground;
+    }
+    return;
   }
   graph.maxFlow();
   for (int i = 0; i < n; ++i) {

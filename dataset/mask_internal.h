@@ -2,12 +2,28 @@
 
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "dataset/masks.h"
 
 /// Pieces of the mask code that are shared by its files and not part of the module's public face.
 namespace mvstudio::dataset::internal {
+
+struct LimbShape {
+  int a, b;
+  double radius_a_m, radius_b_m;
+};
+
+/// Radii of a clothed adult; indices are Panoptic's joints.
+inline constexpr LimbShape kLimbs[] = {
+    {0, 2, 0.13, 0.13},   {3, 9, 0.08, 0.08},     {6, 12, 0.11, 0.11},   {3, 6, 0.07, 0.10},     {9, 12, 0.07, 0.10},
+    {3, 4, 0.060, 0.045}, {4, 5, 0.045, 0.035},   {9, 10, 0.060, 0.045}, {10, 11, 0.045, 0.035}, {6, 7, 0.090, 0.060},
+    {7, 8, 0.060, 0.045}, {12, 13, 0.090, 0.060}, {13, 14, 0.060, 0.045}};
+
+/// Bones whose line is foreground for certain; the face is left out, its joints lie near the outline.
+inline constexpr std::pair<int, int> kBones[] = {{0, 1},   {0, 2}, {0, 3}, {3, 4}, {4, 5},  {0, 9},   {9, 10},
+                                                 {10, 11}, {2, 6}, {6, 7}, {7, 8}, {2, 12}, {12, 13}, {13, 14}};
 
 struct LimbDistance {
   double outside_m = std::numeric_limits<double>::infinity();  ///< to the nearest limb's surface, negative inside

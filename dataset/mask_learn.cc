@@ -1,9 +1,10 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "core/check.h"
-#include "dataset/mask_internal.h"
+#include "dataset/mask_patch_internal.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -49,13 +50,15 @@ CameraMaskModel ModelFromRegions(const std::vector<Image>& frames, const Regions
   return model;
 }
 
-Image Dilated(const Image& mask, int radius_px) {
-  Image out = mask;
-  const cv::Mat disk = cv::getStructuringElement(cv::MORPH_ELLIPSE, cv::Size(2 * radius_px + 1, 2 * radius_px + 1));
-  const cv::Mat from(mask.height, mask.width, CV_8U, const_cast<uint8_t*>(mask.pixels.data()));
-  cv::Mat to(out.height, out.width, CV_8U, out.pixels.data());
-  cv::dilate(from, to, disk);
-  return out;
+}  // namespace
+
+namespace {
+
+/// The plate's model, or nothing.
+std::optional<BackgroundModel> PlateModel(const Image* plate, const Image& frame, const MaskOptions& options) {
+  if (!plate) return std::nullopt;
+  MVS_CHECK(plate->width == frame.width && plate->height == frame.height, "the clean plate has another size than the frames");
+  return BackgroundFromPlate(*plate, options);
 }
 
 }  // namespace
@@ -64,16 +67,14 @@ CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<
                             const MaskOptions& options) {
   MVS_CHECK(!frames.empty() && frames.size() == bodies.size(), frames.size() << " frames, " << bodies.size() << " bodies");
   const int w = frames[0].width, h = frames[0].height;
-  MVS_CHECK(!plate || (plate->width == w && plate->height == h), "the clean plate has another size than the frames");
-  BackgroundModel plate_model;
-  if (plate) plate_model = BackgroundFromPlate(*plate, options);
+  const std::optional<BackgroundModel> plate_model = PlateModel(plate, frames[0], options);
+  const BackgroundModel* known_plate = plate_model ? &*plate_model : nullptr;
   Regions regions;
   for (const ProjectedBody& body : bodies) {
     regions.surely.push_back(BodyRegion(body, w, h, -0.02));
     regions.maybe.push_back(BodyRegion(body, w, h, 0.5 * options.reach_m));
     regions.around.push_back(BodyRegion(body, w, h, options.reach_m + 0.1));
   }
-  const BackgroundModel* known_plate = plate ? &plate_model : nullptr;
   const CameraMaskModel first = ModelFromRegions(frames, regions, known_plate, options);
   for (size_t f = 0; f < frames.size(); ++f) {
     if (bodies[f].empty()) continue;
@@ -81,10 +82,21 @@ CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<
     const int margin_px = std::max(2, int(std::lround(0.025 * internal::TypicalPxPerM(bodies[f]))));
     const Image near_bones = BodyRegion(bodies[f], w, h, 0.03);
     regions.surely[f] = mask;
-    regions.maybe[f] = Dilated(mask, margin_px);
+    regions.maybe[f] = internal::Dilated(mask, margin_px);
     for (size_t i = 0; i < near_bones.pixels.size(); ++i) regions.maybe[f].pixels[i] |= near_bones.pixels[i];
   }
   return ModelFromRegions(frames, regions, known_plate, options);
+}
+
+CameraMaskModel LearnCameraFromMasks(const std::vector<Image>& frames, const std::vector<Image>& surely,
+                                     const std::vector<Image>& maybe, const Image* plate, const MaskOptions& options) {
+  MVS_CHECK(!frames.empty() && frames.size() == surely.size() && frames.size() == maybe.size(),
+            frames.size() << " frames, " << surely.size() << " and " << maybe.size() << " masks");
+  const std::optional<BackgroundModel> plate_model = PlateModel(plate, frames[0], options);
+  Regions regions{surely, maybe, {}};
+  const int reach_px = std::max(4, std::max(frames[0].width, frames[0].height) / 16);
+  for (const Image& mask : maybe) regions.around.push_back(internal::Dilated(mask, reach_px));
+  return ModelFromRegions(frames, regions, plate_model ? &*plate_model : nullptr, options);
 }
 
 }  // namespace mvstudio::dataset

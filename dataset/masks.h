@@ -6,15 +6,18 @@
 #include <vector>
 
 #include "core/image.h"
+#include "core/status.h"
 #include "dataset/pose3d.h"
 #include "geometry/rig.h"
 
-/// Foreground masks of people whose 3D joints are known. Each pixel near the projected body gets two costs: how badly its
-/// colour fits the people (a colour mixture learned under the skeleton) and how badly it fits the background (the pixel's own
-/// history where it was seen without the person, a colour mixture of the surroundings elsewhere; shadows and exposure changes
-/// are allowed for). A graph cut with contrast-sensitive edges decides, first on a reduced crop, then at full resolution in a
-/// narrow band along the outline. Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV 2006. Bone lines
-/// are foreground always (Neural Texture papers call them skeleton pixels).
+/// Foreground masks of people. Each pixel near the projected body (or anywhere, when there are no joints) gets two costs: how
+/// badly its colour fits the people (a colour mixture learned under the skeleton) and how badly it fits the background (the
+/// pixel's own history where it was seen without the person, a colour mixture of the surroundings elsewhere; shadows and
+/// exposure changes are allowed for). A graph cut with contrast-sensitive edges decides, first on a reduced crop, then at full
+/// resolution in a narrow band along the outline. Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV
+/// 2006. Bone lines are foreground always (Neural Texture papers call them skeleton pixels). Last, the pixels of the outline
+/// are decided by how much of them the person covers: their colour is a mixture, in linear light, of the background behind and
+/// of the person beside them (Chuang et al., "A Bayesian Approach to Digital Matting", CVPR 2001); foreground is one half.
 namespace mvstudio::dataset {
 
 struct MaskOptions {
@@ -24,9 +27,14 @@ struct MaskOptions {
   double smoothness = 6.0;
   double prior = 3.0;
   double shadow_strength = 0.5;
-  double noise_levels = 3.5;
+  double noise_levels = 2.0;
   double hole_cm2 = 8.0;
   double body_scale = 1.0;
+  double outline_px = 2.0;
+  int outline_rounds = 2;
+  double outline_smoothness = 0.4;
+  double net_weight = 1.0;
+  double temporal = 1.0;
 };
 
 template <class Visitor>
@@ -40,6 +48,11 @@ void VisitFields(Visitor&& visit, MaskOptions& o) {
   visit("mask-noise", o.noise_levels, "grey levels; least standard deviation assumed for the background");
   visit("mask-hole", o.hole_cm2, "cm^2 at the body; smaller holes in a mask are filled");
   visit("mask-body-scale", o.body_scale, "multiplies the usual thickness of the limbs; below 1 for children");
+  visit("mask-outline", o.outline_px, "px; half width of the band along the outline that is decided by coverage; 0: none");
+  visit("mask-outline-rounds", o.outline_rounds, "times that this is done; each may move the outline by the band's half width");
+  visit("mask-outline-smoothness", o.outline_smoothness, "as mask-smoothness, for the pixels of that band");
+  visit("mask-net", o.net_weight, "weight of a segmentation net's opinion against colour");
+  visit("mask-temporal", o.temporal, "nats for the frame before where the picture did not change; 0: every frame alone");
 }
 
 /// A limb in the image: pixels within the (linearly changing) radius of the segment.
@@ -104,15 +117,41 @@ struct CameraMaskModel {
 CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<ProjectedBody>& bodies, const Image* plate,
                             const MaskOptions& options = {});
 
+/// The same where no joints are known: frames and masks of who is where in them, right or nearly so. `maybe[i]` is 255 where
+/// frame i may show a person, `surely[i]` where it does.
+CameraMaskModel LearnCameraFromMasks(const std::vector<Image>& frames, const std::vector<Image>& surely,
+                                     const std::vector<Image>& maybe, const Image* plate, const MaskOptions& options = {});
+
+/// What moves in the sampled frames: each pixel's background is the colour it shows most often, or the plate's.
+struct MotionModel {
+  Status status = Status::kOk;  ///< kDegenerate: nothing moves, so that people and background cannot be told apart
+  std::vector<Image> moving;    // (H, W, 1) 255 where a frame differs from the background, a frame each
+  double moving_fraction = 0;   ///< of all pixels of all frames
+};
+MotionModel FindMotion(const std::vector<Image>& frames, const Image* plate, const MaskOptions& options = {});
+
+/// What is known of one frame beside its picture; every part may be missing. Images are of the frame's size.
+struct MaskHints {
+  const ProjectedBody* body = nullptr;   ///< without one, people may be anywhere
+  const Image* probability = nullptr;    // (H, W, 1) a net's belief in a person, 0..255
+  const Image* possible = nullptr;       // (H, W, 1) 0 where the other cameras' masks leave no room for a person
+  const Image* previous_rgb = nullptr;   ///< the frame before …
+  const Image* previous_mask = nullptr;  ///< … and its mask
+};
+
 struct BodyMask {
   Image mask;                // (H, W, 1) 0 or 255
+  Image soft;                // (H, W, 1) share of the pixel that the person covers, 0..255; 128 and more is foreground
   double area_fraction = 0;  ///< of the image
   int joints = 0;            ///< valid joints in the image
   int joints_on_mask = 0;    ///< of them, on the mask
   int joints_supported = 0;  ///< of them, where colour alone speaks for a person
 };
 
-/// An empty mask when no person projects into the image.
+/// An empty mask when `hints` has a body that does not project into the image, or when nothing speaks for a person.
+BodyMask SegmentPeople(const Image& rgb, const MaskHints& hints, const CameraMaskModel& model, const MaskOptions& options = {});
+
+/// From joints alone. An empty mask when no person projects into the image.
 BodyMask SegmentBody(const Image& rgb, const ProjectedBody& body, const CameraMaskModel& model,
                      const MaskOptions& options = {});
 

@@ -1,13 +1,12 @@
 #include "dataset/panoptic.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
-#include "core/check.h"
 #include "core/files.h"
-#include "dataset/json_internal.h"
+#include "dataset/panoptic_internal.h"
+#include "dataset/panoptic_sequence.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -18,50 +17,15 @@ using internal::JsonView;
 
 constexpr char kPoseFolder[] = "hdPose3d_stage1_coco19";
 
-Coco19Pose ReadJoints(const JsonView& joints) {
-  if (joints.ArraySize() != 76)
-    joints.Fail("must hold 76 numbers (x, y, z, c of 19 joints), holds " + std::to_string(joints.ArraySize()));
-  Coco19Pose pose;
-  for (size_t j = 0; j < 19; ++j) {
-    const double x = joints[4 * j].Number(), y = joints[4 * j + 1].Number(), z = joints[4 * j + 2].Number();
-    const double confidence = joints[4 * j + 3].Number();
-    pose.valid[j] = confidence >= 0;
-    if (!pose.valid[j]) continue;
-    pose.confidence[j] = confidence;
-    pose.x_in_world.col(static_cast<Eigen::Index>(j)) << x / 100.0, z / 100.0, -y / 100.0;
-  }
-  return pose;
-}
-
-std::string JointText(double value, const char* format) {
-  char text[64];
-  std::snprintf(text, sizeof(text), format, value);
-  return std::string(text) == "-0" ? "0" : text;
-}
-
-std::string JointsText(const Coco19Pose& pose) {
-  std::string text;
-  for (int j = 0; j < 19; ++j) {
-    if (j) text += ", ";
-    if (!pose.valid[j]) {
-      text += "0, 0, 0, -1";
-      continue;
-    }
-    const Eigen::Vector3d x = pose.x_in_world.col(j);
-    MVS_CHECK(x.allFinite(), "joint " << j << " is marked valid and is not finite");
-    text += JointText(100 * x[0], "%.10g") + ", " + JointText(-100 * x[2], "%.10g") + ", " + JointText(100 * x[1], "%.10g") +
-            ", " + JointText(pose.confidence[j], "%.6g");
-  }
-  return text;
-}
-
 std::string FrameName(const std::string& camera, int frame) {
   char number[16];
   std::snprintf(number, sizeof(number), "_%08d", frame);
   return camera + number;
 }
 
-std::map<std::string, std::string> ReadAliases(const std::string& root) {
+}  // namespace
+
+std::map<std::string, std::string> ReadPanopticAliases(const std::string& root) {
   std::map<std::string, std::string> aliases;
   const std::string path = root + "/dataset.json";
   if (!fs::exists(path)) return aliases;
@@ -71,40 +35,19 @@ std::map<std::string, std::string> ReadAliases(const std::string& root) {
   return aliases;
 }
 
-}  // namespace
-
 Body3dScene ReadBody3dSceneFile(const std::string& path) {
-  const Json json = internal::ParseJsonFile(path);
-  const JsonView file(path, json);
+  const PanopticScene file = ReadPanopticScene(path);
   Body3dScene scene;
-  if (file.Has("univTime")) scene.univ_time_ms = file["univTime"].Number();
-  if (file.Has("fpsType")) scene.fps_type = file["fpsType"].Text();
-  const JsonView bodies = file["bodies"];
-  for (size_t i = 0; i < bodies.ArraySize(); ++i) {
-    const int id = bodies[i]["id"].Int();
-    if (id < 0) continue;
-    if (!bodies[i].Has("joints19") && (bodies[i].Has("joints15") || bodies[i].Has("joints26"))) {
-      bodies[i].Fail("has another skeleton than joints19, which is the one that is read");
-    }
-    const Coco19Pose pose = ReadJoints(bodies[i]["joints19"]);
-    if (!scene.people.emplace(id, pose).second) bodies[i]["id"].Fail(std::to_string(id) + " is there twice");
-  }
+  scene.univ_time_ms = file.univ_time_ms.value_or(-1);
+  scene.fps_type = file.fps_type.value_or("");
+  scene.people = ToCoco19(file, path);
   return scene;
 }
 
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path) { return ReadBody3dSceneFile(path).people; }
 
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path) {
-  std::string text = "{ \"version\": 0.7, \n\"univTime\" :" + JointText(univ_time_ms, "%0.3f") +
-                     ",\n\"fpsType\" :\"hd_29_97\",\n\"bodies\" :\n[";
-  bool first = true;
-  for (const auto& [id, pose] : people) {
-    MVS_CHECK(id >= 0, "person id " << id);
-    text += std::string(first ? "\n" : ",\n") + "{ \"id\": " + std::to_string(id) + ",\n\"joints19\": [" + JointsText(pose) +
-            "]\n}";
-    first = false;
-  }
-  WriteFileAtomic(path, text + "\n] }");
+  WritePanopticScene(ToPanopticScene(people, univ_time_ms), path);
 }
 
 std::string PanopticDataset::Resolve(const std::string& camera) const {
@@ -161,7 +104,7 @@ PanopticDataset OpenPanopticDataset(const std::string& root) {
                 cameras.end());
   if (cameras.empty())
     throw FormatError(root, "hdImgs", "holds no pictures of any camera of " + fs::path(calibration).filename().string());
-  dataset.aliases = ReadAliases(root);
+  dataset.aliases = ReadPanopticAliases(root);
   for (const auto& [frame, path] : ListBody3dScenes(root)) {
     dataset.frames.push_back(frame);
     dataset.poses[frame] = ReadBody3dScene(path);

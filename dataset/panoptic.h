@@ -10,7 +10,7 @@
 namespace mvstudio::dataset {
 
 /// CMU Panoptic's world is centimetres with y pointing down; ours is metres with z up: x_ours = (x, z, -y) / 100. The change is
-/// made in these functions and nowhere else.
+/// made in these functions and nowhere else. The files themselves, number for number, are in dataset/panoptic_files.h.
 
 /// calibration_<seq>.json. Cameras keep the file's order; models: pinhole when distCoef is all zero, else brown5. Throws
 /// FormatError.
@@ -31,14 +31,16 @@ Body3dScene ReadBody3dSceneFile(const std::string& path);
 
 /// body3DScene_%08d.json: person id -> joints. Invalid joints are (0, 0, 0, -1) in the file and `valid == false` here.
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path);
-/// The bytes of CMU's writer, but coordinates with ten significant digits instead of six (a file of CMU survives unchanged).
+/// The bytes of CMU's writer, but with as many digits as the numbers need to be read back as the same doubles (a file of CMU
+/// survives unchanged).
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path);
 
-/// A dataset folder in Panoptic layout, ours or foreign.
+/// A dataset folder in Panoptic layout with pictures of HD cameras, ours or foreign. (All else that a sequence can hold:
+/// dataset/panoptic_sequence.h.)
 struct PanopticDataset {
   std::string root;
   std::string sequence;  ///< <seq> of calibration_<seq>.json
-  geometry::Rig rig;     ///< cameras that have pictures, names 00_NN
+  geometry::Rig rig;     ///< cameras that have pictures in hdImgs, names 00_NN
   std::map<std::string, std::string>
       aliases;              ///< studio's own name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there
   std::vector<int> frames;  ///< frame numbers with a body3DScene file, sorted

@@ -9,6 +9,7 @@
 
 #include "core/check.h"
 #include "core/files.h"
+#include "core/utf8.h"
 #include "dataset/pose2d_internal.h"
 
 namespace mvstudio::dataset {
@@ -29,6 +30,11 @@ std::vector<std::string_view> Split(std::string_view line) {
     begin = end + 1;
   }
   return fields;
+}
+
+bool IsName(std::string_view text) {
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7f'; };
+  return !text.empty() && IsUtf8(text) && std::none_of(text.begin(), text.end(), is_control);
 }
 
 struct Row {
@@ -145,7 +151,10 @@ class Reader {
       row.key.x_px = Number<double>(fields, kX), row.key.y_px = Number<double>(fields, kY);
       row.key.score = columns_[kScore] < 0 ? 1 : Number<double>(fields, kScore);
     }
-    if (Field(fields, kCamera).empty() || Field(fields, kJoint).empty()) Fail("`camera` or `joint` is empty");
+    for (const int c : {kCamera, kJoint}) {
+      if (!IsName(Field(fields, c)))
+        Fail(std::string("`") + kNames[c] + "` is empty, not UTF-8, or has control characters in it");
+    }
     row.camera = cameras_.Of(Field(fields, kCamera)), row.joint = JointIndex(Field(fields, kJoint));
     return row;
   }
@@ -176,6 +185,20 @@ void DropTwins(const std::string& path, std::vector<Row>* rows, std::vector<std:
   *rows = std::move(kept);
 }
 
+/// Every person gets a place for every joint, so a small file of very many joint names would need a huge table.
+void RequireDense(const std::string& path, const std::vector<Row>& rows, size_t num_joints) {
+  constexpr size_t kFreePlaces = 20'000'000, kMaxPlacesPerRow = 1000;
+  size_t people = 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto who = [&](size_t k) { return std::tie(rows[k].camera, rows[k].frame, rows[k].person); };
+    people += i == 0 || who(i) != who(i - 1);
+  }
+  if (people * num_joints <= std::max(kFreePlaces, kMaxPlacesPerRow * rows.size())) return;
+  throw FormatError(path, "column joint",
+                    std::to_string(num_joints) + " different joints for " + std::to_string(people) + " people in " +
+                        std::to_string(rows.size()) + " rows; is it the right column?");
+}
+
 void AppendNumber(double value, std::string* text) {
   char buffer[32];
   text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
@@ -191,6 +214,7 @@ Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton)
   DropTwins(path, &rows, &set.skipped);
   if (rows.empty()) throw FormatError(path, "", "every point stands there twice");
   set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(reader.joints());
+  RequireDense(path, rows, set.skeleton.joints.size());
   for (const std::string& camera : reader.cameras()) set.tracks.push_back({camera, {}});
   int last_person = 0;
   for (size_t i = 0; i < rows.size(); ++i) {

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "dataset/json_internal.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -170,18 +171,16 @@ std::map<RowKey, Eigen::Matrix3d> ReadCovariances(const std::string& path) {
     for (int i = 0; i < 3; ++i) {
       for (int j = i; j < 3; ++j) c(i, j) = c(j, i) = csv.Number<double>(column++);
     }
+    if (!c.allFinite()) csv.Fail("the covariance is not finite");
   }
   return covariances;
 }
 
 std::string ReadSkeletonName(const std::string& path) {
-  const auto root = nlohmann::json::parse(ReadFile(path), nullptr, false);
-  if (!root.is_object() || root.value("schema", "") != kSchema) {
-    throw FormatError(path, "schema", std::string("not a pose3d.json of schema ") + kSchema);
-  }
-  const auto skeleton = root.find("skeleton");
-  if (skeleton == root.end() || !skeleton->is_string()) throw FormatError(path, "skeleton", "is not there or not text");
-  return skeleton->get<std::string>();
+  const internal::Json root = internal::ParseJsonFile(path);
+  const internal::JsonView view(path, root);
+  if (view["schema"].Text() != kSchema) view["schema"].Fail(std::string("must be ") + kSchema);
+  return view["skeleton"].Text();
 }
 
 /// Mean of the source joints; false when one of them is missing.

@@ -11,6 +11,9 @@
 namespace mvstudio::dataset {
 namespace {
 
+constexpr double kMaxFrame = 1e9;
+constexpr size_t kFreeRows = 100'000;
+
 std::vector<std::string> SplitTabs(std::string line) {
   if (!line.empty() && line.back() == '\r') line.pop_back();
   std::vector<std::string> cells;
@@ -50,7 +53,8 @@ JointRow ToRow(int frame, const std::string& marker, const Eigen::Vector3d& in_f
 }  // namespace
 
 Pose3d ReadTrc(const std::string& path) {
-  std::istringstream stream(ReadFile(path));
+  const std::string text = ReadFile(path);
+  std::istringstream stream(text);
   std::vector<std::vector<std::string>> header;
   std::string line;
   for (int i = 0; i < 5 && std::getline(stream, line); ++i) header.push_back(SplitTabs(line));
@@ -65,8 +69,14 @@ Pose3d ReadTrc(const std::string& path) {
     const std::vector<std::string> cells = SplitTabs(line);
     if (cells.empty() || cells[0].empty()) continue;
     const double frame = ParseNumber(cells[0]);
-    if (!std::isfinite(frame))
+    if (!(frame >= 0 && frame <= kMaxFrame)) {
       throw FormatError(path, "line " + std::to_string(number), "`" + cells[0] + "` is not a frame number");
+    }
+    // Cells at a line's end may be left out, but not so many that a small file becomes a huge table.
+    if (pose.rows.size() + markers.size() > text.size() + kFreeRows) {
+      throw FormatError(path, "line " + std::to_string(number),
+                        std::to_string(cells.size()) + " columns for " + std::to_string(markers.size()) + " markers");
+    }
     for (size_t m = 0; m < markers.size(); ++m) {
       Eigen::Vector3d in_file;
       for (size_t k = 0; k < 3; ++k) {

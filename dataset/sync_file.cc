@@ -11,7 +11,7 @@ namespace mvstudio::dataset {
 namespace {
 
 constexpr char kSchema[] = "mvstudio.sync/1";
-constexpr double kMaxOffsetFrames = 1e6;
+constexpr double kMaxOffsetFrames = 1e6, kMaxRatePpm = 1e5;
 
 SyncedCamera ReadCamera(const internal::JsonView& json) {
   SyncedCamera camera;
@@ -22,6 +22,8 @@ SyncedCamera ReadCamera(const internal::JsonView& json) {
   camera.sigma_frames = json["sigma_frames"].Number();
   if (std::abs(*camera.offset_frames) > kMaxOffsetFrames) json["offset_frames"].Fail("must lie within 1e6 frames");
   if (camera.sigma_frames < 0) json["sigma_frames"].Fail("must not be negative");
+  if (json.Has("rate_ppm")) camera.rate_ppm = json["rate_ppm"].Number();
+  if (std::abs(camera.rate_ppm) > kMaxRatePpm) json["rate_ppm"].Fail("must lie within 1e5");
   return camera;
 }
 
@@ -32,14 +34,16 @@ void WriteSync(const SyncFile& sync, const std::string& path) {
       {"schema", kSchema}, {"reference", sync.reference}, {"fps", nullptr}, {"cameras", internal::Json::array()}};
   if (sync.fps) json["fps"] = *sync.fps;
   for (const SyncedCamera& camera : sync.cameras) {
-    MVS_CHECK(std::isfinite(camera.offset_frames.value_or(0)) && std::isfinite(camera.sigma_frames),
-              camera.name << " has an offset that is not finite");
+    MVS_CHECK(
+        std::isfinite(camera.offset_frames.value_or(0)) && std::isfinite(camera.sigma_frames) && std::isfinite(camera.rate_ppm),
+        camera.name << " has an offset that is not finite");
     MVS_CHECK((camera.status == "Ok") == camera.offset_frames.has_value(), camera.name << ": " << camera.status);
     internal::Json entry{
         {"name", camera.name}, {"status", camera.status}, {"offset_frames", nullptr}, {"sigma_frames", nullptr}};
     if (camera.offset_frames) {
       entry["offset_frames"] = *camera.offset_frames;
       entry["sigma_frames"] = camera.sigma_frames;
+      if (camera.rate_ppm != 0) entry["rate_ppm"] = camera.rate_ppm;
       if (sync.fps) entry["offset_ms"] = 1000 * *camera.offset_frames / *sync.fps;
     }
     json["cameras"].push_back(entry);
@@ -55,7 +59,7 @@ SyncFile ReadSync(const std::string& path) {
   sync.reference = view["reference"].Text();
   if (view.Has("fps") && !json["fps"].is_null()) {
     sync.fps = view["fps"].Number();
-    if (!(*sync.fps > 0)) view["fps"].Fail("must be positive");
+    if (!(*sync.fps > 1e-3 && *sync.fps < 1e6)) view["fps"].Fail("must be positive, frames a second");
   }
   const internal::JsonView cameras = view["cameras"];
   std::set<std::string> names;

@@ -12,6 +12,7 @@ struct SyncedCamera {
   std::string status = "Ok";            ///< "Ok", or why there is no offset
   std::optional<double> offset_frames;  ///< with "Ok" only
   double sigma_frames = 0;              ///< its standard deviation; 0 for the reference
+  double rate_ppm = 0;                  ///< its frames take longer than the reference's by this; known from time stamps only
 };
 
 /// `sync.json`: time offsets of the cameras of a take.

@@ -1,16 +1,12 @@
 #include "dataset/verify.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <mutex>
-#include <set>
 
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
-#include "dataset/panoptic_internal.h"
+#include "dataset/json_internal.h"
 #include "dataset/verify_internal.h"
 
 namespace mvstudio::dataset {
@@ -18,150 +14,53 @@ namespace fs = std::filesystem;
 namespace {
 
 using internal::Findings;
+using internal::FootageCheck;
 using internal::Json;
 using internal::JsonView;
-using internal::NumberText;
+using internal::WithoutPath;
 
 int Count(const std::vector<Finding>& findings, Finding::Severity severity) {
   return static_cast<int>(
       std::count_if(findings.begin(), findings.end(), [&](const Finding& f) { return f.severity == severity; }));
 }
 
-/// The part of a FormatError's message after the path.
-std::string WithoutPath(const FormatError& error) {
-  const std::string text = error.what();
-  return text.compare(0, error.path().size() + 2, error.path() + ": ") == 0 ? text.substr(error.path().size() + 2) : text;
-}
-
-void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig,
-                  Findings* findings) {
-  double drift = 0;
-  const geometry::RigCamera camera = internal::ReadPanopticCamera(json, &drift);
-  const std::string& name = camera.camera.name;
-  if (drift > 1e-6)
-    findings->Warning("DAT-CALIB", path, json.where() + ".R: is " + NumberText(drift) + " from the nearest rotation");
-  int panel = 0, node = 0;
-  if (!ParsePanopticName(name, &panel, &node)) {
-    findings->Error("DAT-NAME", path, json.where() + ".name: '" + name + "' is not of the form 00_00");
-  } else {
-    if (!json.Has("panel") || !json.Has("node") || json["panel"].Int() != panel || json["node"].Int() != node) {
-      findings->Warning("DAT-NAME", path, json.where() + ": panel and node do not agree with the name '" + name + "'");
-    }
+/// Strange names, one line a folder and reason's first word.
+void ReportNames(const PanopticSequence& sequence, Findings* findings) {
+  std::map<std::string, std::vector<size_t>> by_folder;
+  for (size_t i = 0; i < sequence.strange.size(); ++i)
+    by_folder[fs::path(sequence.strange[i].first).parent_path().string()].push_back(i);
+  for (const auto& [folder, entries] : by_folder) {
+    const auto& [path, why] = sequence.strange[entries[0]];
+    findings->Warning("DAT-NAME", path,
+                      why + (entries.size() > 1 ? "; " + std::to_string(entries.size() - 1) + " more of this folder" : ""));
   }
-  if (!json.Has("type")) findings->Warning("DAT-CALIB", path, json.where() + ".type: is missing");
-  if (!names->insert(name).second) {
-    findings->Error("DAT-NAME", path, json.where() + ".name: '" + name + "' is there twice");
-    return;
-  }
-  rig->cameras.push_back(camera);
 }
 
-/// Lengths between joints that every adult and child has, metres.
-bool PlausiblePerson(const Coco19Pose& pose, double* length_m) {
-  if (!pose.valid[0] || !pose.valid[2]) return true;
-  *length_m = (pose.x_in_world.col(0) - pose.x_in_world.col(2)).norm();
-  return *length_m > 0.15 && *length_m < 1.0;
-}
-
-void CheckPlausible(const Body3dScene& scene, const std::string& path, int* implausible, Findings* findings) {
-  for (const auto& [id, pose] : scene.people) {
-    double length_m = 0;
-    if (PlausiblePerson(pose, &length_m)) continue;
-    if (++*implausible == 1) {
-      findings->Warning("DAT-UNITS", path,
-                        "person " + std::to_string(id) + ": neck and body centre are " + NumberText(100 * length_m) +
-                            " cm apart; Panoptic files are in centimetres");
+void ReportLinks(const PanopticSequence& sequence, bool followed, Findings* findings) {
+  for (const auto& [path, target] : sequence.links_out) {
+    const std::string text = "is a symbolic link out of the folder, to " + internal::Quoted(target);
+    if (followed) {
+      findings->Warning("DAT-LINK", path, text);
+    } else {
+      findings->Error("DAT-LINK", path, text + ", and is not read; --follow-links reads through it");
     }
   }
 }
 
-void CheckOrder(const std::map<int, Body3dScene>& scenes, const std::string& folder, Findings* findings) {
-  const Body3dScene* before = nullptr;
-  int frame_before = 0, gaps = 0, first_gap = 0;
-  for (const auto& [frame, scene] : scenes) {
-    if (before && scene.univ_time_ms >= 0 && before->univ_time_ms >= 0 && scene.univ_time_ms <= before->univ_time_ms) {
-      findings->Error("DAT-TIME", folder,
-                      "univTime does not grow from frame " + std::to_string(frame_before) + " to " + std::to_string(frame));
-    }
-    if (before && frame != frame_before + 1 && ++gaps == 1) first_gap = frame_before + 1;
-    before = &scene, frame_before = frame;
+/// Folders of masks and footage without a camera.
+void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Findings* findings) {
+  for (const auto& [camera, footage] : sequence.footage) {
+    if (rig.Find(camera) < 0) findings->Error("DAT-NAME", footage.path, "the calibration has no such camera");
+    if (!footage.other.empty())
+      findings->Warning("DAT-IMAGE", footage.other, "is not read: " + footage.path + " is taken for this camera");
   }
-  if (gaps > 0) {
-    findings->Warning("DAT-GAP", folder,
-                      std::to_string(gaps) + " gaps in the frame numbers, the first at frame " + std::to_string(first_gap));
-  }
-}
-
-void CheckNames(const std::string& folder, const std::map<int, std::string>& files, Findings* findings) {
-  std::set<std::string> known;
-  for (const auto& [frame, path] : files) known.insert(path);
-  for (const std::string& path : Glob(folder)) {
-    if (!known.count(path)) findings->Warning("DAT-NAME", path, "is not named body3DScene_%08d.json and is not read");
-  }
-}
-
-}  // namespace
-
-namespace internal {
-
-geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
-  geometry::Rig rig;
-  try {
-    const Json json = ParseJsonFile(path);
-    const JsonView cameras = JsonView(path, json)["cameras"];
-    std::set<std::string> names;
-    if (cameras.ArraySize() == 0) cameras.Fail("is empty");
-    for (size_t i = 0; i < cameras.ArraySize(); ++i) {
-      try {
-        VerifyCamera(cameras[i], path, &names, &rig, findings);
-      } catch (const FormatError& error) {
-        findings->Error("DAT-CALIB", path, WithoutPath(error));
-      }
-    }
-  } catch (const FormatError& error) {
-    findings->Error("DAT-CALIB", path, WithoutPath(error));
-  }
-  return rig;
-}
-
-std::map<int, Body3dScene> VerifyPoses(const std::string& root, Findings* findings) {
-  std::map<int, Body3dScene> scenes;
-  const std::string folder = root + "/hdPose3d_stage1_coco19";
-  const auto files = ListBody3dScenes(root);
-  if (files.empty()) findings->Error("DAT-POSE", folder, "holds no body3DScene_%08d.json");
-  int implausible = 0, without_people = 0;
-  for (const auto& [frame, path] : files) {
-    try {
-      const Body3dScene scene = ReadBody3dSceneFile(path);
-      CheckPlausible(scene, path, &implausible, findings);
-      without_people += scene.people.empty();
-      scenes[frame] = scene;
-    } catch (const FormatError& error) {
-      const bool twice = std::string(error.what()).find("is there twice") != std::string::npos;
-      findings->Error(twice ? "DAT-ID" : "DAT-POSE", path, WithoutPath(error));
-    }
-  }
-  if (without_people > 0) findings->Warning("DAT-POSE", folder, std::to_string(without_people) + " frames hold no person");
-  if (fs::is_directory(folder)) CheckNames(folder, files, findings);
-  CheckOrder(scenes, folder, findings);
-  return scenes;
-}
-
-}  // namespace internal
-
-int VerifyReport::num_errors() const { return Count(findings, Finding::Severity::kError); }
-int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
-
-namespace {
-
-void CheckFolders(const std::string& root, const geometry::Rig& rig, Findings* findings) {
-  for (const char* kind : {"hdImgs", "masks"}) {
-    const fs::path folder = fs::path(root) / kind;
-    if (!fs::is_directory(folder)) continue;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-      if (entry.is_directory() && rig.Find(entry.path().filename().string()) < 0) {
-        findings->Error("DAT-NAME", entry.path().string(), "the calibration has no such camera");
-      }
+  for (const char* name : {"masks", "hdImgs", "vgaImgs", "kinectImgs"}) {
+    std::error_code error;
+    for (fs::directory_iterator it(fs::path(sequence.root) / name, error), end; !error && it != end; it.increment(error)) {
+      const std::string camera = it->path().filename().string();
+      const bool told = std::string(name) != "masks" && sequence.footage.count(camera);
+      if (it->is_directory(error) && !told && rig.Find(camera) < 0)
+        findings->Error("DAT-NAME", it->path().string(), "the calibration has no such camera");
     }
   }
 }
@@ -175,57 +74,118 @@ void CheckSidecar(const std::string& root, const geometry::Rig& rig, Findings* f
     for (size_t i = 0; i < cameras.ArraySize(); ++i) {
       cameras[i]["alias"].Text();
       const std::string name = cameras[i]["name"].Text();
-      if (rig.Find(name) < 0)
-        findings->Error("DAT-NAME", path, cameras[i].where() + ".name: the calibration has no camera " + name);
+      if (rig.Find(name) < 0) {
+        findings->Error("DAT-NAME", path,
+                        cameras[i].where() + ".name: the calibration has no camera " + internal::Quoted(name));
+      }
     }
   } catch (const FormatError& error) {
     findings->Error("DAT-SIDECAR", path, WithoutPath(error));
   }
 }
 
-std::vector<geometry::RigCamera> CamerasWithPictures(const std::string& root, const geometry::Rig& rig, Findings* findings) {
-  std::vector<geometry::RigCamera> cameras;
+PanopticKind KindOf(const std::string& camera) {
   int panel = 0, node = 0;
+  ParsePanopticName(camera, &panel, &node);
+  return KindOfPanel(panel);
+}
+
+/// A calibration with joints alone is fine; one whose footage is of other cameras is not.
+std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequence, const geometry::Rig& rig,
+                                                    Findings* findings) {
+  std::vector<geometry::RigCamera> cameras;
   for (const auto& camera : rig.cameras) {
-    if (fs::is_directory(fs::path(root) / "hdImgs" / camera.camera.name)) {
-      cameras.push_back(camera);
-    } else if (ParsePanopticName(camera.camera.name, &panel, &node) && panel == 0) {
-      findings->Warning("DAT-IMAGE", root + "/hdImgs/" + camera.camera.name,
-                        "the calibration has this camera, there are no pictures of it");
-    }
+    if (sequence.footage.count(camera.camera.name)) cameras.push_back(camera);
   }
-  if (cameras.empty()) findings->Error("DAT-IMAGE", root + "/hdImgs", "holds no pictures of any calibrated camera");
+  if (!cameras.empty()) {
+    std::vector<std::string> without;
+    for (const auto& camera : rig.cameras) {
+      if (KindOf(camera.camera.name) == PanopticKind::kHd && !sequence.footage.count(camera.camera.name))
+        without.push_back(camera.camera.name);
+    }
+    if (!without.empty()) {
+      findings->Warning("DAT-IMAGE", sequence.root + "/hdImgs/" + without[0],
+                        "the calibration has this camera, there are no pictures of it" +
+                            (without.size() > 1 ? "; nor of " + std::to_string(without.size() - 1) + " more" : ""));
+    }
+  } else if (!sequence.footage.empty()) {
+    findings->Error("DAT-IMAGE", sequence.root, "holds no pictures of any calibrated camera");
+  } else {
+    findings->Warning("DAT-IMAGE", sequence.root, "holds neither pictures nor videos: calibration and joints only");
+  }
   return cameras;
+}
+
+std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
+                                       const std::map<int, Body3dScene>& hd, const std::map<int, Body3dScene>& vga,
+                                       const VerifyOptions& options, const RunContext& run, Findings* findings) {
+  std::vector<Findings> by_camera(cameras.size());
+  std::vector<FootageCheck> checks(cameras.size());
+  const std::map<int, Body3dScene> none;
+  ProgressStage stage(run, "pictures", static_cast<int64_t>(cameras.size()));
+  std::mutex mutex;
+  ParallelFor(static_cast<int64_t>(cameras.size()), run.num_threads, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
+    const PanopticKind kind = KindOf(cameras[k].camera.name);
+    const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
+    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                                 : internal::VerifyPictures(sequence, cameras[k], footage, scenes, options, &by_camera[k]);
+    const std::lock_guard<std::mutex> lock(mutex);
+    stage.Advance();
+  });
+  for (const Findings& f : by_camera) findings->Append(f);
+  internal::CompareCameras(cameras, checks, sequence, findings);
+  return checks;
+}
+
+std::string WhyUnusable(const geometry::Rig& rig, const VerifyReport& report) {
+  if (rig.cameras.empty()) return "no camera of the calibration can be read";
+  if (report.frames == 0 && report.pictures + report.videos == 0)
+    return "there are neither joints nor pictures that can be read";
+  return "";
 }
 
 }  // namespace
 
+namespace internal {
+
+std::string WithoutPath(const FormatError& error) {
+  const std::string text = error.what();
+  return text.compare(0, error.path().size() + 2, error.path() + ": ") == 0 ? text.substr(error.path().size() + 2) : text;
+}
+
+}  // namespace internal
+
+int VerifyReport::num_errors() const { return Count(findings, Finding::Severity::kError); }
+int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
+
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run) {
   if (options.picture_step < 1) throw UsageError("--picture-step must be at least 1");
   Findings findings;
-  const geometry::Rig rig = internal::VerifyCalibration(FindPanopticCalibration(root), &findings);
-  const auto scenes = internal::VerifyPoses(root, &findings);
-  CheckFolders(root, rig, &findings);
-  CheckSidecar(root, rig, &findings);
-  const auto cameras = CamerasWithPictures(root, rig, &findings);
-
-  std::vector<Findings> by_camera(cameras.size());
-  std::vector<internal::PictureCounts> counts(cameras.size());
-  ProgressStage stage(run, "pictures", static_cast<int64_t>(cameras.size()));
-  std::mutex mutex;
-  ParallelFor(static_cast<int64_t>(cameras.size()), run.num_threads, [&](int64_t i) {
-    counts[i] = internal::VerifyPictures(root, cameras[i], scenes, options, &by_camera[i]);
-    const std::lock_guard<std::mutex> lock(mutex);
-    stage.Advance();
-  });
+  const PanopticSequence sequence = ScanPanopticSequence(root, options.follow_links);
+  const geometry::Rig rig = internal::VerifyCalibration(sequence.calibration, &findings);
+  ReportLinks(sequence, options.follow_links, &findings);
+  if (sequence.hd_scenes.files.empty())
+    findings.Error("DAT-POSE", root, "holds no hdPose3d_stage1_coco19/body3DScene_%08d.json");
+  const auto hd = internal::VerifyScenes(sequence.hd_scenes, &findings);
+  const auto vga = internal::VerifyScenes(sequence.vga_scenes, &findings);
   VerifyReport report;
+  report.frames = static_cast<int>(hd.size());
+  report.faces = internal::VerifyLandmarks(sequence.faces, internal::LandmarkKind::kFaces, hd, &findings);
+  report.hands = internal::VerifyLandmarks(sequence.hands, internal::LandmarkKind::kHands, hd, &findings);
+  internal::VerifySyncTables(sequence, hd, &findings);
+  ReportNames(sequence, &findings);
+  CheckFolders(sequence, rig, &findings);
+  CheckSidecar(root, rig, &findings);
+  const auto cameras = CamerasWithFootage(sequence, rig, &findings);
   report.cameras = static_cast<int>(cameras.size());
-  report.frames = static_cast<int>(scenes.size());
-  for (size_t i = 0; i < cameras.size(); ++i) {
-    findings.Append(by_camera[i]);
-    report.pictures += counts[i].pictures;
-    report.masks += counts[i].masks;
+  for (const FootageCheck& check : CheckFootage(sequence, cameras, hd, vga, options, run, &findings)) {
+    report.pictures += static_cast<int>(check.pictures);
+    report.masks += static_cast<int>(check.masks);
+    report.videos += static_cast<int>(check.videos);
   }
+  report.unusable = WhyUnusable(rig, report);
   report.findings = findings.list();
   return report;
 }

@@ -21,30 +21,23 @@ std::string FrameName(const std::string& camera, int frame) {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// "frame 12" or "3 frames: 12, 15, 19" (at most five are named).
-std::string FramesText(const std::vector<int>& frames) {
-  std::string text = std::to_string(frames.size()) + (frames.size() == 1 ? " frame: " : " frames: ");
-  for (size_t i = 0; i < std::min<size_t>(frames.size(), 5); ++i) text += (i ? ", " : "") + std::to_string(frames[i]);
-  return text + (frames.size() > 5 ? ", …" : "");
-}
-
-/// Files of a camera's folder, and findings about those whose name is not `00_00_%08d.ext`.
-std::set<std::string> ListNames(const std::string& folder, const std::string& camera, Findings* findings) {
+/// Masks of a camera's folder, and findings about those whose name is not `00_00_%08d.png`.
+std::set<std::string> ListMasks(const std::string& folder, const std::string& camera, Findings* findings) {
   std::set<std::string> names;
   int strange = 0;
   std::string first;
   for (const std::string& path : Glob(folder)) {
     const fs::path file(path);
-    const std::string stem = file.stem().string(), extension = file.extension().string();
+    const std::string stem = file.stem().string();
     const bool good = stem.size() == camera.size() + 9 && stem.compare(0, camera.size() + 1, camera + "_") == 0 &&
                       stem.find_first_not_of("0123456789", camera.size() + 1) == std::string::npos &&
-                      (extension == ".jpg" || extension == ".png");
+                      file.extension() == ".png";
     if (good) names.insert(stem);
     if (!good && ++strange == 1) first = path;
   }
   if (strange > 0) {
     findings->Warning("DAT-NAME", first,
-                      "is not named " + camera + "_%08d.jpg or .png and is not read" +
+                      "is not named " + camera + "_%08d.png and is not read" +
                           (strange > 1 ? "; " + std::to_string(strange - 1) + " more" : ""));
   }
   return names;
@@ -85,11 +78,10 @@ MaskCheck CheckMask(const Image& mask) {
 
 /// State of one camera's check.
 struct Checker {
-  const std::string& root;
   const geometry::RigCamera& camera;
   Findings* findings;
   geometry::Projector projector;
-  PictureCounts counts;
+  FootageCheck counts;
   int valid = 0, in_image = 0, on_mask = 0, on_some_mask = 0;
   std::vector<int> empty_masks;
   std::set<std::string> told;
@@ -108,12 +100,16 @@ struct Checker {
              SizeText(camera.camera.width_px, camera.camera.height_px));
   }
 
-  void Picture(const std::string& path) {
+  void Picture(const std::string& path, int frame, bool keep_thumbnail) {
     try {
-      Size(ReadImage(path), path, "DAT-SIZE");
+      const Image image = ReadImage(path);
+      Size(image, path, "DAT-SIZE");
       ++counts.pictures;
+      if (keep_thumbnail) counts.thumbnails[frame] = MakeThumbnail(image);
     } catch (const FormatError& error) {
-      findings->Error("DAT-IMAGE", path, std::string(error.what()).substr(path.size() + 2));
+      findings->Error("DAT-IMAGE", path, WithoutPath(error));
+    } catch (const IoError& error) {
+      findings->Error("DAT-IMAGE", path, error.what());
     }
   }
 
@@ -122,7 +118,7 @@ struct Checker {
     try {
       mask = ReadImage(path, true);
     } catch (const FormatError& error) {
-      findings->Error("DAT-MASK", path, std::string(error.what()).substr(path.size() + 2));
+      findings->Error("DAT-MASK", path, WithoutPath(error));
       return;
     }
     ++counts.masks;
@@ -158,38 +154,62 @@ void Summarise(const Checker& c, const std::string& images, const std::string& m
   }
 }
 
+/// Every how-many-th frame gives a thumbnail: eight of those that are decoded.
+int SampleStep(size_t frames, int picture_step) {
+  const int decoded = static_cast<int>(frames) / picture_step;
+  return picture_step * std::max(1, decoded / 8);
+}
+
+/// Pictures that no joints belong to: a step's worth is decoded, nothing is missing.
+void PicturesAlone(const PanopticFootage& footage, const VerifyOptions& options, Checker* checker) {
+  const int sample = SampleStep(footage.pictures.size(), options.picture_step);
+  int position = 0;
+  for (const auto& [frame, name] : footage.pictures) {
+    if (position % options.picture_step == 0) checker->Picture(footage.path + "/" + name, frame, position % sample == 0);
+    ++position;
+  }
+}
+
 }  // namespace
 
-PictureCounts VerifyPictures(const std::string& root, const geometry::RigCamera& camera,
-                             const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings) {
-  const std::string images = root + "/hdImgs/" + camera.camera.name, masks = root + "/masks/" + camera.camera.name;
-  Checker checker{root, camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, {}, {}};
-  const std::set<std::string> image_names = ListNames(images, camera.camera.name, findings);
-  const bool any_masks = fs::is_directory(root + "/masks");
-  const std::set<std::string> mask_names =
-      fs::is_directory(masks) ? ListNames(masks, camera.camera.name, findings) : std::set<std::string>{};
+FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
+                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings) {
+  const std::string& name = camera.camera.name;
+  const std::string masks = sequence.root + "/masks/" + name;
+  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, {}, {}};
+  checker.counts.frames = static_cast<int64_t>(footage.pictures.size());
+  if (scenes.empty()) {
+    PicturesAlone(footage, options, &checker);
+    return checker.counts;
+  }
+  const bool any_masks = fs::is_directory(sequence.root + "/masks") && name.compare(0, 3, "00_") == 0;
+  const std::set<std::string> mask_names = fs::is_directory(masks) ? ListMasks(masks, name, findings) : std::set<std::string>{};
+  const int sample = SampleStep(scenes.size(), options.picture_step);
   std::vector<int> no_image, no_mask;
   int position = 0;
   for (const auto& [frame, scene] : scenes) {
-    const std::string name = FrameName(camera.camera.name, frame);
     const ProjectedJoints joints = ProjectJoints(scene, camera, checker.projector);
     checker.valid += joints.valid;
     checker.in_image += static_cast<int>(joints.px.size());
-    const bool decode = position++ % options.picture_step == 0;
-    if (!image_names.count(name)) {
+    const bool decode = position % options.picture_step == 0, keep = position % sample == 0;
+    ++position;
+    const auto picture = footage.pictures.find(frame);
+    if (picture == footage.pictures.end()) {
       no_image.push_back(frame);
     } else if (decode) {
-      const std::string stem = images + "/" + name;
-      checker.Picture(fs::exists(stem + ".jpg") ? stem + ".jpg" : stem + ".png");
+      checker.Picture(footage.path + "/" + picture->second, frame, keep);
     }
-    if (any_masks && !mask_names.count(name)) no_mask.push_back(frame);
-    if (mask_names.count(name) && decode) checker.Mask(masks + "/" + name + ".png", frame, joints);
+    const std::string mask = FrameName(name, frame);
+    if (any_masks && !mask_names.count(mask)) no_mask.push_back(frame);
+    if (mask_names.count(mask) && decode) checker.Mask(masks + "/" + mask + ".png", frame, joints);
   }
-  Missing("DAT-IMAGE-MISSING", images, "picture", no_image, findings);
+  checker.counts.frames += static_cast<int64_t>(no_image.size());
+  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, findings);
   Missing("DAT-MASK-MISSING", masks, "mask", no_mask, findings);
-  const size_t extra = image_names.size() - std::min(image_names.size(), scenes.size() - no_image.size());
-  if (extra > 0) findings->Warning("DAT-POSE-MISSING", images, std::to_string(extra) + " pictures have no body3DScene file");
-  Summarise(checker, images, masks, options);
+  const size_t extra = footage.pictures.size() - (scenes.size() - no_image.size());
+  if (extra > 0)
+    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " pictures have no body3DScene file");
+  Summarise(checker, footage.path, masks, options);
   return checker.counts;
 }
 

@@ -1,15 +1,19 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <filesystem>
+#include <deque>
+#include <map>
+#include <set>
 
+#include "core/check.h"
 #include "core/error.h"
+#include "dataset/image_io.h"
 #include "dataset/libav_util.h"
-#include "dataset/video_io.h"
+#include "dataset/video_internal.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
-#include <libavutil/display.h>
 #include <libavutil/imgutils.h>
 #include <libswscale/swscale.h>
 }
@@ -19,16 +23,9 @@ namespace {
 
 using internal::AvErrorText;
 
-/// Quarter turns clockwise that the container asks for.
-int QuarterTurns(const AVStream& stream) {
-  const uint8_t* matrix = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
-  if (!matrix) return 0;
-  const double clockwise_deg = -av_display_rotation_get(reinterpret_cast<const int32_t*>(matrix));
-  if (!std::isfinite(clockwise_deg)) return 0;
-  return ((static_cast<int>(std::lround(clockwise_deg / 90.0)) % 4) + 4) % 4;
-}
+constexpr size_t kMaxCauses = 20;
 
-Image Turned(const Image& image, int quarter_turns) {
+Image Turned(Image image, int quarter_turns) {
   if (quarter_turns == 0) return image;
   const bool swap = quarter_turns % 2 != 0;
   Image out(swap ? image.height : image.width, swap ? image.width : image.height, image.channels);
@@ -42,196 +39,331 @@ Image Turned(const Image& image, int quarter_turns) {
   return out;
 }
 
-/// Frames the container promises to show; 0 when it does not say.
-int64_t PromisedFrames(AVStream* stream) {
-  const int64_t claimed = stream->nb_frames;
-  const int64_t indexed = avformat_index_get_entries_count(stream);
-  return claimed > 0 && indexed > 0 ? std::min(claimed, indexed) : claimed;
+struct FreeFrame {
+  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
+};
+using FramePtr = std::unique_ptr<AVFrame, FreeFrame>;
+
+FramePtr NewFrame(const std::string& path) {
+  FramePtr frame(av_frame_alloc());
+  if (!frame) throw ResourceError(path + ": out of memory");
+  return frame;
 }
 
-/// Duration that Matroska and WebM keep with the stream ("HH:MM:SS.fraction"), seconds; 0 when absent.
-double TaggedDuration(const AVStream& stream) {
-  const AVDictionaryEntry* tag = av_dict_get(stream.metadata, "DURATION", nullptr, 0);
-  int hours = 0, minutes = 0;
-  double seconds = 0;
-  if (!tag || std::sscanf(tag->value, "%d:%d:%lf", &hours, &minutes, &seconds) != 3) return 0;
-  return hours * 3600.0 + minutes * 60.0 + seconds;
-}
+bool IsDamaged(const AVFrame& frame) { return (frame.flags & AV_FRAME_FLAG_CORRUPT) || frame.decode_error_flags; }
 
 }  // namespace
 
 struct VideoReader::Impl {
   std::string path;
+  VideoOptions options;
+  std::unique_ptr<internal::VideoFile> file;
   VideoInfo info;
-  AVFormatContext* format = nullptr;
+  VideoDamage damage;
   AVCodecContext* codec = nullptr;
-  AVPacket* packet = nullptr;
-  AVFrame* frame = nullptr;
-  SwsContext* converter = nullptr;
-  AVStream* stream = nullptr;
-  int quarter_turns = 0;
-  int coded_width = 0, coded_height = 0, pixel_format = -1;
-  int64_t promised = 0, discarded = 0, next_idx = 0;
+  SwsContext *converter = nullptr, *reducer = nullptr;
+  FramePtr frame;  ///< the current one
+  uint8_t* planes[4] = {};
+  int strides[4] = {};
+  int coded_width = 0, coded_height = 0;
+  std::array<int, 5> converts = {-1};  ///< what `converter` was made for
+  int64_t discarded = 0, frame_idx = -1;
   double time_s = 0;
   bool flushing = false, finished = false;
+  std::optional<internal::SliceChecksums> checksums;
 
-  explicit Impl(const std::string& p) : path(p) {}
+  // Only with keep_undamaged:
+  std::multimap<int64_t, int64_t> idx_of_pts;  ///< frames not yet returned
+  int64_t num_frames = 0;                      ///< that there should be
+  int64_t last_numbered_pts = INT64_MAX;       ///< frames shown later may have others before them that were cut off
+  std::vector<bool> returned;
+  std::deque<FramePtr> ready;                                  ///< sound frames saved before the decoder was started anew
+  std::map<int64_t, int64_t> keys;                             ///< key frames sent: packet -> pts
+  int64_t next_packet = 0, resume_packet = 0, resume_pts = 0;  ///< frames from packets on `resume_packet` start at `resume_pts`
+  bool skip_to_key = false;
+
+  Impl(const std::string& p, const VideoOptions& o) : path(p), options(o) {}
   ~Impl() {
     sws_freeContext(converter);
-    av_frame_free(&frame);
-    av_packet_free(&packet);
+    sws_freeContext(reducer);
+    av_freep(&planes[0]);
     avcodec_free_context(&codec);
-    avformat_close_input(&format);
   }
 
   [[noreturn]] void Damaged(const std::string& what) const {
-    throw FormatError(path, "frame " + std::to_string(next_idx), what + "; the video is damaged or cut short, copy it again");
+    throw FormatError(path, "frame " + std::to_string(frame_idx + 1),
+                      what + "; the video is damaged or cut short, copy it again");
   }
-
   void Open();
   void OpenCodec();
+  void ScanAhead();
   bool Receive();
   void Feed();
+  void Fail(const std::string& what, int64_t packet);
+  bool Rescue(int64_t packet, int64_t first_key);
+  bool IsWhole(const AVFrame& f) const;
+  void Enter();
   void CheckComplete() const;
+  void ListMissing();
   Image Convert();
 };
 
 void VideoReader::Impl::Open() {
-  internal::SilenceLibav();
-  if (!std::filesystem::exists(path)) throw IoError(path, "no such file");
-  if (std::filesystem::is_directory(path)) throw IoError(path, "is a folder, a video was expected");
-  int code = avformat_open_input(&format, path.c_str(), nullptr, nullptr);
-  if (code == AVERROR(EACCES)) throw IoError(path, "cannot open: permission denied");
-  if (code < 0)
-    throw FormatError(path, "", "is not a video that can be opened (" + AvErrorText(code) + "); empty or cut short?");
-  code = avformat_find_stream_info(format, nullptr);
-  if (code < 0) throw FormatError(path, "", "cannot read the streams (" + AvErrorText(code) + ")");
-  const int idx = av_find_best_stream(format, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
-  if (idx < 0) throw FormatError(path, "", "holds no video stream");
-  stream = format->streams[idx];
-  for (unsigned i = 0; i < format->nb_streams; ++i) {
-    if (static_cast<int>(i) != idx) format->streams[i]->discard = AVDISCARD_ALL;
-  }
+  if (options.keep_undamaged) ScanAhead();
+  file = std::make_unique<internal::VideoFile>(path, options.max_pixels);
+  info = file->info();
   OpenCodec();
-  packet = av_packet_alloc();
-  frame = av_frame_alloc();
-  if (!packet || !frame) throw ResourceError(path + ": out of memory");
+  frame = NewFrame(path);
 }
 
 void VideoReader::Impl::OpenCodec() {
+  AVStream* stream = file->stream();
   const AVCodec* decoder = avcodec_find_decoder(stream->codecpar->codec_id);
   if (!decoder) throw FormatError(path, "", std::string("no decoder for ") + avcodec_get_name(stream->codecpar->codec_id));
   codec = avcodec_alloc_context3(decoder);
   if (!codec || avcodec_parameters_to_context(codec, stream->codecpar) < 0) throw ResourceError(path + ": out of memory");
   codec->pkt_timebase = stream->time_base;
   codec->thread_count = 0;
+  if (options.keep_undamaged) codec->thread_type = FF_THREAD_SLICE;  // an error belongs to the packet that was sent last
   codec->err_recognition = AV_EF_EXPLODE | AV_EF_CRCCHECK;
+  codec->max_pixels = options.max_pixels > 0 ? options.max_pixels : MaxPixels();
   const int code = avcodec_open2(codec, decoder, nullptr);
-  if (code < 0)
+  if (code < 0) {
     throw FormatError(path, "", std::string("cannot start the decoder ") + decoder->name + ": " + AvErrorText(code));
-  quarter_turns = QuarterTurns(*stream);
-  coded_width = codec->width;
-  coded_height = codec->height;
-  if (coded_width <= 0 || coded_height <= 0) throw FormatError(path, "", "the video has no picture size; cut short?");
-  promised = PromisedFrames(stream);
-  const AVRational rate = stream->avg_frame_rate.num > 0 ? stream->avg_frame_rate : stream->r_frame_rate;
-  info.frame_rate_hz = rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
-  info.width = quarter_turns % 2 ? coded_height : coded_width;
-  info.height = quarter_turns % 2 ? coded_width : coded_height;
-  info.num_frames = promised;
-  info.codec = avcodec_get_name(stream->codecpar->codec_id);
+  }
+  if (codec->codec_id == AV_CODEC_ID_FFV1) checksums.emplace();
+  coded_width = stream->codecpar->width;
+  coded_height = stream->codecpar->height;
+}
+
+/// Numbers the frames by their times before any is decoded, so that those after a gap keep theirs.
+void VideoReader::Impl::ScanAhead() {
+  internal::VideoFile first(path, options.max_pixels);
+  const internal::PacketScan scan = internal::ScanPackets(&first);
+  for (size_t i = 0; i < scan.pts.size(); ++i) {
+    if (scan.pts[i] != AV_NOPTS_VALUE) idx_of_pts.emplace(scan.pts[i], static_cast<int64_t>(i));
+  }
+  num_frames = std::max(static_cast<int64_t>(scan.pts.size()), first.promised() - scan.discarded);
+  const bool ends_early = scan.ends_in_packet || static_cast<int64_t>(scan.pts.size()) < num_frames || first.io_error() < 0;
+  const bool reordered = first.stream()->codecpar->video_delay > 0 && scan.last_dts != INT64_MIN;
+  if (ends_early && reordered) last_numbered_pts = scan.last_dts;
+  const bool hidden_frames = first.stream()->codecpar->codec_id == AV_CODEC_ID_VP8;
+  if (hidden_frames) num_frames = 0;
+  returned.assign(static_cast<size_t>(num_frames), false);
+  if (!scan.cut_short.empty()) damage.causes.push_back(scan.cut_short);
+}
+
+/// Whether a decoded frame is made of sound packets only, and its number is certain.
+bool VideoReader::Impl::IsWhole(const AVFrame& f) const {
+  if (f.pts != AV_NOPTS_VALUE && f.pts > last_numbered_pts) return false;
+  return f.reordered_opaque < resume_packet || f.pts == AV_NOPTS_VALUE || f.pts >= resume_pts;
 }
 
 /// True when `frame` holds the next picture.
 bool VideoReader::Impl::Receive() {
-  const int code = avcodec_receive_frame(codec, frame);
+  if (!ready.empty()) {
+    frame = std::move(ready.front());
+    ready.pop_front();
+    return true;
+  }
+  if (flushing && finished) return false;
+  const int code = avcodec_receive_frame(codec, frame.get());
   if (code == AVERROR(EAGAIN)) return false;
   if (code == AVERROR_EOF) {
     finished = true;
     return false;
   }
-  if (code < 0) Damaged("cannot decode (" + AvErrorText(code) + ")");
-  if ((frame->flags & AV_FRAME_FLAG_CORRUPT) || frame->decode_error_flags) Damaged("the picture decodes with errors");
-  return true;
+  if (code == AVERROR(ENOMEM)) throw ResourceError(path + ": out of memory");
+  if (code < 0) {
+    Fail("cannot decode (" + AvErrorText(code) + ")", next_packet - 1);
+    return false;
+  }
+  if (IsDamaged(*frame)) {
+    Fail("the picture decodes with errors", frame->reordered_opaque);
+    return false;
+  }
+  return !options.keep_undamaged || IsWhole(*frame) || Receive();
+}
+
+/// Saves what the decoder still holds of packets before `packet`, or from the first key frame after it on.
+bool VideoReader::Impl::Rescue(int64_t packet, int64_t first_key) {
+  avcodec_send_packet(codec, nullptr);
+  while (true) {
+    FramePtr held = NewFrame(path);
+    const int code = avcodec_receive_frame(codec, held.get());
+    if (code == AVERROR_EOF || code == AVERROR(EAGAIN)) return true;
+    if (code < 0) continue;
+    const bool before = held->reordered_opaque < packet && IsWhole(*held);
+    const bool after = first_key >= 0 && held->reordered_opaque >= first_key && held->pts >= keys[first_key];
+    if ((before || after) && !IsDamaged(*held)) ready.push_back(std::move(held));
+  }
+}
+
+/// Damage found in `packet`.
+void VideoReader::Impl::Fail(const std::string& what, int64_t packet) {
+  if (!options.keep_undamaged) Damaged(what);
+  if (damage.causes.size() < kMaxCauses) {
+    damage.causes.push_back("packet " + std::to_string(packet) + ": " + what);
+  }
+  const auto key = keys.upper_bound(packet);
+  Rescue(packet, key == keys.end() ? -1 : key->first);
+  avcodec_flush_buffers(codec);
+  if (flushing) finished = true;
+  skip_to_key = true;
 }
 
 void VideoReader::Impl::Feed() {
-  if (flushing) Damaged("the decoder asks for more after the end");
-  int code = av_read_frame(format, packet);
-  if (code == AVERROR_EOF) {
+  if (flushing) {
+    if (options.keep_undamaged) finished = true;
+    if (finished) return;
+    Damaged("the decoder asks for more after the end");
+  }
+  int code = file->Read();
+  if (code < 0) {
+    const int error = code != AVERROR_EOF ? code : file->io_error();
+    if (error < 0 && !options.keep_undamaged) Damaged("cannot read (" + AvErrorText(error) + ")");
     flushing = true;
-    if (format->pb && format->pb->error < 0) Damaged("cannot read (" + AvErrorText(format->pb->error) + ")");
     avcodec_send_packet(codec, nullptr);
     return;
   }
-  if (code < 0) Damaged("cannot read (" + AvErrorText(code) + ")");
-  if (packet->stream_index == stream->index) {
-    if (packet->flags & AV_PKT_FLAG_CORRUPT) Damaged("a packet is cut short");
-    if (packet->flags & AV_PKT_FLAG_DISCARD) ++discarded;
-    code = avcodec_send_packet(codec, packet);
+  AVPacket* packet = file->packet();
+  codec->reordered_opaque = next_packet++;
+  if (packet->flags & AV_PKT_FLAG_CORRUPT) return Fail("a packet is cut short", next_packet - 1);
+  if (checksums && checksums->IsDamaged(*packet)) return Fail("a slice's checksum does not fit", next_packet - 1);
+  if (packet->flags & AV_PKT_FLAG_DISCARD) ++discarded;
+  const bool key = packet->flags & AV_PKT_FLAG_KEY;
+  if (skip_to_key && !key) return;
+  if (skip_to_key) resume_packet = next_packet - 1, resume_pts = packet->pts;
+  if (key && options.keep_undamaged) keys[next_packet - 1] = packet->pts;
+  skip_to_key = false;
+  code = avcodec_send_packet(codec, packet);
+  if (code == AVERROR(ENOMEM)) throw ResourceError(path + ": out of memory");
+  if (code < 0) Fail("cannot decode (" + AvErrorText(code) + ")", next_packet - 1);
+}
+
+/// Gives the current frame its number and time.
+void VideoReader::Impl::Enter() {
+  const int64_t best = frame->pts != AV_NOPTS_VALUE ? frame->pts : frame->best_effort_timestamp;
+  ++frame_idx;
+  if (options.keep_undamaged) {
+    const auto found = idx_of_pts.find(frame->pts);
+    if (found != idx_of_pts.end()) {
+      frame_idx = found->second;
+      idx_of_pts.erase(found);
+    }
+    if (frame_idx < num_frames) returned[static_cast<size_t>(frame_idx)] = true;
   }
-  av_packet_unref(packet);
-  if (code < 0) Damaged("cannot decode (" + AvErrorText(code) + ")");
+  const double rate = info.frame_rate_hz;
+  time_s = best != AV_NOPTS_VALUE ? file->Seconds(best) : rate > 0 ? static_cast<double>(frame_idx) / rate : 0;
+  if (frame->width != coded_width || frame->height != coded_height) {
+    throw FormatError(path, "frame " + std::to_string(frame_idx),
+                      "the picture size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) +
+                          " to " + std::to_string(frame->width) + "x" + std::to_string(frame->height) + " in mid-stream");
+  }
 }
 
 void VideoReader::Impl::CheckComplete() const {
-  if (promised > 0 && next_idx < promised - discarded) {
-    Damaged("the stream ends after " + std::to_string(next_idx) + " of " + std::to_string(promised - discarded) + " frames");
+  const int64_t there = frame_idx + 1, due = file->promised() - discarded;
+  if (file->promised() > 0 && there < due) {
+    Damaged("the stream ends after " + std::to_string(there) + " of " + std::to_string(due) + " frames");
   }
-  const double duration_s = TaggedDuration(*stream);
-  if (promised <= 0 && duration_s > 0 && info.frame_rate_hz > 0 && time_s + 2.5 / info.frame_rate_hz < duration_s) {
+  const double duration_s = file->tagged_duration_s();
+  if (file->promised() <= 0 && internal::EndsEarly(time_s, there, info.frame_rate_hz, duration_s)) {
     Damaged("the stream ends at " + std::to_string(time_s) + " s of " + std::to_string(duration_s) + " s");
   }
 }
 
-Image VideoReader::Impl::Convert() {
-  if (frame->width != coded_width || frame->height != coded_height) {
-    throw FormatError(path, "frame " + std::to_string(next_idx),
-                      "the picture size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) +
-                          " to " + std::to_string(frame->width) + "x" + std::to_string(frame->height) + " in mid-stream");
+void VideoReader::Impl::ListMissing() {
+  for (int64_t i = 0; i < num_frames; ++i) {
+    if (returned[static_cast<size_t>(i)]) continue;
+    if (!damage.missing.empty() && damage.missing.back().second == i - 1) {
+      damage.missing.back().second = i;
+    } else {
+      damage.missing.emplace_back(i, i);
+    }
+    ++damage.num_missing;
   }
-  if (!converter || pixel_format != frame->format) {
+  const double duration_s = file->tagged_duration_s();
+  if (file->promised() <= 0 && internal::EndsEarly(time_s, frame_idx + 1, info.frame_rate_hz, duration_s)) {
+    damage.causes.push_back("the stream ends at " + std::to_string(time_s) + " s of " + std::to_string(duration_s) + " s");
+  } else if (damage.num_missing > 0 && damage.causes.empty()) {
+    damage.causes.push_back("the stream ends early");
+  }
+}
+
+Image VideoReader::Impl::Convert() {
+  const std::array<int, 5> kind = {frame->format, frame->color_range, frame->colorspace, frame->chroma_location, 0};
+  if (!converter || converts != kind) {
     sws_freeContext(converter);
     converter = internal::MakeToRgbConverter(*frame);
-    pixel_format = frame->format;
-    if (!converter) throw FormatError(path, "frame " + std::to_string(next_idx), "unsupported pixel format");
+    converts = kind;
+    if (!converter) throw FormatError(path, "frame " + std::to_string(frame_idx), "unsupported pixel format");
   }
-  uint8_t* planes[4] = {};
-  int strides[4] = {};
-  if (av_image_alloc(planes, strides, frame->width, frame->height, AV_PIX_FMT_RGB24, 64) < 0) {
+  if (!planes[0] && av_image_alloc(planes, strides, frame->width, frame->height, AV_PIX_FMT_RGB24, 64) < 0) {
     throw ResourceError(path + ": out of memory");
   }
   sws_scale(converter, frame->data, frame->linesize, 0, frame->height, planes, strides);
   Image image(frame->width, frame->height, 3);
   for (int y = 0; y < image.height; ++y)
     std::copy_n(planes[0] + int64_t{y} * strides[0], size_t{3} * image.width, image.Pixel(0, y));
-  av_freep(&planes[0]);
-  return Turned(image, quarter_turns);
+  return Turned(std::move(image), info.quarter_turns_clockwise);
 }
 
-VideoReader::VideoReader(const std::string& path) : impl_(std::make_unique<Impl>(path)) { impl_->Open(); }
+VideoReader::VideoReader(const std::string& path, const VideoOptions& options) : impl_(std::make_unique<Impl>(path, options)) {
+  impl_->Open();
+}
 VideoReader::~VideoReader() = default;
 const VideoInfo& VideoReader::info() const { return impl_->info; }
 double VideoReader::time_s() const { return impl_->time_s; }
-int64_t VideoReader::frame_idx() const { return impl_->next_idx - 1; }
+int64_t VideoReader::frame_idx() const { return impl_->frame_idx; }
+const VideoDamage& VideoReader::damage() const { return impl_->damage; }
+
+bool VideoReader::Advance() {
+  Impl& r = *impl_;
+  if (!r.frame) return false;
+  while (!r.finished || !r.ready.empty()) {
+    if (r.Receive()) {
+      r.Enter();
+      return true;
+    }
+    if (!r.finished && r.ready.empty()) r.Feed();
+  }
+  if (r.options.keep_undamaged) {
+    r.ListMissing();
+  } else {
+    r.CheckComplete();
+  }
+  r.frame.reset();
+  return false;
+}
+
+Image VideoReader::Picture() {
+  MVS_CHECK(impl_->frame && impl_->frame_idx >= 0, impl_->path << ": no frame was decoded");
+  return impl_->Convert();
+}
+
+Image VideoReader::Thumbnail(int max_side) {
+  Impl& r = *impl_;
+  MVS_CHECK(r.frame && r.frame_idx >= 0 && max_side > 0, r.path << ": no frame was decoded");
+  const int64_t longer = std::max(r.frame->width, r.frame->height), side = std::min<int64_t>(max_side, longer);
+  const auto reduced = [&](int size) { return static_cast<int>(std::max<int64_t>(size * side / longer, 1)); };
+  const int width = reduced(r.frame->width), height = reduced(r.frame->height);
+  r.reducer = sws_getCachedContext(r.reducer, r.frame->width, r.frame->height, static_cast<AVPixelFormat>(r.frame->format),
+                                   width, height, AV_PIX_FMT_GRAY8, SWS_AREA, nullptr, nullptr, nullptr);
+  const int stride = (width + 63) / 64 * 64;
+  std::vector<uint8_t> rows(static_cast<size_t>(stride) * static_cast<size_t>(height) + 64);
+  if (!r.reducer) throw FormatError(r.path, "frame " + std::to_string(r.frame_idx), "unsupported pixel format");
+  uint8_t* target[4] = {rows.data()};
+  const int target_strides[4] = {stride};
+  sws_scale(r.reducer, r.frame->data, r.frame->linesize, 0, r.frame->height, target, target_strides);
+  Image image(width, height, 1);
+  for (int y = 0; y < height; ++y) std::copy_n(rows.data() + size_t(y) * size_t(stride), size_t(width), image.Pixel(0, y));
+  return image;
+}
 
 std::optional<Image> VideoReader::Next() {
-  Impl& r = *impl_;
-  while (!r.finished) {
-    if (!r.Receive()) {
-      if (!r.finished) r.Feed();
-      continue;
-    }
-    Image image = r.Convert();
-    const int64_t pts = r.frame->best_effort_timestamp;
-    const double rate = r.info.frame_rate_hz;
-    r.time_s = pts != AV_NOPTS_VALUE ? pts * av_q2d(r.stream->time_base) : rate > 0 ? r.next_idx / rate : 0;
-    ++r.next_idx;
-    av_frame_unref(r.frame);
-    return image;
-  }
-  r.CheckComplete();
-  return std::nullopt;
+  if (!Advance()) return std::nullopt;
+  return Picture();
 }
 
 }  // namespace mvstudio::dataset

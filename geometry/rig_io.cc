@@ -80,8 +80,14 @@ struct Node {
     for (size_t i = 0; i < size; ++i) vector[static_cast<Eigen::Index>(i)] = At(i).Number();
     return vector;
   }
-  Eigen::MatrixXd SquareMatrix(size_t size) const {
+  /// Row i holds `size_of_row(i)` entries; known before a matrix is made for them.
+  template <class SizeOfRow>
+  void RequireRows(size_t size, SizeOfRow size_of_row) const {
     RequireArray(size);
+    for (size_t i = 0; i < size; ++i) At(i).RequireArray(size_of_row(i));
+  }
+  Eigen::MatrixXd SquareMatrix(size_t size) const {
+    RequireRows(size, [size](size_t) { return size; });
     Eigen::MatrixXd matrix(size, size);
     for (size_t i = 0; i < size; ++i) matrix.row(static_cast<Eigen::Index>(i)) = At(i).Vector(size).transpose();
     return matrix;
@@ -199,7 +205,7 @@ RigCamera ReadCamera(const Node& node) {
 Eigen::MatrixXd ReadJointCovariance(const Node& node, const Rig& rig) {
   Eigen::Index size = 0;
   for (const RigCamera& camera : rig.cameras) size += camera.camera.params.size() + 6;
-  node.RequireArray(static_cast<size_t>(size));
+  node.RequireRows(static_cast<size_t>(size), [](size_t row) { return row + 1; });
   Eigen::MatrixXd joint(size, size);
   for (Eigen::Index i = 0; i < size; ++i) {
     joint.row(i).head(i + 1) = node.At(static_cast<size_t>(i)).Vector(static_cast<size_t>(i + 1)).transpose();

@@ -3,31 +3,12 @@
 #include <algorithm>
 
 #include "core/check.h"
+#include "core/utf8.h"
 
 namespace mvstudio::report {
 namespace {
 
 constexpr char kReplacement[] = "\ufffd";
-
-bool IsContinuation(std::string_view text, size_t at) {
-  return at < text.size() && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80;
-}
-
-/// Length of the well-formed UTF-8 sequence at `at`, 0 when there is none (RFC 3629).
-size_t Utf8Length(std::string_view text, size_t at) {
-  const auto byte = [&](size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char first = byte(at);
-  if (first < 0x80) return 1;
-  const size_t length = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
-  if (first < 0xc2 || first > 0xf4) return 0;
-  for (size_t i = 1; i < length; ++i) {
-    if (!IsContinuation(text, at + i)) return 0;
-  }
-  const unsigned char second = byte(at + 1);
-  const bool overlong = (first == 0xe0 && second < 0xa0) || (first == 0xf0 && second < 0x90);
-  const bool outside = (first == 0xed && second > 0x9f) || (first == 0xf4 && second > 0x8f);
-  return overlong || outside ? 0 : length;
-}
 
 std::string Tag(const std::string& name, const std::string& css_class, const std::string& body_html) {
   return "<" + name + (css_class.empty() ? "" : " class=\"" + EscapeHtml(css_class) + "\"") + ">" + body_html + "</" + name +

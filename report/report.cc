@@ -54,8 +54,9 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
             "limits of pictures must not be negative");
   const RunData data = ScanRun(run_folder);
   SectionContext context{data, options, Value::Object(), {}, 0};
-  std::vector<Section> sections = {CalibrationSection(&context), TriangulationSection(&context), DatasetSection(&context),
-                                   AvatarSection(&context),      TruthSection(&context),         ProvenanceSection(&context)};
+  std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
+                                   DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),
+                                   ProvenanceSection(&context)};
   sections.insert(sections.begin(), VerdictSection(&context));
   // A section without a body had nothing to say, not even that it was not run.
   std::vector<Section> shown;

@@ -166,10 +166,11 @@ void ShallowFirst(std::vector<File>* files) {
 }  // namespace
 
 int PipelineOrder(const std::string& command) {
-  static const char* const kOrder[] = {
-      "synth",          "calib convert", "calibrate",     "calib refine", "calib compare",  "calib eval",
-      "pose2d",         "mask",          "sync",          "triangulate",  "dataset import", "dataset build",
-      "dataset verify", "avatar train",  "avatar resume", "avatar eval",  "metrics",        "demo"};
+  static const char* const kOrder[] = {"synth",         "dataset import",   "session init",  "session show",  "doctor",
+                                       "calib convert", "calibrate",        "calib refine",  "calib compare", "calib eval",
+                                       "sync",          "session timeline", "pose2d",        "triangulate",   "mask",
+                                       "dataset build", "dataset verify",   "dataset split", "dataset pack",  "dataset export",
+                                       "avatar train",  "avatar resume",    "avatar eval",   "metrics",       "demo"};
   const auto found = std::find(std::begin(kOrder), std::end(kOrder), command);
   return static_cast<int>(found - std::begin(kOrder));
 }

@@ -26,6 +26,8 @@ const std::vector<KeyFigure>& KeyFigures() {
       {"triangulate", "median \u03c3", {"median_sigma_mm"}, "mm"},
       {"triangulate", "off the reference", {"truth.median_mm", "reference.median_mm", "trc.median_mm"}, "mm"},
       {"triangulate", "joints", {"num_points"}, ""},
+      {"pose2d", "camera left out", {"agreement.median_px"}, "px"},
+      {"mask", "off the visual hull", {"disagreement_with_hull"}, ""},
       {"avatar eval", "SSIM", {"holdout.ssim"}, ""},
       {"avatar eval", "PSNR", {"holdout.psnr_db"}, "dB"},
       {"avatar eval", "mask IoU", {"holdout.mask_iou"}, ""},

@@ -23,6 +23,8 @@ struct SectionContext {
 
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
+/// Sessions, time offsets, key points, masks; without a body when none of them was run.
+Section FootageSection(SectionContext* context);
 Section DatasetSection(SectionContext* context);
 Section AvatarSection(SectionContext* context);
 Section TruthSection(SectionContext* context);

@@ -1,19 +1,26 @@
 #include "synth/truth_io.h"
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "core/files.h"
+#include "dataset/session_scan.h"
 
 namespace mvstudio::synth {
 
 void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, const std::string& path) {
-  std::ostringstream out;
-  out << "schema = \"mvstudio.session/1\"\nunits = \"m\"\nsource = \"synthetic studio\"\ncameras = [";
-  for (size_t i = 0; i < rig.cameras.size(); ++i) out << (i ? ", " : "") << '"' << rig.cameras[i].camera.name << '"';
-  out << "]\nboard = \"" << options.board << "\"\nfps_hz = " << options.fps << "\ntakes = ["
-      << (options.take_frames > 0 ? "\"take1\"" : "") << "]\n";
-  WriteFileAtomic(path, out.str());
+  dataset::Session session;
+  session.folder = std::filesystem::path(path).parent_path().string();
+  session.units = "m";
+  session.source = "synthetic studio";
+  session.board = options.board;
+  session.fps_hz = options.fps;
+  for (const geometry::RigCamera& c : rig.cameras) {
+    session.cameras.push_back({c.camera.name, "", "", c.camera.width_px, c.camera.height_px});
+  }
+  const dataset::ScannedSession scanned = dataset::ScanSession(session.folder);
+  session.takes = scanned.takes;
+  dataset::WriteSession(session);
 }
 
 void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board,

@@ -11,7 +11,7 @@
 
 namespace mvstudio::synth {
 
-/// mvstudio.toml: units, cameras, board, takes, frame rate.
+/// mvstudio.toml beside the footage that was recorded: units, cameras, board, takes, frame rate.
 void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, const std::string& path);
 
 /// truth/board_poses.json: world_from_board of every frame of the board footage.

@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "avatar/io/crop.h"
 #include "core/check.h"
+#include "dataset/crop.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -18,7 +18,7 @@ Eigen::Vector3d MeanPlace(const dataset::PanopticDataset& data, const DatasetSpl
   int count = 0;
   for (const int frame : split.train_frames) {
     const dataset::Coco19Pose& pose = data.poses.at(frame).at(person);
-    const std::array<bool, 19> plausible = PlausibleJoints(pose);
+    const std::array<bool, 19> plausible = dataset::PlausibleJoints(pose);
     for (int j = 0; j < 19; ++j) {
       if (plausible[j]) sum += pose.x_in_world.col(j), ++count;
     }

@@ -9,12 +9,12 @@
 #include <map>
 #include <set>
 
-#include "avatar/io/crop.h"
 #include "avatar/io/shape_fit.h"
 #include "body/mesh_raster.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "dataset/crop.h"
 #include "dataset/image_io.h"
 
 namespace mvstudio::avatar {
@@ -59,7 +59,7 @@ struct Job {
   const geometry::RigCamera* camera;
   int frame;
   const dataset::Coco19Pose* pose;
-  PersonExtent extent;
+  dataset::PersonExtent extent;
 };
 
 // The options with every choice made.
@@ -77,7 +77,7 @@ double LargeExtent(const dataset::PanopticDataset& data, int person) {
   std::vector<double> extents;
   for (const int frame : FramesOfPerson(data, person)) {
     for (const geometry::RigCamera& camera : data.rig.cameras) {
-      const auto extent = MeasurePerson(data.poses.at(frame).at(person), camera);
+      const auto extent = dataset::MeasurePerson(data.poses.at(frame).at(person), camera);
       if (extent) extents.push_back(extent->half_extent_m);
     }
   }
@@ -101,7 +101,7 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
     const geometry::RigCamera& camera = data.rig.cameras[data.rig.Find(plan.cameras[c])];
     for (const int frame : options.frames.empty() ? known : options.frames) {
       const dataset::Coco19Pose& pose = data.poses.at(frame).at(plan.person);
-      const auto extent = MeasurePerson(pose, camera);
+      const auto extent = dataset::MeasurePerson(pose, camera);
       if (extent) {
         plan.jobs.push_back({static_cast<int>(c), &camera, frame, &pose, *extent});
       } else {
@@ -128,7 +128,7 @@ Image ReadFor(const Job& job, const std::string& path, const char* what, bool gr
 
 // Binary mask of the person as the crop's camera sees it.
 Image CropMask(const dataset::PanopticDataset& data, const Job& job, const geometry::RigCamera& crop) {
-  Image mask = Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
+  Image mask = dataset::Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
   for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
   return mask;
 }
@@ -138,7 +138,7 @@ std::map<int, body::BodyPose> PoseFrames(const body::BodyTemplate& body, const s
   for (const Job& job : jobs) {
     if (poses.count(job.frame)) continue;
     body::BodyPose pose;
-    if (body::PoseFromJoints(body, job.pose->x_in_world, PlausibleJoints(*job.pose), &pose)) poses[job.frame] = pose;
+    if (body::PoseFromJoints(body, job.pose->x_in_world, dataset::PlausibleJoints(*job.pose), &pose)) poses[job.frame] = pose;
   }
   return poses;
 }
@@ -155,7 +155,7 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   std::vector<ShapeView> views(count);
   ParallelFor(static_cast<int64_t>(count), run.num_threads, [&](int64_t i) {
     const Job& job = *usable[(2 * i + 1) * usable.size() / (2 * count)];
-    const auto crop = CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, kFitSizePx);
+    const auto crop = dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, kFitSizePx);
     views[i] = {poses.at(job.frame), crop, CropMask(data, job, crop)};
   });
   return FitShape(body, options.shape, views, run).shape;
@@ -179,7 +179,7 @@ AvatarPack EmptyPack(const Plan& plan, int size_px) {
 }
 
 void FillJoints(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) {
-  const std::array<bool, 19> plausible = PlausibleJoints(*job.pose);
+  const std::array<bool, 19> plausible = dataset::PlausibleJoints(*job.pose);
   for (int j = 0; j < 19; ++j) {
     const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(job.pose->x_in_world.col(j));
     pack.joint_valid.data_ptr<bool>()[i * 19 + j] = plausible[j];
@@ -220,12 +220,12 @@ struct Filler {
   // Reason why the picture cannot be used, or empty.
   std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
     const Job& job = jobs[i];
-    const auto crop = CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
+    const auto crop = dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
     const Image mask = CropMask(data, job, crop);
     if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
       return "the mask is empty where the person should be";
     const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
-    FillPicture(pack, i, Resample(image, *job.camera, crop), mask);
+    FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
     FillJoints(pack, i, job, crop);
     if (!body) return "";
     const auto found = vertices.find(job.frame);

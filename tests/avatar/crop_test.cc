@@ -1,4 +1,4 @@
-#include "avatar/io/crop.h"
+#include "dataset/crop.h"
 
 #include <gtest/gtest.h>
 
@@ -11,6 +11,9 @@
 
 namespace mvstudio::avatar {
 namespace {
+
+using dataset::CropCamera;
+using dataset::Resample;
 
 dataset::Coco19Pose MannequinJoints() {
   dataset::Coco19Pose pose;

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
@@ -105,6 +106,68 @@ TEST(WriteFileAtomic, UnwritablePlacesAreIoErrors) {
   EXPECT_EQ(ReadFile(folder / "taken/inside"), "x");
 }
 
+// --- The seam for faults ---
+
+std::vector<std::string> steps;
+int fail_at = 0;  // 1 for the first step; 0 for none
+
+int RecordStep(const char* operation, const std::string& path) {
+  steps.push_back(std::string(operation) + " " + fs::path(path).filename().string());
+  return static_cast<int>(steps.size()) == fail_at ? ENOSPC : 0;
+}
+
+/// Counts the steps of file operations while it lives and lets one of them fail.
+struct Recording {
+  explicit Recording(int failing_step = 0) {
+    steps.clear(), fail_at = failing_step;
+    before = SetIoFault(RecordStep);
+  }
+  ~Recording() { SetIoFault(before); }
+  IoFault before;
+};
+
+TEST(SetIoFault, SeesEveryStepInItsOrder) {
+  const TempDir folder;
+  const Recording recording;
+  WriteFileAtomic(folder / "a", std::string(600000, 'x'));  // three pieces
+  FlushToDisk(folder.path());
+  RemoveFile(folder / "a");
+  std::vector<std::string> kinds;
+  for (const std::string& step : steps) kinds.push_back(step.substr(0, step.find(' ')));
+  const std::vector<std::string> expected = {"folder", "create", "write",  "write", "write",
+                                             "close",  "flush",  "rename", "flush", "remove"};
+  EXPECT_EQ(kinds, expected);
+  EXPECT_EQ(steps[7], "rename a");
+}
+
+TEST(SetIoFault, AFullDiskAtAnyStepLeavesTheOldContent) {
+  const TempDir folder;
+  WriteFileAtomic(folder / "a", "old");
+  int step = 1;
+  for (bool failed = true; failed; ++step) {
+    const Recording recording(step);
+    failed = false;
+    try {
+      WriteFileAtomic(folder / "a", std::string(600000, 'x'));
+    } catch (const ResourceError&) {
+      failed = true;
+      EXPECT_EQ(ReadFile(folder / "a"), "old") << steps.back();
+    }
+    EXPECT_EQ(CountEntries(folder.path()), 1u) << steps.back();
+  }
+  EXPECT_EQ(step, 10) << "eight steps can fail";
+  EXPECT_EQ(ReadFile(folder / "a").size(), 600000u);
+}
+
+TEST(RemoveFile, IsContentWhenThereIsNothing) {
+  const TempDir folder;
+  WriteFileAtomic(folder / "a", "x");
+  RemoveFile(folder / "a");
+  EXPECT_FALSE(fs::exists(folder / "a"));
+  EXPECT_NO_THROW(RemoveFile(folder / "a"));
+  EXPECT_THROW(RemoveFile(folder.path()), IoError);
+}
+
 TEST(AppendLine, AddsWholeLines) {
   const TempDir folder;
   AppendLine(folder / "log/provenance.jsonl", "{}");
@@ -166,6 +229,27 @@ TEST(AtomicFolder, ReplacesOnlyWhenAskedAndKeepsTheOldOneTillThen) {
   EXPECT_EQ(ReadFile(root / "out/new"), "y");
   EXPECT_EQ(CountEntries(root.path()), 1u);
   EXPECT_NO_THROW(AtomicFolder(root / "new", false));
+}
+
+TEST(AtomicFolder, TheOldFolderIsBackWhenTheSwapFails) {
+  const TempDir root;
+  WriteFileAtomic(root / "out/old", "x");
+  int step = 1;
+  for (bool failed = true; failed; ++step) {
+    AtomicFolder folder(root / "out", true);
+    std::ofstream(folder.work_path() + "/new") << "y";
+    const Recording recording(step);
+    failed = false;
+    try {
+      folder.Commit();
+    } catch (const ResourceError&) {
+      failed = true;
+      EXPECT_TRUE(fs::exists(root / "out/old")) << steps.back();
+    }
+  }
+  EXPECT_EQ(step, 4) << "both renames were tried";
+  EXPECT_EQ(ReadFile(root / "out/new"), "y");
+  EXPECT_EQ(CountEntries(root.path()), 1u);
 }
 
 TEST(AtomicFolder, AnEmptyFolderMayBeFilled) {

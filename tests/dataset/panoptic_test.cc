@@ -5,6 +5,8 @@
 #include <regex>
 
 #include "core/error.h"
+#include "dataset/panoptic_sequence.h"
+#include "dataset/panoptic_time.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {
@@ -211,6 +213,78 @@ TEST(Panoptic, OpensAForeignDataset) {
   const Coco19Pose& pose = dataset.poses.at(0).at(0);
   EXPECT_GT(pose.x_in_world(2, 1), 1.4);  // the nose is up
   EXPECT_THROW(OpenPanopticDataset(person + "/truth"), IoError);
+}
+
+TEST(PanopticSequence, EveryKindOfFootageIsFound) {
+  mvstudio::testing::TempDir folder;
+  const auto touch = [&](const std::string& name) { WriteFileAtomic(folder / name, "x"); };
+  for (const char* name :
+       {"calibration_160422_haggling1.json", "hdImgs/00_07/00_07_00000245.jpg", "hdImgs/00_07/00_07_00000246.png",
+        "hdImgs/00_07/notes.txt", "hdImgs/extra/a.jpg", "hdVideos/hd_00_30.mp4", "hdVideos/hd_00_07.mp4",
+        "vgaVideos/vga_17_11.mp4", "vgaVideos/KINECTNODE4/vga_04_07.mp4", "vgaImgs/20_24/20_24_00000000.jpg",
+        "kinectImgs/50_10/50_10_00000001.jpg", "kinectVideos/kinect_50_02.mp4", "hdPose3d_stage1/body3DScene_00000245.json",
+        "hdFace3d/faceRecon3D_hd00000245.json", "hdHand3d/handRecon3D_hd00000246.json",
+        "vgaPose3d_stage1/body3DScene_00000000.json", "synctables_160422_haggling1.json", "hdFace3d/faceRecon3D_hd1.json"}) {
+    touch(name);
+  }
+  const PanopticSequence sequence = ScanPanopticSequence(folder.path());
+  EXPECT_EQ(sequence.name, "160422_haggling1");
+  std::map<std::string, bool> is_video;
+  for (const auto& [camera, footage] : sequence.footage) is_video[camera] = footage.is_video;
+  EXPECT_EQ(is_video, (std::map<std::string, bool>{{"00_07", false},
+                                                   {"00_30", true},
+                                                   {"04_07", true},
+                                                   {"17_11", true},
+                                                   {"20_24", false},
+                                                   {"50_02", true},
+                                                   {"50_10", false}}));
+  EXPECT_EQ(sequence.footage.at("00_07").pictures.rbegin()->first, 246);
+  EXPECT_EQ(std::filesystem::path(sequence.footage.at("00_07").other).filename(), "hd_00_07.mp4");
+  EXPECT_EQ(sequence.hd_scenes.files.begin()->first, 245);  // the old folder, for want of another
+  EXPECT_EQ(sequence.hands.files.begin()->first, 246);
+  EXPECT_EQ(sequence.vga_scenes.files.size(), 1u);
+  EXPECT_FALSE(sequence.sync.empty());
+  EXPECT_TRUE(sequence.kinect_sync.empty());
+  EXPECT_EQ(sequence.strange.size(), 3u);  // notes.txt, extra, the face with a short number
+}
+
+TEST(PanopticSequence, Selections) {
+  const std::vector<std::string> names = {"01_01", "00_02", "50_03", "00_01"};
+  EXPECT_EQ(SelectPanopticCameras(names, "hd"), (std::vector<std::string>{"00_02", "00_01"}));
+  EXPECT_EQ(SelectPanopticCameras(names, "kinect,00_01"), (std::vector<std::string>{"50_03", "00_01"}));
+  for (const char* bad : {"00_09", "hd,depth", "", ","}) EXPECT_THROW(SelectPanopticCameras(names, bad), UsageError) << bad;
+}
+
+TEST(PanopticTime, ShiftOfTheTableIsMeasured) {
+  for (const int shift : {-2, 0, 1, 3}) {
+    PanopticSyncTrack track;
+    for (int p = 0; p < 100; ++p) track.univ_time_ms.push_back(p == 50 ? -1 : 1000 + 33.3667 * p);
+    std::map<int, double> joints;
+    for (int f = 20; f < 60; ++f) joints[f] = 1000 + 33.3667 * (f + shift);
+    const PanopticTableMatch match = MatchPanopticTable(joints, track);
+    EXPECT_EQ(match.shift, shift);
+    EXPECT_FALSE(match.contradicts());
+    AddTable(track, match, &joints);
+    EXPECT_NEAR(joints.at(70), 1000 + 33.3667 * (70 + shift), 1e-9);
+  }
+  PanopticSyncTrack other;
+  for (int p = 0; p < 100; ++p) other.univ_time_ms.push_back(1010 + 33.3667 * p);
+  EXPECT_TRUE(MatchPanopticTable({{5, 1000 + 33.3667 * 6}, {6, 1000 + 33.3667 * 7}}, other).contradicts());
+  EXPECT_EQ(MatchPanopticTable({}, other).shift, 1);
+}
+
+TEST(PanopticTime, FramesByTheNearestTime) {
+  std::map<int, double> known;
+  for (int f = 245; f < 300; f += 3) known[f] = 90000 + 33.3667 * f;
+  const PanopticClock clock = FitPanopticClock(known);
+  EXPECT_TRUE(clock.is_line);
+  EXPECT_NEAR(*clock.TimeMs(246), 90000 + 33.3667 * 246, 1e-6);
+  EXPECT_EQ(clock.NearestFrame(90000 + 33.3667 * 250 + 10), 250);
+  EXPECT_EQ(clock.NearestFrame(-1e6), std::nullopt);
+  const PanopticClock broken = FitPanopticClock({{0, 0}, {1, 33}, {2, 5000}, {3, 5033}});
+  EXPECT_FALSE(broken.is_line);
+  EXPECT_EQ(broken.TimeMs(7), std::nullopt);
+  EXPECT_EQ(FitPanopticClock({}).TimeMs(0), std::nullopt);
 }
 
 }  // namespace

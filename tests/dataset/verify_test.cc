@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "core/error.h"
 #include "dataset/image_io.h"
 #include "dataset/panoptic.h"
+#include "dataset/video_io.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {
@@ -44,7 +46,7 @@ class VerifyTest : public ::testing::Test {
                        Path("hdPose3d_stage1_coco19/body3DScene_0000000" + std::to_string(frame) + ".json"));
       for (const std::string c : {"00_00", "00_01"}) {
         const std::string name = c + "/" + c + "_0000000" + std::to_string(frame);
-        WriteImage(SmoothImage(80, 60, frame), Path("hdImgs/" + name + ".jpg"));
+        WriteImage(SmoothImage(80, 60, frame + (c == "00_01" ? 2 : 0)), Path("hdImgs/" + name + ".jpg"));
         Image mask(80, 60, 1);
         for (int y = 15; y < 50; ++y) std::fill_n(mask.Pixel(25, y), 32, uint8_t{255});
         WriteImage(mask, Path("masks/" + name + ".png"));
@@ -195,6 +197,139 @@ TEST_F(VerifyTest, StrangeNames) {
   fs::rename(Path("hdImgs/00_01"), Path("hdImgs/00_07"));
   const VerifyReport report = VerifyDataset(folder_.path());
   EXPECT_GE(report.num_errors(), 1);
+}
+
+TEST_F(VerifyTest, SameVideoTwice) {
+  for (int frame = 5; frame < 8; ++frame) {
+    const std::string other = Path("hdImgs/00_01/00_01_0000000" + std::to_string(frame) + ".jpg");
+    WriteImage(ReadImage(Image0(frame)), other, 70);  // encoded again
+  }
+  EXPECT_EQ(Only("DAT-DOUBLE"), 1);
+}
+
+TEST_F(VerifyTest, OneCameraHasMoreFrames) {
+  fs::copy_file(Image0(7), Image0(8));
+  std::set<std::string> codes;
+  for (const Finding& f : VerifyDataset(folder_.path()).findings) codes.insert(f.code);
+  EXPECT_EQ(codes, (std::set<std::string>{"DAT-POSE-MISSING", "DAT-COUNT"}));
+}
+
+TEST_F(VerifyTest, LinkOutOfTheFolder) {
+  mvstudio::testing::TempDir elsewhere;
+  fs::rename(Path("hdImgs/00_01"), elsewhere / "00_01");
+  fs::create_directory_symlink(elsewhere / "00_01", Path("hdImgs/00_01"));
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.findings.at(0).code, "DAT-LINK");
+  EXPECT_EQ(report.cameras, 1);
+  VerifyOptions options;
+  options.follow_links = true;
+  const VerifyReport followed = VerifyDataset(folder_.path(), options);
+  EXPECT_EQ(followed.num_errors(), 0);
+  EXPECT_EQ(followed.cameras, 2);
+}
+
+TEST_F(VerifyTest, CalibrationRules) {
+  const auto only = [&](const std::function<void(json&)>& change, const std::string& code, const std::string& part) {
+    const std::string before = ReadFile(Path("calibration_t.json"));
+    EditJson(Path("calibration_t.json"), change);
+    const VerifyReport report = VerifyDataset(folder_.path());
+    EXPECT_EQ(report.findings.size(), 1u) << part;
+    EXPECT_EQ(report.findings.at(0).code, code);
+    EXPECT_NE(report.findings.at(0).text.find(part), std::string::npos) << report.findings.at(0).text;
+    WriteFileAtomic(Path("calibration_t.json"), before);
+  };
+  only([](json& c) { c["cameras"][1]["node"] = 5; }, "DAT-NAME", "panel and node do not agree");
+  only([](json& c) { c["cameras"][1]["type"] = "vga"; }, "DAT-CALIB", "cameras of panel 0 are 'hd'");
+  only([](json& c) { c["cameras"][1].erase("type"); }, "DAT-CALIB", "type: is missing");
+  only([](json& c) { c["cameras"][1]["distCoef"] = {-2.5, 0, 0, 0, 0}; }, "DAT-LENS", "folds over");
+  only([](json& c) { c["cameras"][1]["t"] = c["cameras"][0]["t"]; }, "DAT-CALIB", "same place and direction");
+}
+
+TEST_F(VerifyTest, ConfidencesAndRates) {
+  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][3] = 7; });
+  EXPECT_EQ(Only("DAT-JOINT"), 1);
+  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][3] = 0.5, s["fpsType"] = "ntsc"; });
+  EXPECT_EQ(Only("DAT-RATE"), 1);
+}
+
+TEST_F(VerifyTest, IrregularTimes) {
+  EditJson(Scene(7), [](json& s) { s["univTime"] = 33.0 * 6 + 80; });
+  EXPECT_EQ(Only("DAT-TIME"), 1);
+}
+
+TEST_F(VerifyTest, FacesAndHands) {
+  const auto part = [](double x_cm, double y_cm, int count) {
+    json xyz = json::array(), score = json::array();
+    for (int i = 0; i < count; ++i) xyz.insert(xyz.end(), {x_cm, y_cm, 0.0}), score.push_back(0.5);
+    return json({{"landmarks", xyz}, {"averageScore", score}});
+  };
+  const auto write = [&](const std::string& name, const json& people) {
+    WriteFileAtomic(Path(name), json({{"people", people}}).dump());
+  };
+  const std::string face = "hdFace3d/faceRecon3D_hd00000005.json", hand = "hdHand3d/handRecon3D_hd00000005.json";
+  const json good = {{"id", 0}, {"face70", part(-16, -145, 70)}};
+  write(face, json::array({good}));
+  write(hand, json::array({{{"id", 0}, {"right_hand", part(4, -95, 21)}}, {{"id", -1}}}));
+  EXPECT_EQ(Only("none"), 0);
+  write(face, json::array({good, good}));
+  EXPECT_EQ(Only("DAT-FACE"), 1);
+  write(face, json::array({{{"id", 0}, {"face70", part(-16, 145, 70)}}}));  // y up
+  EXPECT_EQ(Only("DAT-FACE"), 1);
+  write(face, json::array({{{"id", 3}, {"face70", part(-16, -145, 70)}}}));
+  EXPECT_EQ(Only("DAT-FACE"), 1);
+  write(face, json::array({good}));
+  write(hand, json::array({json({{"id", 0}})}));
+  EXPECT_EQ(Only("DAT-HAND"), 1);
+  write(hand, json::array({{{"id", 0}, {"left_hand", part(0, 0, 70)}}}));
+  EXPECT_EQ(Only("DAT-HAND"), 1);
+}
+
+TEST_F(VerifyTest, SyncTables) {
+  const auto write = [&](double first, double step) {
+    json times = json::array();
+    for (int i = 0; i < 20; ++i) times.push_back(first + step * i);
+    WriteFileAtomic(Path("synctables_t.json"), json({{"hd", {{"univ_time", times}}}}).dump());
+  };
+  write(-33, 33);  // frame f at f + 1
+  EXPECT_EQ(Only("none"), 0);
+  write(0, 33);
+  EXPECT_EQ(Only("DAT-SYNC"), 1);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 0);  // another shift
+  write(9, 33);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1);
+  write(500, -3);
+  EXPECT_GE(Only("DAT-SYNC"), 1);
+}
+
+TEST_F(VerifyTest, Videos) {
+  fs::remove_all(Path("hdImgs"));
+  fs::remove_all(Path("masks"));
+  const auto write = [&](int camera, int frames, int width) {
+    fs::create_directories(Path("hdVideos"));
+    VideoWriter writer(Path("hdVideos/hd_00_0" + std::to_string(camera) + ".mp4"), width, 60, 29.97);
+    for (int f = 0; f < frames; ++f) writer.Write(SmoothImage(width, 60, 0.4 * f + 2 * camera));
+    writer.Close();
+  };
+  write(0, 8, 80), write(1, 8, 80);
+  EXPECT_EQ(Only("none"), 0);
+  EXPECT_EQ(VerifyDataset(folder_.path()).videos, 2);
+  write(1, 7, 80);
+  std::multiset<std::string> codes;
+  for (const Finding& f : VerifyDataset(folder_.path()).findings) codes.insert(f.code);
+  EXPECT_EQ(codes, (std::multiset<std::string>{"DAT-COUNT", "DAT-IMAGE-MISSING"}));
+  write(1, 8, 64);
+  EXPECT_EQ(Only("DAT-SIZE"), 1);
+  WriteFileAtomic(Path("hdVideos/hd_00_01.mp4"), "no video");
+  EXPECT_EQ(Only("DAT-VIDEO"), 1);
+}
+
+TEST_F(VerifyTest, WhatRemainsUsable) {
+  fs::remove_all(Path("hdImgs"));
+  fs::remove_all(Path("masks"));
+  EXPECT_EQ(Only("DAT-IMAGE"), 1);  // a warning: calibration and joints are a dataset
+  EXPECT_EQ(VerifyDataset(folder_.path()).unusable, "");
+  fs::remove_all(Path("hdPose3d_stage1_coco19"));
+  EXPECT_NE(VerifyDataset(folder_.path()).unusable, "");
 }
 
 TEST_F(VerifyTest, NoDatasetAtAll) {

@@ -120,15 +120,18 @@ class ReportTest : public testing::Test {
                                                                   {"points_per_s", 1234.5},
                                                                   {"trc", {{"median_mm", 7.5}}}}));
   }
-  void SaveAvatar() {
-    SaveText("avatar/history.csv",
-             "step,phase,total,ssim,wall_s\n1,init,2.0,0,1\n2,init,nan,0,2\n3,train,0.1,0.5,3\n4,validation,0.2,0.6,4\n");
-    // A whole PNG of one pixel.
+  /// A whole PNG of one pixel.
+  void SavePng(const std::string& path) {
     const unsigned char png[] = {0x89, 'P',  'N',  'G',  13,  10,  26,  10,   0,    0,    0,    13,  'I',  'H',  'D',  'R',  0,
                                  0,    0,    1,    0,    0,   0,   1,   8,    0,    0,    0,    0,   0x3a, 0x7e, 0x9b, 0x55, 0,
                                  0,    0,    10,   'I',  'D', 'A', 'T', 0x78, 0x9c, 0x63, 0x60, 0,   0,    0,    2,    0,    1,
                                  0x48, 0xaf, 0xa4, 0x71, 0,   0,   0,   0,    'I',  'E',  'N',  'D', 0xae, 0x42, 0x60, 0x82};
-    SaveText("avatar/eval/left_00000084.png", std::string(reinterpret_cast<const char*>(png), sizeof(png)));
+    SaveText(path, std::string(reinterpret_cast<const char*>(png), sizeof(png)));
+  }
+  void SaveAvatar() {
+    SaveText("avatar/history.csv",
+             "step,phase,total,ssim,wall_s\n1,init,2.0,0,1\n2,init,nan,0,2\n3,train,0.1,0.5,3\n4,validation,0.2,0.6,4\n");
+    SavePng("avatar/eval/left_00000084.png");
     const Json fd = {{"value", 3.5}, {"features", "random"}, {"n", 8}, {"d", 64}, {"floor", 0.5}};
     Json result = Result(
         "avatar eval", {{"holdout", {{"n", 8}, {"ssim", 0.9125}, {"psnr_db", 24.5}, {"mask_iou", 0.95}, {"fd", fd}}},
@@ -318,6 +321,22 @@ TEST_F(ReportTest, ValuesOfTheWrongKindDoNotMatter) {
   const Report report = Build();
   EXPECT_EQ(report.num_stages, 7);
   for (const std::string& figure : Figures(report.html)) EXPECT_EQ(CheckMarkup(figure), "");
+}
+
+TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
+  for (const char* command : {"pose2d", "mask"}) {
+    SavePng(std::string(command) + "/left.png");
+    Json result = Result(command, {{"backend", "background"}, {"per_camera", {{{"name", "left"}, {"flicker", 0.0125}}}}});
+    result["outputs"] = {{{"path", std::string("/moved/") + command + "/left.png"}, {"role", "overlay"}}};
+    Save(std::string(command) + "/" + command + ".result.json", result);
+  }
+  const Report report = Build();
+  EXPECT_THAT(report.html, AllOf(HasSubstr("Footage, key points and masks"), HasSubstr("0.0125"), HasSubstr("background")));
+  size_t pictures = 0;
+  for (size_t at = report.html.find("data:image/png"); at != std::string::npos; at = report.html.find("data:image/png", at + 1))
+    ++pictures;
+  EXPECT_EQ(pictures, 2u);
+  EXPECT_THAT(report.warnings, IsEmpty());
 }
 
 TEST_F(ReportTest, ASingleResultSaysWhatWasNotRun) {

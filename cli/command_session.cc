@@ -1,0 +1,211 @@
+#include <algorithm>
+#include <filesystem>
+#include <sstream>
+
+#include "calib/board.h"
+#include "cli/commands.h"
+#include "cli/session_table.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "dataset/session_scan.h"
+#include "dataset/timeline_source.h"
+
+namespace mvstudio::cli {
+namespace fs = std::filesystem;
+namespace {
+
+using dataset::Session;
+using nlohmann::ordered_json;
+
+struct InitArguments {
+  std::string folder, cameras, units, board, scan;
+  double fps = 0;
+  bool overwrite = false;
+};
+
+struct ShowArguments {
+  std::string folder;
+  dataset::InspectOptions options;
+};
+
+struct TimelineArguments {
+  std::string folder, take, out;
+  dataset::TakeTimelineOptions options;
+};
+
+/// "4" is cam_01 to cam_04; else names with commas between them.
+std::vector<dataset::SessionCamera> NamedCameras(const std::string& text) {
+  std::vector<dataset::SessionCamera> cameras;
+  const bool number = !text.empty() && text.size() <= 4 && text.find_first_not_of("0123456789") == std::string::npos;
+  const int count = number ? std::stoi(text) : 0;
+  if (number && (count < 1 || count > 1000)) throw UsageError("--cameras " + text + ": between 1 and 1000 cameras");
+  for (int i = 1; i <= count; ++i) {
+    char name[16];
+    std::snprintf(name, sizeof(name), "cam_%02d", i);
+    cameras.push_back({name, "", "", 0, 0});
+  }
+  std::stringstream names(number ? "" : text);
+  for (std::string name; std::getline(names, name, ',');) {
+    const std::string why = dataset::WhyNotAName(name);
+    if (!why.empty()) throw UsageError("--cameras: '" + name + "' " + why);
+    cameras.push_back({name, "", "", 0, 0});
+  }
+  return cameras;
+}
+
+/// Footage that lies elsewhere is not copied: raw/ becomes a link to it.
+void LinkRaw(const InitArguments& arguments, Session* session, CommandResult* result) {
+  const fs::path raw = fs::path(arguments.folder) / "raw";
+  if (!fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
+  std::error_code error;
+  if (fs::equivalent(raw, arguments.scan, error)) return;
+  if (fs::exists(raw) && !fs::is_empty(raw)) {
+    throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " holds other footage already");
+  }
+  fs::remove(raw, error);
+  fs::create_directory_symlink(fs::absolute(arguments.scan), raw, error);
+  if (error) throw IoError(raw.string(), "cannot link to " + arguments.scan + ": " + error.message());
+  session->follow_symlinks = true;
+  result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan,
+                              "mvstudio.toml says follow_symlinks = true; copy the footage to make the session whole"});
+}
+
+void TakeScan(const InitArguments& arguments, Session* session, CommandResult* result) {
+  if (!arguments.scan.empty()) LinkRaw(arguments, session, result);
+  const dataset::ScannedSession scanned = dataset::ScanSession(arguments.folder);
+  for (const std::string& line : scanned.skipped)
+    result->warnings.push_back({"SES-SKIPPED", line, "it is not part of the session"});
+  if (!arguments.scan.empty() && scanned.takes.empty()) {
+    throw FormatError(arguments.scan, "", "holds no footage; expected TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png in it");
+  }
+  session->takes = scanned.takes;
+  for (const dataset::SessionCamera& camera : scanned.cameras) {
+    if (session->FindCamera(camera.name) >= 0) continue;
+    if (!arguments.cameras.empty()) {
+      result->warnings.push_back(
+          {"SES-CAMERA", "camera " + camera.name + " has footage and was not named in --cameras; added", ""});
+    }
+    session->cameras.push_back(camera);
+  }
+}
+
+CommandResult RunInit(const InitArguments& arguments) {
+  const fs::path file = fs::path(arguments.folder) / "mvstudio.toml";
+  if (fs::exists(file) && !arguments.overwrite) throw UsageError(file.string() + ": exists already; --overwrite replaces it");
+  if (arguments.units != "m" && arguments.units != "cm" && arguments.units != "mm") {
+    throw UsageError("--units must be m, cm or mm: the unit of the board's squares and of all lengths in the session");
+  }
+  CommandResult result;
+  Session session;
+  session.folder = arguments.folder;
+  session.units = arguments.units;
+  session.board = dataset::BoardWithUnits(arguments.board, arguments.units);
+  if (!session.board.empty()) calib::ParseBoard(session.board);  // refused now rather than when it is filmed
+  if (arguments.fps > 0) session.fps_hz = arguments.fps;
+  session.cameras = NamedCameras(arguments.cameras);
+  for (const char* name : {"sync", "calib", "pose2d", "masks", "pose3d", "dataset", "avatar"}) {
+    MakeFolder((fs::path(arguments.folder) / name).string());
+  }
+  if (arguments.scan.empty()) MakeFolder((fs::path(arguments.folder) / "raw").string());
+  TakeScan(arguments, &session, &result);
+  dataset::WriteSession(session, true);
+  dataset::ReadSession(arguments.folder);  // what was written can be read
+  result.outputs.push_back({file.string(), "session"});
+  result.metrics = {{"cameras", session.cameras.size()}, {"takes", session.takes.size()}};
+  result.text = std::to_string(session.cameras.size()) + " cameras, " + std::to_string(session.takes.size()) + " takes\n";
+  if (session.takes.empty()) {
+    result.text +=
+        "put footage into raw/TAKE/CAMERA.mp4 and run session init again with --scan raw --overwrite, or name it in "
+        "mvstudio.toml\n";
+  }
+  return result;
+}
+
+CommandResult RunShow(const ShowArguments& arguments, CommandContext& context) {
+  CommandResult result;
+  const Session session = dataset::ReadSession(arguments.folder);
+  const dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
+  result.inputs = {arguments.folder};
+  result.metrics = {{"units", session.units}, {"board", session.board}, {"cameras", ordered_json::array()}};
+  for (const dataset::SessionCamera& c : session.cameras) {
+    result.metrics["cameras"].push_back({{"name", c.name}, {"serial", c.serial}, {"lens", c.lens}});
+  }
+  result.metrics["footage"] = FootageJson(report);
+  result.text = FootageText(report);
+  AddFindings(report, &result);
+  return result;
+}
+
+CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& context) {
+  CommandResult result;
+  const Session session = dataset::ReadSession(arguments.folder);
+  const dataset::SessionTake& take = dataset::TakeOf(session, arguments.take);
+  const dataset::TakeTimeline made = dataset::BuildTakeTimeline(session, take, arguments.options, context.run);
+  for (const std::string& warning : session.warnings) result.warnings.push_back({"SES-KEY", warning, ""});
+  for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
+  for (const dataset::CameraTimeline& c : made.timeline.cameras) {
+    if (c.status == "NoTime" || c.status == "NoOffset") result.exit = kExitPartial;
+  }
+  const std::string path = arguments.out.empty() ? dataset::TimelinePath(session, take.name) : arguments.out;
+  dataset::WriteTimeline(made.timeline, path);
+  for (const dataset::SessionFootage& f : take.footage) result.inputs.push_back((fs::path(session.folder) / f.path).string());
+  result.outputs.push_back({path, "timeline"});
+  result.metrics = TimelineJson(made.timeline);
+  result.text = TimelineText(made.timeline);
+  return result;
+}
+
+void RegisterInit(CLI::App* session, Registry& registry) {
+  auto arguments = std::make_shared<InitArguments>();
+  CLI::App* sub = session->add_subcommand("init", "Make a session: its folders and a commented mvstudio.toml");
+  sub->add_option("folder", arguments->folder, "the session's folder")->required();
+  sub->add_option("--units", arguments->units, "m, cm or mm: of the board's squares and of all lengths in the session")
+      ->required();
+  sub->add_option("--cameras", arguments->cameras, "how many (cam_01, cam_02, …), or their names with commas between them");
+  sub->add_option("--board", arguments->board, "the calibration board, as calibrate --board takes it");
+  sub->add_option("--scan", arguments->scan,
+                  "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png; another than FOLDER/raw is linked to, not copied");
+  sub->add_option("--fps", arguments->fps, "frames a second of folders of pictures")->check(CLI::PositiveNumber);
+  sub->add_flag("--overwrite", arguments->overwrite, "replace an existing mvstudio.toml");
+  registry.Add(sub, "session init", [arguments](CommandContext&) { return RunInit(*arguments); });
+}
+
+void RegisterShow(CLI::App* session, Registry& registry) {
+  auto arguments = std::make_shared<ShowArguments>();
+  CLI::App* sub = session->add_subcommand("show", "Cameras, takes and footage, and what is wrong with them");
+  sub->add_option("folder", arguments->folder, "the session's folder")->required();
+  sub->add_flag("--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
+  sub->add_flag("--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  arguments->options.compare = false;
+  registry.Add(sub, "session show", [arguments](CommandContext& context) { return RunShow(*arguments, context); });
+}
+
+void RegisterTimeline(CLI::App* session, Registry& registry) {
+  auto arguments = std::make_shared<TimelineArguments>();
+  CLI::App* sub =
+      session->add_subcommand("timeline", "Which frame of each camera shows each instant; dropped and doubled frames");
+  sub->add_option("folder", arguments->folder, "the session's folder")->required();
+  sub->add_option("--take", arguments->take, "its only take with people unless given");
+  sub->add_option("--out", arguments->out, "file; FOLDER/sync/TAKE.timeline.json unless given");
+  sub->add_option("--reference", arguments->options.timeline.reference, "camera whose frames count the instants");
+  sub->add_option("--max-residual-ms", arguments->options.timeline.max_residual_ms,
+                  "instants farther from a frame have none; 0: half a frame of that camera")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  sub->add_flag("--find-repeats", arguments->options.find_repeats,
+                "look for frames that only repeat the picture before; decodes all");
+  sub->add_flag("--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  registry.Add(sub, "session timeline", [arguments](CommandContext& context) { return RunTimeline(*arguments, context); });
+}
+
+}  // namespace
+
+void RegisterSession(CLI::App& app, Registry& registry) {
+  CLI::App* session = app.add_subcommand("session", "Sessions: folders with footage and mvstudio.toml");
+  session->require_subcommand(1);
+  RegisterInit(session, registry);
+  RegisterShow(session, registry);
+  RegisterTimeline(session, registry);
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,105 @@
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include "cli/pack_speed.h"
+#include "cli/tradeoff.h"
+#include "core/error.h"
+#include "core/files.h"
+
+namespace mvstudio::cli {
+namespace {
+
+struct Arguments {
+  std::string folder, out;
+  std::vector<std::string> crops{"96", "128", "256", "full"};
+  PackSpeedOptions options;
+};
+
+/// A folder for the packs, removed at the end.
+class WorkFolder {
+ public:
+  explicit WorkFolder(const std::string& beside) {
+    std::filesystem::create_directories(beside);
+    std::string pattern = beside + "/.tradeoff-pack-XXXXXX";
+    if (!mkdtemp(pattern.data())) throw IoError(beside, "cannot make a folder for the packs there");
+    path_ = pattern;
+  }
+  ~WorkFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  WorkFolder(const WorkFolder&) = delete;
+  WorkFolder& operator=(const WorkFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+std::vector<int> CropSizes(const std::vector<std::string>& texts) {
+  std::vector<int> sizes;
+  for (const std::string& text : texts) {
+    char* end = nullptr;
+    const long size = text == "full" ? 0 : std::strtol(text.c_str(), &end, 10);
+    if (text != "full" && (*end || size < 16 || size > 4096))
+      throw UsageError("--crops: 16 to 4096 px or full, not '" + text + "'");
+    sizes.push_back(static_cast<int>(size));
+  }
+  return sizes;
+}
+
+/// True where no other way of the same crop size and threads is at least as fast, as small and as good, and better in one.
+std::vector<bool> FrontOfEach(const std::vector<PackSpeedTrial>& trials) {
+  std::vector<bool> on_front;
+  for (const PackSpeedTrial& a : trials) {
+    on_front.push_back(std::none_of(trials.begin(), trials.end(), [&a](const PackSpeedTrial& b) {
+      if (a.crop_px != b.crop_px || a.threads != b.threads) return false;
+      const bool no_worse =
+          b.crops_per_s >= a.crops_per_s && b.bytes_per_crop <= a.bytes_per_crop && b.rms_levels <= a.rms_levels;
+      return no_worse && (b.crops_per_s > a.crops_per_s || b.bytes_per_crop < a.bytes_per_crop || b.rms_levels < a.rms_levels);
+    }));
+  }
+  return on_front;
+}
+
+CommandResult Run(Arguments& arguments, const CommandContext& context) {
+  CommandResult result;
+  result.inputs = {arguments.folder};
+  arguments.options.crops = CropSizes(arguments.crops);
+  const WorkFolder work(arguments.out);
+  arguments.options.work = work.path();
+  const PackSpeedReport report = MeasurePackSpeed(arguments.folder, arguments.options, context.run);
+  const std::vector<bool> on_front = FrontOfEach(report.trials);
+  result.metrics = nlohmann::ordered_json::parse(PackSpeedJson(report, on_front));
+  result.text = PackSpeedText(report, on_front);
+  const std::string page = arguments.out + "/tradeoff-pack.html";
+  WriteFileAtomic(page, PackSpeedPage(report, on_front));
+  result.outputs.push_back({page, "figure"});
+  result.folder = arguments.out;
+  return result;
+}
+
+}  // namespace
+
+void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = tradeoff.add_subcommand("pack",
+                                          "Image codec x crop size x threads: crops a second at random, bytes a crop and PSNR, "
+                                          "packs beside a JPEG folder that is cropped when read");
+  PackSpeedOptions& o = arguments->options;
+  sub->add_option("folder", arguments->folder, "dataset folder")->required();
+  sub->add_option("--codecs", o.codecs, "of the packs: raw, png, jpeg:Q")->delimiter(',')->capture_default_str();
+  sub->add_option("--crops", arguments->crops, "px, or full for whole pictures")->delimiter(',')->capture_default_str();
+  sub->add_option("--threads-list", o.threads, "numbers of reading threads")->delimiter(',')->capture_default_str();
+  sub->add_option("--frames", o.frames, "frames of the dataset, evenly spread")->capture_default_str();
+  sub->add_option("--folder-quality", o.folder_quality, "of the JPEG folder made for comparison")->capture_default_str();
+  sub->add_option("--seconds", o.seconds, "of reading, each way")->capture_default_str();
+  sub->add_option("--lossless", o.lossless,
+                  "dataset with the same pictures as PNG: packs are made from it and PSNR is against it");
+  sub->add_option("--out", arguments->out, "folder for the table and the figures; needs room for the packs meanwhile")
+      ->required();
+  registry.Add(sub, "tradeoff pack", [arguments](CommandContext& context) { return Run(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "cli/command.h"
+#include "cli/corner_input.h"
+#include "cli/pose_input.h"
+#include "dataset/session.h"
+#include "dataset/timeline.h"
+
+/// What commands on boards and on 2D joints take from a session, in place of the flags that were not given. (Footage of people:
+/// cli/take_input.h.)
+namespace mvstudio::cli {
+
+struct SessionArguments {
+  std::string session, take;
+  bool allow_outside = false;
+};
+
+/// Adds --session, --take and --allow-outside; `what` comes from the session, `unless_given` is the take without --take.
+void AddSessionArguments(CLI::App* sub, SessionArguments& arguments, const std::string& what, const std::string& unless_given);
+
+struct FoundTake {
+  dataset::Session session;
+  dataset::SessionTake take;
+};
+
+/// The take with people; nothing without --session. The session's warnings become warnings of the result.
+std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result);
+
+/// --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
+void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose);
+
+/// --board and --camera from the take with the board.
+void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result);
+
+/// Frame numbers of 2D poses are those of the footage: dropped frames do not count. Turns them into ticks of each camera's
+/// clock; true when that changed any.
+bool RenumberByClock(const FoundTake& found, const SessionArguments& arguments, PoseInput* input);
+
+/// The same into instants of a timeline; false without change.
+bool RenumberByTimeline(const dataset::Timeline& timeline, PoseInput* input);
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+#include "cli/command.h"
+#include "dataset/session_check.h"
+#include "dataset/timeline.h"
+
+/// What `session` and `doctor` say about a session, as JSON and as text.
+namespace mvstudio::cli {
+
+nlohmann::ordered_json FootageJson(const dataset::SessionReport& report);
+std::string FootageText(const dataset::SessionReport& report);
+
+/// Findings become errors and warnings of the result. Exit 3 when no footage is sound, 6 when some is not.
+void AddFindings(const dataset::SessionReport& report, CommandResult* result);
+
+nlohmann::ordered_json TimelineJson(const dataset::Timeline& timeline);
+std::string TimelineText(const dataset::Timeline& timeline);
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/fields.h"
+#include "core/progress.h"
+#include "core/status.h"
+#include "dataset/colour_match.h"
+#include "dataset/undistort.h"
+
+/// Dataset folder -> pack: HDF5 shards that several processes can make together, each file whole or not there at all.
+namespace mvstudio::dataset {
+
+struct PackOptions {
+  std::string codec = "png";
+  int crop_px = 256;
+  bool full = false;
+  bool undistort = false;
+  bool match_colours = false;
+  bool masks = true;
+  int person = -1;
+  double fill = 0.97;
+  double half_extent_m = 0;
+  int shard_samples = 512;
+  std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
+  std::vector<int> frames;           ///< empty: all with a body3DScene file
+  std::string split;                 ///< file of `mvstudio.split/1`: its pictures only, marked by part
+  UndistortOptions undistort_view;   ///< with `undistort`
+  ColourMatchOptions colour;         ///< with `match_colours`
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, PackOptions& o) {
+  visit("codec", o.codec, "png, jpeg:Q (1 to 100) or raw");
+  visit("crop", o.crop_px, "edge of the square picture around each person, px");
+  visit("full", o.full, "whole pictures instead of crops");
+  visit("undistort", o.undistort, "with --full: as pinhole cameras would have taken them (crops always are)");
+  visit("match-colours", o.match_colours, "bring the cameras to common colours by what they see together");
+  visit("masks", o.masks, "store the masks of the dataset");
+  visit("person", o.person, "person id; -1: everyone (with --full: joints of the one with most frames)");
+  visit("fill", o.fill, "share of the crop that a person's largest poses (98 % quantile) fill");
+  visit("half-extent", o.half_extent_m, "metres from a crop's centre that `fill` stands for; 0: by the person's poses");
+  visit("shard-samples", o.shard_samples, "pictures in one file, at most; whole frames stay together");
+}
+
+/// Which shards one call makes: those with number % count == index.
+struct ShardShare {
+  int index = 0;
+  int count = 1;
+};
+
+/// Seconds, added over threads but for write_s, verify_s and wall_s.
+struct PackTimes {
+  double decode_s = 0;    ///< pictures and masks of the dataset, files to pixels
+  double hash_s = 0;      ///< digests of those files
+  double resample_s = 0;  ///< crops, undistortion, colours
+  double encode_s = 0;
+  double write_s = 0;   ///< HDF5 file made and flushed to the disk
+  double verify_s = 0;  ///< read again and compared
+  double wall_s = 0;
+};
+
+/// What undistortion does to one camera's pictures.
+struct PackUndistortion {
+  std::string camera;
+  double max_joint_px = 0;  ///< footage px: the pinhole's projection of a joint against the lens's
+  double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
+  double lost_share = 0;    ///< of the footage's pixels, those that the pinhole does not show
+  double empty_share = 0;   ///< of the pinhole's pixels, those without a source
+};
+
+struct PackBuildReport {
+  int num_shards = 0;                          ///< of the pack
+  std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by someone else
+  std::vector<std::string> notes;              ///< why a shard was made again
+  std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no picture"
+  int64_t samples = 0;                         ///< in built and kept shards
+  uint64_t bytes = 0;                          ///< of their files
+  bool complete = false;                       ///< INDEX.json was written, or is up to date
+  std::string busy_owner;                      ///< who makes the first busy one
+  Status colour_status = Status::kOk;          ///< other than kOk: colours stayed as they are
+  std::string colour_reason;                   ///< which colour model was chosen and why
+  std::vector<PackUndistortion> undistortion;  ///< of each camera, when pictures are undistorted
+  int threads = 1;
+  PackTimes times;
+};
+
+/// Makes the shards of `share` in the folder `out` and, when `share` is everything and all shards are there, INDEX.json. Shards
+/// that are finished (their file and their inputs have the digests of the done-marker) are kept, damaged ones made again; the
+/// files do not depend on threads, on the share or on what was interrupted before. Throws UsageError when `out` holds a pack of
+/// other options.
+PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,
+                          const ShardShare& share = {}, const RunContext& run = {});
+
+/// Checks that every shard is there, whole, and of one plan, and writes INDEX.json. Throws FormatError naming every shard that
+/// is missing or damaged.
+PackBuildReport MergePack(const std::string& out, const RunContext& run = {});
+
+/// Copies a finished pack into one file. Throws ResourceError above 8 GiB.
+void WriteSinglePack(const std::string& pack, const std::string& file);
+
+}  // namespace mvstudio::dataset

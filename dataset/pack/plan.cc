@@ -1,0 +1,278 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "core/check.h"
+#include "core/files.h"
+#include "core/sha256.h"
+#include "dataset/json_internal.h"
+#include "dataset/pack/plan_internal.h"
+#include "dataset/pack/shard_internal.h"
+#include "dataset/split.h"
+#include "geometry/rig_io.h"
+
+namespace mvstudio::dataset::internal {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int64_t kShardPixelBytes = int64_t{768} << 20;  // decoded pictures of one shard, at most
+
+void CheckOptions(const PackOptions& o) {
+  if (o.crop_px < 8 || o.crop_px > 4096) throw UsageError("--crop " + std::to_string(o.crop_px) + ": use 8 to 4096 px");
+  if (!(o.fill > 0.05 && o.fill <= 2)) throw UsageError("--fill: use 0.05 to 2");
+  if (!(o.half_extent_m >= 0 && o.half_extent_m < 100))
+    throw UsageError("--half-extent: use metres, or 0 for the person's own");
+  if (o.shard_samples < 1) throw UsageError("--shard-samples: use 1 or more");
+  if (o.undistort && !o.full) throw UsageError("--undistort goes with --full; crops are undistorted always");
+}
+
+std::set<int> ChooseCameras(const PanopticDataset& dataset, const std::vector<std::string>& names) {
+  std::set<int> chosen;
+  for (const std::string& name : names) {
+    const int idx = dataset.rig.Find(dataset.Resolve(name));
+    if (idx < 0) throw UsageError("--cameras: '" + name + "' is not in " + dataset.root);
+    chosen.insert(idx);
+  }
+  for (size_t i = 0; names.empty() && i < dataset.rig.cameras.size(); ++i) chosen.insert(static_cast<int>(i));
+  return chosen;
+}
+
+std::set<int> ChooseFrames(const PanopticDataset& dataset, const std::vector<int>& frames) {
+  const std::set<int> known(dataset.frames.begin(), dataset.frames.end());
+  for (const int frame : frames) {
+    if (!known.count(frame)) {
+      throw UsageError("--frames: frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
+                       "; it has " + std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
+    }
+  }
+  return frames.empty() ? known : std::set<int>(frames.begin(), frames.end());
+}
+
+// The person whose joints go with whole pictures.
+int MostSeenPerson(const PanopticDataset& dataset) {
+  std::map<int, int> count;
+  int best = -1;
+  for (const auto& [frame, people] : dataset.poses) {
+    for (const auto& [id, pose] : people) ++count[id];
+  }
+  for (const auto& [id, n] : count) {
+    if (best < 0 || n > count[best]) best = id;
+  }
+  return best;
+}
+
+void RequirePerson(const PanopticDataset& dataset, int person) {
+  for (const auto& [frame, people] : dataset.poses) {
+    if (people.count(person)) return;
+  }
+  throw UsageError("--person " + std::to_string(person) + " is in no frame of " + dataset.root);
+}
+
+// Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
+std::map<int, double> LargeExtents(const PanopticDataset& dataset) {
+  constexpr double kQuantile = 0.98;
+  std::map<int, std::vector<double>> extents;
+  for (const auto& [frame, people] : dataset.poses) {
+    for (const auto& [id, pose] : people) {
+      for (const geometry::RigCamera& camera : dataset.rig.cameras) {
+        const auto extent = MeasurePerson(pose, camera);
+        if (extent) extents[id].push_back(extent->half_extent_m);
+      }
+    }
+  }
+  std::map<int, double> large;
+  for (auto& [id, values] : extents) {
+    const auto rank = values.begin() + static_cast<int64_t>(kQuantile * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), rank, values.end());
+    large[id] = *rank;
+  }
+  return large;
+}
+
+std::vector<PackTarget> TargetsOf(const PackPlan& plan, int camera_idx, int frame) {
+  std::vector<PackTarget> targets;
+  const auto& people = plan.dataset.poses.at(frame);
+  if (plan.view != PackView::kCrop) {
+    targets.push_back({people.count(plan.options.person) ? plan.options.person : -1, {}});
+    return targets;
+  }
+  for (const auto& [id, pose] : people) {
+    if (plan.options.person >= 0 && id != plan.options.person) continue;
+    const auto extent = MeasurePerson(pose, plan.dataset.rig.cameras[camera_idx]);
+    if (extent) targets.push_back({id, *extent});
+  }
+  return targets;
+}
+
+// 1 train, 2 validation, 3 test, 0 none.
+uint8_t PartOf(const Split& split, const std::string& camera, int frame) {
+  const SplitPart* parts[] = {&split.train, &split.validation, &split.test};
+  for (uint8_t k = 0; k < 3; ++k) {
+    const SplitPart& part = *parts[k];
+    if (std::binary_search(part.cameras.begin(), part.cameras.end(), camera) &&
+        std::binary_search(part.frames.begin(), part.frames.end(), frame)) {
+      return static_cast<uint8_t>(k + 1);
+    }
+  }
+  return 0;
+}
+
+int64_t PictureBytes(const PackPlan& plan) {
+  int64_t largest = 3 * int64_t{plan.options.crop_px} * plan.options.crop_px;
+  for (const geometry::RigCamera& c : plan.views) {
+    largest = std::max(largest, 3 * int64_t{c.camera.width_px} * c.camera.height_px);
+  }
+  return largest;
+}
+
+void FillShards(const std::optional<Split>& split, PackPlan* plan) {
+  const std::set<int> cameras = ChooseCameras(plan->dataset, plan->options.cameras);
+  const int64_t limit = std::clamp<int64_t>(kShardPixelBytes / PictureBytes(*plan), 1, plan->options.shard_samples);
+  int64_t held = 0;
+  for (const int frame : ChooseFrames(plan->dataset, plan->options.frames)) {
+    std::vector<PackPicture> pictures;
+    int64_t count = 0;
+    for (const int c : cameras) {
+      const uint8_t part = split ? PartOf(*split, plan->dataset.rig.cameras[c].camera.name, frame) : 0;
+      if (split && part == 0) continue;
+      PackPicture picture{c, frame, part, TargetsOf(*plan, c, frame)};
+      count += static_cast<int64_t>(picture.targets.size());
+      if (!picture.targets.empty()) pictures.push_back(std::move(picture));
+    }
+    if (pictures.empty()) continue;
+    if (plan->shards.empty() || held + count > limit) plan->shards.emplace_back(), held = 0;
+    held += count;
+    for (PackPicture& picture : pictures) plan->shards.back().push_back(std::move(picture));
+  }
+  if (plan->shards.empty())
+    throw UsageError("nothing to pack: no camera sees a person in the chosen frames of " + plan->dataset.root);
+}
+
+void FillViews(PackPlan* plan) {
+  if (plan->view == PackView::kCrop) return;
+  for (const geometry::RigCamera& camera : plan->dataset.rig.cameras) {
+    if (plan->view == PackView::kFull) {
+      plan->views.push_back(camera);
+      continue;
+    }
+    const UndistortedCamera pinhole = IdealPinhole(camera, plan->options.undistort_view);
+    if (!pinhole.usable()) throw UsageError("camera " + camera.camera.name + " cannot be undistorted: " + pinhole.reason);
+    plan->views.push_back(pinhole.camera);
+  }
+}
+
+// Digest of the 3D joints as they were read.
+std::string PosesSha256(const std::map<int, std::string>& paths) {
+  Sha256 digest;
+  for (const auto& [frame, path] : paths) {
+    const std::string line = std::to_string(frame) + " " + Sha256File(path) + "\n";
+    digest.Update(line.data(), line.size());
+  }
+  return digest.HexDigest();
+}
+
+// Digest of what is in each shard; the files themselves are in the done-markers.
+std::string PicturesSha256(const PackPlan& plan) {
+  Sha256 list;
+  for (const auto& shard : plan.shards) {
+    std::string text = "shard\n";
+    for (const PackPicture& p : shard) {
+      text += std::to_string(p.camera_idx) + " " + std::to_string(p.frame) + " " + std::to_string(p.part);
+      for (const PackTarget& t : p.targets) text += " " + std::to_string(t.person);
+      text += "\n";
+    }
+    list.Update(text.data(), text.size());
+  }
+  return list.HexDigest();
+}
+
+void AddView(const PackPlan& plan, Json* json) {
+  (*json)["view"] = ToString(plan.view);
+  if (plan.view == PackView::kCrop) {
+    (*json)["crop_px"] = plan.options.crop_px;
+    (*json)["fill"] = plan.options.fill;
+    (*json)["half_extent_m"] = Json::object();
+    for (const auto& [id, extent] : plan.half_extent_m) (*json)["half_extent_m"][std::to_string(id)] = extent;
+  }
+  if (plan.view == PackView::kUndistorted) {
+    VisitConstFields(
+        [&](const std::string& name, const auto& value, const std::string&) { (*json)["undistort"][name] = value; },
+        plan.options.undistort_view);
+  }
+}
+
+std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
+  const std::string calibration = FindPanopticCalibration(plan.dataset.root);
+  Json json = {{"schema", "mvstudio.pack-plan/1"}, {"sequence", plan.dataset.sequence}};
+  AddView(plan, &json);
+  json["codec"] = ToString(plan.codec);
+  json["mask_codec"] = plan.masks ? "png" : "none";
+  json["person"] = plan.options.person;
+  std::vector<std::string> names;
+  for (const auto& camera : plan.dataset.rig.cameras) names.push_back(camera.camera.name);
+  json["aliases"] = plan.dataset.aliases;
+  json["colour"] = plan.options.match_colours ? Json::parse(ColourMatchToJsonText(plan.colour, names)) : Json();
+  json["split"] = split ? Json::parse(SplitToJsonText(*split)) : Json();
+  json["inputs"]["calibration"] = {{"file", fs::path(calibration).filename().string()}, {"sha256", Sha256File(calibration)}};
+  json["inputs"]["joints_sha256"] = PosesSha256(plan.scene_paths);
+  json["shards"] = plan.shards.size();
+  json["pictures_sha256"] = PicturesSha256(plan);
+  return json.dump(1);
+}
+
+void CheckPictureSizes(const PanopticDataset& dataset) {
+  for (const auto& camera : dataset.rig.cameras) {
+    if (int64_t{camera.camera.width_px} * camera.camera.height_px > kMaxPicturePx) {
+      throw UsageError("camera " + camera.camera.name + " has pictures too large for a pack");
+    }
+  }
+}
+
+void ChoosePerson(PackPlan* plan) {
+  PackOptions& options = plan->options;
+  if (options.person >= 0) RequirePerson(plan->dataset, options.person);
+  if (options.full && options.person < 0) options.person = MostSeenPerson(plan->dataset);
+  if (plan->view != PackView::kCrop) return;
+  plan->half_extent_m = LargeExtents(plan->dataset);
+  if (options.half_extent_m <= 0) return;
+  for (auto& [id, extent] : plan->half_extent_m) extent = options.half_extent_m;
+}
+
+std::optional<Split> ReadSplitFor(const PackPlan& plan) {
+  const std::string& path = plan.options.split;
+  if (path.empty()) return std::nullopt;
+  Split split = ReadSplit(path);
+  RequireSplitOf(split, plan.dataset, path);
+  return split;
+}
+
+}  // namespace
+
+std::string ToString(PackView view) {
+  return view == PackView::kCrop ? "crop" : view == PackView::kFull ? "full" : "undistorted";
+}
+
+PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& options, const RunContext& run) {
+  CheckOptions(options);
+  PackPlan plan;
+  plan.options = options;
+  plan.codec = ParseCodec(options.codec);
+  plan.view = !options.full ? PackView::kCrop : options.undistort ? PackView::kUndistorted : PackView::kFull;
+  plan.dataset = OpenPanopticDataset(dataset_root);
+  plan.scene_paths = ListBody3dScenes(dataset_root);
+  plan.masks = options.masks && fs::is_directory(dataset_root + "/masks");
+  CheckPictureSizes(plan.dataset);
+  ChoosePerson(&plan);
+  const std::optional<Split> split = ReadSplitFor(plan);
+  FillViews(&plan);
+  FillShards(split, &plan);
+  if (options.match_colours) plan.colour = MatchDatasetColours(plan.dataset, options.colour, run);
+  plan.rig_json = geometry::RigToJsonText(plan.dataset.rig);
+  plan.json = PlanJson(plan, split);
+  plan.sha256 = Sha256Hex(plan.json.data(), plan.json.size());
+  return plan;
+}
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+/// A session: one folder with `mvstudio.toml`, which says in what unit lengths are given, which cameras there are, what was
+/// filmed and where the footage lies. Layout and keys: docs/formats.md.
+namespace mvstudio::dataset {
+
+struct SessionCamera {
+  std::string name;
+  std::string serial;               ///< as printed on the camera, or its id in tables of time stamps; may be empty
+  std::string lens;                 ///< a note; may be empty
+  int width_px = 0, height_px = 0;  ///< 0: not stated
+};
+
+/// What one camera filmed in one take; paths as in the file, relative to the session's folder.
+struct SessionFootage {
+  std::string camera;
+  std::string path;   ///< video, folder or pattern of pictures
+  std::string plate;  ///< picture of the empty scene; may be empty
+};
+
+struct SessionTake {
+  std::string name;
+  std::string kind = "people";          ///< "people", "board" or "plate"
+  std::optional<double> fps_hz;         ///< instead of the session's
+  std::string timestamps;               ///< table of time stamps on a common clock; may be empty
+  std::string sync;                     ///< sync.json; empty: sync/TAKE/sync.json where it is there
+  std::vector<SessionFootage> footage;  ///< at most one a camera, in the cameras' order
+};
+
+struct Session {
+  std::string folder;            ///< where mvstudio.toml lies
+  std::string units;             ///< "m", "cm" or "mm"
+  std::string source;            ///< a note; may be empty
+  std::string board;             ///< as `--board` takes it; may be empty
+  std::string calibration;       ///< relative path; empty: calib/calibration.json where it is there
+  std::optional<double> fps_hz;  ///< of all footage that does not say it itself
+  bool follow_symlinks = false;  ///< symbolic links that its owner made may lead out of it; absolute paths and `..` may not
+  std::vector<SessionCamera> cameras;
+  std::vector<SessionTake> takes;
+  std::vector<std::string> warnings;  ///< one line each, with the place in the file: unknown keys and the like
+
+  double metres_per_unit() const;
+  int FindCamera(const std::string& name) const;  ///< -1: none
+};
+
+/// Reads FOLDER/mvstudio.toml (or that file itself). Throws IoError, FormatError with line and column: syntax, a missing or
+/// unknown unit, names that cannot name files, a camera or take twice, footage of a camera that is not listed.
+Session ReadSession(const std::string& folder_or_file);
+
+/// The text of mvstudio.toml; read again it gives the same session. With `comments`, what each key means and those left out.
+std::string SessionText(const Session& session, bool comments = false);
+
+/// FOLDER/mvstudio.toml, atomically.
+void WriteSession(const Session& session, bool comments = false);
+
+/// Throws UsageError that names the takes there are. An empty name is the only take with people.
+const SessionTake& TakeOf(const Session& session, const std::string& name);
+
+/// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session, by
+/// `..`, an absolute path or a symbolic link, also of a single picture in a folder, unless `allow_outside`.
+std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside = false);
+
+/// The calibration that the session names, or calib/calibration.json; empty when there is none.
+std::string CalibrationOf(const Session& session, bool allow_outside = false);
+
+/// SESSION/pose2d/TAKE/CAMERA and its siblings: `kind` is "pose2d", "masks"; without camera the take's folder.
+std::string TakeFolder(const Session& session, const std::string& kind, const std::string& take,
+                       const std::string& camera = "");
+
+/// SESSION/sync/TAKE.timeline.json
+std::string TimelinePath(const Session& session, const std::string& take);
+
+/// A board's text in which every length has a unit: those without get `units`.
+std::string BoardWithUnits(const std::string& board, const std::string& units);
+
+/// The name itself when it is letters, digits, `.`, `_` and `-` and does not begin with `-` or `.`; otherwise such a name made
+/// from it and from a digest of it, so that different names stay different. At most 80 bytes.
+std::string Slug(const std::string& name);
+
+/// Empty when `name` can name a camera or a take; else why not: empty, not UTF-8, control characters, `/`, `\`, `=`, longer
+/// than 128 bytes.
+std::string WhyNotAName(const std::string& name);
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+/// TensorFlow.js graph models: a JSON file with the graph and binary files with its weights, run on libtorch.
+namespace mvstudio::detect {
+
+/// An array of floats, row by row. Pictures are NHWC: (1, height, width, channels).
+struct FloatTensor {
+  std::vector<int64_t> shape;
+  std::vector<float> values;
+};
+
+/// The files of one graph model. `path` is for messages only.
+struct TfjsFiles {
+  std::string path;
+  std::string json;                           ///< the text of the JSON file
+  std::map<std::string, std::string> shards;  ///< file name in `weightsManifest` -> content
+};
+
+/// Reads a graph model's JSON file and the weight files beside it that it names. Throws IoError, FormatError (names with a
+/// folder in them, more than 1 GiB).
+TfjsFiles ReadTfjsFiles(const std::string& json_path);
+
+struct TensorSpec {
+  std::string name;
+  std::vector<int64_t> shape;  ///< -1: any
+};
+
+/// A graph ready to run in float32. Immutable and deterministic: the same input and number of threads give the same numbers.
+///
+/// Operations: Conv2D, DepthwiseConv2dNative, their fused forms (BiasAdd, Relu, Relu6), Conv2DBackpropInput, AvgPool, MaxPool,
+/// ResizeBilinear, Add, AddV2, AddN, BiasAdd, Sub, Mul, Relu, Relu6, Sigmoid, Identity, Const, Placeholder; all NHWC, with
+/// TensorFlow's SAME (the odd row of padding below and right) or VALID. Weights: float32, int32, and those quantised to
+/// float16, uint8 or uint16.
+class TfjsGraph {
+ public:
+  /// `inputs` and `outputs` name nodes, and may name inner ones: only what lies between is read, checked and run. Empty: the
+  /// graph's placeholders, and the outputs of its signature.
+  ///
+  /// Throws FormatError naming the node for an operation that is not known, missing inputs, cycles, and shapes, offsets, types
+  /// or sizes that do not fit.
+  explicit TfjsGraph(const TfjsFiles& files, const std::vector<std::string>& inputs = {},
+                     const std::vector<std::string>& outputs = {});
+  ~TfjsGraph();
+  TfjsGraph(TfjsGraph&&) noexcept;
+  TfjsGraph& operator=(TfjsGraph&&) noexcept;
+
+  const std::vector<TensorSpec>& inputs() const;
+  const std::vector<std::string>& outputs() const;
+
+  /// The outputs in the order of outputs(). Height and width may differ from the placeholder's where the graph allows it.
+  /// Throws ContractViolation when `inputs` are not those of inputs(), or rank, channels or number of values do not fit;
+  /// FormatError naming the node where a tensor does not fit an operation.
+  std::vector<FloatTensor> Run(const std::vector<FloatTensor>& inputs) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Threads that all graphs of this process run on; 0: as many as the machine has. libtorch starts with one on some machines.
+void SetGraphThreads(int num_threads);
+
+}  // namespace mvstudio::detect

@@ -1,0 +1,167 @@
+#include "exports/export.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "core/files.h"
+#include "exports/writers.h"
+
+namespace mvstudio::exports {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Writer {
+  FormatInfo info;
+  void (*write)(const Job&);
+};
+
+const std::vector<Writer>& Writers() {
+  constexpr bool kInstant = true, kOneSize = true, kPictures = true, kRigOnly = true;
+  static const std::vector<Writer> writers = {
+      {{"colmap", "COLMAP: sparse model with the joints as points, images, masks", LensNeed::kBrown5, kInstant, !kOneSize,
+        kPictures, !kRigOnly},
+       WriteColmap},
+      {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
+        kPictures, !kRigOnly},
+       WriteNerfstudio},
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, pictures, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
+        kRigOnly},
+       WriteZju},
+      {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
+        !kOneSize, kPictures, !kRigOnly},
+       WriteEasyMocap},
+      {{"actorshq", "ActorsHQ / HumanRF: calibration.csv, aabbs.csv, rgbs, masks", LensNeed::kPinhole, !kInstant, !kOneSize,
+        kPictures, kRigOnly},
+       WriteActorsHq},
+      {{"dynamic3dgs", "Dynamic 3D Gaussians: train_meta.json, test_meta.json, ims, seg, init_pt_cld.npz", LensNeed::kPinhole,
+        !kInstant, kOneSize, kPictures, !kRigOnly},
+       WriteDynamic3dgs},
+      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, pictures, masks, key points", LensNeed::kBrown5, !kInstant,
+        !kOneSize, kPictures, kRigOnly},
+       WriteDna},
+      {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kInstant, !kOneSize, kPictures,
+        kRigOnly},
+       WriteHumman},
+      {{"trc", "joints as markers for OpenSim and Pose2Sim, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
+        !kPictures, !kRigOnly},
+       WriteTrc},
+      {{"c3d", "joints as markers for motion capture programs, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
+        !kPictures, !kRigOnly},
+       WriteC3d},
+      {{"bvh", "a skeleton with fixed bones for animation programs, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
+        !kPictures, !kRigOnly},
+       WriteBvh},
+      {{"csv", "joints as a table", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, !kRigOnly}, WriteCsv},
+      {{"npz", "joints and cameras as numpy arrays", LensNeed::kBrown5, !kInstant, !kOneSize, !kPictures, kRigOnly}, WriteNpz},
+      {{"gltf", "cameras and animated skeletons for 3D viewers, one .glb", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
+        kRigOnly},
+       WriteGltf},
+      {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly},
+       WritePly},
+  };
+  return writers;
+}
+
+const Writer& WriterByName(const std::string& name) {
+  std::string known;
+  for (const Writer& writer : Writers()) {
+    if (writer.info.name == name) return writer;
+    known += (known.empty() ? "" : ", ") + writer.info.name;
+  }
+  throw UsageError("unknown format '" + name + "'; known are " + known);
+}
+
+Json CameraJson(const View& view) {
+  const geometry::Camera& lens = view.camera.camera;
+  Json json = {{"name", view.info.name}, {"dataset_name", view.info.source}, {"studio_name", view.info.studio}};
+  if (!view.info.part.empty()) json["part"] = view.info.part;
+  json["undistorted"] = view.info.undistorted;
+  if (view.info.undistorted) json["lost_share"] = view.info.lost_share;
+  json["size_px"] = {lens.width_px, lens.height_px};
+  json["model"] = std::string(ToString(lens.model));
+  json["params"] = std::vector<double>(lens.params.data(), lens.params.data() + lens.params.size());
+  return json;
+}
+
+/// What the format itself has no place for.
+std::string ManifestText(const Take& take, const ExportReport& report) {
+  Json json = {{"schema", "mvstudio.export/1"}, {"format", report.format},
+               {"sequence", take.sequence},     {"frame_rate_hz", take.frame_rate_hz},
+               {"frames", take.frames},         {"pictures", report.pictures},
+               {"masks", report.masks},         {"cameras", Json::array()},
+               {"files", report.files}};
+  for (const View& view : take.views) json["cameras"].push_back(CameraJson(view));
+  json["notes"] = Json::array();
+  for (const ExportNote& note : report.notes) json["notes"].push_back({{"code", note.code}, {"text", note.text}});
+  // Names are arbitrary bytes.
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
+  if (!format.has_pictures || options.pictures == "none") return;
+  if (report->missing_pictures > 0) {
+    report->notes.push_back({"EXP-NO-PICTURE", std::to_string(report->missing_pictures) + " pictures are not in the dataset",
+                             "`mvstudio dataset verify` lists them; --frames and --cameras leave them out"});
+  }
+  if (report->missing_masks > 0) {
+    report->notes.push_back({"EXP-NO-MASK", std::to_string(report->missing_masks) + " masks are not in the dataset",
+                             "make them with `mvstudio mask`"});
+  }
+}
+
+}  // namespace
+
+const std::vector<FormatInfo>& Formats() {
+  static const std::vector<FormatInfo> formats = [] {
+    std::vector<FormatInfo> list;
+    for (const Writer& writer : Writers()) list.push_back(writer.info);
+    return list;
+  }();
+  return formats;
+}
+
+const FormatInfo& FormatByName(const std::string& name) { return WriterByName(name).info; }
+
+ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
+                           const ExportOptions& options, const RunContext& run) {
+  const Writer& writer = WriterByName(format);
+  ExportReport report;
+  report.format = format;
+  const Take take = PrepareTake(dataset, writer.info, options, &report);
+  AtomicFolder folder(out, options.overwrite);
+  Pictures pictures(take, options, folder.work_path());
+  const Job job{take, pictures, options, run, folder.work_path(), &report};
+  writer.write(job);
+  pictures.Run(run, &report);
+  NoteMissing(writer.info, options, &report);
+  for (const View& view : take.views) report.cameras.push_back(view.info);
+  report.frames = take.frames;
+  report.people = static_cast<int>(take.PersonIds().size());
+  if (take.split) {
+    dataset::WriteSplit(*take.split, folder.work_path() + "/split.json");
+    report.files.push_back("split.json");
+  }
+  WriteFileAtomic(folder.work_path() + "/export.json", ManifestText(take, report));
+  folder.Commit();
+  return report;
+}
+
+ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const std::string& path) {
+  const Writer& writer = WriterByName(format);
+  if (!writer.info.rig_only) throw UsageError(format + " needs more than a calibration: use `mvstudio dataset export`");
+  if (rig.cameras.empty()) throw UsageError("a rig without cameras cannot be written");
+  ExportReport report;
+  report.format = format;
+  ExportOptions options;
+  options.pictures = "none";
+  const Take take = TakeOfRig(rig, writer.info, path, &report);
+  Pictures pictures(take, options, path);
+  writer.write({take, pictures, options, {}, path, &report});
+  for (const View& view : take.views) report.cameras.push_back(view.info);
+  return report;
+}
+
+}  // namespace mvstudio::exports

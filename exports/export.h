@@ -1,0 +1,99 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/fields.h"
+#include "core/progress.h"
+#include "dataset/panoptic.h"
+#include "geometry/rig.h"
+
+/// A dataset in the formats that other programs read. What each holds and what its readers make of it: docs/exports.md.
+namespace mvstudio::exports {
+
+struct ExportOptions {
+  std::string pictures = "link";
+  std::string undistort = "auto";
+  std::string undistort_view = "inside";
+  std::string names = "dataset";
+  int jpeg_quality = 95;
+  double frame_rate_hz = 0;
+  int hull_points = 20000;
+  std::string scale_folder = "1x";
+  bool overwrite = false;
+  std::string split;                 ///< file of dataset/split.h; may be empty
+  std::vector<std::string> cameras;  ///< names of either kind; empty: all
+  std::vector<int> frames;           ///< empty: the first one for formats of one instant, else all
+  bool all_frames = false;           ///< all frames for formats of one instant too
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, ExportOptions& o) {
+  visit("pictures", o.pictures,
+        "link: hard links, no space is taken (copies where the file system cannot); copy; none: cameras and joints only");
+  visit(
+      "undistort", o.undistort,
+      "auto: pictures of lenses that the format cannot describe are resampled to an ideal pinhole; always; never: such lenses "
+      "are refused");
+  visit("undistort-view", o.undistort_view,
+        "inside: the largest view without black borders; all: every pixel of the footage; keep: the lens's own focal lengths");
+  visit("names", o.names, "what cameras are called: dataset (00_07) or studio (the name in the calibration, made safe)");
+  visit("jpeg-quality", o.jpeg_quality, "0..100, of pictures that are resampled or change their format");
+  visit("frame-rate", o.frame_rate_hz, "frames a second of joint files; 0: from the dataset's time stamps");
+  visit("hull-points", o.hull_points, "points of the silhouettes' hull at most, for formats that start from points; 0: none");
+  visit("scale-folder", o.scale_folder, "actorshq: name of the folder with the pictures (1x, 2x, 4x)");
+  visit("overwrite", o.overwrite, "replace the output folder");
+}
+
+struct ExportNote {
+  std::string code, text, hint;
+};
+
+struct ExportedCamera {
+  std::string name;    ///< in the export
+  std::string source;  ///< in the dataset, 00_NN
+  std::string studio;  ///< in the calibration; may be empty
+  std::string part;    ///< "train", "validation", "test"; empty without a split
+  bool undistorted = false;
+  double lost_share = 0;  ///< of the footage's pixels, those that the ideal pinhole does not show
+};
+
+struct ExportReport {
+  std::string format;
+  std::vector<ExportedCamera> cameras;
+  std::vector<int> frames;
+  int people = 0;  ///< different ids
+  int pictures = 0, masks = 0;
+  int missing_pictures = 0, missing_masks = 0;
+  int linked = 0;                                       ///< of the pictures and masks, those that take no space
+  std::vector<std::string> files;                       ///< relative to the folder; without pictures and masks
+  std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
+  std::vector<ExportNote> notes;
+};
+
+/// What a lens must be for a format.
+enum class LensNeed { kAny, kBrown5, kBrown4, kPinhole };
+
+struct FormatInfo {
+  std::string name, what;
+  LensNeed lens = LensNeed::kAny;
+  bool one_instant = false;  ///< describes a single frame; several become a folder each
+  bool one_size = false;     ///< all pictures have the same size
+  bool has_pictures = false;
+  bool rig_only = false;  ///< can be written from a calibration alone (WriteRig)
+};
+const std::vector<FormatInfo>& Formats();
+/// Throws UsageError that lists the names.
+const FormatInfo& FormatByName(const std::string& name);
+
+/// Writes the folder `out`, whole or not at all, with `export.json` beside the format's own files. Throws UsageError for
+/// options and lenses that do not fit the format, FormatError / IoError for damaged pictures, ResourceError.
+ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
+                           const ExportOptions& options, const RunContext& run = {});
+
+/// The cameras alone, for formats with `rig_only`: a file or a folder, as `path` stands. Names are made safe; the report says
+/// what became of them. Throws FormatError naming a camera whose lens the format cannot describe.
+ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const std::string& path);
+
+}  // namespace mvstudio::exports

@@ -1,0 +1,316 @@
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "body/skeleton.h"
+#include "exports/frustum.h"
+#include "exports/joint_files.h"
+
+/// glTF 2.0, binary (https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): metres, y up; cameras look along -z with y up.
+namespace mvstudio::exports {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kFloat = 5126, kUnsignedShort = 5123, kArrayBuffer = 34962, kElementBuffer = 34963, kLines = 1;
+constexpr double kJointRadiusM = 0.025, kBoneRadiusM = 0.02;
+
+/// The document and its one buffer.
+class Builder {
+ public:
+  Builder() {
+    for (const char* key : {"nodes", "meshes", "materials", "cameras", "accessors", "bufferViews"}) json_[key] = Json::array();
+  }
+
+  int Add(const char* list, Json item) {
+    json_[list].push_back(std::move(item));
+    return static_cast<int>(json_[list].size()) - 1;
+  }
+  Json& Node(int index) { return json_["nodes"][static_cast<size_t>(index)]; }
+  void Set(const char* key, Json value) { json_[key] = std::move(value); }
+
+  /// `components` numbers an element; bounds are written for every accessor.
+  int Floats(const std::vector<float>& values, size_t components, int target = 0) {
+    Json low = Json::array(), high = Json::array();
+    for (size_t c = 0; c < components; ++c) {
+      float least = values[c], most = values[c];
+      for (size_t i = c; i < values.size(); i += components)
+        least = std::min(least, values[i]), most = std::max(most, values[i]);
+      low.push_back(least), high.push_back(most);
+    }
+    const char* types[] = {"", "SCALAR", "", "VEC3", "VEC4"};
+    return Add("accessors", {{"bufferView", View(values.data(), values.size() * sizeof(float), target)},
+                             {"componentType", kFloat},
+                             {"count", values.size() / components},
+                             {"type", types[components]},
+                             {"min", low},
+                             {"max", high}});
+  }
+  int Indices(const std::vector<uint16_t>& values) {
+    return Add("accessors", {{"bufferView", View(values.data(), values.size() * sizeof(uint16_t), kElementBuffer)},
+                             {"componentType", kUnsignedShort},
+                             {"count", values.size()},
+                             {"type", "SCALAR"}});
+  }
+
+  std::string Glb() const {
+    Json json = {{"asset", {{"version", "2.0"}, {"generator", "mvstudio"}}}};
+    if (!bytes_.empty()) json["buffers"] = Json::array({{{"byteLength", bytes_.size()}}});
+    for (const auto& [key, value] : json_.items()) {
+      if (!value.is_array() || !value.empty()) json[key] = value;
+    }
+    std::string text = json.dump();
+    text.append((4 - text.size() % 4) % 4, ' ');
+    std::string glb = "glTF";
+    const size_t total = 12 + 8 + text.size() + (bytes_.empty() ? 0 : 8 + bytes_.size());
+    for (const size_t word : {size_t{2}, total, text.size()}) AppendWord(word, &glb);
+    glb += "JSON" + text;
+    if (bytes_.empty()) return glb;
+    AppendWord(bytes_.size(), &glb);
+    return glb + std::string("BIN\0", 4) + bytes_;
+  }
+
+ private:
+  static void AppendWord(size_t value, std::string* bytes) {
+    const auto word = static_cast<uint32_t>(value);
+    char raw[4];
+    std::memcpy(raw, &word, 4);
+    bytes->append(raw, 4);
+  }
+  int View(const void* data, size_t size, int target) {
+    Json view = {{"buffer", 0}, {"byteOffset", bytes_.size()}, {"byteLength", size}};
+    if (target != 0) view["target"] = target;
+    bytes_.append(static_cast<const char*>(data), size);
+    bytes_.append((4 - bytes_.size() % 4) % 4, '\0');
+    return Add("bufferViews", view);
+  }
+
+  Json json_ = Json::object();
+  std::string bytes_;
+};
+
+Json List3(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+std::vector<float> Packed(const std::vector<Eigen::Vector3d>& points) {
+  std::vector<float> values;
+  for (const Eigen::Vector3d& p : points) {
+    for (int k = 0; k < 3; ++k) values.push_back(static_cast<float>(p[k]));
+  }
+  return values;
+}
+
+int Material(Builder* builder, const std::string& name, const std::vector<double>& rgba) {
+  return builder->Add("materials",
+                      {{"name", name},
+                       {"pbrMetallicRoughness", {{"baseColorFactor", rgba}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.9}}},
+                       {"doubleSided", true}});
+}
+
+int TriangleMesh(Builder* builder, const std::string& name, const std::vector<Eigen::Vector3d>& points,
+                 const std::vector<uint16_t>& triangles, int material) {
+  Json primitive = {{"attributes", {{"POSITION", builder->Floats(Packed(points), 3, kArrayBuffer)}}},
+                    {"indices", builder->Indices(triangles)},
+                    {"material", material}};
+  return builder->Add("meshes", {{"name", name}, {"primitives", Json::array({primitive})}});
+}
+
+/// An octahedron about the origin.
+int JointMesh(Builder* builder, int material) {
+  return TriangleMesh(builder, "joint", {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+                      {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4, 2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5}, material);
+}
+
+/// Two pyramids base to base, from the origin to (0, 0, 1).
+int BoneMesh(Builder* builder, int material) {
+  constexpr double kWaist = 0.2;
+  return TriangleMesh(builder, "bone", {{0, 0, 0}, {1, 0, kWaist}, {0, 1, kWaist}, {-1, 0, kWaist}, {0, -1, kWaist}, {0, 0, 1}},
+                      {0, 2, 1, 0, 3, 2, 0, 4, 3, 0, 1, 4, 5, 1, 2, 5, 2, 3, 5, 3, 4, 5, 4, 1}, material);
+}
+
+int FrustumMesh(Builder* builder, const View& view, int material) {
+  std::vector<Eigen::Vector3d> points;
+  for (const Eigen::Vector3d& x : FrustumInCam(view.camera.camera)) points.emplace_back(x.x(), -x.y(), -x.z());
+  std::vector<uint16_t> lines;
+  for (const auto& edge : kFrustumEdges) {
+    lines.insert(lines.end(), {static_cast<uint16_t>(edge[0]), static_cast<uint16_t>(edge[1])});
+  }
+  Json primitive = {{"attributes", {{"POSITION", builder->Floats(Packed(points), 3, kArrayBuffer)}}},
+                    {"indices", builder->Indices(lines)},
+                    {"mode", kLines},
+                    {"material", material}};
+  return builder->Add("meshes", {{"name", "frustum " + view.info.name}, {"primitives", Json::array({primitive})}});
+}
+
+/// The camera as glTF has it (no principal point, no distortion), with all of the lens beside it in `extras`.
+int CameraNode(Builder* builder, const View& view, int material) {
+  const geometry::Camera& lens = view.camera.camera;
+  const double half_height = lens.height_px / (2 * lens.fy()), half_width = lens.width_px / (2 * lens.fx());
+  const int camera = builder->Add(
+      "cameras",
+      {{"type", "perspective"},
+       {"name", view.info.name},
+       {"perspective", {{"yfov", 2 * std::atan(half_height)}, {"aspectRatio", half_width / half_height}, {"znear", 0.05}}}});
+  const geometry::Rigid3 world_from_cam = Inverse(view.camera.cam_from_world);
+  const Eigen::Quaterniond q = world_from_cam.rotation * Eigen::Quaterniond(0, 1, 0, 0);  // y up, looking along -z
+  Json params = Json::array();
+  for (const double value : lens.params) params.push_back(value);
+  return builder->Add("nodes", {{"name", view.info.name},
+                                {"camera", camera},
+                                {"mesh", FrustumMesh(builder, view, material)},
+                                {"rotation", {q.x(), q.y(), q.z(), q.w()}},
+                                {"translation", List3(world_from_cam.translation)},
+                                {"extras",
+                                 {{"lens_model", std::string(ToString(lens.model))},
+                                  {"lens_params", params},
+                                  {"width_px", lens.width_px},
+                                  {"height_px", lens.height_px},
+                                  {"dataset_name", view.info.source}}}});
+}
+
+/// Values of one node over the frames.
+struct Track {
+  std::vector<float> translation, rotation, scale;
+};
+
+void AppendTo(std::vector<float>* values, const Eigen::Vector3d& v) {
+  for (int k = 0; k < 3; ++k) values->push_back(static_cast<float>(v[k]));
+}
+
+void AppendTurn(std::vector<float>* values, Eigen::Quaterniond q) {
+  const size_t n = values->size();
+  if (n >= 4) {  // the shorter way from the last one
+    const Eigen::Quaterniond last((*values)[n - 1], (*values)[n - 4], (*values)[n - 3], (*values)[n - 2]);
+    if (q.dot(last) < 0) q.coeffs() = -q.coeffs();
+  }
+  for (const double value : {q.x(), q.y(), q.z(), q.w()}) values->push_back(static_cast<float>(value));
+}
+
+Track JointTrack(const Take& take, int person, int joint, const Eigen::Vector3d& centre) {
+  Track track;
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  for (const int frame : take.frames) {
+    const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
+    const bool valid = pose && pose->valid[joint];
+    if (valid) place = pose->x_in_world.col(joint) - centre;
+    AppendTo(&track.translation, place);
+    AppendTo(&track.scale, Eigen::Vector3d::Constant(valid ? kJointRadiusM : 0));
+  }
+  return track;
+}
+
+Track BoneTrack(const Take& take, int person, int from, int to, const Eigen::Vector3d& centre) {
+  Track track;
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+  for (const int frame : take.frames) {
+    const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
+    const bool valid = pose && pose->valid[from] && pose->valid[to];
+    double length = 0;
+    if (valid) {
+      const Eigen::Vector3d along = pose->x_in_world.col(to) - pose->x_in_world.col(from);
+      place = pose->x_in_world.col(from) - centre;
+      length = along.norm();
+      if (length > 0) turn = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along);
+    }
+    AppendTo(&track.translation, place);
+    AppendTurn(&track.rotation, turn);
+    AppendTo(&track.scale, valid ? Eigen::Vector3d(kBoneRadiusM, kBoneRadiusM, length) : Eigen::Vector3d::Zero());
+  }
+  return track;
+}
+
+/// A node that follows the track; its channels join `animation`.
+int AnimatedNode(Builder* builder, Json node, const Track& track, int times, Json* animation) {
+  for (const auto& [key, values] : {std::pair<const char*, const std::vector<float>*>{"translation", &track.translation},
+                                    {"rotation", &track.rotation},
+                                    {"scale", &track.scale}}) {
+    const size_t components = std::strcmp(key, "rotation") == 0 ? 4 : 3;
+    if (!values->empty()) node[key] = std::vector<float>(values->begin(), values->begin() + static_cast<long>(components));
+  }
+  const int index = builder->Add("nodes", std::move(node));
+  const auto channel = [&](const char* path, const std::vector<float>& values, size_t components, const char* interpolation) {
+    if (values.empty() || !animation) return;
+    const size_t sampler = (*animation)["samplers"].size();
+    (*animation)["samplers"].push_back(
+        {{"input", times}, {"output", builder->Floats(values, components)}, {"interpolation", interpolation}});
+    (*animation)["channels"].push_back({{"sampler", sampler}, {"target", {{"node", index}, {"path", path}}}});
+  };
+  channel("translation", track.translation, 3, "LINEAR");
+  channel("rotation", track.rotation, 4, "LINEAR");
+  channel("scale", track.scale, 3, "STEP");
+  return index;
+}
+
+/// Middle of all joints: what is animated in single precision counts from here.
+Eigen::Vector3d Centre(const Take& take) {
+  Eigen::AlignedBox3d box;
+  for (const int frame : take.frames) {
+    for (const auto& [id, pose] : take.At(frame)) {
+      for (int j = 0; j < 19; ++j) {
+        if (pose.valid[j]) box.extend(Eigen::Vector3d(pose.x_in_world.col(j)));
+      }
+    }
+  }
+  return box.isEmpty() ? Eigen::Vector3d(0, 0, 0) : Eigen::Vector3d(box.center());
+}
+
+Json PersonNodes(Builder* builder, const Take& take, int person, const Eigen::Vector3d& centre, int times, int material,
+                 Json* animation) {
+  const int joint_mesh = JointMesh(builder, material), bone_mesh = BoneMesh(builder, material);
+  const std::string prefix = "person" + std::to_string(person) + " ";
+  const std::vector<std::string>& joints = body::Coco19().joints;
+  Json children = Json::array();
+  for (int j = 0; j < 19; ++j) {
+    const Json node = {{"name", prefix + joints[static_cast<size_t>(j)]}, {"mesh", joint_mesh}};
+    children.push_back(AnimatedNode(builder, node, JointTrack(take, person, j, centre), times, animation));
+  }
+  for (const auto& [a, b] : body::Coco19().bones) {
+    const Json node = {{"name", prefix + joints[static_cast<size_t>(a)] + "-" + joints[static_cast<size_t>(b)]},
+                       {"mesh", bone_mesh}};
+    children.push_back(AnimatedNode(builder, node, BoneTrack(take, person, a, b, centre), times, animation));
+  }
+  return children;
+}
+
+void AddPeople(Builder* builder, const Take& take, Json* world_children) {
+  const std::vector<int> people = take.PersonIds();
+  if (people.empty()) return;
+  const std::vector<std::vector<double>> colours = {
+      {0.9, 0.3, 0.2, 1}, {0.2, 0.5, 0.9, 1}, {0.2, 0.7, 0.35, 1}, {0.9, 0.7, 0.15, 1}};
+  const Eigen::Vector3d centre = Centre(take);
+  std::vector<float> seconds;
+  for (const int frame : take.frames) {
+    seconds.push_back(static_cast<float>((frame - take.frames.front()) / take.frame_rate_hz));
+  }
+  Json animation = {{"name", "take"}, {"samplers", Json::array()}, {"channels", Json::array()}};
+  const int times = builder->Floats(seconds, 1);
+  Json children = Json::array();
+  for (size_t p = 0; p < people.size(); ++p) {
+    const int material = Material(builder, "person" + std::to_string(people[p]), colours[p % colours.size()]);
+    for (const Json& node : PersonNodes(builder, take, people[p], centre, times, material, &animation))
+      children.push_back(node);
+  }
+  world_children->push_back(
+      builder->Add("nodes", {{"name", "people"}, {"translation", List3(centre)}, {"children", children}}));
+  builder->Set("animations", Json::array({animation}));
+}
+
+}  // namespace
+
+void WriteGltf(const Job& job) {
+  Builder builder;
+  Json children = Json::array();
+  const int material = Material(&builder, "cameras", {0.15, 0.15, 0.15, 1});
+  for (const View& view : job.take.views) children.push_back(CameraNode(&builder, view, material));
+  AddPeople(&builder, job.take, &children);
+  // y up = our z, exactly.
+  const int world = builder.Add(
+      "nodes",
+      {{"name", "world, z up"}, {"matrix", {1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1}}, {"children", children}});
+  builder.Set("scene", 0);
+  builder.Set("scenes", Json::array({{{"nodes", {world}}}}));
+  job.Write(job.take.sequence + ".glb", builder.Glb());
+}
+
+}  // namespace mvstudio::exports

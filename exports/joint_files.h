@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "exports/writers.h"
+
+/// Shared by the writers of joint files.
+namespace mvstudio::exports {
+
+/// Every frame number from the first to the last, also those without joints: these files have one line or block an instant.
+/// Throws UsageError for gaps that would make most of the file.
+std::vector<int> ContinuousFrames(const Take& take);
+
+/// The joints of a person in a frame; null when it is not there.
+const dataset::Coco19Pose* PoseOf(const Take& take, int frame, int person);
+
+/// `<sequence>_person0.trc`.
+std::string PersonFile(const Take& take, int person, const std::string& extension);
+
+/// World (z up) to the y-up axes of TRC, BVH and glTF viewers: (x, z, -y).
+inline Eigen::Vector3d YUp(const Eigen::Vector3d& x_in_world) { return {x_in_world.x(), x_in_world.z(), -x_in_world.y()}; }
+
+}  // namespace mvstudio::exports

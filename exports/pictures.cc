@@ -1,0 +1,188 @@
+#include "exports/pictures.h"
+
+#include <atomic>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <set>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "core/parallel.h"
+#include "dataset/image_io.h"
+#include "dataset/undistort.h"
+
+namespace mvstudio::exports {
+namespace fs = std::filesystem;
+namespace {
+
+/// True when the file is linked: it takes no space.
+bool LinkOrCopy(const std::string& from, const std::string& to, bool link) {
+  std::error_code code;
+  if (link && !fs::is_symlink(from)) fs::create_hard_link(from, to, code);
+  if (link && !code && fs::exists(to)) return true;
+  WriteFile(to, ReadFile(from));  // std::filesystem::copy_file calls a full disk an input/output error
+  return false;
+}
+
+void RequireSize(const Image& image, const geometry::Camera& camera, const std::string& path) {
+  if (image.width == camera.width_px && image.height == camera.height_px) return;
+  throw FormatError(path, "",
+                    "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", the calibration says " +
+                        std::to_string(camera.width_px) + "x" + std::to_string(camera.height_px) +
+                        "; run `mvstudio dataset verify`");
+}
+
+}  // namespace
+
+struct Pictures::Task {
+  size_t view = 0;
+  std::string from, to;  ///< absolute
+  bool mask = false;
+  MaskValues values = MaskValues::k255;
+};
+
+/// One undistorter a view, made when first needed.
+struct Pictures::Resampling {
+  explicit Resampling(size_t count) : undistorters(count) {}
+  std::vector<std::optional<dataset::Undistorter>> undistorters;
+  std::mutex mutex;
+
+  const dataset::Undistorter& Of(size_t index, const View& view) {
+    const std::lock_guard lock(mutex);
+    if (!undistorters[index]) undistorters[index].emplace(view.source, view.camera);
+    return *undistorters[index];
+  }
+};
+
+Pictures::Pictures(const Take& take, const ExportOptions& options, std::string folder)
+    : take_(take), options_(options), folder_(std::move(folder)), resampling_(new Resampling(take.views.size())) {}
+Pictures::~Pictures() = default;
+
+std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
+  if (options_.pictures == "none" || take_.root.empty()) return "";
+  dataset::PanopticDataset dataset;
+  dataset.root = take_.root;
+  const std::string& name = take_.views.at(view).info.source;
+  const std::string path = mask ? dataset.MaskPath(name, frame) : dataset.ImagePath(name, frame);
+  return fs::is_regular_file(path) ? path : "";
+}
+
+std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension) {
+  const std::string from = SourceOf(view, frame, false);
+  if (from.empty()) {
+    missing_pictures_ += options_.pictures != "none";
+    return "";
+  }
+  const std::string name = stem + (extension.empty() ? fs::path(from).extension().string() : extension);
+  tasks_.push_back({view, from, folder_ + "/" + name, false, MaskValues::k255});
+  return name;
+}
+
+bool Pictures::AddMask(size_t view, int frame, const std::string& path, MaskValues values) {
+  const std::string from = SourceOf(view, frame, true);
+  if (from.empty()) {
+    missing_masks_ += options_.pictures != "none";
+    return false;
+  }
+  tasks_.push_back({view, from, folder_ + "/" + path, true, values});
+  return true;
+}
+
+Image Pictures::LoadPicture(size_t view, int frame) const {
+  const std::string from = SourceOf(view, frame, false);
+  if (from.empty()) return {};
+  const View& v = take_.views[view];
+  Image image = dataset::ReadImage(from);
+  RequireSize(image, v.source.camera, from);
+  return v.info.undistorted ? resampling_->Of(view, v).Picture(image) : image;
+}
+
+Image Pictures::LoadMask(size_t view, int frame) const {
+  const std::string from = SourceOf(view, frame, true);
+  if (from.empty()) return {};
+  const View& v = take_.views[view];
+  Image image = dataset::ReadImage(from, true);
+  RequireSize(image, v.source.camera, from);
+  return v.info.undistorted ? resampling_->Of(view, v).Mask(image) : image;
+}
+
+std::string Pictures::EncodedPicture(size_t view, int frame) {
+  const std::string from = SourceOf(view, frame, false);
+  if (from.empty()) {
+    missing_pictures_ += options_.pictures != "none";
+    return "";
+  }
+  ++contained_pictures_;
+  if (!take_.views[view].info.undistorted) return ReadFile(from);
+  const std::string scratch = folder_ + "/.scratch.jpg";
+  dataset::WriteImage(LoadPicture(view, frame), scratch, options_.jpeg_quality);
+  const std::string bytes = ReadFile(scratch);
+  fs::remove(scratch);
+  return bytes;
+}
+
+std::string Pictures::EncodedMask(size_t view, int frame) {
+  const std::string from = SourceOf(view, frame, true);
+  if (from.empty()) {
+    missing_masks_ += options_.pictures != "none";
+    return "";
+  }
+  ++contained_masks_;
+  if (!take_.views[view].info.undistorted) return ReadFile(from);
+  const std::string scratch = folder_ + "/.scratch.png";
+  dataset::WriteImage(LoadMask(view, frame), scratch);
+  const std::string bytes = ReadFile(scratch);
+  fs::remove(scratch);
+  return bytes;
+}
+
+bool Pictures::Make(const Task& task) const {
+  const View& view = take_.views[task.view];
+  const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
+  if (!view.info.undistorted && same_format && task.values == MaskValues::k255) {
+    return LinkOrCopy(task.from, task.to, options_.pictures == "link");
+  }
+  Image image = dataset::ReadImage(task.from, task.mask);
+  RequireSize(image, view.source.camera, task.from);
+  if (view.info.undistorted) {
+    const dataset::Undistorter& undistorter = resampling_->Of(task.view, view);
+    image = task.mask ? undistorter.Mask(image) : undistorter.Picture(image);
+  }
+  if (task.values == MaskValues::k1) {
+    for (uint8_t& value : image.pixels) value = value >= 128;
+  }
+  dataset::WriteImage(image, task.to, options_.jpeg_quality);
+  return false;
+}
+
+void Pictures::Run(const RunContext& run, ExportReport* report) {
+  std::set<std::string> folders;
+  std::set<size_t> checked;
+  for (const Task& task : tasks_) {
+    folders.insert(fs::path(task.to).parent_path().string());
+    // Files that are linked are not decoded; the first of each camera stands for them.
+    if (!task.mask && checked.insert(task.view).second) {
+      RequireSize(dataset::ReadImage(task.from), take_.views[task.view].source.camera, task.from);
+    }
+  }
+  for (const std::string& folder : folders) MakeFolder(folder);
+  ProgressStage stage(run, "pictures", static_cast<int64_t>(tasks_.size()));
+  std::mutex mutex;
+  int linked = 0;
+  ParallelFor(static_cast<int64_t>(tasks_.size()), run.num_threads, [&](int64_t i) {
+    const bool is_link = Make(tasks_[static_cast<size_t>(i)]);
+    const std::lock_guard lock(mutex);
+    linked += is_link;
+    stage.Advance();
+  });
+  for (const Task& task : tasks_) ++(task.mask ? report->masks : report->pictures);
+  report->pictures += contained_pictures_;
+  report->masks += contained_masks_;
+  report->linked += linked;
+  report->missing_pictures += missing_pictures_;
+  report->missing_masks += missing_masks_;
+}
+
+}  // namespace mvstudio::exports

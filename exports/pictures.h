@@ -1,0 +1,53 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "core/progress.h"
+#include "exports/take.h"
+
+namespace mvstudio::exports {
+
+/// Brings pictures and masks of a take into the export's folder. They are listed first and made by `Run`, in parallel.
+class Pictures {
+ public:
+  Pictures(const Take& take, const ExportOptions& options, std::string folder);
+  ~Pictures();
+
+  enum class MaskValues { k255, k1 };
+
+  /// Lists a picture; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when the
+  /// dataset has no such picture (counted). With `extension` (".jpg" or ".png") it is converted where it has another.
+  std::string AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension = "");
+  /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that take the values as they stand.
+  bool AddMask(size_t view, int frame, const std::string& path, MaskValues values = MaskValues::k255);
+
+  /// The picture or mask as it will stand in the export, for colours; empty when there is none.
+  Image LoadPicture(size_t view, int frame) const;
+  Image LoadMask(size_t view, int frame) const;
+  /// Bytes of the encoded picture or mask, for containers; empty when there is none (counted).
+  std::string EncodedPicture(size_t view, int frame);
+  std::string EncodedMask(size_t view, int frame);
+
+  /// Makes everything that was listed. Throws FormatError for a picture of another size than its camera's, IoError,
+  /// ResourceError.
+  void Run(const RunContext& run, ExportReport* report);
+
+ private:
+  struct Task;
+  struct Resampling;
+  std::string SourceOf(size_t view, int frame, bool mask) const;
+  bool Make(const Task& task) const;
+
+  const Take& take_;
+  const ExportOptions& options_;
+  const std::string folder_;
+  std::vector<Task> tasks_;
+  std::unique_ptr<Resampling> resampling_;
+  int missing_pictures_ = 0, missing_masks_ = 0, contained_pictures_ = 0, contained_masks_ = 0;
+};
+
+}  // namespace mvstudio::exports

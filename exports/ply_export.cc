@@ -1,0 +1,63 @@
+#include "body/skeleton.h"
+#include "exports/frustum.h"
+#include "exports/writers.h"
+
+/// rig.ply and a PLY of the skeletons for every frame: MeshLab, CloudCompare and Blender show their edges. Metres, z up.
+namespace mvstudio::exports {
+namespace {
+
+std::string RigPly(const Take& take) {
+  std::vector<ColouredPoint> points;
+  std::vector<std::pair<int, int>> edges;
+  for (const View& view : take.views) {
+    const int first = static_cast<int>(points.size());
+    const geometry::Rigid3 world_from_cam = Inverse(view.camera.cam_from_world);
+    for (const Eigen::Vector3d& x_in_cam : FrustumInCam(view.camera.camera)) {
+      points.push_back({world_from_cam * x_in_cam, {40, 120, 230}});
+    }
+    points[static_cast<size_t>(first)].rgb = {230, 60, 40};
+    for (const auto& edge : kFrustumEdges) edges.emplace_back(first + edge[0], first + edge[1]);
+  }
+  return PlyText(points, edges, "cameras: centre and picture corners; metres, z up");
+}
+
+std::string SkeletonPly(const People& people) {
+  std::vector<ColouredPoint> points;
+  std::vector<std::pair<int, int>> edges;
+  for (const auto& [id, pose] : people) {
+    std::array<int, 19> index{};
+    for (int j = 0; j < 19; ++j) {
+      index[static_cast<size_t>(j)] = pose.valid[j] ? static_cast<int>(points.size()) : -1;
+      if (pose.valid[j]) points.push_back({pose.x_in_world.col(j), {230, 120, 40}});
+    }
+    for (const auto& [a, b] : body::Coco19().bones) {
+      const int from = index[static_cast<size_t>(a)], to = index[static_cast<size_t>(b)];
+      if (from >= 0 && to >= 0) edges.emplace_back(from, to);
+    }
+  }
+  return PlyText(points, edges, "joints; metres, z up");
+}
+
+}  // namespace
+
+std::array<Eigen::Vector3d, 5> FrustumInCam(const geometry::Camera& camera) {
+  const geometry::Projector projector(camera);
+  const double right = camera.width_px - 0.5, bottom = camera.height_px - 0.5;
+  const Eigen::Vector2d corners[] = {{-0.5, -0.5}, {right, -0.5}, {right, bottom}, {-0.5, bottom}};
+  std::array<Eigen::Vector3d, 5> points;
+  points.fill(Eigen::Vector3d::Zero());
+  for (size_t i = 0; i < 4; ++i) {
+    const geometry::Unprojection ray = projector.Unproject(corners[i]);
+    if (ray.status == Status::kOk) points[i + 1] = kFrustumDepthM * ray.ray_in_cam;
+  }
+  return points;
+}
+
+void WritePly(const Job& job) {
+  job.Write("rig.ply", RigPly(job.take));
+  for (const int frame : job.take.frames) {
+    job.Write(Numbered("skeleton/", frame, 8, ".ply"), SkeletonPly(job.take.At(frame)));
+  }
+}
+
+}  // namespace mvstudio::exports

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dataset/panoptic.h"
+#include "dataset/split.h"
+#include "exports/export.h"
+#include "geometry/rig.h"
+
+/// What is exported, settled before anything is written.
+namespace mvstudio::exports {
+
+using People = std::map<int, dataset::Coco19Pose>;
+
+/// A camera as the export describes it.
+struct View {
+  ExportedCamera info;
+  geometry::RigCamera source;  ///< the lens of the dataset's pictures
+  geometry::RigCamera camera;  ///< the lens of the exported ones
+};
+
+struct Take {
+  std::string sequence;
+  std::string root;  ///< the dataset's folder; empty for a rig alone
+  std::vector<View> views;
+  std::vector<int> frames;
+  std::map<int, People> poses;
+  double frame_rate_hz = 30;
+  std::optional<dataset::Split> split;
+
+  const People& At(int frame) const;
+  std::vector<int> PersonIds() const;
+  /// Indices into views; all of them when there is no split and `part` is "train".
+  std::vector<size_t> ViewsOf(const std::string& part) const;
+};
+
+/// Cameras, frames and lenses chosen by the options; notes go to the report. Throws UsageError.
+Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
+                 ExportReport* report);
+
+/// A take without frames.
+Take TakeOfRig(const geometry::Rig& rig, const FormatInfo& format, const std::string& path, ExportReport* report);
+
+/// k1, k2, p1, p2, k3 of a pinhole or a Brown lens; nothing for any other.
+std::optional<Eigen::Matrix<double, 5, 1>> Brown5Of(const geometry::Camera& camera);
+/// True when a lens of that need describes `camera` exactly.
+bool Carries(LensNeed need, const geometry::Camera& camera);
+
+/// Letters, digits, `_` and `-` of each name, different from all others, at most 64 characters.
+std::vector<std::string> SafeNames(const std::vector<std::string>& names);
+
+/// Shortest text that reads back as the same double.
+std::string Num(double value);
+/// `prefix` + at least `digits` digits + `suffix`.
+std::string Numbered(const std::string& prefix, int number, int digits, const std::string& suffix);
+
+/// Largest distance between the joints and the same rounded to float, metres: what a single-precision format loses.
+double FloatRoundingM(const Take& take);
+
+}  // namespace mvstudio::exports

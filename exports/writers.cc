@@ -1,0 +1,98 @@
+#include "exports/writers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "body/skeleton.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "dataset/colour_match.h"
+
+namespace mvstudio::exports {
+namespace {
+
+/// Every centimetre along the bones; grey.
+std::vector<ColouredPoint> BonePoints(const People& people) {
+  constexpr double kStepM = 0.01;
+  std::vector<ColouredPoint> points;
+  for (const auto& [id, pose] : people) {
+    for (const auto& [a, b] : body::Coco19().bones) {
+      if (!pose.valid[a] || !pose.valid[b]) continue;
+      const Eigen::Vector3d from = pose.x_in_world.col(a), to = pose.x_in_world.col(b);
+      const int steps = std::clamp(static_cast<int>((to - from).norm() / kStepM), 1, 200);
+      for (int k = 0; k <= steps; ++k) {
+        points.push_back({from + (to - from) * (static_cast<double>(k) / steps), {128, 128, 128}});
+      }
+    }
+  }
+  return points;
+}
+
+ColouredPoint Coloured(const dataset::ColourPoint& point) {
+  Eigen::Array3d sum = Eigen::Array3d::Zero();
+  for (const auto& view : point.views) sum += view.srgb;
+  ColouredPoint coloured;
+  coloured.x_in_world = point.x_in_world;
+  for (int k = 0; k < 3; ++k) {
+    const double mean = sum[k] / static_cast<double>(std::max<size_t>(point.views.size(), 1));
+    coloured.rgb[static_cast<size_t>(k)] = static_cast<uint8_t>(std::lround(255 * std::clamp(mean, 0.0, 1.0)));
+  }
+  return coloured;
+}
+
+}  // namespace
+
+void Job::Write(const std::string& path, const std::string& content) const {
+  WriteFileAtomic(folder + "/" + path, content);
+  report->files.push_back(path);
+}
+
+geometry::Rig RigOf(const Take& take, const std::vector<size_t>& views) {
+  geometry::Rig rig;
+  for (const size_t i : views) {
+    rig.cameras.push_back(take.views[i].camera);
+    rig.cameras.back().params_covariance.reset();
+    rig.cameras.back().cam_from_world_covariance.reset();
+  }
+  return rig;
+}
+
+std::vector<size_t> AllViews(const Take& take) {
+  std::vector<size_t> all(take.views.size());
+  std::iota(all.begin(), all.end(), size_t{0});
+  return all;
+}
+
+std::vector<double> MatrixOf(const geometry::Camera& camera, double shift_px) {
+  return {camera.fx(), 0, camera.cx() + shift_px, 0, camera.fy(), camera.cy() + shift_px, 0, 0, 1};
+}
+
+std::vector<double> RowsOf(const geometry::Rigid3& b_from_a) {
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = ToMatrix(b_from_a);
+  return std::vector<double>(matrix.data(), matrix.data() + 16);
+}
+
+std::vector<ColouredPoint> StartPoints(const Job& job, int frame) {
+  const People& people = job.take.At(frame);
+  if (people.empty() || job.options.hull_points <= 0) return {};
+  dataset::ColourMatchOptions options;
+  options.frames = 1;
+  options.points = job.options.hull_points;
+  options.min_overlap = 1;
+  const auto picture = [&](int camera, int f) { return job.pictures.LoadPicture(static_cast<size_t>(camera), f); };
+  const auto mask = [&](int camera, int f) { return job.pictures.LoadMask(static_cast<size_t>(camera), f); };
+  const auto samples = dataset::SampleSurfaceColours(RigOf(job.take, AllViews(job.take)), {{frame, people}}, picture, mask,
+                                                     options, {nullptr, job.run.num_threads, job.run.seed});
+  std::vector<ColouredPoint> points;
+  for (const dataset::ColourPoint& point : samples) points.push_back(Coloured(point));
+  return points.empty() ? BonePoints(people) : points;
+}
+
+void RequirePeople(const Job& job) {
+  if (!job.take.PersonIds().empty()) return;
+  throw FormatError(job.take.root, "hdPose3d_stage1_coco19",
+                    "the chosen frames hold nobody's joints, which is all that this format holds; choose other --frames");
+}
+
+}  // namespace mvstudio::exports

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "exports/pictures.h"
+#include "exports/ply.h"
+#include "exports/take.h"
+
+/// One function a format; included by this module's .cc files only. Each writes its own files below the job's folder and lists
+/// pictures and masks with `pictures`.
+namespace mvstudio::exports {
+
+struct Job {
+  const Take& take;
+  Pictures& pictures;
+  const ExportOptions& options;
+  const RunContext& run;
+  std::string folder;
+  ExportReport* report;
+
+  /// Writes a file at a path relative to the folder and names it in the report.
+  void Write(const std::string& path, const std::string& content) const;
+};
+
+void WriteColmap(const Job& job);
+void WriteNerfstudio(const Job& job);
+void WriteZju(const Job& job);
+void WriteEasyMocap(const Job& job);
+void WriteActorsHq(const Job& job);
+void WriteDynamic3dgs(const Job& job);
+void WriteDna(const Job& job);
+void WriteHumman(const Job& job);
+void WriteTrc(const Job& job);
+void WriteC3d(const Job& job);
+void WriteBvh(const Job& job);
+void WriteCsv(const Job& job);
+void WriteNpz(const Job& job);
+void WriteGltf(const Job& job);
+void WritePly(const Job& job);
+
+/// The cameras as they are exported, in the order of the views.
+geometry::Rig RigOf(const Take& take, const std::vector<size_t>& views);
+std::vector<size_t> AllViews(const Take& take);
+/// 3x3, row by row; `shift_px` is added to the principal point.
+std::vector<double> MatrixOf(const geometry::Camera& camera, double shift_px = 0);
+/// [R t; 0 1], row by row.
+std::vector<double> RowsOf(const geometry::Rigid3& b_from_a);
+
+/// Points that a reconstruction of this frame can start from: the surface of the silhouettes' hull with the cameras' colours,
+/// or points along the bones where there are no masks. Empty when nobody is there.
+std::vector<ColouredPoint> StartPoints(const Job& job, int frame);
+
+/// Throws FormatError when the frames hold no joint of anybody.
+void RequirePeople(const Job& job);
+
+}  // namespace mvstudio::exports

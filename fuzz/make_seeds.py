@@ -1,0 +1,356 @@
+#!/usr/bin/env python3
+"""Writes the valid files that the fuzz targets start from: fuzz/make_seeds.py [FOLDER]. Standard library only.
+
+Files called crash-* in the same folders are inputs that once broke a reader; they are kept by hand. The video is a file of our own
+writer and is kept, too."""
+import io
+import json
+import os
+import re
+import struct
+import sys
+import tarfile
+import zlib
+
+ROOT = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), "seeds")
+CUT = "\n--8<--\n"
+
+
+def put(target, name, content):
+    folder = os.path.join(ROOT, target)
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, name), "wb") as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+
+
+def calibration(models):
+    cameras = []
+    for i, (model, extra) in enumerate(models):
+        camera = {"name": f"cam_{i}", "model": model, "size_px": [640, 480]}
+        if model == "splined":
+            camera["spline"] = {"order": 3, "cols": 6, "rows": 5, "fov_x_deg": 90}
+        camera["intrinsics"] = dict({"fx": 500.5, "fy": 501.25, "cx": 319.5, "cy": 239.5}, **extra)
+        camera["cam_from_world"] = {"rotation_xyzw": [0.5, -0.5, 0.5, 0.5], "translation": [0.1, -0.2, 3.0 + i]}
+        cameras.append(camera)
+    return {"schema": "mvstudio.calibration/1", "unit": "m", "gauge": "camera cam_0", "cameras": cameras}
+
+
+def seed_calibration_json():
+    brown = {"k1": -0.1, "k2": 0.02, "p1": 1e-3, "p2": -1e-3, "k3": 0.001}
+    put("calibration_json", "perspective.json", json.dumps(calibration([("pinhole", {}), ("brown5", brown)]), indent=1))
+    put("calibration_json", "wide.json", json.dumps(calibration([
+        ("kannala4", {"k1": 0.01, "k2": 0.002, "k3": 0, "k4": 1e-4}), ("ucm", {"xi": 0.9}),
+        ("eucm_p", {"alpha": 0.5, "beta": 1.1, "p1": 0, "p2": 1e-3}), ("doublesphere", {"xi": 0.1, "alpha": 0.6})])))
+    put("calibration_json", "splined.json", json.dumps(calibration([("splined", {"control_points": [0.001] * 60})])))
+    full = calibration([("pinhole", {})])
+    full["cameras"][0]["intrinsics_covariance"] = [[0.01 if i == j else 0 for j in range(4)] for i in range(4)]
+    full["cameras"][0]["cam_from_world_covariance"] = [[1e-6 if i == j else 0 for j in range(6)] for i in range(6)]
+    full["joint_covariance_lower"] = [[0.0] * i + [0.01 if i < 4 else 1e-6] for i in range(10)]
+    put("calibration_json", "covariance.json", json.dumps(full))
+
+
+def seed_toml():
+    camera = ('name = "{0}"\nsize = [640, 480]\nmatrix = [[500.0, 0.0, 320.0], [0.0, 501.0, 240.0], [0.0, 0.0, 1.0]]\n'
+              "distortions = {1}\nrotation = {2}\ntranslation = [1.0, 2.0, 3.0]\nfisheye = {3}\n\n")
+    vector, matrix = "[0.0, 0.0, 1.5]", "[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]"
+    put("toml", "pose2sim.toml", "[cam_0]\n" + camera.format("cam_0", "[-0.05, 0.02, 0.001, -0.002]", vector, "false") +
+        "[cam_1]\n" + camera.format("cam_1", "[0.01, 0.02, 0.03, 0.04]", matrix, "true") + "[metadata]\nerror = 0.0\n")
+    put("caliscope", "camera_array.toml", "[cameras.0]\ncam_id = 0\nrotation_count = 0\n" +
+        camera.format("a", "[-0.05, 0.02, 0.001, -0.002, 0.1]", matrix, "false") + "[cameras.1]\ncam_id = 1\nignore = true\n" +
+        camera.format("b", "[]", vector, "false"))
+
+
+def seed_qca():
+    put("qca", "qca.txt", """<?xml version='1.0'?>
+<!-- by hand -->
+<calibration created="x &amp; y">
+  <cameras>
+    <camera serial="7" viewrotation="0">
+      <fov_video bottom="1079" left="10" right="1929" top="20"/>
+      <transform r11="1" r12="0" r13="0" r21="0" r22="0" r23="1" r31="0" r32="-1" r33="0" x="1000" y="-2000" z="1500"/>
+      <intrinsic centerPointU="62080" centerPointV="35840" focalLengthU="64000" focalLengthV="64064" radialDistortion1="-6.4"
+        radialDistortion2="3.2" radialDistortion3="0" skew="0" tangentalDistortion1="0.064" tangentalDistortion2="0.128"/>
+    </camera>
+  </cameras>
+</calibration>
+""")
+
+
+def matrix(key, rows, cols, numbers):
+    return f"{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {', '.join(map(str, numbers))} ]\n"
+
+
+K = [500.0, 0, 320.0, 0, 501.0, 240.0, 0, 0, 1]
+EYE = [1.0, 0, 0, 0, 1, 0, 0, 0, 1]
+
+
+def seed_opencv():
+    head = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n"
+    put("opencv_yaml", "single.yml", head + matrix("camera_matrix", 3, 3, K) +
+        matrix("distortion_coefficients", 1, 5, [0.1, -0.2, 1e-3, 2e-3, 0.3]) + matrix("R", 3, 3, EYE) + matrix("T", 3, 1, [0.1, 0, 2]))
+    put("opencv_yaml", "stereo.yml", head + matrix("M1", 3, 3, K) + matrix("D1", 1, 14, [0.1, -0.2] + [0] * 12) +
+        matrix("M2", 3, 3, K) + matrix("D2", 1, 4, [0.1, 0, 0, 0]) + matrix("R", 3, 1, [0, 0.1, 0]) + matrix("T", 3, 1, [-0.5, 0, 0]))
+    put("opencv_yaml", "fisheye.yml", head + "fisheye_model: 1\n" + matrix("K", 3, 3, K) + matrix("D", 4, 1, [0.01, 0.02, 0, 0]))
+    names = "%YAML:1.0\n---\nnames:\n  - \"a\"\n  - \"b\"\n"
+    intri, extri = names, names
+    for name in "ab":
+        intri += matrix("K_" + name, 3, 3, K) + matrix("dist_" + name, 1, 5, [-0.1, 0.02, 0, 0, 0]) + f"H_{name}: 480\nW_{name}: 640\n"
+        extri += matrix("R_" + name, 3, 1, [0, 0.1, 0]) + matrix("Rot_" + name, 3, 3, EYE) + matrix("T_" + name, 3, 1, [0.1, 0, 2])
+    put("easymocap", "two.txt", intri + CUT + extri)
+
+
+def seed_mrcal():
+    text = "{\n    'lensmodel':  '%s',\n    # comment\n    'intrinsics': %s,\n    'extrinsics': [0.1, 0.2, 0.3, 1.0, 2.0, 3.0],\n    'imagersize': [ 640, 480,]\n}\n"
+    put("mrcal", "opencv8.cameramodel", text % ("LENSMODEL_OPENCV8", [500.0, 501.0, 320.0, 240.0, 0.1, -0.1, 0, 0, 0, 0.01, 0, 0]))
+    put("mrcal", "splined.cameramodel",
+        text % ("LENSMODEL_SPLINED_STEREOGRAPHIC_order=2_Nx=5_Ny=4_fov_x_deg=100", [500.0, 501.0, 320.0, 240.0] + [0.001] * 40))
+
+
+def seed_nerfstudio():
+    frame = {"file_path": "images/a.png", "transform_matrix": [[1, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]}
+    root = {"camera_model": "OPENCV", "w": 640, "h": 480, "fl_x": 500.5, "fl_y": 501.0, "cx": 320, "cy": 240, "k1": -0.1, "k2": 0.01,
+            "p1": 1e-3, "p2": 0, "frames": [frame, dict(frame, file_path="images/b.png", w=320, h=240, camera_angle_x=1.0)]}
+    put("nerfstudio", "transforms.json", json.dumps(root, indent=1))
+    put("nerfstudio", "fisheye.json", json.dumps(dict(root, camera_model="OPENCV_FISHEYE", p1=0, k3=0.01, k4=0)))
+
+
+def seed_kalibr():
+    put("kalibr", "camchain.yaml", """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [-0.1, 0.02, 0.001, -0.002]
+  distortion_model: radtan
+  intrinsics: [500.0, 501.0, 320.0, 240.0]
+  resolution: [640, 480]
+  rostopic: /cam_a/image_raw
+cam1:
+  T_cn_cnm1:
+  - [1.0, 0.0, 0.0, -0.5]
+  - [0.0, 1.0, 0.0, 0.0]
+  - [0.0, 0.0, 1.0, 0.0]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [0]
+  camera_model: omni
+  distortion_coeffs: [0.0, 0.0, 0.001, 0.002]
+  distortion_model: radtan
+  intrinsics: [1.1, 700.0, 701.0, 320.0, 240.0]
+  resolution: [640, 480]
+""")
+    put("kalibr", "wide.yaml", """# eucm, ds
+cam0: {camera_model: eucm, distortion_model: none, intrinsics: [0.5, 1.1, 400.0, 401.0, 320.0, 240.0], resolution: [640, 480]}
+cam1:
+  T_cn_cnm1: [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.1], [0, 0, 0, 1]]
+  camera_model: "ds"
+  intrinsics: [0.1, 0.6, 400.0, 401.0, 320.0, 240.0]
+  resolution:
+    - 640
+    - 480
+""")
+
+
+def seed_colmap():
+    cameras = "# Camera list with one line of data per camera:\n1 OPENCV 640 480 500 501 320 240 0.1 -0.1 0.001 0\n2 SIMPLE_RADIAL 640 480 500 320 240 0.01\n"
+    images = "# Image list\n1 1 0 0 0 0.1 0.2 3 1 a.png\n1.0 2.0 -1\n2 0 1 0 0 0 0 2 2 b cam.png\n\n"
+    put("colmap_text", "two.txt", cameras + CUT + images)
+    binary = struct.pack("<Q", 2)
+    binary += struct.pack("<IiQQ8d", 1, 4, 640, 480, 500, 501, 320, 240, 0.1, -0.1, 1e-3, 0)
+    binary += struct.pack("<IiQQ8d", 2, 5, 640, 480, 500, 501, 320, 240, 0.01, 0, 0, 0)
+    poses = struct.pack("<Q", 2)
+    poses += struct.pack("<I7dI", 1, 1, 0, 0, 0, 0.1, 0.2, 3, 1) + b"a.png\0" + struct.pack("<QddQ", 1, 1.0, 2.0, 2**64 - 1)
+    poses += struct.pack("<I7dI", 2, 0, 1, 0, 0, 0, 0, 2, 2) + b"b.png\0" + struct.pack("<Q", 0)
+    put("colmap_binary", "two.bin", binary + CUT.encode() + poses)
+
+
+def seed_detect_and_board():
+    for target, name in [("toml", "pose2sim.toml"), ("qca", "qca.txt"), ("kalibr", "camchain.yaml"), ("nerfstudio", "transforms.json")]:
+        with open(os.path.join(ROOT, target, name), "rb") as file:
+            put("detect_format", name, file.read())
+    for i, text in enumerate(["chessboard:9x6:25mm", "charuco:8x6:60mm:45mm:4x4_1000:legacy", "aprilgrid:6x6:88mm:0.3:36h11:first=3:border=2",
+                              "tag:36h11:7:100mm:border=1", "grid:10x10:7.7cm"]):
+        put("board_text", f"{i}.txt", text)
+
+
+def seed_corners():
+    vnl = "# filename x y level\n"
+    for camera in range(2):
+        for x, y in [(10, 10), (20.5, 10), (10, 20), (20, 20.25)]:
+            vnl += f"cam{camera}-0000.jpg {x} {y} {camera}\n"
+    put("corners_vnl", "two.vnl", vnl + "cam1-0001.jpg - - -\n")
+    caliscope = "sync_index,cam_id,frame_index,object_id,keypoint_id,img_loc_x,img_loc_y,obj_loc_x,obj_loc_y,obj_loc_z\n"
+    for frame in range(2):
+        for k in range(6):
+            caliscope += f"{frame},{frame},{frame},0,{k},{100 + 10.5 * (k % 3)},{50 + 10 * (k // 3)},{0.01 * (k % 3)},{0.01 * (k // 3)},0\n"
+    put("corners_caliscope", "xy.csv", caliscope)
+    points, pixels = "", ""
+    for k in range(6):
+        points += f"{0.01 * (k % 3)} {0.01 * (k // 3)} 0 "
+        pixels += f"{100 + 10.5 * (k % 3)} {50 + 10 * (k // 3)} "
+    xml = "<?xml version=\"1.0\"?>\n<opencv_storage>\n<imageSize>640 480</imageSize>\n"
+    for tag, channels, data in [("objectPoints", 3, points), ("imagePoints", 2, pixels)]:
+        xml += (f"<{tag}><_ type_id=\"opencv-matrix\"><rows>6</rows><cols>1</cols><dt>\"{channels}d\"</dt>\n<data>{data}</data></_></{tag}>\n")
+    put("corners_opencv", "one.xml", xml + "</opencv_storage>\n")
+    csv = "# camera 640x480 cam_a\n# camera 0x0 cam_b\n# board 0 chessboard:3x2:25mm\n# board 1 points\n"
+    csv += "# point 1 0 0 0 0\n# point 1 1 0.1 0 0\ncamera,frame,board,corner,x_px,y_px,sigma_px\n"
+    for k in range(6):
+        csv += f"cam_a,0,0,{k},{100 + 10.5 * (k % 3)},{50 + 10 * (k // 3)},1\n"
+    put("corners_csv", "two.csv", csv + "\"cam_b\",3,1,0,5,6,0.5\n\"cam_b\",3,1,1,7,6,0.25\n")
+
+
+def seed_pose():
+    keys = [v for k in range(25) for v in (100.5 + k, 50 + k, 0.9 if k % 5 else 0)]
+    hand = [v for k in range(21) for v in (10 + k, 20.5, 0.5)]
+    put("openpose_json", "two.json", json.dumps({"version": 1.3, "people": [
+        {"person_id": [-1], "pose_keypoints_2d": keys, "face_keypoints_2d": []}, {"pose_keypoints_2d": []}, {}]}))
+    put("openpose_parts_json", "hands.json", json.dumps({"version": 1.3, "people": [
+        {"person_id": [-1], "pose_keypoints_2d": keys, "hand_left_keypoints_2d": hand, "hand_right_keypoints_2d": []}]}))
+    coco = [v for k in range(17) for v in (100 + k, 50.25, 0.8)]
+    put("pose_results_json", "coco.json", json.dumps([{"image_id": 3, "keypoints": coco, "score": 1.5}, {"image_id": "000004.jpg", "keypoints": coco}]))
+    put("pose_results_json", "mmpose.json", json.dumps({"meta_info": {}, "instance_info": [{"frame_id": 1, "instances": [
+        {"keypoints": [[k, 2.5] for k in range(17)], "keypoint_scores": [0.5] * 17}]}]}))
+    put("pose2d_csv", "points.csv", "camera,frame,person,joint,x_px,y_px,score\na,0,0,Nose,1.5,2.5,0.9\na,0,0,Neck,,,\na,0,1,Nose,3,4,1\nb,1,0,Nose,5,6,0\n")
+    put("pose2d_csv", "few.csv", "\ufeffframe,joint,extra,camera,y_px,x_px\r\n7,marker 1,x,left,2e1,1\r\n")
+    put("pose3d", "one.txt", "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n0,0,Nose,Ok,0.1,0.2,1.7,3,0.5,0.002\n0,0,Neck,TooFewViews,,,,1,,\n" +
+        CUT + "frame,person,joint,xx,xy,xz,yy,yz,zz\n0,0,Nose,1e-6,0,0,1e-6,0,2e-6\n" + CUT +
+        json.dumps({"schema": "mvstudio.pose3d/1", "skeleton": "body25", "points": "points.csv", "unit": "m"}))
+    put("trc", "two.trc", "PathFileType\t4\t(X/Y/Z)\tin.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n60\t60\t2\t2\tm\t60\n"
+        "Frame#\tTime\tHip\t\t\tRHip\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n1\t0.0\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n2\t0.016\t0.1\t0.2\t0.3\t\t\t\n")
+    put("sync_json", "two.json", json.dumps({"schema": "mvstudio.sync/1", "reference": "a", "fps": 29.97, "cameras": [
+        {"name": "a", "status": "Ok", "offset_frames": 0, "sigma_frames": 0},
+        {"name": "b", "status": "Ok", "offset_frames": -3.25, "sigma_frames": 0.01, "offset_ms": -108.4},
+        {"name": "c", "status": "TooFewViews", "offset_frames": None, "sigma_frames": None}]}, indent=1))
+
+
+def panoptic_camera(name, kind, panel, node):
+    return {"name": name, "type": kind, "resolution": [1920, 1080], "panel": panel, "node": node,
+            "K": [[1395.91, 0, 950.61], [0, 1392.58, 564.066], [0, 0, 1]], "distCoef": [-0.28, 0.18, 0.0001, -0.0002, 0.05],
+            "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [[10.5], [20.25], [300.0]]}
+
+
+def seed_panoptic():
+    put("panoptic_calibration", "two.json", json.dumps({"calibDataSource": "160906_calib_norm", "cameras": [
+        panoptic_camera("00_03", "hd", 0, 3), panoptic_camera("01_02", "vga", 1, 2)]}, indent=1))
+    flat = panoptic_camera("50_01", "kinect-color", 50, 1)
+    flat["t"], flat["distCoef"], flat["extra"] = [1, 2, 3], [0] * 5, {"a": [1]}
+    put("panoptic_calibration", "flat.json", json.dumps({"cameras": [flat]}))
+    joints = [v for j in range(19) for v in ((0, 0, 0, -1) if j == 4 else (10.5 + j, -120.25 + j, 30, 0.5))]
+    put("body3d_scene", "two.json", json.dumps({"version": 0.7, "univTime": 53541.542, "fpsType": "hd_29_97", "bodies": [
+        {"id": 0, "joints19": joints}, {"id": -1, "joints19": joints}, {"id": 7, "joints19": [0, 0, 0, -1] * 19}]}))
+
+
+def png(width, height, colour, depth, rows, extra=b""):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0)) + extra +
+            chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+def seed_picture():
+    put("picture", "grey.png", png(4, 3, 0, 8, b"".join(b"\0" + bytes([0, 80, 160, 255]) for _ in range(3))))
+    put("picture", "rgb.png", png(3, 2, 2, 8, b"".join(b"\1" + bytes(range(9)) for _ in range(2))))
+    put("picture", "deep.png", png(2, 2, 2, 16, b"".join(b"\0" + bytes(range(12)) for _ in range(2))))
+
+
+def seed_more():
+    """What came with sessions, Panoptic's other files and networks."""
+    put("session_toml", "full.toml", """# by hand
+schema = "mvstudio.session/1"
+units = "mm"
+board = "charuco:7x5:140:105"
+calibration = "calib/calibration.json"
+fps_hz = 29.97
+follow_symlinks = true
+cameras = [{name = "cam 01", serial = "123", lens = "8 mm", size_px = [640, 480]}, {name = "b"}]
+
+[[takes]]
+name = "board"
+footage = "raw/board/{camera}.mp4"
+
+[[takes]]
+name = "take1"
+fps_hz = 50
+timestamps = "raw/take1/times.csv"
+sync = "sync/take1.json"
+footage = {"cam 01" = "raw/take1/1.mp4", b = "raw/take1/b/*.png"}
+plate = {b = "raw/plate/b.png"}
+""")
+    put("session_toml", "short.toml", 'schema = "mvstudio.session/1"\nunits = "m"\ncameras = ["a", "b"]\ntakes = ["take1"]\n')
+    camera = {"name": "a", "source": "a.mp4", "status": "Ok", "frames": 5, "fps_hz": 25.0, "offset_frames": 0, "sigma_frames": 0, "rate_ppm": 0.5,
+              "rate_sigma_ppm": 0.1, "jitter_ms": 0.2, "residual_ms": {"median": 0, "max": 1.5}, "dropped": [[2, 1]], "doubled": [4],
+              "bad_times": [], "instants": [[0, 0, 3], [4, 3, 1]]}
+    put("timeline_json", "two.json", json.dumps({"schema": "mvstudio.timeline/1", "take": "take1", "reference": "a", "clock": "common", "fps_hz": 25,
+                                                  "start_s": 0.5, "num_instants": 6, "cameras": [camera, dict(camera, name="b", status="NoTime", instants=[])]}))
+    put("timestamps_csv", "two.csv", "cam_id,frame_index,frame_time\n123,0,0.0\n123,1,0.04\n123,2,0.08\nb,5,0.001\nb,6,0.041\nc,0,1\n")
+    put("timestamps_csv", "ms.csv", "camera,time_ms\ncam_01,0\ncam_01,40.5\ncam_01,80\nb,1\nb,41\n")
+    part = {"cameras": ["00_00", "00_02"], "frames": [0, 1, 2]}
+    put("split_json", "one.json", json.dumps({"schema": "mvstudio.split/1", "dataset": "take", "rule": "by hand", "train": part, "validation":
+        {"cameras": ["00_00"], "frames": [4]}, "test": {"cameras": ["00_01"], "frames": [6, 7]}, "guard_frames": 1, "unused_frames": [3, 5],
+        "motion_blocks": [[0, 7]]}, indent=1))
+    for i, text in enumerate(["cam_01" + CUT + "cam 01", "a/../b" + CUT + "a_b", "\u00e9\U0001f600" + CUT + "x" * 200]):
+        put("slug", f"{i}.txt", text)
+    face = {"landmarks": [0.5 + i for i in range(210)], "averageScore": [0.9] * 70, "averageReproError": [0.5] * 70,
+            "visibility": [[0, 3]] * 70}
+    hand = {"landmarks": [1.5 * i for i in range(63)], "averageScore": [0.9] * 21, "averageReproError": [0.5] * 21, "visibility": [[1]] * 21}
+    put("panoptic_landmarks", "face.json", json.dumps({"version": 0.5, "people": [{"id": 0, "face70": face}, {"id": -1, "face70": face}]}))
+    put("panoptic_landmarks", "hand.json", json.dumps({"version": 0.5, "people": [{"id": 0, "left_hand": hand, "right_hand": hand}, {"id": 1, "left_hand": hand}]}))
+    put("panoptic_sync_tables", "hd.json", json.dumps({"hd": {"univ_time": [-1, 33.4, 66.7], "index": [0, 1, 2]}, "vga": {"univ_time": [0.1, 40.1]}}))
+    put("panoptic_sync_tables", "kinect.json", json.dumps({"kinect": {"color": {"KINECTNODE1": {"univ_time": [1.5, 2.5], "index": [1, 2]}},
+                                                                       "depth": {"KINECTNODE1": {"univ_time": [1.5, 2.5]}}}}))
+    graph = {"format": "graph-model", "signature": {"outputs": {"out": {"name": "add:0"}}}, "modelTopology": {"node": [
+        {"name": "in", "op": "Placeholder", "attr": {"shape": {"shape": {"dim": [{"size": "1"}, {"size": "4"}]}}, "dtype": {"type": "DT_FLOAT"}}},
+        {"name": "w", "op": "Const", "attr": {"dtype": {"type": "DT_FLOAT"}, "value": {}}},
+        {"name": "add", "op": "AddV2", "input": ["in", "w", "^in"], "attr": {"data_format": {"s": "TkhXQw=="}, "strides": {"list": {"i": ["1", "1"]}}, "f": {"b": True}}}]},
+        "weightsManifest": [{"paths": ["w.bin"], "weights": [{"name": "w", "shape": [4], "dtype": "float32",
+                                                              "quantization": {"dtype": "uint8", "scale": 0.5, "min": -1}}]}]}
+    put("tfjs_graph", "add.txt", json.dumps(graph) + CUT + "abcd")
+    header = json.dumps({"__metadata__": {"note": "by \\u0068and"}, "a": {"dtype": "F32", "shape": [2, 1], "data_offsets": [0, 8]},
+                         "b": {"dtype": "BOOL", "shape": [], "data_offsets": [8, 9]}}).encode()
+    put("safetensors", "two.safetensors", struct.pack("<Q", len(header)) + header + struct.pack("<2f", 1, 2) + b"\1")
+    archive = io.BytesIO()
+    with tarfile.open(fileobj=archive, mode="w:gz", format=tarfile.USTAR_FORMAT) as tar:
+        for name, content in [("package/a.json", b"{}"), ("package/b.bin", b"1234")]:
+            info = tarfile.TarInfo(name)
+            info.size = len(content)
+            tar.addfile(info, io.BytesIO(content))
+    data = bytearray(archive.getvalue())
+    data[4:8] = bytes(4)  # no time stamp: the same bytes every time
+    put("model_archive", "two.tgz", bytes(data))
+
+
+def seed_pack():
+    digest = "60c8cdf32033b70f0544285c6cf0eafc4d3ca69b3ae9d042cf5b5fece0298b62"
+
+    def shard(number):
+        return {"file": f"shard-{number:05d}.h5", "shard": number, "num_shards": 2, "bytes": 946222, "sha256": digest, "content_sha256": digest,
+                "plan_sha256": digest, "inputs_sha256": digest, "samples": 12, "skipped": ["hdImgs/00_01/00_01_00000004.jpg: damaged"]}
+    put("pack_done", "one.json", json.dumps(dict({"schema": "mvstudio.pack-shard/1"}, **shard(0)), indent=1))
+    plan = {"schema": "mvstudio.pack-plan/1", "sequence": "take", "crop_px": 256, "codec": "png", "colour": None, "shards": 2}
+    put("pack_index", "two.json", json.dumps({"schema": "mvstudio.pack-index/1", "plan_sha256": digest, "plan": plan,
+                                              "shards": [shard(0), shard(1)]}, indent=1))
+
+
+HOSTILE = ["1e400", "-1e-400", "NaN", "Infinity", "null", "true", "{}", "[]", "\"\"", "-1", "0", "1e9", "99999999999999999999", "../", "\\u0000"]
+
+
+def write_dictionaries():
+    """A token list for each target: the words of its text seeds and some that readers get wrong."""
+    folder = os.path.join(ROOT, "..", "dictionaries")
+    os.makedirs(folder, exist_ok=True)
+    for target in sorted(os.listdir(ROOT)):
+        words = set()
+        for name in sorted(os.listdir(os.path.join(ROOT, target))):
+            with open(os.path.join(ROOT, target, name), "rb") as file:
+                text = file.read()
+            if not name.startswith("crash") and target not in ("picture", "video", "model_archive"):
+                words.update(word.decode() for word in re.findall(rb"[A-Za-z_!%#<][A-Za-z0-9_!:.-]{2,31}", text))
+        lines = [json.dumps(word) for word in HOSTILE + sorted(words)[:150]]
+        with open(os.path.join(folder, target + ".dict"), "w", encoding="ascii") as file:
+            file.write("\n".join(lines) + "\n")
+
+
+def main():
+    for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
+                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack]:
+        seed()
+    write_dictionaries()
+
+
+main()

@@ -1,0 +1,85 @@
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "report/format.h"
+#include "report/sections.h"
+
+/// Sections that show whatever their commands saved: numbers, tables, findings and pictures.
+namespace mvstudio::report {
+namespace {
+
+std::string Findings(const Value& metrics) {
+  std::string html;
+  for (const char* key : {"findings", "problems", "issues", "errors"}) {
+    const Value& list = metrics[key];
+    if (list.items().empty()) continue;
+    if (list.At(0).IsObject()) {
+      html += ObjectsTable("Findings", list);
+    } else {
+      Table table("Findings");
+      table.AddColumn("finding", "", false);
+      for (const Value& item : list.items()) table.AddRow({item.Text(item.Dump())});
+      html += table.Html();
+    }
+  }
+  return html;
+}
+
+std::string StageBody(SectionContext* context, const Stage& stage) {
+  const Value& metrics = stage.metrics();
+  std::string html = StageHeading(stage, true);
+  html += NumbersTable("", metrics);
+  for (const auto& [key, value] : metrics.fields()) {
+    if (value.IsArray() && value.At(0).IsObject() && key != "findings" && key != "problems" && key != "issues" &&
+        key != "errors") {
+      html += ObjectsTable(key == "cameras" ? "Cameras" : LabelOfKey(key).label, value);
+    }
+    if (!value.IsObject()) continue;
+    for (const auto& [inner_key, inner] : value.fields()) {
+      if (inner.IsArray() && inner.At(0).IsObject())
+        html += ObjectsTable(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label, inner);
+    }
+  }
+  const std::string findings = Findings(metrics);
+  if (findings.empty() && stage.command == "dataset verify" && stage.verdict == Verdict::kPass)
+    html += ParagraphHtml("Nothing found.");
+  html += findings;
+  std::vector<std::string> overlays;
+  for (const Value& output : stage.result["outputs"].items()) {
+    if (output["role"].Text() == "overlay") overlays.push_back(EmbedOutput(context, stage, output, output["path"].Text()));
+  }
+  return html + (overlays.empty() ? "" : GridHtml(overlays));
+}
+
+using Commands = std::vector<std::string>;
+
+/// "dataset build" belongs to "dataset".
+std::string StagesOf(SectionContext* context, const Commands& commands) {
+  std::string html;
+  for (const Stage& stage : context->data.stages) {
+    const std::string first = stage.command.substr(0, stage.command.find(' '));
+    const bool shown = std::find(commands.begin(), commands.end(), stage.command) != commands.end() ||
+                       std::find(commands.begin(), commands.end(), first) != commands.end();
+    if (shown) html += StageBody(context, stage);
+  }
+  return html;
+}
+
+}  // namespace
+
+Section FootageSection(SectionContext* context) {
+  return {"footage", "Footage, key points and masks", StagesOf(context, {"session", "doctor", "sync", "pose2d", "mask"})};
+}
+
+Section DatasetSection(SectionContext* context) {
+  Section section{"dataset", "Dataset", StagesOf(context, {"dataset"})};
+  if (section.body_html.empty()) {
+    section.body_html = NotRun("Dataset",
+                               "mvstudio dataset build --calib RUN/calibration.json --video CAM=FILE … "
+                               "--pose3d RUN/pose3d --out RUN/dataset");
+  }
+  return section;
+}
+
+}  // namespace mvstudio::report

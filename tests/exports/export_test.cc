@@ -1,0 +1,250 @@
+#include "exports/export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "core/error.h"
+#include "dataset/pose3d_trc.h"
+#include "exports/bvh.h"
+#include "exports/npy.h"
+#include "exports/ply.h"
+#include "exports/take.h"
+#include "tests/exports/fixture.h"
+#include "tests/support/message_of.h"
+
+namespace mvstudio::exports::testing {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+TEST(SafeNames, HostileNamesBecomeDifferentPlainOnes) {
+  const std::vector<std::string> hostile = {
+      "cam 1", "cam_1",  "../../etc/passwd",    "..",         "", "\xf0\x9f\x93\xb7", "a\nb", "a/b",
+      "-rf",   "caméra", std::string(300, 'x'), "cam\x01\x7f"};
+  const std::vector<std::string> safe = SafeNames(hostile);
+  EXPECT_EQ(std::set<std::string>(safe.begin(), safe.end()).size(), hostile.size());
+  for (const std::string& name : safe) {
+    EXPECT_FALSE(name.empty());
+    EXPECT_LE(name.size(), 70u);
+    EXPECT_EQ(name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-"), std::string::npos)
+        << name;
+    EXPECT_NE(name[0], '-');
+  }
+  EXPECT_THAT(SafeNames({"00_00", "Left-2"}), ElementsAre("00_00", "Left-2"));
+}
+
+TEST(Num, ReadsBackAsTheSameDouble) {
+  for (const double value : {0.0, -0.0, 1.0 / 3, 1e-300, 12345678.90123, -1e17}) {
+    EXPECT_EQ(std::strtod(Num(value).c_str(), nullptr), value);
+  }
+}
+
+TEST(Npy, HeaderIsPaddedTo64) {
+  const std::string bytes = NpyOfDoubles({2, 3}, {1, 2, 3, 4, 5, 6});
+  EXPECT_EQ(bytes.substr(0, 8), std::string("\x93NUMPY\x01\x00", 8));
+  EXPECT_EQ(bytes.size() % 64, 48u);  // whole 64 and six doubles
+  EXPECT_THAT(bytes, HasSubstr("'shape': (2, 3)"));
+  EXPECT_THAT(NpyOfDoubles({1}, {4}), HasSubstr("'shape': (1,)"));
+  EXPECT_THROW(NpyOfDoubles({2}, {1}), ContractViolation);
+  EXPECT_THROW(NpyOfTexts({"\xff"}), UsageError);
+}
+
+TEST(Bvh, AnglesRebuildTheRotation) {
+  for (int i = 0; i < 200; ++i) {
+    const double b = i < 20 ? (i % 2 ? 90 : -90) : i * 1.7 - 170;
+    const Eigen::Matrix3d r =
+        (Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(DegToRad(b), Eigen::Vector3d::UnitX()) *
+         Eigen::AngleAxisd(-0.07 * i, Eigen::Vector3d::UnitY()))
+            .toRotationMatrix();
+    const Eigen::Vector3d a = ZxyAngles(r);
+    const Eigen::Matrix3d back =
+        (Eigen::AngleAxisd(a[0], Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(a[1], Eigen::Vector3d::UnitX()) *
+         Eigen::AngleAxisd(a[2], Eigen::Vector3d::UnitY()))
+            .toRotationMatrix();
+    EXPECT_LT((back - r).norm(), 1e-12) << i;
+  }
+}
+
+TEST(Bvh, FollowsARigidSkeletonExactlyAndHoldsWhatIsMissing) {
+  std::vector<dataset::Coco19Pose> poses;
+  for (int f = 0; f < 12; ++f) poses.push_back(Person({5, -2, 0}, f, false));
+  std::vector<const dataset::Coco19Pose*> all;
+  for (const auto& pose : poses) all.push_back(&pose);
+  const BvhMotion motion = FitBvh(all);
+  EXPECT_LT(motion.max_m, 1e-9);
+  EXPECT_EQ(motion.num_joints, 12 * 19);
+  // A frame without anybody, a joint never seen.
+  all[5] = nullptr;
+  for (auto& pose : poses) pose.valid[5] = false;
+  const BvhMotion holes = FitBvh(all);
+  EXPECT_LT(holes.max_m, 1e-9);
+  EXPECT_TRUE(holes.frames[5].held);
+  EXPECT_EQ(holes.frames[5].root, holes.frames[4].root);
+  EXPECT_TRUE(BvhJoints(holes, holes.frames[3])[5].allFinite());
+}
+
+TEST(Bvh, BonesThatChangeTheirLengthAreReported) {
+  std::vector<dataset::Coco19Pose> poses;
+  for (int f = 0; f < 4; ++f) {
+    poses.push_back(Person({0, 0, 0}, f, false));
+    poses.back().x_in_world.col(14).z() -= f % 2 ? 0.02 : 0;
+  }
+  std::vector<const dataset::Coco19Pose*> all;
+  for (const auto& pose : poses) all.push_back(&pose);
+  EXPECT_NEAR(FitBvh(all).max_m, 0.01, 1e-3);
+}
+
+TEST(Trc, RoundTripsThroughOurReader) {
+  const TempDir folder;
+  Setting setting;
+  setting.missing_joints = true;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
+  ExportDataset(dataset, "trc", folder / "out", {});
+  const dataset::Pose3d back = dataset::ReadTrc(folder / "out/test_person0.trc");
+  EXPECT_EQ(back.rows.size(), 4u * 19);  // 245 to 248, 247 is empty
+  size_t seen = 0;
+  for (const dataset::JointRow& row : back.rows) {
+    const auto pose = dataset.poses.find(row.frame);
+    const int j = body::Coco19().Find(row.joint);
+    ASSERT_GE(j, 0);
+    const bool valid = pose != dataset.poses.end() && pose->second.at(0).valid[j];
+    ASSERT_EQ(row.status == Status::kOk, valid);
+    if (!valid) continue;
+    EXPECT_LT((row.x_in_world - pose->second.at(0).x_in_world.col(j)).norm(), 2e-15);
+    ++seen;
+  }
+  EXPECT_GT(seen, 30u);
+}
+
+TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  const std::string original = dataset.ImagePath("00_00", 245);
+  ExportReport report = ExportDataset(dataset, "zju", folder / "linked", {});
+  EXPECT_EQ(report.linked, report.pictures + report.masks);
+  EXPECT_TRUE(fs::equivalent(original, folder / "linked/00_00/000245.jpg"));
+  ExportOptions options;
+  options.pictures = "copy";
+  report = ExportDataset(dataset, "zju", folder / "copied", options);
+  EXPECT_EQ(report.linked, 0);
+  EXPECT_FALSE(fs::equivalent(original, folder / "copied/00_00/000245.jpg"));
+  EXPECT_EQ(ReadFile(original), ReadFile(folder / "copied/00_00/000245.jpg"));
+  options.pictures = "none";
+  report = ExportDataset(dataset, "zju", folder / "none", options);
+  EXPECT_EQ(report.pictures, 0);
+  EXPECT_FALSE(fs::exists(folder / "none/00_00"));
+}
+
+TEST(Export, StudioNamesAreMadeSafeAndTheMappingIsKept) {
+  const TempDir folder;
+  dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  dataset.aliases = {{"../../evil", "00_00"}, {"front \xf0\x9f\x93\xb7", "00_01"}, {"front ", "00_02"}};
+  ExportOptions options;
+  options.names = "studio";
+  const ExportReport report = ExportDataset(dataset, "zju", folder / "out", options);
+  EXPECT_THAT(report.notes[0].code, "EXP-RENAMED");
+  const auto manifest = nlohmann::json::parse(ReadFile(folder / "out/export.json"));
+  EXPECT_EQ(manifest["cameras"][0]["studio_name"], "../../evil");
+  EXPECT_EQ(manifest["cameras"][0]["name"], "_evil");
+  EXPECT_NE(manifest["cameras"][1]["name"], manifest["cameras"][2]["name"]);
+  EXPECT_TRUE(fs::exists(folder / "out/_evil/000245.jpg"));
+  EXPECT_FALSE(fs::exists(folder.path() + "/../evil"));
+  options.cameras = {"front "};
+  EXPECT_EQ(ExportDataset(dataset, "zju", folder / "one", options).cameras.at(0).source, "00_02");
+}
+
+TEST(Export, RefusesWhatAFormatCannotSay) {
+  const TempDir folder;
+  Setting setting;
+  setting.distorted = true;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
+  ExportOptions options;
+  options.undistort = "never";
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "actorshq", folder / "out", options); }),
+              HasSubstr("camera 00_00: actorshq describes an ideal pinhole, not a lens brown5"));
+  EXPECT_FALSE(fs::exists(folder / "out"));
+  EXPECT_NO_THROW(ExportDataset(dataset, "zju", folder / "zju", options));
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "zju", options); }),
+              HasSubstr("exists already"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "obj", folder / "out", {}); }), HasSubstr("known are colmap"));
+  options = {};
+  options.frames = {246, 999};
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }), HasSubstr("frame 999"));
+  options = {};
+  options.cameras = {"nobody"};
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }), HasSubstr("'nobody'"));
+  options = {};
+  options.undistort = "perhaps";
+  EXPECT_THROW(ExportDataset(dataset, "zju", folder / "out", options), UsageError);
+  EXPECT_TRUE(Glob(folder / ".*tmp*").empty());
+}
+
+TEST(Export, NobodyIsBadInputForJointFiles) {
+  const TempDir folder;
+  Setting setting;
+  setting.people = 0;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
+  for (const char* format : {"trc", "c3d", "bvh", "csv"}) {
+    EXPECT_THROW(ExportDataset(dataset, format, folder / "out", {}), FormatError) << format;
+  }
+  EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+TEST(Export, DamagedOrMisfitPicturesLeaveNothingBehind) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  dataset::WriteImage(Disc(50, 50, false), dataset.ImagePath("00_03", 245));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "zju", folder / "out", {}); }), HasSubstr("50x50"));
+  WriteFileAtomic(dataset.ImagePath("00_03", 245), "no picture");
+  EXPECT_THROW(ExportDataset(dataset, "zju", folder / "out", {}), FormatError);
+  EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+TEST(Export, MissingPicturesAreCounted) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  fs::remove(dataset.ImagePath("00_03", 246));
+  fs::remove(dataset.MaskPath("00_02", 245));
+  const ExportReport report = ExportDataset(dataset, "dynamic3dgs", folder / "out", {});
+  EXPECT_EQ(report.missing_pictures, 1);
+  EXPECT_EQ(report.missing_masks, 1);
+  const auto meta = nlohmann::json::parse(ReadFile(folder / "out/train_meta.json"));
+  EXPECT_EQ(meta["fn"][0].size(), 5u);
+  EXPECT_EQ(meta["fn"][1].size(), 4u);  // a picture that is not there is not named
+}
+
+TEST(WriteRig, SaysWhichLensDoesNotFitAndRenames) {
+  const TempDir folder;
+  Setting setting;
+  setting.distorted = true;
+  geometry::Rig rig = MakeRig(setting);
+  EXPECT_THAT(MessageOf<FormatError>([&] { WriteRig(rig, "actorshq", folder / "a"); }), HasSubstr("00_00"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { WriteRig(rig, "trc", folder / "t"); }), HasSubstr("dataset export"));
+  rig.cameras[1].camera.name = "left eye";
+  const ExportReport report = WriteRig(rig, "zju", folder / "z");
+  EXPECT_EQ(report.cameras[1].name, "left_eye");
+  EXPECT_THAT(report.notes.at(0).text, HasSubstr("'left eye' is left_eye"));
+  EXPECT_TRUE(fs::exists(folder / "z/annots.npy"));
+}
+
+TEST(Export, SameInputSameBytes) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  for (const char* format : {"dynamic3dgs", "zju", "gltf", "dna", "npz"}) {
+    const ExportReport report = ExportDataset(dataset, format, folder / (std::string(format) + "1"), {});
+    ExportDataset(dataset, format, folder / (std::string(format) + "2"), {});
+    for (const std::string& file : report.files) {
+      EXPECT_TRUE(ReadFile(folder / (std::string(format) + "1/" + file)) ==
+                  ReadFile(folder / (std::string(format) + "2/" + file)))
+          << format << " " << file;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace mvstudio::exports::testing
