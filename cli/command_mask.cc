@@ -192,12 +192,23 @@ void Report(const MaskArguments& arguments, const MaskJob& job, const MaskRunRes
   AddTruth(arguments, folder, result);
 }
 
-CommandResult RunMask(const MaskArguments& arguments, CommandContext& context) {
+/// What the session gives where no flag does.
+void FillFromSession(const TakeInput& take, MaskArguments* arguments) {
+  if (arguments->out.empty()) arguments->out = take.Folder("masks");
+  if (arguments->out.empty()) throw UsageError("--out is needed without --session");
+  const std::string joints = take.Folder("pose3d");
+  const bool given = !arguments->pose3d.empty() || !arguments->pose2d.empty();
+  if (!given && !joints.empty() && std::filesystem::exists(joints + "/points.csv")) arguments->pose3d = joints;
+}
+
+CommandResult RunMask(MaskArguments arguments, CommandContext& context) {
   const auto start = std::chrono::steady_clock::now();
   CommandResult result;
+  const TakeInput take = ReadTakeInput(arguments.take, &result);
+  FillFromSession(take, &arguments);
   AtomicFolder folder(arguments.out, arguments.run.overwrite);
   const std::vector<MaskBackend> backends = MaskBackends(arguments, &result);
-  const MaskJob job = ReadMaskJob(arguments, &result, context.run);
+  const MaskJob job = ReadMaskJob(arguments, take, &result, context.run);
   size_t chosen = 0;
   const MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
   if (!trial.failed_camera.empty()) {
@@ -226,7 +237,9 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
   AddTakeArguments(sub, arguments->take);
   sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
-  sub->add_option("--pose3d", arguments->pose3d, "folder with points.csv or body3DScene_*.json: joints guide the masks");
+  sub->add_option(
+      "--pose3d", arguments->pose3d,
+      "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
   sub->add_option("--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   sub->add_option("--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
   sub->add_option("--backend", arguments->backend,
@@ -234,7 +247,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
                   "masks agree best with the visual hull and the joints")
       ->capture_default_str();
   sub->add_option("--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
-  sub->add_option("--out", arguments->out, "new folder")->required();
+  sub->add_option("--out", arguments->out, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);
   AddOptions(sub, arguments->mask);
   AddOptions(sub, arguments->hull);

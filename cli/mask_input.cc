@@ -19,15 +19,8 @@ namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// Last run of digits of a file's name, or -1.
-int NumberOfName(const std::string& path) {
-  const std::string name = fs::path(path).stem().string();
-  size_t end = name.size();
-  while (end > 0 && !std::isdigit(static_cast<unsigned char>(name[end - 1]))) --end;
-  size_t begin = end;
-  while (begin > 0 && std::isdigit(static_cast<unsigned char>(name[begin - 1]))) --begin;
-  return begin == end || end - begin > 9 ? -1 : std::stoi(name.substr(begin, end - begin));
-}
+/// -1: none.
+int NumberOfName(const std::string& path) { return static_cast<int>(dataset::NumberInName(path).value_or(-1)); }
 
 /// points.csv as triangulate writes it, or body3DScene files as Panoptic's datasets hold them.
 std::map<int, People> ReadPoses(const std::string& folder) {
@@ -56,7 +49,7 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
   std::vector<Image> frames;
   std::vector<People> people;
   for (size_t f = 0; f < taken.samples.frames.size(); ++f) {
-    const auto found = poses.find(taken.samples.numbers[f]);
+    const auto found = poses.find(taken.InstantOf(taken.samples.numbers[f]));
     if (found == poses.end()) continue;
     frames.push_back(taken.samples.frames[f]), people.push_back(found->second);
   }
@@ -70,6 +63,14 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
 MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::MaskOptions& options) {
   MaskCamera camera;
   camera.footage = footage;
+  if (footage.timeline) {
+    camera.frame_at.emplace();
+    const dataset::CameraTimeline* times = footage.timeline->Find(footage.camera);
+    const std::vector<int64_t> frames = times ? times->frame_at : std::vector<int64_t>();
+    for (size_t instant = 0; instant < frames.size(); ++instant) {
+      if (frames[instant] >= 0) camera.frame_at->emplace(static_cast<int>(instant), static_cast<int>(frames[instant]));
+    }
+  }
   camera.samples = dataset::SampleFootage(footage.path, options.background_frames);
   if (footage.plate.empty()) return camera;
   camera.plate = dataset::ReadImage(footage.plate);
@@ -88,8 +89,10 @@ void AddCalibration(const MaskArguments& arguments, const std::string& path, Mas
     const int idx = rig.Find(camera.footage.camera);
     if (idx < 0) throw FormatError(path, "cameras", "has no camera " + camera.footage.camera);
     camera.camera = MatchSize(arguments, rig.cameras[idx], camera, job->poses, result);
-    for (const auto& [frame, people] : job->poses)
-      camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, arguments.mask);
+    for (const auto& [instant, people] : job->poses) {
+      const int frame = camera.FrameAt(instant);
+      if (frame >= 0) camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, arguments.mask);
+    }
   }
 }
 
@@ -125,8 +128,7 @@ void CheckArguments(const MaskArguments& arguments, const TakeInput& take) {
 
 }  // namespace
 
-MaskJob ReadMaskJob(const MaskArguments& arguments, CommandResult* result, const RunContext& run) {
-  const TakeInput take = ReadTakeInput(arguments.take, result);
+MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run) {
   CheckArguments(arguments, take);
   MaskJob job;
   job.mask = arguments.mask, job.hull = arguments.hull, job.run = arguments.run;

@@ -20,7 +20,7 @@ struct MaskArguments {
 };
 
 /// Footage is sampled, sizes are checked, joints are projected. Throws UsageError, IoError, FormatError.
-MaskJob ReadMaskJob(const MaskArguments& arguments, CommandResult* result, const RunContext& run);
+MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run);
 
 /// The backends that `--backend` names, or those there are for "auto"; a net that is not installed is then left out with a
 /// warning. Throws UsageError, MissingToolError.

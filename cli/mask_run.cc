@@ -33,46 +33,51 @@ std::vector<int> Spread(const std::vector<int>& all, int count) {
   return chosen;
 }
 
-/// Frame numbers that every camera sampled.
+bool Sampled(const MaskCamera& camera, int instant) {
+  const std::vector<int>& numbers = camera.samples.numbers;
+  return std::find(numbers.begin(), numbers.end(), camera.FrameAt(instant)) != numbers.end();
+}
+
+/// Instants that every camera sampled.
 std::vector<int> CommonSamples(const MaskJob& job) {
-  std::vector<int> common = job.cameras[0].samples.numbers;
-  for (const MaskCamera& camera : job.cameras) {
-    const std::vector<int>& own = camera.samples.numbers;
-    common.erase(
-        std::remove_if(common.begin(), common.end(), [&](int f) { return std::find(own.begin(), own.end(), f) == own.end(); }),
-        common.end());
+  std::vector<int> common;
+  for (const int frame : job.cameras[0].samples.numbers) {
+    const int instant = job.cameras[0].InstantOf(frame);
+    const bool all =
+        std::all_of(job.cameras.begin(), job.cameras.end(), [&](const MaskCamera& camera) { return Sampled(camera, instant); });
+    if (instant >= 0 && all) common.push_back(instant);
   }
   return common;
 }
 
-VisualHull Carve(const MaskJob& job, int frame, const std::vector<Image>& masks) {
+VisualHull Carve(const MaskJob& job, int instant, const std::vector<Image>& masks) {
   std::vector<HullView> views;
   for (size_t c = 0; c < job.cameras.size(); ++c) views.push_back({&*job.cameras[c].camera, &masks[c]});
-  const auto people = job.poses.find(frame);
+  const auto people = job.poses.find(instant);
   dataset::HullBox box{Status::kTooFewViews, {}, 0};
   if (people != job.poses.end()) box = dataset::BoxOfJoints(people->second);
   if (box.status != Status::kOk) box = dataset::BoxOfMasks(views);
   return dataset::CarveHull(views, box, job.hull);
 }
 
-/// Masks of every camera at one frame, from the files; empty pictures where a file is missing.
-std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int frame) {
+/// Masks of every camera at one instant, from the files; empty pictures where a file is missing.
+std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int instant) {
   std::vector<Image> masks;
   for (const MaskCamera& camera : job.cameras) {
-    const std::string path = MaskPath(folder, camera.footage.camera, frame);
+    const std::string path = MaskPath(folder, camera.footage.camera, camera.FrameAt(instant));
     masks.push_back(fs::exists(path) ? dataset::ReadImage(path, true)
                                      : Image(camera.samples.width, camera.samples.height, 1, 0));
   }
   return masks;
 }
 
-dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& numbers,
+dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& instants,
                                      const RunContext& run) {
-  std::vector<VisualHull> hulls(numbers.size());
-  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(numbers.size()));
+  std::vector<VisualHull> hulls(instants.size());
+  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(instants.size()));
   std::mutex mutex;
-  ParallelFor(static_cast<int64_t>(numbers.size()), run.num_threads, [&](int64_t i) {
-    hulls[i] = Carve(job, numbers[i], ReadMasks(job, folder, numbers[i]));
+  ParallelFor(static_cast<int64_t>(instants.size()), run.num_threads, [&](int64_t i) {
+    hulls[i] = Carve(job, instants[i], ReadMasks(job, folder, instants[i]));
     hulls[i].cells.clear();
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
@@ -83,23 +88,25 @@ dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& fold
 }
 
 /// Writes where the other cameras' masks leave room for people, in the masks' own layout.
-void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& room, const std::vector<int>& numbers,
+void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& room, const std::vector<int>& instants,
                const RunContext& run) {
   constexpr double kMarginPx = 2.5;
   for (const MaskCamera& camera : job.cameras) MakeFolder(room + "/" + camera.footage.camera);
-  ParallelFor(static_cast<int64_t>(numbers.size()), run.num_threads, [&](int64_t i) {
-    const VisualHull hull = Carve(job, numbers[i], ReadMasks(job, masks, numbers[i]));
+  ParallelFor(static_cast<int64_t>(instants.size()), run.num_threads, [&](int64_t i) {
+    const VisualHull hull = Carve(job, instants[i], ReadMasks(job, masks, instants[i]));
     if (hull.status != Status::kOk) return;
     for (const MaskCamera& camera : job.cameras) {
-      dataset::WriteImage(dataset::PossiblePixels(hull, *camera.camera, kMarginPx),
-                          MaskPath(room, camera.footage.camera, numbers[i]));
+      const int frame = camera.FrameAt(instants[i]);
+      if (frame >= 0)
+        dataset::WriteImage(dataset::PossiblePixels(hull, *camera.camera, kMarginPx),
+                            MaskPath(room, camera.footage.camera, frame));
     }
   });
 }
 
 struct TakePass {
   std::vector<MaskCameraResult> cameras;
-  std::vector<int> numbers;  ///< that any camera has, ascending
+  std::vector<int> instants;  ///< that any camera has, ascending
 };
 
 MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
@@ -147,15 +154,29 @@ TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::v
   ParallelFor(static_cast<int64_t>(job.cameras.size()), run.num_threads, [&](int64_t c) {
     pass.cameras[c] = SegmentCamera(job, job.cameras[c], backend, models[c], folder, room, [&](int frame) {
       const std::lock_guard<std::mutex> lock(mutex);
-      ++seen[frame];
+      ++seen[job.cameras[c].InstantOf(frame)];
       stage.Advance();
     });
   });
-  for (const auto& [frame, count] : seen) pass.numbers.push_back(frame);
+  for (const auto& [instant, count] : seen) {
+    if (instant >= 0) pass.instants.push_back(instant);
+  }
   return pass;
 }
 
 }  // namespace
+
+int MaskCamera::FrameAt(int instant) const {
+  if (!frame_at) return instant;
+  const auto found = frame_at->find(instant);
+  return found == frame_at->end() ? -1 : found->second;
+}
+
+int MaskCamera::InstantOf(int frame) const {
+  if (!frame_at) return frame;
+  const auto found = std::find_if(frame_at->begin(), frame_at->end(), [&](const auto& entry) { return entry.second == frame; });
+  return found == frame_at->end() ? -1 : found->first;
+}
 
 std::string MaskPath(const std::string& folder, const std::string& camera, int frame) {
   char name[24];
@@ -182,9 +203,9 @@ double MaskTrial::score() const {
 MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_frames, const RunContext& run) {
   MaskTrial trial{backend.name, Status::kOk, "", kNone, kNone, {}};
   const size_t n = job.cameras.size();
-  const std::vector<int> numbers = on_frames ? Spread(CommonSamples(job), job.run.trial_frames) : std::vector<int>();
+  const std::vector<int> instants = on_frames ? Spread(CommonSamples(job), job.run.trial_frames) : std::vector<int>();
   std::vector<dataset::LearnedCamera> learned(n);
-  std::vector<std::vector<BodyMask>> masks(numbers.size(), std::vector<BodyMask>(n));
+  std::vector<std::vector<BodyMask>> masks(instants.size(), std::vector<BodyMask>(n));
   const dataset::PersonNet net = NetOf(backend);
   ProgressStage stage(run, "learning with " + backend.name, static_cast<int64_t>(n));
   std::mutex mutex;
@@ -192,11 +213,12 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
     const MaskCamera& camera = job.cameras[c];
     learned[c] =
         dataset::LearnTakeCamera(camera.samples, camera.bodies, net, camera.plate.empty() ? nullptr : &camera.plate, job.mask);
-    for (size_t i = 0; i < numbers.size() && learned[c].status == Status::kOk; ++i) {
+    for (size_t i = 0; i < instants.size() && learned[c].status == Status::kOk; ++i) {
       const auto& own = camera.samples.numbers;
-      const Image& rgb = camera.samples.frames[std::find(own.begin(), own.end(), numbers[i]) - own.begin()];
+      const int frame = camera.FrameAt(instants[i]);
+      const Image& rgb = camera.samples.frames[std::find(own.begin(), own.end(), frame) - own.begin()];
       dataset::MaskHints hints;
-      hints.body = camera.bodies.At(numbers[i]);
+      hints.body = camera.bodies.At(frame);
       const Image probability = net ? net(rgb, hints.body) : Image();
       if (!probability.empty()) hints.probability = &probability;
       masks[i][c] = dataset::SegmentPeople(rgb, hints, learned[c].model, job.mask);
@@ -212,13 +234,13 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
   if (!trial.failed_camera.empty()) return trial;
   int joints = 0, supported = 0;
   dataset::HullSummary hull;
-  for (size_t i = 0; i < numbers.size(); ++i) {
+  for (size_t i = 0; i < instants.size(); ++i) {
     std::vector<Image> of_frame;
     for (BodyMask& mask : masks[i]) {
       joints += mask.joints, supported += mask.joints_supported;
       of_frame.push_back(std::move(mask.mask));
     }
-    if (job.has_calibration() && n > 1) hull.Add(Carve(job, numbers[i], of_frame));
+    if (job.has_calibration() && n > 1) hull.Add(Carve(job, instants[i], of_frame));
   }
   if (hull.instants > 0) trial.disagreement = hull.Disagreement();
   if (joints > 0) trial.joints_supported = supported / double(joints);
@@ -231,14 +253,14 @@ MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std
   const bool together = job.has_calibration() && job.cameras.size() > 1;
   if (job.run.hull && together) {
     const std::string room = folder + "/.room";
-    WriteRoom(job, folder, room, pass.numbers, run);
+    WriteRoom(job, folder, room, pass.instants, run);
     pass = SegmentAll(job, backend, models, folder, room, run);
     fs::remove_all(room);
   }
   MaskRunResult result;
   result.cameras = std::move(pass.cameras);
   if (together && job.run.hull_frames > 0) {
-    result.hull = CompareWithHull(job, folder, Spread(pass.numbers, job.run.hull_frames), run);
+    result.hull = CompareWithHull(job, folder, Spread(pass.instants, job.run.hull_frames), run);
     result.disagreeing = result.hull.Disagreeing(job.hull.most_outside);
   }
   return result;

@@ -44,15 +44,21 @@ struct MaskCamera {
   dataset::CameraFootage footage;
   std::optional<geometry::RigCamera> camera;  ///< at the footage's size; without --calib none
   dataset::FootageSamples samples;
-  Image plate;  ///< may be empty
-  dataset::BodiesOfTake bodies;
+  Image plate;                   ///< may be empty
+  dataset::BodiesOfTake bodies;  ///< by frame number
+  /// Instant -> frame number by the take's timeline; none: frame n shows instant n.
+  std::optional<std::map<int, int>> frame_at;
+
+  /// -1: none.
+  int FrameAt(int instant) const;
+  int InstantOf(int frame) const;
 };
 
 using People = std::map<int, dataset::Coco19Pose>;
 
 struct MaskJob {
   std::vector<MaskCamera> cameras;
-  std::map<int, People> poses;  ///< 3D, by frame; may be empty
+  std::map<int, People> poses;  ///< 3D, by instant; may be empty
   dataset::MaskOptions mask;
   dataset::HullOptions hull;
   MaskRunOptions run;

@@ -87,6 +87,27 @@ class SessionTest : public ::testing::Test {
     return RunCli({"session", "init", Path(""), "--units", "m", "--scan", Path("raw"), "--overwrite", "--json"});
   }
 
+  /// The take's time stamps are named, and its 3D joints written.
+  void WriteJointsAt(const std::vector<int>& instants) {
+    dataset::Session session = Read();
+    session.takes[0].timestamps = "raw/walk.csv";
+    dataset::WriteSession(session);
+    dataset::Pose3d pose;
+    pose.skeleton = "coco19";
+    for (const int instant : instants) {
+      for (int j = 0; j < 19; ++j) {
+        dataset::JointRow row;
+        row.frame = instant;
+        row.joint = body::Coco19().joints[static_cast<size_t>(j)];
+        row.status = Status::kOk;
+        row.x_in_world = JointAt(j, instant);
+        row.num_views = 3;
+        pose.rows.push_back(row);
+      }
+    }
+    dataset::WritePose3d(pose, Path("pose3d/walk"));
+  }
+
   dataset::Session Read() { return dataset::ReadSession(Path("")); }
 
   TempDir folder_;
@@ -241,25 +262,33 @@ TEST_F(SessionTest, TriangulateCountsInstantsHoweverTheyAreKnown) {
   EXPECT_EQ(RunCli({"dataset", "verify", Path("")}).exit, 2);
 }
 
+TEST_F(SessionTest, MasksKeepTheFootagesNumbersAndFollowTheTimeline) {
+  ASSERT_EQ(Init().exit, 0);
+  WriteJointsAt({3, 15, 40});
+  const CliRun run = RunCli({"mask", "--session", Path(""), "--backend", "background", "--hull-frames", "3", "--mask-outline",
+                             "0", "--mask-background-frames", "9", "--sheet-tiles", "0", "--json"});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const geometry::RigCamera& camera = rig_.cameras[1];
+  for (const auto& [instant, frame] : {std::pair{3, 7}, {15, 19}, {40, 42}}) {  // ticks 7, 19 and 44, two of them dropped
+    char name[32];
+    std::snprintf(name, sizeof name, "/%08d.png", frame);
+    const Image mask = dataset::ReadImage(Path("masks/walk/" + Name(1) + name), true);
+    int inside = 0, on_mask = 0;
+    for (int j = 0; j < 15; ++j) {  // without eyes and ears
+      const auto at = geometry::Project(camera.camera, camera.cam_from_world * JointAt(j, instant));
+      const int x = static_cast<int>(std::lround(at.px.x())), y = static_cast<int>(std::lround(at.px.y()));
+      if (x < 1 || y < 1 || x >= mask.width - 1 || y >= mask.height - 1) continue;
+      ++inside;
+      on_mask += *mask.Pixel(x, y) == 255;
+    }
+    EXPECT_GT(inside, 10);
+    EXPECT_GE(on_mask, inside - 3) << instant << ": joints " << inside;
+  }
+}
+
 TEST_F(SessionTest, BuildKeepsInStepWhereACameraDroppedFrames) {
   ASSERT_EQ(Init().exit, 0);
-  dataset::Session session = Read();
-  session.takes[0].timestamps = "raw/walk.csv";
-  dataset::WriteSession(session);
-  dataset::Pose3d pose;
-  pose.skeleton = "coco19";
-  for (const int instant : {3, 15, 16, 17, 18, 40}) {  // 16 and 17 are the dropped ticks 20 and 21 of camera 1
-    for (int j = 0; j < 19; ++j) {
-      dataset::JointRow row;
-      row.frame = instant;
-      row.joint = body::Coco19().joints[static_cast<size_t>(j)];
-      row.status = Status::kOk;
-      row.x_in_world = JointAt(j, instant);
-      row.num_views = 3;
-      pose.rows.push_back(row);
-    }
-  }
-  dataset::WritePose3d(pose, Path("pose3d/walk"));
+  WriteJointsAt({3, 15, 16, 17, 18, 40});  // 16 and 17 are the dropped ticks 20 and 21 of camera 1
   std::vector<std::string> words = {"dataset", "build",       "--session", Path(""), "--pose3d",  Path("pose3d/walk"),
                                     "--out",   folder_ / "d", "--png",     "--json", "--no-masks"};
   const CliRun build = RunCli(words);
