@@ -1,12 +1,12 @@
 #include "avatar/generator.h"
 
-#include <ATen/CPUGeneratorImpl.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <string>
 #include <vector>
 
+#include "avatar/init_weights.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -52,7 +52,8 @@ class ResBlockImpl : public nn::Module {
 TORCH_MODULE(ResBlock);
 
 nn::Sequential MakeStem(const ModelOptions& o) {
-  return nn::Sequential(Conv(o.inputs, o.width, o.stem_kernel, 1, false), nn::ReLU(nn::ReLUOptions(true)));
+  return nn::Sequential(Conv(o.inputs + NumPreviousChannels(o), o.width, o.stem_kernel, 1, false),
+                        nn::ReLU(nn::ReLUOptions(true)));
 }
 
 nn::Sequential MakeDown(const ModelOptions& o, int level) {
@@ -79,21 +80,6 @@ nn::Sequential MakeUp(const ModelOptions& o, int level) {
   }
   AddNormRelu(o, out, true, net);
   return net;
-}
-
-/// Convolutions N(0, 0.02), normalisation gains N(1, 0.02), biases 0; from `seed` alone.
-void InitWeights(nn::Module& module, uint64_t seed) {
-  torch::NoGradGuard no_grad;
-  at::Generator random = at::detail::createCPUGenerator(seed);
-  for (auto& item : module.named_parameters()) {
-    at::Tensor& weight = item.value();
-    const bool is_bias = item.key().size() >= 4 && item.key().compare(item.key().size() - 4, 4, "bias") == 0;
-    if (is_bias) {
-      weight.zero_();
-    } else {
-      weight.normal_(weight.dim() == 1 ? 1.0 : 0.0, 0.02, random);
-    }
-  }
 }
 
 /// Residual blocks, then one step up a level, each followed by the encoder's features of that level when there are skips.
@@ -123,7 +109,22 @@ class DecoderImpl : public nn::Module {
 };
 TORCH_MODULE(Decoder);
 
+struct Heads {
+  const char* first_name;
+  int first;
+  const char* second_name;
+  int second;
+};
+
+Heads HeadsOf(const ModelOptions& o) {
+  if (o.method == "tna") return {"part_decoder", 25, "uv_decoder", 48};
+  if (o.method == "v2v") return {"mask_decoder", 1, "colour_decoder", 6};
+  return {"mask_decoder", 1, "colour_decoder", 3};
+}
+
 }  // namespace
+
+int NumPreviousChannels(const ModelOptions& options) { return options.method == "v2v" ? 3 * kNumPrevious : 0; }
 
 struct GeneratorImpl::Parts {
   nn::Sequential stem{nullptr}, blocks{nullptr};
@@ -134,14 +135,14 @@ struct GeneratorImpl::Parts {
 GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
     : parts_(std::make_unique<Parts>()), size_multiple_(1 << options.downs) {
   Validate(options);
-  const bool direct = options.method == "direct";
+  const Heads heads = HeadsOf(options);
   parts_->stem = register_module("stem", MakeStem(options));
   for (int level = 0; level < options.downs; ++level) {
     parts_->downs.push_back(register_module("down" + std::to_string(level), MakeDown(options, level)));
   }
   parts_->blocks = register_module("blocks", MakeBlocks(options, options.encoder_blocks));
-  parts_->first = register_module(direct ? "mask_decoder" : "part_decoder", Decoder(options, direct ? 1 : 25));
-  parts_->second = register_module(direct ? "colour_decoder" : "uv_decoder", Decoder(options, direct ? 3 : 48));
+  parts_->first = register_module(heads.first_name, Decoder(options, heads.first));
+  parts_->second = register_module(heads.second_name, Decoder(options, heads.second));
   InitWeights(*this, seed);
 }
 

@@ -88,6 +88,16 @@ at::Tensor CleanMatte(const at::Tensor& image, const at::Tensor& mask_prob, cons
   return base + (image - base) * (clean / alpha.clamp_min(1e-6));
 }
 
+/// What the network sees of the past; undefined for methods that see none.
+at::Tensor PreviousOrBlack(const AvatarModel& model, const at::Tensor& previous, const at::Tensor& maps) {
+  const int channels = NumPreviousChannels(model.options);
+  if (channels == 0) return {};
+  if (!previous.defined()) return at::zeros({maps.size(0), channels, maps.size(2), maps.size(3)}, maps.options());
+  MVS_CHECK(previous.dim() == 4 && previous.size(0) == maps.size(0) && previous.size(1) == channels,
+            "previous pictures of sizes " << previous.sizes());
+  return previous.to(maps.options());
+}
+
 /// Most likely part and its coordinates.
 void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
   const at::Tensor part = (logits.slice(1, 1).argmax(1) + 1) * (out->mask_prob > 0.5);
@@ -128,28 +138,44 @@ at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_ca
   return at::cat({bones, RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width)}, 1);
 }
 
+at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px) {
+  const int64_t height = pictures.size(2), width = pictures.size(3);
+  const at::Tensor x = at::arange(width, flow_px.options()).view({1, 1, width}) + flow_px.select(1, 0);
+  const at::Tensor y = at::arange(height, flow_px.options()).view({1, height, 1}) + flow_px.select(1, 1);
+  const at::Tensor grid = at::stack({(2 * x + 1) / width - 1, (2 * y + 1) / height - 1}, 3);
+  return at::grid_sampler(pictures, grid, /*bilinear*/ 0, /*border*/ 1, /*align_corners=*/false);
+}
+
+at::Tensor FlowOf(const at::Tensor& second_head) { return 20 * second_head.slice(1, 3, 5); }
+
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
-                        const at::Tensor& background) {
+                        const at::Tensor& background, const at::Tensor& previous) {
   if (model.options.method == "tna") {
     return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
   }
+  at::Tensor colour = 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
+  if (model.options.method == "v2v") {
+    const at::Tensor fresh = at::sigmoid(second_head.slice(1, 5, 6));
+    colour = fresh * colour + (1 - fresh) * Warp(previous.slice(1, 0, 3), FlowOf(second_head));
+  }
   const at::Tensor person = at::sigmoid(first_head);
-  return person * (0.5 * at::tanh(second_head) + 0.5) + (1 - person) * background.view({1, 3, 1, 1});
+  return person * colour + (1 - person) * background.view({1, 3, 1, 1});
 }
 
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background) {
+                 int64_t height, int64_t width, const at::Tensor& background, const at::Tensor& previous) {
   torch::NoGradGuard no_grad;
   model.generator->eval();
   const at::Tensor like = model.generator->parameters()[0];
   CheckPoses(joints_in_cam, valid, intrinsics);
   const at::Tensor joints_px = ProjectPinhole(intrinsics, joints_in_cam);
   const at::Tensor maps = NetworkInput(model, joints_in_cam, valid, joints_px, height, width).to(like.device());
-  const auto [first, second] = model.generator->forward(maps);
+  const at::Tensor before = PreviousOrBlack(model, previous, maps);
+  const auto [first, second] = model.generator->forward(before.defined() ? at::cat({maps, before}, 1) : maps);
   const at::Tensor behind = Background(background, like);
   Rendering out;
   out.mask_prob = model.options.method == "tna" ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);
-  const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind), out.mask_prob, behind);
+  const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind, before), out.mask_prob, behind);
   out.image = image.clamp(0, 1).to(at::kCPU).contiguous();
   if (model.options.method == "tna") {
     FillParts(first, at::tanh(second), &out);

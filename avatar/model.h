@@ -31,9 +31,16 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width);
 
-/// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1].
+/// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
+/// pictures before, for `v2v` alone (B, 3 kNumPrevious, H, W), the latest first, on black.
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
-                        const at::Tensor& background);
+                        const at::Tensor& background, const at::Tensor& previous = {});
+
+/// Pictures sampled where the flow points (B, 2, H, W), x then y, px; borders repeat outwards.
+at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px);
+
+/// The flow of a `v2v` head, px: 20 times the network's numbers, as in vid2vid.
+at::Tensor FlowOf(const at::Tensor& second_head);
 
 struct Rendering {
   at::Tensor image;      ///< (B, 3, H, W) float32 in [0, 1], RGB
@@ -44,9 +51,10 @@ struct Rendering {
 
 /// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
 /// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
-/// and for poses that are not finite.
+/// and for poses that are not finite. `previous`: as in ComposeImage, of the same cameras' frames before; undefined: there were
+/// none.
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background = {});
+                 int64_t height, int64_t width, const at::Tensor& background = {}, const at::Tensor& previous = {});
 
 /// A model as named tensors and metadata, and back. `path` is for messages.
 TensorFile ModelToTensors(const AvatarModel& model);

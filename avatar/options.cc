@@ -69,7 +69,7 @@ template bool SetFieldFromText(TrainOptions&, const std::string&, const std::str
 int InitSteps(const TrainOptions& options) { return options.init_steps >= 0 ? options.init_steps : options.steps / 3; }
 
 void Validate(const ModelOptions& o) {
-  Require(o.method == "tna" || o.method == "direct", "method", "tna or direct");
+  Require(o.method == "tna" || o.method == "direct" || o.method == "v2v", "method", "tna, direct or v2v");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
   Require(o.downs >= 1 && o.downs <= 6, "downs", "in 1..6");
   Require(o.encoder_blocks >= 0 && o.encoder_blocks <= 32, "encoder-blocks", "in 0..32");
@@ -87,17 +87,21 @@ void Validate(const TrainOptions& o) {
   Require(o.steps >= 0 && o.steps <= 100000000, "steps", "in 0..1e8");
   Require(o.init_steps >= -1 && o.init_steps <= 100000000, "init-steps", "in -1..1e8");
   Require(o.batch >= 1 && o.batch <= 4096, "batch", "in 1..4096");
-  Require(o.learning_rate > 0 && o.learning_rate < 1, "learning-rate", "above 0 and below 1");
+  Require(o.learning_rate >= 0 && o.learning_rate < 1, "learning-rate", "in [0, 1)");
   Require(o.texture_learning_rate >= 0 && o.texture_learning_rate < 1, "texture-learning-rate", "in [0, 1)");
   Require(o.decay_share >= 0 && o.decay_share <= 1, "decay-share", "in [0, 1]");
   Require(o.clip_norm >= 0, "clip-norm", "at least 0");
-  for (const double weight : {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv,
-                              o.keep_init, o.weight_logit, o.foreground_weight}) {
+  for (const double weight :
+       {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv, o.keep_init, o.weight_logit,
+        o.foreground_weight, o.weight_perceptual, o.weight_gan, o.weight_features, o.weight_warp}) {
     Require(std::isfinite(weight) && weight >= 0, "weight-* (keep-init, foreground-weight)", "finite and at least 0");
   }
   Require(o.jitter_scale >= 0 && o.jitter_scale < 0.9, "jitter-scale", "in [0, 0.9)");
   Require(o.jitter_shift >= 0 && o.jitter_shift < 0.5, "jitter-shift", "in [0, 0.5)");
   Require(o.jitter_roll_deg >= 0 && o.jitter_roll_deg <= 180, "jitter-roll-deg", "in [0, 180]");
+  Require(o.critic_width >= 1 && o.critic_width <= 256, "critic-width", "in 1..256");
+  Require(o.critic_layers >= 1 && o.critic_layers <= 5, "critic-layers", "in 1..5");
+  Require(o.critic_scales >= 1 && o.critic_scales <= 4, "critic-scales", "in 1..4");
   Require(o.texture_pictures >= 1, "texture-pictures", "at least 1");
   Require(o.save_every >= 1 && o.report_every >= 1 && o.validate_pictures >= 0, "save-every (report-every, validate-pictures)",
           "at least 1");

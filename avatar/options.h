@@ -29,7 +29,9 @@ struct ModelOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, ModelOptions& o) {
-  visit("method", o.method, "tna: textured neural avatar; direct: the same network predicting colours itself (a baseline)");
+  visit("method", o.method,
+        "tna: textured neural avatar; direct: the same network predicting colours itself; v2v: that with memory, flow and "
+        "discriminators, the essentials of video-to-video translation (both are baselines)");
   visit("width", o.width, "channels of the first layer; the deepest layer has 8 times as many (the paper's network: 32)");
   visit("downs", o.downs, "stride-2 steps of the encoder; the picture size must be a multiple of 2^downs");
   visit("encoder-blocks", o.encoder_blocks, "residual blocks of the encoder");
@@ -71,11 +73,19 @@ struct TrainOptions {
   double weight_l1 = 1.0;
   double weight_ssim = 0.5;
   double weight_gradient = 0.0;
+  double weight_perceptual = 0.5;
+  std::string perceptual = "none";
   double weight_mask = 0.5;
   double weight_part = 1.0;
   double weight_uv = 4.0;
   double keep_init = 0.2;
   double weight_logit = 1e-3;
+  double weight_gan = 0.1;
+  double weight_features = 1.0;
+  double weight_warp = 1.0;
+  int critic_width = 16;
+  int critic_layers = 3;
+  int critic_scales = 2;
   double foreground_weight = 10.0;
   double jitter_scale = 0.1;
   double jitter_shift = 0.05;
@@ -100,6 +110,11 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-l1", o.weight_l1, "weight of the mean absolute colour difference");
   visit("weight-ssim", o.weight_ssim, "weight of 1 - SSIM (7 px box window)");
   visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of picture gradients at three scales");
+  visit("weight-perceptual", o.weight_perceptual, "weight of the mean absolute difference of a fixed network's activations");
+  visit("perceptual", o.perceptual,
+        "that network: posenet (mvstudio models fetch), a TorchScript file that returns activations (VGG's first twelve "
+        "layers, the "
+        "paper's), none, or auto: posenet when it is installed");
   visit("weight-mask", o.weight_mask, "weight of the negative log likelihood of the silhouette");
   visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
   visit("weight-uv", o.weight_uv,
@@ -107,6 +122,13 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("keep-init", o.keep_init, "share of the two initialisation terms that stays on while training end to end");
   visit("weight-logit", o.weight_logit,
         "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
+  visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
+  visit("weight-features", o.weight_features, "v2v: weight of the difference of the discriminators' activations");
+  visit("weight-warp", o.weight_warp,
+        "v2v: weight of the difference between the frame before, moved by the flow, and this one");
+  visit("critic-width", o.critic_width, "v2v: channels of a discriminator's first layer (vid2vid: 64)");
+  visit("critic-layers", o.critic_layers, "v2v: strided layers of a discriminator (vid2vid: 3)");
+  visit("critic-scales", o.critic_scales, "v2v: discriminators, each on the picture halved once more (vid2vid: 2)");
   visit("foreground-weight", o.foreground_weight, "how many times a pixel of the person counts against one of the background");
   visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");

@@ -9,7 +9,7 @@
 
 #include "avatar/adam.h"
 #include "avatar/batch.h"
-#include "avatar/losses.h"
+#include "avatar/sequence.h"
 #include "avatar/texture.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -17,56 +17,6 @@
 
 namespace mvstudio::avatar {
 namespace {
-
-/// Unweighted terms and their weighted sum, as tensors.
-struct Terms {
-  at::Tensor total, l1, ssim, gradient, mask, part, uv, logit;
-};
-
-/// The columns of HistoryRow in the order of Terms.
-std::vector<std::pair<at::Tensor, double HistoryRow::*>> Columns(const Terms& t) {
-  return {{t.total, &HistoryRow::total}, {t.l1, &HistoryRow::l1},
-          {t.ssim, &HistoryRow::ssim},   {t.gradient, &HistoryRow::gradient},
-          {t.mask, &HistoryRow::mask},   {t.part, &HistoryRow::part},
-          {t.uv, &HistoryRow::uv},       {t.logit, &HistoryRow::logit}};
-}
-
-void AddTerm(double weight, at::Tensor value, at::Tensor* keep, at::Tensor* total) {
-  *keep = value.detach();
-  *total = total->defined() ? *total + weight * value : weight * value;
-}
-
-void AddImageTerms(const AvatarModel& model, const TrainOptions& o, const TrainBatch& batch, const at::Tensor& first,
-                   const at::Tensor& second, Terms* terms) {
-  const at::Tensor image = ComposeImage(model, first, second, at::zeros({3}, batch.image.options()));
-  AddTerm(o.weight_l1, WeightedL1(image, batch.image, batch.mask, o.foreground_weight), &terms->l1, &terms->total);
-  if (o.weight_ssim > 0) {
-    AddTerm(o.weight_ssim, SsimLoss(image, batch.image, batch.mask, o.foreground_weight), &terms->ssim, &terms->total);
-  }
-  if (o.weight_gradient > 0) AddTerm(o.weight_gradient, GradientLoss(image, batch.image), &terms->gradient, &terms->total);
-}
-
-/// `init`: the initialisation terms alone.
-Terms ComputeTerms(AvatarModel& model, const TrainOptions& o, const TrainBatch& batch, bool init) {
-  const auto [first, second] = model.generator->forward(batch.maps);
-  const bool tna = model.options.method == "tna";
-  Terms terms;
-  if (!std::isfinite((first.detach().sum() + second.detach().sum()).item<double>())) {
-    terms.total = at::full({}, std::nan(""), first.options());  // nothing can be computed from such outputs
-    return terms;
-  }
-  AddTerm(o.weight_mask, MaskLoss(first, batch.mask), &terms.mask, &terms.total);
-  const double share = init ? 1.0 : o.keep_init;
-  if (tna && share > 0) {
-    AddTerm(share * o.weight_part, PartLoss(first, batch.part), &terms.part, &terms.total);
-    AddTerm(share * o.weight_uv, UvLoss(at::tanh(second), batch.uv, batch.part), &terms.uv, &terms.total);
-  }
-  if (o.weight_logit > 0) {
-    AddTerm(o.weight_logit, SaturationLoss(second, 4) + SaturationLoss(first, 20), &terms.logit, &terms.total);
-  }
-  if (!init) AddImageTerms(model, o, batch, first, second, &terms);
-  return terms;
-}
 
 std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& pictures) {
   std::string names;
@@ -85,15 +35,13 @@ std::vector<int64_t> SpreadRows(int64_t total, int64_t count) {
 /// Sums of rows between two reports.
 class RowMean {
  public:
-  void Add(const Terms& terms) {
-    for (const auto& [value, column] : Columns(terms)) {
-      if (value.defined()) row_.*column += value.item<double>();
-    }
+  void Add(const LossTerms& terms) {
+    for (size_t i = 0; i < row_.values.size(); ++i) row_.values[i] += terms.Value(i);
     ++count_;
   }
   HistoryRow Take(int64_t step, const std::string& phase) {
     HistoryRow out = row_;
-    for (const auto& item : Columns(Terms())) out.*item.second /= std::max<int64_t>(count_, 1);
+    for (double& value : out.values) value /= static_cast<double>(std::max<int64_t>(count_, 1));
     out.step = step, out.phase = phase;
     *this = RowMean();
     return out;
@@ -113,16 +61,59 @@ uint64_t SeedFrom(const TensorFile& checkpoint, const std::string& path) {
   return seed;
 }
 
+/// A run goes on with the perceptual net it began with.
+void CheckNet(const TensorFile& checkpoint, const std::string& path, const FeatureNet* net) {
+  const auto found = checkpoint.metadata.find("perceptual");
+  const std::string then = found == checkpoint.metadata.end() ? "none" : found->second, now = net ? net->name() : "none";
+  if (then != now)
+    throw UsageError(path + ": was trained with the perceptual net '" + then + "', now it is '" + now +
+                     "'; give the same --perceptual");
+}
+
+/// What the network rendered of the two frames before the batch's, under the same jitter; each begins without a past.
+void AddPast(AvatarModel& model, const std::vector<int64_t>& previous, const std::vector<int64_t>& rows,
+             const std::function<TrainBatch(const std::vector<int64_t>&)>& batch_of, StepInput* input) {
+  const auto step_back = [&](const std::vector<int64_t>& from, std::vector<int64_t>* to) {
+    at::Tensor has = at::zeros({static_cast<int64_t>(from.size())}, at::kFloat);
+    to->clear();
+    for (size_t i = 0; i < from.size(); ++i) {
+      const int64_t before = previous[from[i]];
+      to->push_back(before < 0 ? from[i] : before);  // any row: its picture is blacked out
+      has[static_cast<int64_t>(i)] = before < 0 ? 0 : 1;
+    }
+    return has.view({-1, 1, 1, 1}).to(input->batch.image.device());
+  };
+  torch::NoGradGuard no_gradients;
+  model.generator->eval();
+  std::vector<int64_t> rows1, rows2;
+  const at::Tensor has1 = step_back(rows, &rows1), has2 = step_back(rows1, &rows2) * has1;
+  const TrainBatch batch1 = batch_of(rows1), batch2 = batch_of(rows2);
+  const at::Tensor black = at::zeros_like(batch1.image), background = at::zeros({3}, black.options());
+  const auto render = [&](const TrainBatch& batch, const at::Tensor& past) {
+    const auto [first, second] = model.generator->forward(at::cat({batch.maps, past}, 1));
+    return ComposeImage(model, first, second, background, past).clamp(0, 1);
+  };
+  const at::Tensor image2 = has2 * render(batch2, at::cat({black, black}, 1));
+  const at::Tensor image1 = has1 * render(batch1, at::cat({image2, black}, 1));
+  input->previous = at::cat({image1, image2}, 1);
+  input->previous_truth = has1 * batch1.image;
+  input->has_previous = has1.view({-1});
+}
+
 }  // namespace
 
 struct Trainer::State {
   AvatarPack pack;  // labels fitted to the masks
   TrainOptions options;
   AvatarModel model;
-  Adam network, texels;
+  Discriminator critic{nullptr};  // v2v alone
+  Adam network, texels, critic_weights;
+  std::shared_ptr<const FeatureNet> perceptual;
+  std::vector<int64_t> previous_rows;  // v2v alone
   uint64_t seed = 1;
   bool textures_ready = false;
 
+  bool v2v() const { return model.options.method == "v2v"; }
   bool tna() const { return model.options.method == "tna"; }
   int64_t total_steps() const { return int64_t{InitSteps(options)} + options.steps; }
   bool InInit() const { return tna() && model.step < InitSteps(options); }
@@ -147,6 +138,28 @@ struct Trainer::State {
     if (tna()) model.textures = model.textures.detach().to(device).requires_grad_();
     for (const auto& item : model.generator->named_parameters()) network.Add(item.key(), item.value());
     if (tna()) texels.Add("textures", model.textures);
+    if (v2v()) PrepareVideo(device);
+  }
+
+  void PrepareVideo(const at::Device& device) {
+    previous_rows = PreviousRows(pack);
+    critic =
+        Discriminator(model.options.inputs + 3, options.critic_width, options.critic_layers, options.critic_scales, seed + 1);
+    critic->to(device);
+    for (const auto& item : critic->named_parameters()) critic_weights.Add(item.key(), item.value());
+  }
+
+  LossContext Context() { return {perceptual.get(), v2v() ? &critic : nullptr}; }
+
+  StepInput MakeInput(const AvatarPack& source, const std::vector<int64_t>& previous, const std::vector<int64_t>& rows,
+                      bool jitter, int64_t step) {
+    const auto batch_of = [&](const std::vector<int64_t>& some) {
+      return MakeBatch(source, model, options, some, jitter, seed, step);
+    };
+    StepInput input;
+    input.batch = batch_of(rows);
+    if (v2v()) AddPast(model, previous, rows, batch_of, &input);
+    return input;
   }
 
   /// Average colours under the network's own part and coordinate predictions.
@@ -180,20 +193,31 @@ struct Trainer::State {
     return window <= 0 ? 1.0 : std::clamp(left / window, 0.02, 1.0);
   }
 
+  /// Gradients of the discriminator's own loss; returns their norm, NaN when the loss is not finite.
+  double CriticGradients(const StepInput& input, LossTerms* terms) {
+    critic_weights.ClearGradients();  // the generator's loss left some
+    const at::Tensor loss = DiscriminatorLoss(critic, input.batch, terms->image);
+    terms->Keep("discriminator", loss);
+    if (!std::isfinite(loss.item<double>())) return std::nan("");
+    loss.backward();
+    return critic_weights.GradientNorm();
+  }
+
   /// One step. Returns false, with nothing changed, when the loss or a gradient is not finite.
-  bool Step(const TrainBatch& batch, Terms* terms) {
+  bool Step(const StepInput& input, LossTerms* terms) {
     std::vector<at::Tensor> buffers;
     for (const at::Tensor& buffer : model.generator->buffers()) buffers.push_back(buffer.clone());
-    network.ClearGradients(), texels.ClearGradients();
     model.generator->train();
-    *terms = ComputeTerms(model, options, batch, InInit());
-    double norm = std::nan(""), texel_norm = 0;
-    if (std::isfinite(terms->total.item<double>())) {
-      terms->total.backward();
+    network.ClearGradients(), texels.ClearGradients();
+    *terms = ComputeLoss(model, options, input, InInit(), Context());
+    double norm = std::nan(""), texel_norm = 0, critic_norm = 0;
+    if (std::isfinite(terms->total().item<double>())) {
+      terms->total().backward();
       norm = network.GradientNorm(), texel_norm = texels.GradientNorm();
+      if (v2v()) critic_norm = CriticGradients(input, terms);
     }
     torch::NoGradGuard no_grad;
-    if (!std::isfinite(norm) || !std::isfinite(texel_norm)) {
+    if (!std::isfinite(norm) || !std::isfinite(texel_norm) || !std::isfinite(critic_norm)) {
       const std::vector<at::Tensor> now = model.generator->buffers();
       for (size_t i = 0; i < now.size(); ++i) at::Tensor(now[i]).copy_(buffers[i]);
       return false;
@@ -201,6 +225,7 @@ struct Trainer::State {
     if (options.clip_norm > 0 && norm > options.clip_norm) network.ScaleGradients(options.clip_norm / norm);
     network.Step(options.learning_rate * RateFactor());
     if (!InInit()) texels.Step(options.texture_learning_rate * RateFactor());
+    if (v2v()) critic_weights.Step(options.learning_rate * RateFactor());
     ++model.step;
     return true;
   }
@@ -209,10 +234,21 @@ struct Trainer::State {
     torch::NoGradGuard no_grad;
     model.generator->eval();
     RowMean mean;
-    for (const int64_t row : SpreadRows(validation.size(), options.validate_pictures)) {
-      mean.Add(ComputeTerms(model, options, MakeBatch(validation, model, options, {row}, false, seed, 0), InInit()));
-    }
+    const std::vector<int64_t> previous = v2v() ? PreviousRows(validation) : std::vector<int64_t>();
+    for (const int64_t row : SpreadRows(validation.size(), options.validate_pictures))
+      mean.Add(ComputeLoss(model, options, MakeInput(validation, previous, {row}, false, 0), InInit(), Context()));
     return mean.Take(model.step, "validation");
+  }
+
+  void LoadCritic(const TensorFile& file, const std::string& path) {
+    torch::NoGradGuard no_grad;
+    for (Adam::Slot& slot : critic_weights.slots) {
+      const auto found = file.tensors.find("critic." + slot.name);
+      if (found == file.tensors.end() || found->second.sizes() != slot.value.sizes())
+        throw FormatError(path, "critic." + slot.name,
+                          "is missing or has the wrong shape: this checkpoint cannot be continued");
+      slot.value.copy_(found->second);
+    }
   }
 
   void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, const std::string& path) {
@@ -231,9 +267,11 @@ struct Trainer::State {
   }
 };
 
-Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run)
+Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run,
+                 std::shared_ptr<const FeatureNet> perceptual)
     : state_(std::make_unique<State>()) {
   Validate(pack);
+  state_->perceptual = std::move(perceptual);
   state_->options = options;
   state_->seed = run.seed;
   const at::Tensor depth = BoneDepth(pack.joints_in_cam, pack.joint_valid, model.relative_depth);
@@ -242,14 +280,20 @@ Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainO
 }
 
 Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
-                 const RunContext& run)
+                 const RunContext& run, std::shared_ptr<const FeatureNet> perceptual)
     : state_(std::make_unique<State>()) {
+  CheckNet(checkpoint, path, perceptual.get());
+  state_->perceptual = std::move(perceptual);
   state_->options = options;
   state_->seed = SeedFrom(checkpoint, path);
   state_->model = ModelFromTensors(checkpoint, path);
   state_->Prepare(pack, run);
   state_->LoadAdam(state_->network, checkpoint, "adam", path);
   if (state_->tna()) state_->LoadAdam(state_->texels, checkpoint, "adam_textures", path);
+  if (state_->v2v()) {
+    state_->LoadAdam(state_->critic_weights, checkpoint, "adam_critic", path);
+    state_->LoadCritic(checkpoint, path);
+  }
   state_->textures_ready = checkpoint.metadata.count("textures_ready") && checkpoint.metadata.at("textures_ready") == "1";
 }
 
@@ -267,13 +311,14 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
     const int64_t step = s.model.step;
     const std::string phase = s.InInit() ? "init" : "train";
     const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == InitSteps(s.options));
-    const TrainBatch batch =
-        MakeBatch(s.pack, s.model, s.options, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true, s.seed, step);
-    Terms terms;
-    if (!s.Step(batch, &terms)) {
+    const StepInput input =
+        s.MakeInput(s.pack, s.previous_rows, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true, step);
+    LossTerms terms;
+    if (!s.Step(input, &terms)) {
       report.status = Status::kNonFiniteInput;
       report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" +
-                       NamesOfBatch(s.pack, batch.pictures) + "); weights kept as they were; try a smaller --learning-rate";
+                       NamesOfBatch(s.pack, input.batch.pictures) +
+                       "); weights kept as they were; try a smaller --learning-rate";
       return report;
     }
     mean.Add(terms);
@@ -303,6 +348,12 @@ TensorFile Trainer::Checkpoint() const {
   };
   add(s.network, "adam");
   if (s.tna()) add(s.texels, "adam_textures");
+  if (s.v2v()) {
+    add(s.critic_weights, "adam_critic");
+    for (const Adam::Slot& slot : s.critic_weights.slots)
+      file.tensors["critic." + slot.name] = slot.value.detach().to(at::kCPU).clone();
+  }
+  file.metadata["perceptual"] = s.perceptual ? s.perceptual->name() : "none";
   for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
   file.metadata["seed"] = std::to_string(s.seed);
   file.metadata["textures_ready"] = s.textures_ready ? "1" : "0";

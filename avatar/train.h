@@ -1,10 +1,14 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "avatar/feature_net.h"
+#include "avatar/loss_terms.h"
 #include "avatar/model.h"
 #include "avatar/options.h"
 #include "avatar/pack.h"
@@ -16,8 +20,9 @@ namespace mvstudio::avatar {
 /// Mean loss terms, unweighted, of the steps since the row before.
 struct HistoryRow {
   int64_t step = 0;
-  std::string phase;  ///< "init", "train" or "validation"
-  double total = 0, l1 = 0, ssim = 0, gradient = 0, mask = 0, part = 0, uv = 0, logit = 0;
+  std::string phase;                                 ///< "init", "train" or "validation"
+  std::array<double, kLossColumns.size()> values{};  ///< by kLossColumns; 0 for terms that the method has not
+  double operator[](std::string_view column) const { return values[LossColumn(column)]; }
 };
 
 struct TrainReport {
@@ -35,11 +40,14 @@ using StepCallback = std::function<bool(int64_t step, const HistoryRow* row)>;
 /// the run was interrupted or not. Batches and jitter are functions of (seed, step) alone.
 class Trainer {
  public:
-  /// Fresh start. Throws UsageError when the options do not fit the pack. Sets the number of threads of ATen.
-  Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run);
-  /// Continues from a checkpoint's tensors; `options` may ask for more steps. The seed is the checkpoint's.
+  /// Fresh start. Throws UsageError when the options do not fit the pack. Sets the number of threads of ATen. `perceptual`: the
+  /// net of the perceptual loss; null for none.
+  Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run,
+          std::shared_ptr<const FeatureNet> perceptual = nullptr);
+  /// Continues from a checkpoint's tensors; `options` may ask for more steps. The seed is the checkpoint's. Throws UsageError
+  /// when `perceptual` is not the net that it was trained with.
   Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
-          const RunContext& run);
+          const RunContext& run, std::shared_ptr<const FeatureNet> perceptual = nullptr);
   ~Trainer();
 
   /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback says stop. A loss or

@@ -15,7 +15,11 @@ namespace mvstudio::cli {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char* kHistoryHeader = "step,phase,total,l1,ssim,gradient,mask,part,uv,logit,wall_s";
+std::string HistoryHeader() {
+  std::string header = "step,phase";
+  for (const char* column : avatar::kLossColumns) header += std::string(",") + column;
+  return header + ",wall_s";
+}
 
 /// (3, H, W) uint8 -> picture.
 Image ToImage(const at::Tensor& chw) {
@@ -59,7 +63,7 @@ double AvatarRun::TakeUpHistory(int64_t step) {
   std::istringstream lines(ReadFile(Path("history.csv")));
   std::string line;
   std::getline(lines, line);
-  if (line != kHistoryHeader) throw FormatError(Path("history.csv"), "line 1", "is not the header of a training history");
+  if (line != HistoryHeader()) throw FormatError(Path("history.csv"), "line 1", "is not the header of a training history");
   double wall_s = 0;
   while (std::getline(lines, line)) {
     std::istringstream in(line);
@@ -72,15 +76,19 @@ double AvatarRun::TakeUpHistory(int64_t step) {
 }
 
 void AvatarRun::AddRow(const avatar::HistoryRow& row, double wall_s) {
-  char text[256];
-  std::snprintf(text, sizeof(text), "%lld,%s,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.2f", static_cast<long long>(row.step),
-                row.phase.c_str(), row.total, row.l1, row.ssim, row.gradient, row.mask, row.part, row.uv, row.logit, wall_s);
-  rows_.push_back(text);
+  char number[32];
+  std::string text = std::to_string(row.step) + "," + row.phase;
+  for (const double value : row.values) {
+    std::snprintf(number, sizeof(number), ",%.6g", value);
+    text += number;
+  }
+  std::snprintf(number, sizeof(number), ",%.2f", wall_s);
+  rows_.push_back(text + number);
 }
 
 void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const {
   avatar::WriteTensorFile(trainer.Checkpoint(), checkpoint_path());
-  std::string history = std::string(kHistoryHeader) + "\n";
+  std::string history = HistoryHeader() + "\n";
   for (const std::string& row : rows_) history += row + "\n";
   WriteFileAtomic(Path("history.csv"), history);
   avatar::AvatarModel& model = trainer.model();

@@ -27,8 +27,8 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
                                 "scored on " + e.holdout_kind + ": only one of cameras and frames was held out",
                                 "train with both --holdout-cameras and --holdout-frames"});
   }
-  const avatar::RegionScore &own = e.holdout.mean.bbox, &mean = e.mean_image.mean.bbox, &pose = e.nearest_pose.mean.bbox;
-  const auto below = [&](const std::string& name, const avatar::RegionScore& baseline) {
+  const metrics::RegionScore &own = e.holdout.mean.bbox, &mean = e.mean_image.mean.bbox, &pose = e.nearest_pose.mean.bbox;
+  const auto below = [&](const std::string& name, const metrics::RegionScore& baseline) {
     if (own.ssim > baseline.ssim && own.psnr_db > baseline.psnr_db) return;
     result->warnings.push_back({"AVA-BELOW-BASELINE",
                                 "the avatar does not beat the baseline '" + name + "' in both SSIM and PSNR",

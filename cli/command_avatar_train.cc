@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "avatar/io/pack_builder.h"
+#include "avatar/io/posenet_features.h"
 #include "cli/avatar_run.h"
 #include "cli/commands.h"
 #include "core/error.h"
@@ -94,7 +95,7 @@ CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const Run
     if (row && row->phase == "validation") return true;
     if (step % options.save_every == 0) files.Save(trainer, samples);
     stopped = context.run.progress && context.run.progress->Cancelled();
-    if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string(row->total) : "");
+    if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string((*row)["total"]) : "");
     return !stopped;
   };
   const avatar::TrainReport report = trainer.Run(held_out, callback);
@@ -110,8 +111,8 @@ CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const Run
   m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
   for (const auto& [phase, row] : last) {
-    m["final"][phase] = {{"step", row.step}, {"total", row.total}, {"l1", row.l1}, {"ssim_loss", row.ssim},
-                         {"mask", row.mask}, {"part", row.part},   {"uv", row.uv}};
+    m["final"][phase]["step"] = row.step;
+    for (size_t i = 0; i < row.values.size(); ++i) m["final"][phase][avatar::kLossColumns[i]] = row.values[i];
   }
   m["it_per_s"] = report.steps_done > 0 ? static_cast<double>(report.steps_done) / seconds : std::nan("");
   m["wall_s"] = wall_s();
@@ -145,6 +146,14 @@ void FillCommon(const RunConfig& config, const RunPacks& packs, const std::strin
   result->text = text.str();
 }
 
+/// The net of the perceptual loss, null for none. What "auto" became is kept, so that a run goes on with the same.
+std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* options) {
+  if (options->weight_perceptual == 0) options->perceptual = "none";
+  const auto net = avatar::FeatureNetByName(options->perceptual);
+  if (options->perceptual == "auto") options->perceptual = net ? net->name() : "none";
+  return net;
+}
+
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   Validate(arguments.model);
   Validate(arguments.train);
@@ -160,8 +169,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   files.Prepare(arguments.overwrite);
   const RunPacks packs = BuildPacks(data, arguments.train.validate_pictures, context.run, &config);
   WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
-  avatar::Trainer trainer(packs.train, arguments.model, arguments.train, context.run);
-  CommandResult result = TrainAndSave(trainer, files, packs, arguments.train, 0, context);
+  avatar::TrainOptions options = arguments.train;
+  const auto net = PerceptualNet(&options);
+  avatar::Trainer trainer(packs.train, arguments.model, options, context.run, net);
+  CommandResult result = TrainAndSave(trainer, files, packs, options, 0, context);
   FillCommon(config, packs, arguments.out, &result);
   return result;
 }
@@ -175,7 +186,7 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
   const RunPacks packs = BuildPacks(data, options.validate_pictures, context.run, &config);
-  avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run);
+  avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
   const double earlier_s = files.TakeUpHistory(before);
   CommandResult result = TrainAndSave(trainer, files, packs, options, earlier_s, context);

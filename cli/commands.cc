@@ -25,8 +25,8 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   avatar->require_subcommand(1);
   RegisterAvatarTrain(*avatar, registry);
   RegisterAvatarEval(*avatar, registry);
-  RegisterMetrics(app, registry);
 #endif
+  RegisterMetrics(app, registry);
   RegisterReport(app, registry);
   RegisterDoctor(app, registry);
   RegisterVersion(app, registry);

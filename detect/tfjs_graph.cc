@@ -149,14 +149,23 @@ const std::vector<std::string>& TfjsGraph::outputs() const { return impl_->outpu
 std::vector<FloatTensor> TfjsGraph::Run(const std::vector<FloatTensor>& inputs) const {
   MVS_CHECK(inputs.size() == impl_->inputs.size(), inputs.size() << " inputs");
   const torch::NoGradGuard no_gradients;
+  std::vector<Tensor> tensors;
+  for (size_t i = 0; i < inputs.size(); ++i) tensors.push_back(ToTorch(inputs[i], impl_->inputs[i]));
+  std::vector<FloatTensor> outputs;
+  for (const Tensor& output : RunTensors(tensors)) outputs.push_back(FromTorch(output));
+  return outputs;
+}
+
+std::vector<Tensor> TfjsGraph::RunTensors(const std::vector<Tensor>& inputs) const {
+  MVS_CHECK(inputs.size() == impl_->inputs.size(), inputs.size() << " inputs");
   std::vector<Tensor> values = impl_->constants;
-  for (size_t i = 0; i < inputs.size(); ++i) values[impl_->input_slots[i]] = ToTorch(inputs[i], impl_->inputs[i]);
+  for (size_t i = 0; i < inputs.size(); ++i) values[impl_->input_slots[i]] = inputs[i];
   for (const Step& step : impl_->steps) {
     values[step.output] = impl_->RunStep(step, values);
     for (const size_t slot : step.last_uses) values[slot] = Tensor();
   }
-  std::vector<FloatTensor> outputs;
-  for (const size_t slot : impl_->output_slots) outputs.push_back(FromTorch(values[slot]));
+  std::vector<Tensor> outputs;
+  for (const size_t slot : impl_->output_slots) outputs.push_back(values[slot]);
   return outputs;
 }
 

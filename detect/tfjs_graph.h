@@ -6,6 +6,10 @@
 #include <string>
 #include <vector>
 
+namespace at {
+class Tensor;
+}
+
 /// TensorFlow.js graph models: a JSON file with the graph and binary files with its weights, run on libtorch.
 namespace mvstudio::detect {
 
@@ -57,6 +61,9 @@ class TfjsGraph {
   /// Throws ContractViolation when `inputs` are not those of inputs(), or rank, channels or number of values do not fit;
   /// FormatError naming the node where a tensor does not fit an operation.
   std::vector<FloatTensor> Run(const std::vector<FloatTensor>& inputs) const;
+
+  /// The same on libtorch's tensors, float32, with gradients into the inputs.
+  std::vector<at::Tensor> RunTensors(const std::vector<at::Tensor>& inputs) const;
 
  private:
   struct Impl;

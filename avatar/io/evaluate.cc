@@ -9,8 +9,11 @@
 #include <filesystem>
 
 #include "avatar/io/baselines.h"
+#include "avatar/io/posenet_features.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
+#include "avatar/picture_scores.h"
+#include "avatar/sequence.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/parallel.h"
@@ -18,6 +21,8 @@
 
 namespace mvstudio::avatar {
 namespace {
+
+using metrics::PictureScore;
 
 namespace fs = std::filesystem;
 
@@ -28,8 +33,8 @@ constexpr char kConvention[] =
     "(pixels of the "
     "true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid windows, mean of R, "
     "G, B. PSNR: mean "
-    "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of hand-made gabor-stats-v1 features of full "
-    "crops, not FID.";
+    "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
+    "crops; not FID.";
 
 struct Rendered {
   at::Tensor images, masks;  // (N, 3, H, W) 8-bit levels, (N, H, W)
@@ -91,27 +96,39 @@ PackResult Build(const dataset::PanopticDataset& data, const RunConfig& config, 
 }
 
 Rendered RenderAll(AvatarModel& model, const AvatarPack& pack, int batch, const RunContext& run) {
-  const int64_t n = pack.size(), step = std::max(1, batch);
-  std::vector<at::Tensor> images, masks;
-  ProgressStage stage(run, "rendering", n);
-  for (int64_t i = 0; i < n; i += step) {
-    const int64_t end = std::min(n, i + step);
-    const Rendering out = Render(model, pack.joints_in_cam.slice(0, i, end), pack.joint_valid.slice(0, i, end),
-                                 pack.intrinsics.slice(0, i, end), pack.size_px, pack.size_px);
-    images.push_back(EightBit(out.image));
-    masks.push_back(out.mask_prob.to(at::kDouble));
-    stage.Advance(end - i);
-  }
-  return {at::cat(images), at::cat(masks)};
+  ProgressStage stage(run, "rendering", pack.size());
+  const RenderedPack rendered = RenderPack(model, pack, std::max(1, batch), [&](int64_t count) { stage.Advance(count); });
+  return {EightBit(rendered.images), rendered.masks.to(at::kDouble)};
 }
 
 std::vector<int64_t> Frames(const AvatarPack& pack) {
   return {pack.frame.data_ptr<int64_t>(), pack.frame.data_ptr<int64_t>() + pack.size()};
 }
 
-Scored Score(const std::vector<PictureScore>& scores, const at::Tensor& truth, const at::Tensor& images, uint64_t seed) {
-  return {Mean(scores), CompareSets(truth, images, seed)};
+/// Temporal flicker over the frames that follow one another in the pack.
+double FlickerOf(const AvatarPack& pack, const at::Tensor& truth, const at::Tensor& images) {
+  const std::vector<int64_t> previous = PreviousRows(pack);
+  double sum = 0;
+  int64_t count = 0;
+  for (int64_t i = 0; i < pack.size(); ++i) {
+    const int64_t before = previous[i];
+    if (before < 0) continue;
+    const metrics::Score score = metrics::Flicker(ToPicture(truth[before]), ToPicture(truth[i]), ToPicture(images[before]),
+                                                  ToPicture(images[i]), ToMask(pack.masks[before]), ToMask(pack.masks[i]));
+    if (score.status == metrics::Status::kOk) sum += score.value, ++count;
+  }
+  return count > 0 ? sum / static_cast<double>(count) : std::nan("");
 }
+
+/// What every set of pictures is scored with.
+struct Scorer {
+  std::shared_ptr<const FeatureNet> net;
+  uint64_t seed = 1;
+
+  Scored operator()(const std::vector<PictureScore>& scores, const at::Tensor& truth, const at::Tensor& images) const {
+    return {metrics::Mean(scores), CompareSets(truth, images, *net, seed)};
+  }
+};
 
 std::vector<CameraScore> PerCamera(const AvatarPack& pack, const std::vector<PictureScore>& scores,
                                    const Baselines& baselines) {
@@ -121,7 +138,7 @@ std::vector<CameraScore> PerCamera(const AvatarPack& pack, const std::vector<Pic
     for (int64_t i = 0; i < pack.size(); ++i) {
       if (pack.camera_idx[i].item<int64_t>() == static_cast<int64_t>(c)) own.push_back(scores[i]);
     }
-    if (!own.empty()) cameras.push_back({pack.cameras[c], baselines.nearest_camera.at(pack.cameras[c]), Mean(own)});
+    if (!own.empty()) cameras.push_back({pack.cameras[c], baselines.nearest_camera.at(pack.cameras[c]), metrics::Mean(own)});
   }
   return cameras;
 }
@@ -172,7 +189,7 @@ Selection Thinned(Selection selection, int limit) {
 }
 
 void ScoreOtherSplits(const dataset::PanopticDataset& data, const EvaluateOptions& options, AvatarModel& model,
-                      Evaluation* result, const RunContext& run) {
+                      const Scorer& score, Evaluation* result, const RunContext& run) {
   const DatasetSplit& split = result->config.split;
   const std::vector<Selection> others = {{"training cameras in training frames", split.train_cameras, split.train_frames},
                                          {"held-out cameras in training frames", split.holdout_cameras, split.train_frames},
@@ -185,7 +202,7 @@ void ScoreOtherSplits(const dataset::PanopticDataset& data, const EvaluateOption
     const Rendered rendered = RenderAll(model, pack, options.batch, run);
     const at::Tensor truth = EightBit(OnBlack(pack));
     result->other_splits[selection.kind] =
-        Score(ScorePictures(truth, pack.masks, rendered.images, rendered.masks), truth, rendered.images, run.seed);
+        score(ScorePictures(truth, pack.masks, rendered.images, rendered.masks), truth, rendered.images);
   }
 }
 
@@ -211,27 +228,30 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   const Rendered rendered = RenderAll(model, pack, options.batch, run);
   result.seconds_per_picture = ((clock_s ? clock_s() : std::nan("")) - start_s) / static_cast<double>(pack.size());
 
+  const std::shared_ptr<const FeatureNet> net = options.features == "gabor" ? nullptr : FeatureNetByName(options.features);
   const at::Tensor truth = EightBit(OnBlack(pack));
   const std::vector<PictureScore> scores = ScorePictures(truth, pack.masks, rendered.images, rendered.masks);
-  result.holdout = Score(scores, truth, rendered.images, run.seed);
+  const Scorer score{net ? net : GaborNet(), run.seed};
+  result.holdout = score(scores, truth, rendered.images);
+  result.flicker = FlickerOf(pack, truth, rendered.images);
   std::vector<double> ssim, psnr;
-  for (const PictureScore& score : scores) {
-    ssim.push_back(score.bbox.ssim);
-    psnr.push_back(std::min(score.bbox.psnr_db, 100.0));
+  for (const PictureScore& one : scores) {
+    ssim.push_back(one.bbox.ssim);
+    psnr.push_back(std::min(one.bbox.psnr_db, 100.0));
   }
-  result.ssim_interval = BlockBootstrap(ssim, Frames(pack), run.seed);
-  result.psnr_interval = BlockBootstrap(psnr, Frames(pack), run.seed);
+  result.ssim_interval = metrics::BlockBootstrap(ssim, Frames(pack), run.seed);
+  result.psnr_interval = metrics::BlockBootstrap(psnr, Frames(pack), run.seed);
 
   const Baselines baselines = MakeBaselines(data, result.config.split, result.config.pack, pack, run);
   const auto score_baseline = [&](const BaselinePictures& pictures) {
     const at::Tensor images = EightBit(pictures.images);
-    return Score(ScorePictures(truth, pack.masks, images, pictures.masks), truth, images, run.seed);
+    return score(ScorePictures(truth, pack.masks, images, pictures.masks), truth, images);
   };
   result.mean_image = score_baseline(baselines.mean_image);
   result.nearest_pose = score_baseline(baselines.nearest_pose);
   result.per_camera = PerCamera(pack, scores, baselines);
   result.strips = WriteStrips(run_folder + "/eval", options, pack, truth, rendered, baselines, scores);
-  ScoreOtherSplits(data, options, model, &result, run);
+  ScoreOtherSplits(data, options, model, score, &result, run);
   return result;
 }
 

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "avatar/io/run_config.h"
-#include "avatar/metrics_set.h"
+#include "avatar/set_distance.h"
 #include "core/fields.h"
 #include "core/progress.h"
+#include "metrics/scores.h"
 
 namespace mvstudio::avatar {
 
@@ -18,6 +19,7 @@ struct EvaluateOptions {
   int pictures = 4;
   int other_pictures = 24;
   int batch = 8;
+  std::string features = "auto";
 };
 
 template <class Visitor>
@@ -27,18 +29,22 @@ void VisitFields(Visitor&& visit, EvaluateOptions& o) {
   visit("other-pictures", o.other_pictures,
         "pictures scored of each other split (held-out cameras in training frames and the reverse); 0: none");
   visit("batch", o.batch, "pictures rendered at a time");
+  visit("features", o.features,
+        "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d), or auto: "
+        "posenet "
+        "when it is installed");
 }
 
 /// Scores of one set of pictures; `fd` is missing below 4 pictures.
 struct Scored {
-  MeanScore mean;
+  metrics::MeanScore mean;
   std::optional<SetDistance> fd;
 };
 
 struct CameraScore {
   std::string name;
   std::string nearest_camera;  ///< whose pictures the baselines show
-  MeanScore mean;
+  metrics::MeanScore mean;
 };
 
 /// A strip truth | render | error | nearest pose, PNG.
@@ -52,9 +58,10 @@ struct Evaluation {
   RunConfig config;
   std::string holdout_kind;  ///< which pictures `holdout` are: "held-out cameras in held-out frames", …
   Scored holdout;
-  Interval ssim_interval, psnr_interval;  ///< 95 %, of the primary scores
-  Scored mean_image, nearest_pose;        ///< baselines, on the same pictures
+  metrics::Interval ssim_interval, psnr_interval;  ///< 95 %, of the primary scores
+  Scored mean_image, nearest_pose;                 ///< baselines, on the same pictures
   std::vector<CameraScore> per_camera;
+  double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (metrics/masks.h)
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
   std::vector<std::string> skipped;  ///< pictures that could not be used, with the reason

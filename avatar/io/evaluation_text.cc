@@ -7,12 +7,17 @@
 namespace mvstudio::avatar {
 namespace {
 
+using metrics::MeanScore;
+using metrics::RegionScore;
 using Json = nlohmann::ordered_json;
 
 Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 Json RegionJson(const RegionScore& score) {
-  return {{"ssim", Finite(score.ssim)}, {"ssim_luma", Finite(score.ssim_luma)}, {"psnr_db", Finite(score.psnr_db)}};
+  return {{"ssim", Finite(score.ssim)},
+          {"ssim_luma", Finite(score.ssim_luma)},
+          {"ssim_skimage", Finite(score.ssim_skimage)},
+          {"psnr_db", Finite(score.psnr_db)}};
 }
 
 Json DistanceJson(const std::optional<SetDistance>& distance) {
@@ -32,6 +37,8 @@ Json MeanJson(const MeanScore& mean) {
           {"psnr_db", Finite(mean.bbox.psnr_db)},
           {"mask_iou", Finite(mean.mask_iou)},
           {"ssim_luma", Finite(mean.bbox.ssim_luma)},
+          {"ssim_skimage", Finite(mean.bbox.ssim_skimage)},
+          {"boundary_f", Finite(mean.boundary_f)},
           {"psnr_infinite", mean.psnr_infinite},
           {"full", RegionJson(mean.full)},
           {"masked", RegionJson(mean.masked)}};
@@ -60,6 +67,7 @@ std::string ToJsonText(const Evaluation& e) {
   json["holdout"]["kind"] = e.holdout_kind;
   json["holdout"]["ssim_ci95"] = {Finite(e.ssim_interval.low), Finite(e.ssim_interval.high)};
   json["holdout"]["psnr_db_ci95"] = {Finite(e.psnr_interval.low), Finite(e.psnr_interval.high)};
+  json["holdout"]["flicker"] = Finite(e.flicker);
   json["baselines"] = {{"mean_image", ScoredJson(e.mean_image)}, {"nearest_pose", ScoredJson(e.nearest_pose)}};
   json["per_camera"] = Json::array();
   for (const CameraScore& camera : e.per_camera) {
@@ -96,7 +104,7 @@ std::string ToJsonText(const Evaluation& e) {
 std::string ToTable(const Evaluation& e) {
   std::string text = "Scored on " + e.holdout_kind + ", " + std::to_string(e.config.pack.size_px) + " px, step " +
                      std::to_string(e.checkpoint_step) + "\n";
-  text += "                                             n    SSIM    PSNR     IoU  full: SSIM  PSNR  FD (gabor-stats-v1)\n";
+  text += "                                             n    SSIM    PSNR     IoU  full: SSIM  PSNR  FD\n";
   text += Row("avatar", e.holdout) + Row("baseline: mean image of nearest camera", e.mean_image) +
           Row("baseline: nearest pose", e.nearest_pose);
   for (const auto& [kind, scored] : e.other_splits) text += Row(kind, scored);
@@ -105,8 +113,9 @@ std::string ToTable(const Evaluation& e) {
                 e.ssim_interval.low, e.ssim_interval.high, e.psnr_interval.low, e.psnr_interval.high);
   text += line;
   if (e.holdout.fd) {
-    std::snprintf(line, sizeof line, "\n  FD between halves of the truth: %.4g; kernel distance %.3g +- %.2g",
-                  e.holdout.fd->floor, e.holdout.fd->kid.value, e.holdout.fd->kid.standard_error);
+    std::snprintf(line, sizeof line, "\n  FD (%s) between halves of the truth: %.4g; kernel distance %.3g +- %.2g",
+                  e.holdout.fd->features.c_str(), e.holdout.fd->floor, e.holdout.fd->kid.value,
+                  e.holdout.fd->kid.standard_error);
     text += line;
   }
   return text;

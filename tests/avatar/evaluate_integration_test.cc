@@ -5,7 +5,6 @@
 #include <filesystem>
 
 #include "avatar/io/baselines.h"
-#include "avatar/io/compare_folders.h"
 #include "avatar/io/evaluate.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
@@ -47,7 +46,7 @@ class EvaluateRun : public ::testing::Test {
 
 TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EvaluateOptions options;
-  options.pictures = 2, options.other_pictures = 4;
+  options.pictures = 2, options.other_pictures = 4, options.features = "gabor";
   double now = 0;
   const Evaluation e = Evaluate(run(), options, {}, [&] { return now += 3; });
   EXPECT_EQ(e.holdout_kind, "held-out cameras in held-out frames");
@@ -124,45 +123,6 @@ TEST(PoseDistance, IsMeanSquaredAndRelativeToTheBodyCentre) {
   hidden[5] = false;
   EXPECT_NEAR(PoseDistance(a, valid, b, hidden), 0, 1e-12);
   EXPECT_TRUE(std::isinf(PoseDistance(a, valid, b, at::zeros({19}, at::kBool))));
-}
-
-TEST(CompareFolders, PairsByNameAndReportsTheRest) {
-  const TemporaryFolder folder("compare");
-  Image picture(48, 40, 3, 100);
-  for (size_t i = 0; i < picture.pixels.size(); i += 7) picture.pixels[i] = static_cast<uint8_t>(i % 251);
-  for (int k = 0; k < 5; ++k) {
-    Image other = picture;
-    for (size_t i = k; i < other.pixels.size(); i += 5) other.pixels[i] = static_cast<uint8_t>(other.pixels[i] / 2);
-    dataset::WriteImage(picture, folder.path() + "/a/" + std::to_string(k) + ".png");
-    dataset::WriteImage(k == 4 ? picture : other, folder.path() + "/b/" + std::to_string(k) + ".png");
-  }
-  dataset::WriteImage(picture, folder.path() + "/b/extra.png");
-  const FolderComparison c = CompareFolders(folder.path() + "/a", folder.path() + "/b", {});
-  ASSERT_EQ(c.pictures.size(), 5u);
-  EXPECT_EQ(c.psnr_infinite, 1);
-  EXPECT_EQ(c.pictures[4].score.ssim, 1.0);
-  EXPECT_EQ(c.only_in_other, std::vector<std::string>{"extra"});
-  EXPECT_TRUE(c.fd.has_value());
-  dataset::WriteImage(Image(20, 20, 3), folder.path() + "/b/3.png");
-  EXPECT_THAT(MessageOf<FormatError>([&] { CompareFolders(folder.path() + "/a", folder.path() + "/b", {}); }),
-              AllOf(HasSubstr("3.png"), HasSubstr("20x20")));
-  EXPECT_THROW(CompareFolders(folder.path() + "/a", folder.path() + "/none", {}), IoError);
-}
-
-TEST(CompareFeatureFiles, ReadsTensorsOfOneKind) {
-  const TemporaryFolder folder("features");
-  TensorFile file;
-  file.tensors["features"] = at::rand({10, 6}, at::kDouble);
-  file.metadata["features"] = "net";
-  WriteTensorFile(file, folder.path() + "/a.safetensors");
-  const SetDistance same = CompareFeatureFiles(folder.path() + "/a.safetensors", folder.path() + "/a.safetensors", {});
-  EXPECT_LE(same.fd, 1e-12);
-  EXPECT_EQ(same.features, "net");
-  file.metadata["features"] = "other";
-  WriteTensorFile(file, folder.path() + "/b.safetensors");
-  EXPECT_THAT(MessageOf<FormatError>(
-                  [&] { CompareFeatureFiles(folder.path() + "/a.safetensors", folder.path() + "/b.safetensors", {}); }),
-              HasSubstr("not comparable"));
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "avatar/metrics.h"
+#include "avatar/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
 

@@ -189,7 +189,7 @@ TEST(Train, OptionsThatDoNotFitAreRefused) {
   model.norm = "group";
   EXPECT_THROW(MakeModel(model, 32, {0, 1}, 1), UsageError);
   TrainOptions options = TinyTraining(1, 1);
-  options.learning_rate = 0;
+  options.learning_rate = 1;
   EXPECT_THROW(Trainer(MakeSyntheticPack(2, 32, 4), TinyModel(), options, OneThread()), UsageError);
 }
 

@@ -1,4 +1,4 @@
-#include "avatar/metrics_set.h"
+#include "avatar/picture_scores.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "avatar/features.h"
+#include "avatar/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
 
@@ -19,20 +21,27 @@ at::Tensor Picture(int64_t n, int64_t size, uint64_t seed) {
   return x;
 }
 
+double Ssim(const at::Tensor& a, const at::Tensor& b) { return metrics::Ssim(ToPicture(a[0]), ToPicture(b[0])).value; }
+double PsnrDb(const at::Tensor& a, const at::Tensor& b) { return metrics::PsnrDb(ToPicture(a[0]), ToPicture(b[0])).value; }
+
 TEST(ScorePictures, TheBoxIsTheMaskPlusFivePercent) {
   const at::Tensor a = Picture(1, 64, 1), b = Picture(1, 64, 2);
   at::Tensor mask = at::zeros({1, 64, 64}, at::kByte);
   mask.slice(1, 10, 50).slice(2, 20, 40).fill_(255);  // 20 wide, 40 high: margin 2
-  const PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble) / 255)[0];
+  const metrics::PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble) / 255)[0];
   const auto box = [](const at::Tensor& x) { return x.slice(2, 8, 52).slice(3, 18, 42).contiguous(); };
-  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)).item<double>(), 1e-13);
-  EXPECT_NEAR(score.bbox.ssim_luma, Ssim(box(a), box(b), SsimChannels::kLuma).item<double>(), 1e-13);
-  EXPECT_NEAR(score.bbox.psnr_db, PsnrDb(box(a), box(b)).item<double>(), 1e-12);
-  EXPECT_NEAR(score.full.ssim, Ssim(a, b).item<double>(), 1e-13);
+  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)), 1e-13);
+  EXPECT_NEAR(score.bbox.ssim_luma,
+              metrics::Ssim(metrics::Luma(ToPicture(box(a)[0])), metrics::Luma(ToPicture(box(b)[0]))).value, 1e-13);
+  EXPECT_NEAR(score.bbox.psnr_db, PsnrDb(box(a), box(b)), 1e-12);
+  EXPECT_NEAR(score.full.ssim, Ssim(a, b), 1e-13);
   const auto inside = [](const at::Tensor& x) { return x.slice(2, 10, 50).slice(3, 20, 40).contiguous(); };
-  EXPECT_NEAR(score.masked.psnr_db, PsnrDb(inside(a), inside(b)).item<double>(), 1e-12);
-  const at::Tensor map = SsimMap(a, b)[0].slice(0, 5, 45).slice(1, 15, 35);
-  EXPECT_NEAR(score.masked.ssim, map.mean().item<double>(), 1e-13);
+  EXPECT_NEAR(score.masked.psnr_db, PsnrDb(inside(a), inside(b)), 1e-12);
+  const metrics::SsimMap map = metrics::ComputeSsimMap(ToPicture(a[0]), ToPicture(b[0]));
+  EXPECT_EQ(score.masked.ssim, metrics::Mean(map, ToMask(mask[0])).value);
+  const at::Tensor inner = at::tensor(map.values, at::kDouble).view({54, 54}).slice(0, 5, 45).slice(1, 15, 35);
+  EXPECT_NEAR(score.masked.ssim, inner.mean().item<double>(), 1e-13);
+  EXPECT_EQ(score.boundary_f, 1.0);
   EXPECT_EQ(score.mask_iou, 1.0);
 }
 
@@ -40,9 +49,9 @@ TEST(ScorePictures, SmallAndCornerMasksStillFillAWindow) {
   const at::Tensor a = Picture(1, 32, 3), b = Picture(1, 32, 4);
   at::Tensor mask = at::zeros({1, 32, 32}, at::kByte);
   mask[0][31][0] = 255;
-  const PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble))[0];
+  const metrics::PictureScore score = ScorePictures(a, mask, b, mask.to(at::kDouble))[0];
   const auto box = [](const at::Tensor& x) { return x.slice(2, 21, 32).slice(3, 0, 11).contiguous(); };
-  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)).item<double>(), 1e-13);
+  EXPECT_NEAR(score.bbox.ssim, Ssim(box(a), box(b)), 1e-13);
   EXPECT_THROW(ScorePictures(a, at::zeros_like(mask), b, mask), ContractViolation);
   EXPECT_THROW(ScorePictures(a, mask, b, mask.slice(1, 0, 20)), ContractViolation);
 }
@@ -53,12 +62,12 @@ TEST(ScorePictures, MeansAndEqualPictures) {
   b[1] = (b[1] - 0.5) * 0.9 + 0.5;
   const at::Tensor mask = at::ones({2, 32, 32}, at::kByte);
   const auto scores = ScorePictures(a, mask, b, mask.to(at::kDouble));
-  const MeanScore mean = Mean(scores);
+  const metrics::MeanScore mean = metrics::Mean(scores);
   EXPECT_EQ(mean.n, 2);
   EXPECT_EQ(mean.psnr_infinite, 1);
   EXPECT_NEAR(mean.bbox.psnr_db, scores[1].bbox.psnr_db, 1e-12);
   EXPECT_NEAR(mean.bbox.ssim, (1 + scores[1].bbox.ssim) / 2, 1e-12);
-  EXPECT_THROW(Mean({}), ContractViolation);
+  EXPECT_THROW(metrics::Mean(std::vector<metrics::PictureScore>()), ContractViolation);
 }
 
 TEST(EightBit, IsWhatAFileGivesBack) {
@@ -79,27 +88,27 @@ TEST(BlockBootstrap, CoversTheMeanOfIndependentFrames) {
       const double value = rng.Normal();
       for (int camera = 0; camera < 3; ++camera) values.push_back(value), frames.push_back(f);  // cameras add nothing new
     }
-    const Interval interval = BlockBootstrap(values, frames, t);
+    const metrics::Interval interval = metrics::BlockBootstrap(values, frames, t);
     EXPECT_LT(interval.low, interval.high);
     covered += interval.low <= 0 && 0 <= interval.high;
   }
   EXPECT_NEAR(covered / static_cast<double>(trials), 0.95, 0.09);
-  const Interval one = BlockBootstrap({0.5}, {3}, 1);
+  const metrics::Interval one = metrics::BlockBootstrap({0.5}, {3}, 1);
   EXPECT_EQ(one.low, 0.5);
   EXPECT_EQ(one.high, 0.5);
 }
 
 TEST(CompareSets, IsZeroForEqualSetsAndNeedsFour) {
   const at::Tensor x = Picture(6, 32, 7);
-  const auto distance = CompareSets(x, x, 1);
+  const auto distance = CompareSets(x, x, *GaborNet(), 1);
   ASSERT_TRUE(distance.has_value());
   EXPECT_LE(distance->fd, 1e-10);
   EXPECT_GT(distance->floor, distance->fd);
   EXPECT_EQ(distance->n, 6);
   EXPECT_EQ(distance->d, 240);
   EXPECT_EQ(distance->features, "gabor-stats-v1");
-  EXPECT_FALSE(CompareSets(x.slice(0, 0, 3), x.slice(0, 0, 3), 1).has_value());
-  EXPECT_FALSE(CompareSets(x.slice(2, 0, 20), x.slice(2, 0, 20), 1).has_value());
+  EXPECT_FALSE(CompareSets(x.slice(0, 0, 3), x.slice(0, 0, 3), *GaborNet(), 1).has_value());
+  EXPECT_FALSE(CompareSets(x.slice(2, 0, 20), x.slice(2, 0, 20), *GaborNet(), 1).has_value());
 }
 
 }  // namespace

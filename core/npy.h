@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace mvstudio {
+
+/// An array of numpy's .npy format (versions 1 to 3; numpy.lib.format), row by row.
+struct NpyArray {
+  std::vector<int64_t> shape;
+  std::vector<double> values;
+};
+
+/// Reads little-endian float16, float32, float64 and integers of 8 to 64 bits, C or Fortran order. Throws IoError; FormatError
+/// for other types (objects are never unpickled), headers that are damaged, and sizes that the file does not hold.
+NpyArray ReadNpy(const std::string& path);
+NpyArray ParseNpy(const std::string& bytes, const std::string& path);
+
+}  // namespace mvstudio

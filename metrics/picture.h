@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/image.h"
+
+/// Scores between pictures, in float64, by definitions that are written down: docs/metrics.md. Needs core/ alone.
+namespace mvstudio::metrics {
+
+/// A picture to be scored: planes one after the other, (channels, height, width), samples over [0, range].
+struct Picture {
+  int width = 0, height = 0, channels = 0;
+  double range = 1;  ///< L of SSIM and the peak of PSNR: 1, 255, 65535, …
+  std::vector<double> samples;
+
+  size_t PlaneSize() const { return static_cast<size_t>(width) * static_cast<size_t>(height); }
+  const double* Plane(int channel) const { return samples.data() + PlaneSize() * static_cast<size_t>(channel); }
+};
+
+/// 8 bits, range 255.
+Picture FromImage(const Image& image);
+
+/// Y = 0.299 R + 0.587 G + 0.114 B (BT.601) of three channels; one channel stays. Throws ContractViolation for others.
+Picture Luma(const Picture& picture);
+
+/// Why a score has a value or none.
+enum class Status {
+  kOk,
+  kSizesDiffer,   ///< the two pictures differ in size, channels or range
+  kTooSmall,      ///< smaller than the window in one direction, or without a pixel
+  kNotFinite,     ///< NaN or infinity in a picture
+  kOutsideRange,  ///< a sample is below 0 or above the range by more than 1e-6 of it
+  kNothingLeft,   ///< the region or mask holds no pixel
+};
+const char* ToString(Status status);
+
+/// What forbids a comparison; kOk when nothing does. `least`: smallest width and height.
+Status Check(const Picture& a, const Picture& b, int least = 1);
+
+/// Pixels x0 <= x < x1, y0 <= y < y1.
+struct Box {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
+/// Pixels that count, row by row; nonzero: yes.
+using Mask = std::vector<uint8_t>;
+
+}  // namespace mvstudio::metrics
