@@ -20,7 +20,7 @@ using avatar::RunConfig;
 using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
-  std::string dataset, out, holdout_cameras, holdout_frames;
+  std::string dataset, out, train_cameras, holdout_cameras, holdout_frames;
   avatar::ModelOptions model;
   avatar::TrainOptions train;
   avatar::PackOptions pack;
@@ -164,7 +164,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
   const std::vector<int> frames =
       arguments.holdout_frames.empty() ? std::vector<int>() : ParseRanges("--holdout-frames", arguments.holdout_frames);
-  config.split = avatar::SplitDataset(data, config.pack.person, SplitCommas(arguments.holdout_cameras), frames);
+  config.split = avatar::SplitDataset(data, config.pack.person, SplitCommas(arguments.holdout_cameras), frames,
+                                      SplitCommas(arguments.train_cameras));
   AvatarRun files(arguments.out);
   files.Prepare(arguments.overwrite);
   const RunPacks packs = BuildPacks(data, arguments.train.validate_pictures, context.run, &config);
@@ -224,6 +225,8 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
   sub->add_option("dataset", a->dataset, "dataset folder")->required();
   sub->add_option("--out", a->out, "folder of the run")->required();
+  sub->add_option("--train-cameras", a->train_cameras,
+                  "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
   sub->add_option("--holdout-cameras", a->holdout_cameras,
                   "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
   sub->add_option("--holdout-frames", a->holdout_frames, "frames never trained on, e.g. 80-99");

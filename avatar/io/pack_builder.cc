@@ -263,16 +263,23 @@ int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
 }
 
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
-                          const std::vector<int>& holdout_frames) {
+                          const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras) {
   person = ChoosePerson(data, person);
   const std::vector<int> known = FramesOfPerson(data, person);
   std::set<std::string> cameras;
   for (const std::string& name : holdout_cameras) cameras.insert(ResolveCamera(data, name));
+  std::set<std::string> training;
+  for (const std::string& name : train_cameras) {
+    training.insert(ResolveCamera(data, name));
+    if (cameras.count(ResolveCamera(data, name))) throw UsageError("camera " + name + " is to be trained on and held out");
+  }
   for (const int frame : holdout_frames) RequireFrame(data, person, frame, known);
   const std::set<int> frames(holdout_frames.begin(), holdout_frames.end());
   DatasetSplit split;
   for (const auto& camera : data.rig.cameras) {
-    (cameras.count(camera.camera.name) ? split.holdout_cameras : split.train_cameras).push_back(camera.camera.name);
+    const std::string& name = camera.camera.name;
+    if (cameras.count(name)) split.holdout_cameras.push_back(name);
+    if (!cameras.count(name) && (training.empty() || training.count(name))) split.train_cameras.push_back(name);
   }
   for (const int frame : known) (frames.count(frame) ? split.holdout_frames : split.train_frames).push_back(frame);
   if (split.train_cameras.empty()) throw UsageError("every camera is held out: nothing is left to train on");

@@ -41,10 +41,11 @@ struct DatasetSplit {
   std::vector<int> train_frames, holdout_frames;            ///< with a pose of the person
 };
 
-/// Everything not held out is trained on. Throws UsageError for names and frames that the dataset does not have, and when
-/// nothing is left to train on.
+/// Everything not held out is trained on, or of the cameras only `train_cameras` when they are given; the others are then used
+/// for nothing. Throws UsageError for a camera in both lists, names and frames that the dataset does not have, and when nothing
+/// is left to train on.
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
-                          const std::vector<int>& holdout_frames);
+                          const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras = {});
 
 /// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it is not there.
 int ChoosePerson(const dataset::PanopticDataset& data, int requested);

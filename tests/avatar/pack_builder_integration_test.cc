@@ -88,6 +88,10 @@ TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
   EXPECT_THAT(split.holdout_cameras, ElementsAre("00_02"));
   EXPECT_THAT(split.train_frames, ElementsAre(0, 1, 2, 3));
   EXPECT_THAT(split.holdout_frames, ElementsAre(4, 5));
+  const DatasetSplit few = SplitDataset(data_, -1, {"00_02"}, {4, 5}, {"00_00", "00_03"});
+  EXPECT_EQ(few.train_cameras, (std::vector<std::string>{"00_00", "00_03"}));
+  EXPECT_EQ(few.holdout_cameras, split.holdout_cameras);
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_02"}, {}, {"00_02"}); }), HasSubstr("held out"));
   EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {"00_09"}, {}); }),
               AllOf(HasSubstr("'00_09'"), HasSubstr("00_03")));
   EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, -1, {}, {80}); }),

@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+"""Textured avatars against their baselines on held-out cameras and motion, as in Table 1 of Shysheya et al., CVPR 2019.
+
+run.py DATASET --out FOLDER --holdout-cameras A,B --holdout-frames 90-119 --cameras 6=A,B,C,D,E,F --cameras 3=A,B,C
+       [--methods tna,direct,v2v] [--seeds 1,2,3] [--train "--size 96 --steps 400 --batch 2"] [--limit-minutes M] [--program FILE]
+
+Trains every (set of cameras, method, seed) with the same flags, scores it and writes FOLDER/table.md and table.json. Finished runs are
+kept and interrupted ones resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
+"""
+import argparse
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+
+NAMES = {"tna": "TNA", "direct": "Direct", "v2v": "V2V-lite"}
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("dataset")
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--holdout-cameras", required=True)
+    parser.add_argument("--holdout-frames", required=True)
+    parser.add_argument("--cameras", action="append", required=True, help="NAME=CAMERA,CAMERA,… to train on")
+    parser.add_argument("--methods", default="tna,direct,v2v")
+    parser.add_argument("--seeds", default="1,2,3")
+    parser.add_argument("--train", default="--size 96 --steps 400 --batch 2", help="flags of every training")
+    parser.add_argument("--features", default="auto")
+    parser.add_argument("--limit-minutes", type=float, default=1e9)
+    parser.add_argument("--program", default="build/release/bin/mvstudio")
+    return parser.parse_args()
+
+
+def call(program, words):
+    """The result object of a command; ends the whole run when it fails."""
+    run = subprocess.run([program, *words, "--json"], capture_output=True, text=True)
+    if run.returncode not in (0, 6):
+        sys.exit(f"{program} {' '.join(words)}\nended with {run.returncode}: {run.stderr.strip() or run.stdout.strip()}")
+    return json.loads(run.stdout)
+
+
+def one(a, folder, cameras, method, seed):
+    """Trains (or resumes) and scores one avatar; what is finished is read from its folder."""
+    scored = os.path.join(folder, "scores.json")
+    if os.path.exists(scored):
+        with open(scored) as file:
+            return json.load(file)
+    begin = time.time()
+    if os.path.exists(os.path.join(folder, "checkpoint.safetensors")):
+        trained = call(a.program, ["avatar", "resume", folder])
+    else:
+        trained = call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--method", method, "--seed", str(seed),
+                                   "--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras,
+                                   "--holdout-frames", a.holdout_frames, *a.train.split()])
+    metrics = call(a.program, ["avatar", "eval", folder, "--features", a.features])["metrics"]
+    holdout = metrics["holdout"]
+    result = {"ssim": holdout["ssim"], "psnr_db": holdout["psnr_db"], "mask_iou": holdout["mask_iou"], "fd": holdout["fd"]["value"],
+              "fd_features": holdout["fd"]["features"], "n": holdout["n"], "steps": trained["metrics"]["steps"],
+              "train_s": trained["metrics"]["wall_s"], "parameters": trained["metrics"]["num_parameters"],
+              "nearest_pose_ssim": metrics["baselines"]["nearest_pose"]["ssim"],
+              "mean_image_ssim": metrics["baselines"]["mean_image"]["ssim"], "flicker": holdout["flicker"]}
+    with open(scored + ".tmp", "w") as file:
+        json.dump(result, file, indent=1)
+    os.replace(scored + ".tmp", scored)
+    print(f"{folder}: SSIM {result['ssim']:.4f}, {time.time() - begin:.0f} s", flush=True)
+    return result
+
+
+def spread(values):
+    mean = statistics.mean(values)
+    return f"{mean:.4g} ± {(max(values) - min(values)) / 2:.2g}" if len(values) > 1 else f"{mean:.4g}"
+
+
+def table(a, results):
+    lines = [f"`{a.dataset}`, held out {a.holdout_cameras} and frames {a.holdout_frames}; `{a.train}`; seeds {a.seeds}; "
+             f"{platform.machine()}, {os.cpu_count()} cores. Mean ± half the range over seeds.", "",
+             "| training cameras | method | SSIM | PSNR, dB | mask IoU | FD | flicker | seconds |", "|---|---|---|---|---|---|---|---|"]
+    for (cameras, method), runs in results.items():
+        cells = [spread([r[key] for r in runs]) for key in ("ssim", "psnr_db", "mask_iou", "fd", "flicker", "train_s")]
+        lines.append(f"| {cameras} | {NAMES[method]} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def verdict(results):
+    """Is TNA's SSIM higher than each baseline's for every pair of seeds?"""
+    lines = []
+    for cameras in dict.fromkeys(key[0] for key in results):
+        own = [r["ssim"] for r in results.get((cameras, "tna"), [])]
+        for method in ("direct", "v2v"):
+            other = [r["ssim"] for r in results.get((cameras, method), [])]
+            if own and other:
+                lines.append(f"{cameras} cameras: TNA - {NAMES[method]} = {statistics.mean(own) - statistics.mean(other):+.4f}, "
+                             + ("outside" if min(own) > max(other) else "NOT outside") + " the spread of seeds")
+    return lines
+
+
+def main():
+    a = arguments()
+    begin = time.time()
+    results = {}
+    for seed in a.seeds.split(","):  # a whole table for the first seed comes first
+        for cameras in a.cameras:
+            name, _, members = cameras.partition("=")
+            for method in a.methods.split(","):
+                folder = os.path.join(a.out, f"{name}-{method}-{seed}")
+                known = os.path.exists(os.path.join(folder, "scores.json"))
+                if not known and time.time() - begin > 60 * a.limit_minutes:
+                    continue
+                results.setdefault((name, method), []).append(one(a, folder, members, method, seed))
+    text = table(a, results) + "\n" + "\n".join(verdict(results)) + "\n"
+    with open(os.path.join(a.out, "table.md"), "w") as file:
+        file.write(text)
+    with open(os.path.join(a.out, "table.json"), "w") as file:
+        json.dump([{"cameras": c, "method": m, "runs": r} for (c, m), r in results.items()], file, indent=1)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
