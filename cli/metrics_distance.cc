@@ -3,7 +3,8 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
-#include <cmath>
+#include <algorithm>
+#include <filesystem>
 
 #include "avatar/io/posenet_features.h"
 #include "avatar/safetensors.h"
@@ -15,10 +16,6 @@
 
 namespace mvstudio::cli {
 namespace {
-
-bool EndsWith(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
 
 struct Features {
   at::Tensor rows;
@@ -41,7 +38,7 @@ Features ReadTensorFeatures(const std::string& path) {
 }
 
 Features ReadFeatures(const std::string& path) {
-  const Features features = EndsWith(path, ".npy") ? ReadNpyFeatures(path) : ReadTensorFeatures(path);
+  const Features features = std::filesystem::path(path).extension() == ".npy" ? ReadNpyFeatures(path) : ReadTensorFeatures(path);
   if (features.rows.size(0) < 4) throw FormatError(path, "features", "has fewer than 4 rows");
   if (!at::isfinite(features.rows).all().item<bool>()) throw FormatError(path, "features", "holds NaN or infinity");
   return features;

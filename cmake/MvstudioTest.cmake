@@ -2,6 +2,9 @@
 # A file ending in _slow_test.cc gets the label `slow`, _integration_test.cc `integration`, any other `unit`.
 function(mvstudio_add_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${module}/*_test.cc)
+  if(NOT MVSTUDIO_AVATAR)
+    list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|metrics|models|pose2d)_[a-z_0-9]*\\.cc$")  # commands that need libtorch
+  endif()
   foreach(source ${sources})
     get_filename_component(unit ${source} NAME_WE)
     string(REGEX REPLACE "_test$" "" unit ${unit})
