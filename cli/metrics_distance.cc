@@ -38,7 +38,8 @@ Features ReadTensorFeatures(const std::string& path) {
 }
 
 Features ReadFeatures(const std::string& path) {
-  const Features features = std::filesystem::path(path).extension() == ".npy" ? ReadNpyFeatures(path) : ReadTensorFeatures(path);
+  const Features features =
+      std::filesystem::path(path).extension() == ".npy" ? ReadNpyFeatures(path) : ReadTensorFeatures(path);
   if (features.rows.size(0) < 4) throw FormatError(path, "features", "has fewer than 4 rows");
   if (!at::isfinite(features.rows).all().item<bool>()) throw FormatError(path, "features", "holds NaN or infinity");
   return features;
