@@ -1,0 +1,116 @@
+#include <torch/torch.h>
+
+#include <sstream>
+
+#include "avatar/train_state.h"
+#include "core/error.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+uint64_t SeedFrom(const TensorFile& checkpoint, const std::string& path) {
+  const auto found = checkpoint.metadata.find("seed");
+  uint64_t seed = 0;
+  if (found == checkpoint.metadata.end() || !(std::istringstream(found->second) >> seed)) {
+    throw FormatError(path, "__metadata__.seed", "is missing: this checkpoint cannot be continued");
+  }
+  return seed;
+}
+
+/// A run goes on with the perceptual net it began with.
+void CheckNet(const TensorFile& checkpoint, const std::string& path, const FeatureNet* net) {
+  const auto found = checkpoint.metadata.find("perceptual");
+  const std::string then = found == checkpoint.metadata.end() ? "none" : found->second, now = net ? net->name() : "none";
+  if (then != now)
+    throw UsageError(path + ": was trained with the perceptual net '" + then + "', now it is '" + now +
+                     "'; give the same --perceptual");
+}
+
+void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, const std::string& path) {
+  torch::NoGradGuard no_grad;
+  for (Adam::Slot& slot : adam.slots) {
+    for (auto& [kind, moment] : {std::pair<const char*, at::Tensor>{".first.", slot.first}, {".second.", slot.second}}) {
+      const auto found = file.tensors.find(prefix + kind + slot.name);
+      if (found == file.tensors.end() || found->second.sizes() != moment.sizes()) {
+        throw FormatError(path, prefix + kind + slot.name,
+                          "is missing or has the wrong shape: this checkpoint cannot be continued");
+      }
+      at::Tensor(moment).copy_(found->second);
+    }
+  }
+  std::istringstream(file.metadata.count(prefix + ".step") ? file.metadata.at(prefix + ".step") : "0") >> adam.step;
+}
+
+}  // namespace
+
+void Trainer::State::TakeUp(const TensorFile& file, const std::string& path) {
+  LoadAdam(network, file, "adam", path);
+  if (tna()) LoadAdam(texels, file, "adam_textures", path);
+  if (v2v()) {
+    LoadAdam(critic_weights, file, "adam_critic", path);
+    LoadCritic(file, path);
+  }
+  textures_ready = file.metadata.count("textures_ready") && file.metadata.at("textures_ready") == "1";
+}
+
+void Trainer::State::LoadCritic(const TensorFile& file, const std::string& path) {
+  torch::NoGradGuard no_grad;
+  for (Adam::Slot& slot : critic_weights.slots) {
+    const auto found = file.tensors.find("critic." + slot.name);
+    if (found == file.tensors.end() || found->second.sizes() != slot.value.sizes())
+      throw FormatError(path, "critic." + slot.name, "is missing or has the wrong shape: this checkpoint cannot be continued");
+    slot.value.copy_(found->second);
+  }
+}
+
+Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
+                 const RunContext& run, std::shared_ptr<const FeatureNet> perceptual)
+    : state_(std::make_unique<State>()) {
+  CheckNet(checkpoint, path, perceptual.get());
+  state_->perceptual = std::move(perceptual);
+  state_->options = options;
+  state_->seed = SeedFrom(checkpoint, path);
+  state_->model = ModelFromTensors(checkpoint, path);
+  state_->Prepare(pack, run);
+  state_->TakeUp(checkpoint, path);
+}
+
+TensorFile Trainer::Checkpoint() const {
+  const State& s = *state_;
+  TensorFile file = ModelToTensors(s.model);
+  const auto add = [&file](const Adam& adam, const std::string& prefix) {
+    for (const Adam::Slot& slot : adam.slots) {
+      file.tensors[prefix + ".first." + slot.name] = slot.first.to(at::kCPU).clone();
+      file.tensors[prefix + ".second." + slot.name] = slot.second.to(at::kCPU).clone();
+    }
+    file.metadata[prefix + ".step"] = std::to_string(adam.step);
+  };
+  add(s.network, "adam");
+  if (s.tna()) add(s.texels, "adam_textures");
+  if (s.v2v()) {
+    add(s.critic_weights, "adam_critic");
+    for (const Adam::Slot& slot : s.critic_weights.slots)
+      file.tensors["critic." + slot.name] = slot.value.detach().to(at::kCPU).clone();
+  }
+  file.metadata["perceptual"] = s.perceptual ? s.perceptual->name() : "none";
+  for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
+  file.metadata["seed"] = std::to_string(s.seed);
+  file.metadata["textures_ready"] = s.textures_ready ? "1" : "0";
+  return file;
+}
+
+TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path) {
+  TrainOptions options;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    const auto found = checkpoint.metadata.find("train." + name);
+    if (found == checkpoint.metadata.end()) continue;
+    try {
+      SetFieldFromText(options, name, found->second);
+    } catch (const UsageError& error) {
+      throw FormatError(path, "__metadata__.train." + name, error.what());
+    }
+  }
+  return options;
+}
+
+}  // namespace mvstudio::avatar
