@@ -29,46 +29,46 @@ bool IsFixed(const PointBundleOptions& options, int point) {
   return i < options.fix_point.size() && options.fix_point[i];
 }
 
-/// Sides of the box that holds the middle nine tenths of the free points each way.
-Eigen::Vector3d Extent(const PointScene& scene, const std::vector<PointObservation>& observations,
-                       const PointBundleOptions& options) {
-  std::array<std::vector<double>, 3> values;
-  for (const PointObservation& o : observations) {
-    if (!(o.weight > 0) || IsFixed(options, o.point_idx)) continue;
-    for (size_t k = 0; k < 3; ++k) values[k].push_back(scene.points(static_cast<Eigen::Index>(k), o.point_idx));
-  }
-  Eigen::Vector3d extent = Eigen::Vector3d::Zero();
-  for (size_t k = 0; k < 3 && !values[k].empty(); ++k) {
-    std::sort(values[k].begin(), values[k].end());
-    const size_t n = values[k].size();
-    extent[static_cast<Eigen::Index>(k)] = values[k][n - 1 - n / 20] - values[k][n / 20];
-  }
-  return extent;
-}
-
 /// Observations by the cube of their point; those of fixed points each alone.
 std::vector<std::vector<PointObservation>> Clusters(const PointScene& scene, const std::vector<PointObservation>& observations,
                                                     const PointBundleOptions& options, double cell) {
-  std::map<std::array<int64_t, 3>, std::vector<PointObservation>> cubes;
+  std::map<Cube, std::vector<PointObservation>> cubes;
   std::vector<std::vector<PointObservation>> clusters;
   for (const PointObservation& o : observations) {
     if (!(o.weight > 0)) continue;
-    if (IsFixed(options, o.point_idx)) {
+    if (IsFixed(options, o.point_idx))
       clusters.push_back({o});
-      continue;
-    }
-    std::array<int64_t, 3> cube{};
-    for (size_t k = 0; k < 3; ++k) {
-      const double at = scene.points(static_cast<Eigen::Index>(k), o.point_idx) / cell;
-      cube[k] = static_cast<int64_t>(std::floor(std::clamp(at, -1e9, 1e9)));
-    }
-    cubes[cube].push_back(o);
+    else
+      cubes[CubeOf(scene.points.col(o.point_idx), cell)].push_back(o);
   }
   for (auto& [cube, inside] : cubes) clusters.push_back(std::move(inside));
   return clusters;
 }
 
 }  // namespace
+
+double SceneSide(const PointScene& scene, const std::vector<PointObservation>& observations,
+                 const PointBundleOptions& options) {
+  std::array<std::vector<double>, 3> values;
+  for (const PointObservation& o : observations) {
+    if (!(o.weight > 0) || IsFixed(options, o.point_idx)) continue;
+    for (size_t k = 0; k < 3; ++k) values[k].push_back(scene.points(static_cast<Eigen::Index>(k), o.point_idx));
+  }
+  double side = 0;
+  for (size_t k = 0; k < 3 && !values[k].empty(); ++k) {
+    std::sort(values[k].begin(), values[k].end());
+    const size_t n = values[k].size();
+    side = std::max(side, values[k][n - 1 - n / 20] - values[k][n / 20]);
+  }
+  return side;
+}
+
+Cube CubeOf(const Eigen::Vector3d& x, double cell) {
+  Cube cube{};
+  for (size_t k = 0; k < 3; ++k)
+    cube[k] = static_cast<int64_t>(std::floor(std::clamp(x[static_cast<Eigen::Index>(k)] / cell, -1e9, 1e9)));
+  return cube;
+}
 
 ClusterInflation InflationByClusters(const PointScene& scene, const std::vector<PointObservation>& observations,
                                      const PointBundleOptions& options, double sigma_px) {
@@ -79,7 +79,7 @@ ClusterInflation InflationByClusters(const PointScene& scene, const std::vector<
   if (!ReducedAt(scene, observations, scaled, &all) || all.g.size() == 0) return best;
   const Eigen::LDLT<Eigen::MatrixXd> solver(all.h);
   scaled.distance.reset();  // an observation of its own, with no residual
-  const double extent = Extent(scene, observations, options).maxCoeff();
+  const double extent = SceneSide(scene, observations, options);
   if (!(extent > 0) || !std::isfinite(extent)) return best;
   constexpr int kFewest = 12;
   for (const double parts : {2.0, 4.0, 8.0, 16.0}) {
@@ -93,7 +93,8 @@ ClusterInflation InflationByClusters(const PointScene& scene, const std::vector<
       trace += own.g.dot(solver.solve(own.g));
       expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
     }
-    const double factor = expected > 0 ? trace / (sigma_px * sigma_px * expected) : 1;
+    const double upper = 1 + std::sqrt(2 / static_cast<double>(clusters.size()));
+    const double factor = expected > 0 ? upper * trace / (sigma_px * sigma_px * expected) : 1;
     if (factor > best.factor) best = {factor, static_cast<int>(clusters.size())};
   }
   return best;

@@ -1,8 +1,18 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "calib/point_bundle.h"
 
 namespace mvstudio::calib {
+
+/// Longest side of the box that holds the middle nine tenths of the free points each way; metres.
+double SceneSide(const PointScene& scene, const std::vector<PointObservation>& observations, const PointBundleOptions& options);
+
+/// Place in a grid of cubes of side `cell`.
+using Cube = std::array<int64_t, 3>;
+Cube CubeOf(const Eigen::Vector3d& x, double cell);
 
 /// Neighbouring features of pictures do not err independently: they share their patch's perspective, light and shadow. This is
 /// how many times larger the variances of cameras and lenses are for it than CovarianceOfPointBundle, which takes every
@@ -13,7 +23,8 @@ namespace mvstudio::calib {
 /// eliminated and s_g what the points of cluster g contribute to their right-hand side: the factor is trace(H^-1 sum_g s_g
 /// s_g^T) over what independent errors give, sum_g trace(H^-1 H_g - (H^-1 H_g)^2) (after Bell and McCaffrey, "Bias reduction in
 /// standard errors", Survey Methodology 2002). Clusters are cubes of the space that the free points fill, from half of its
-/// side to a sixteenth; the largest factor counts. Observations of fixed points stay independent.
+/// side to a sixteenth; the largest factor counts, each raised by its own standard error, sqrt(2 / clusters) of it, as that of
+/// a mean of so many squares. Observations of fixed points stay independent.
 struct ClusterInflation {
   double factor = 1;     ///< of the variances, at least 1; 1 when there are too few clusters to tell
   int num_clusters = 0;  ///< that gave it

@@ -18,9 +18,11 @@ struct SceneAdjustment {
 SceneAdjustment PrepareAdjustment(const ColmapScene& scene, const std::vector<SceneImage>& images,
                                   const FromSceneOptions& options, bool own_lenses, int num_threads);
 
-/// True when lenses that are not known are better not shared: cameras and lenses are adjusted to every second point, with
-/// shared and with own lenses, and judged on the other points. Own lenses are taken when the mean squared residual (cut off at
-/// the rejection limit) is lower by two standard errors of the difference. `scene` is the solution with shared lenses.
+/// True when lenses that are not known are better not shared: cameras and lenses are adjusted to every second cube of the
+/// scene, with shared and with own lenses, and judged on the points of the other cubes, then the other way round. Own lenses
+/// are taken when the sum of squared residuals (cut off at the rejection limit) is lower by three standard errors of the
+/// difference. Cubes, not points, are the unit of both: neighbouring features do not err independently (see ClusterInflation).
+/// `scene` is the solution with shared lenses.
 bool OwnLensesPay(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
                   double feature_sigma_px, int num_threads);
 
