@@ -46,16 +46,16 @@ void ScorePair(PicturePair* pair) {
   const int window = metrics::SsimWindowSize(metrics::SsimWindow::kWang2004);
   if (std::min(reference.width, reference.height) < window)
     throw FormatError(pair->reference, "", "is " + SizeText(reference) + ", smaller than SSIM's window of 11x11 px");
-  const metrics::Picture a = metrics::FromImage(reference), b = metrics::FromImage(other);
   if (pair->mask.empty()) {
-    pair->full = metrics::ScoreWhole(a, b);
+    pair->full = metrics::ScoreWhole(reference, other);
     return;
   }
   const Image grey = ReadLike(pair->mask, "its picture", reference, pair->reference, true);
   metrics::Mask mask(grey.pixels.size());
   std::transform(grey.pixels.begin(), grey.pixels.end(), mask.begin(), [](uint8_t v) { return v > 127; });
   if (std::find(mask.begin(), mask.end(), 1) == mask.end()) throw FormatError(pair->mask, "", "is empty: nobody is on it");
-  const metrics::PictureScore score = metrics::ScorePicture(a, mask, b, mask);
+  const metrics::PictureScore score =
+      metrics::ScorePicture(metrics::FromImage(reference), mask, metrics::FromImage(other), mask);
   pair->full = score.full, pair->bbox = score.bbox, pair->masked = score.masked;
 }
 

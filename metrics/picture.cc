@@ -3,8 +3,29 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "metrics/simd.h"
 
 namespace mvstudio::metrics {
+namespace {
+
+/// Samples outside [low, high], NaN among them.
+MVS_SIMD int64_t CountOutside(const double* samples, int64_t count, double low, double high) {
+  int64_t outside = 0;
+  for (int64_t i = 0; i < count; ++i) outside += !(samples[i] >= low && samples[i] <= high);
+  return outside;
+}
+
+Status CheckSamples(const Picture& picture) {
+  const double slack = 1e-6 * picture.range;
+  if (CountOutside(picture.samples.data(), static_cast<int64_t>(picture.samples.size()), -slack, picture.range + slack) == 0)
+    return Status::kOk;
+  for (const double v : picture.samples) {
+    if (!std::isfinite(v)) return Status::kNotFinite;
+  }
+  return Status::kOutsideRange;
+}
+
+}  // namespace
 
 Picture FromImage(const Image& image) {
   Picture picture{image.width, image.height, image.channels, 255, {}};
@@ -48,15 +69,16 @@ Status Check(const Picture& a, const Picture& b, int least) {
   if (a.samples.size() != b.samples.size() || a.samples.size() != a.PlaneSize() * static_cast<size_t>(a.channels))
     return Status::kSizesDiffer;
   if (a.width < least || a.height < least || a.samples.empty() || !(a.range > 0)) return Status::kTooSmall;
-  const double slack = 1e-6 * a.range;
-  bool outside = false;
   for (const Picture* picture : {&a, &b}) {
-    for (const double v : picture->samples) {
-      if (!std::isfinite(v)) return Status::kNotFinite;
-      outside |= v < -slack || v > picture->range + slack;
-    }
+    const Status status = CheckSamples(*picture);
+    if (status != Status::kOk) return status;
   }
-  return outside ? Status::kOutsideRange : Status::kOk;
+  return Status::kOk;
+}
+
+Status Check(const Image& a, const Image& b, int least) {
+  if (a.width != b.width || a.height != b.height || a.channels != b.channels) return Status::kSizesDiffer;
+  return a.width < least || a.height < least || a.empty() ? Status::kTooSmall : Status::kOk;
 }
 
 }  // namespace mvstudio::metrics

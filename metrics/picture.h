@@ -37,6 +37,7 @@ const char* ToString(Status status);
 
 /// What forbids a comparison; kOk when nothing does. `least`: smallest width and height.
 Status Check(const Picture& a, const Picture& b, int least = 1);
+Status Check(const Image& a, const Image& b, int least = 1);
 
 /// Pixels x0 <= x < x1, y0 <= y < y1.
 struct Box {

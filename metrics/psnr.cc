@@ -29,6 +29,17 @@ double Squares(const Picture& a, const Picture& b, const Box& box) {
 
 Score PsnrDb(const Picture& a, const Picture& b) { return PsnrDb(a, b, Box{0, 0, a.width, a.height}); }
 
+Score PsnrDb(const Image& a, const Image& b) {
+  const Status status = Check(a, b);
+  if (status != Status::kOk) return {status};
+  int64_t sum = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i) {
+    const int difference = int{a.pixels[i]} - int{b.pixels[i]};
+    sum += difference * difference;
+  }
+  return FromSum(static_cast<double>(sum), static_cast<double>(a.pixels.size()), 255);
+}
+
 Score PsnrDb(const Picture& a, const Picture& b, const Box& box) {
   const Status status = Check(a, b);
   if (status != Status::kOk) return {status};

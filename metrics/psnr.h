@@ -10,6 +10,7 @@ namespace mvstudio::metrics {
 /// -10 log10(mean squared error / range^2) over all channels, dB; infinity for equal pictures. With a box or a mask, over its
 /// pixels alone.
 Score PsnrDb(const Picture& a, const Picture& b);
+Score PsnrDb(const Image& a, const Image& b);
 Score PsnrDb(const Picture& a, const Picture& b, const Box& box);
 Score PsnrDb(const Picture& a, const Picture& b, const Mask& mask);
 

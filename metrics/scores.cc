@@ -34,6 +34,14 @@ RegionScore ScoreRegion(const Maps& maps, const Picture& truth, const Picture& i
           Value(Mean(maps.skimage, region), "SSIM by scikit-image's default"), Value(PsnrDb(truth, image, region), "PSNR")};
 }
 
+/// `Pixels`: Picture or Image.
+template <class Pixels>
+RegionScore ScoreWholeOf(const Pixels& truth, const Pixels& image) {
+  return {Value(Ssim(truth, image), "SSIM"), Value(SsimOfLuma(truth, image), "SSIM of luma"),
+          Value(Ssim(truth, image, SsimWindow::kUniform7), "SSIM by scikit-image's default"),
+          Value(PsnrDb(truth, image), "PSNR")};
+}
+
 /// A mask at the picture's border may hold no window: then the windows of its box.
 double WindowsOf(const SsimMap& map, const Mask& mask, const Box& box) {
   const Score score = Mean(map, mask);
@@ -42,9 +50,9 @@ double WindowsOf(const SsimMap& map, const Mask& mask, const Box& box) {
 
 }  // namespace
 
-RegionScore ScoreWhole(const Picture& truth, const Picture& image) {
-  return ScoreRegion(MakeMaps(truth, image), truth, image, Box{0, 0, truth.width, truth.height});
-}
+RegionScore ScoreWhole(const Picture& truth, const Picture& image) { return ScoreWholeOf(truth, image); }
+
+RegionScore ScoreWhole(const Image& truth, const Image& image) { return ScoreWholeOf(truth, image); }
 
 PictureScore ScorePicture(const Picture& truth, const Mask& true_mask, const Picture& image, const Mask& mask) {
   const int width = truth.width, height = truth.height;

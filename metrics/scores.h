@@ -17,6 +17,7 @@ struct RegionScore {
 
 /// Of the whole picture. Throws ContractViolation, saying why, when there is no score (docs/metrics.md).
 RegionScore ScoreWhole(const Picture& truth, const Picture& image);
+RegionScore ScoreWhole(const Image& truth, const Image& image);
 
 /// One picture. Both pictures are on black before they are compared.
 struct PictureScore {

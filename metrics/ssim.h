@@ -40,7 +40,13 @@ Score Mean(const SsimMap& map, const Box& box);
 /// Mean over the windows whose middle is in the mask (of the picture's size).
 Score Mean(const SsimMap& map, const Mask& mask);
 
-/// Mean(ComputeSsimMap(…)).
+/// Mean(ComputeSsimMap(…)) to rounding, without the memory of a map.
 Score Ssim(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+/// Of 8-bit pictures, range 255, without a copy in float64.
+Score Ssim(const Image& a, const Image& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+
+/// Ssim(Luma(a), Luma(b), …) without the copies.
+Score SsimOfLuma(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+Score SsimOfLuma(const Image& a, const Image& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 
 }  // namespace mvstudio::metrics

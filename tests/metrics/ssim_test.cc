@@ -96,6 +96,47 @@ TEST(Ssim, EqualPicturesAreOneAndNegativesStayAboveMinusOne) {
 TEST(Ssim, ThreadsDoNotChangeABit) {
   const Picture a = Noise(301, 203, 3, 255, 4), b = Noise(301, 203, 3, 255, 5);
   EXPECT_EQ(ComputeSsimMap(a, b).values, ComputeSsimMap(a, b, SsimWindow::kWang2004, 7).values);
+  EXPECT_EQ(Ssim(a, b).value, Ssim(a, b, SsimWindow::kWang2004, 7).value);
+}
+
+Image Bytes(int width, int height, int channels, uint64_t seed) {
+  Image image(width, height, channels);
+  Rng rng(seed);
+  for (uint8_t& v : image.pixels) v = static_cast<uint8_t>(rng.Index(256));
+  return image;
+}
+
+TEST(Ssim, OfBytesIsThatOfTheSamePictureInDouble) {
+  for (const int channels : {1, 2, 3}) {
+    const Image a = Bytes(201, 57, channels, 20), b = Bytes(201, 57, channels, 21);
+    const Picture pa = FromImage(a), pb = FromImage(b);
+    for (const SsimWindow window : {SsimWindow::kWang2004, SsimWindow::kUniform7}) {
+      EXPECT_EQ(Ssim(a, b, window).value, Ssim(pa, pb, window).value) << channels;
+      EXPECT_NEAR(Ssim(a, b, window).value, Mean(ComputeSsimMap(pa, pb, window)).value, 1e-14) << channels;
+      if (channels == 2) continue;
+      EXPECT_EQ(SsimOfLuma(a, b, window).value, SsimOfLuma(pa, pb, window).value) << channels;
+      EXPECT_NEAR(SsimOfLuma(a, b, window).value, Ssim(Luma(pa), Luma(pb), window).value, 1e-14) << channels;
+    }
+    EXPECT_NEAR(PsnrDb(a, b).value, PsnrDb(pa, pb).value, 1e-12);
+  }
+  EXPECT_THROW(SsimOfLuma(Bytes(20, 20, 2, 1), Bytes(20, 20, 2, 2)), ContractViolation);
+}
+
+TEST(Ssim, EveryWidthIsCoveredOnce) {
+  for (int width = 11; width < 150; width += 3) {
+    const Picture a = Noise(width, 13, 1, 1, 30), b = Noise(width, 13, 1, 1, 31);
+    EXPECT_NEAR(Ssim(a, b).value, Definition(a, b, 11, 1.5, false), 1e-13) << width;
+    EXPECT_NEAR(Ssim(a, b, SsimWindow::kUniform7).value, Definition(a, b, 7, 0, true), 1e-13) << width;
+  }
+}
+
+TEST(Ssim, SixteenBitsAreNotEightBitsScaled) {
+  Picture a = Noise(40, 30, 1, 65535, 32);
+  for (double& v : a.samples) v = std::floor(v);
+  Picture b = a;
+  for (double& v : b.samples) v = std::max(0.0, v - 7);  // below a level of 8 bits
+  EXPECT_NEAR(Ssim(a, b).value, Definition(a, b, 11, 1.5, false), 1e-13);
+  EXPECT_LT(Ssim(a, b).value, 1);
 }
 
 TEST(Ssim, SmallestPictureHasOneWindow) {
@@ -121,7 +162,9 @@ TEST(Ssim, WhatHasNoValueSaysWhy) {
       EXPECT_TRUE(std::isnan(score.value));
     }
   }
-  EXPECT_EQ(Ssim({}, {}).status, Status::kTooSmall);
+  EXPECT_EQ(Ssim(Picture(), Picture()).status, Status::kTooSmall);
+  EXPECT_EQ(Ssim(Image(), Image()).status, Status::kTooSmall);
+  EXPECT_EQ(Ssim(Image(20, 20, 3), Image(20, 20, 1)).status, Status::kSizesDiffer);
 }
 
 TEST(Ssim, ABoxIsItsCutOut) {
