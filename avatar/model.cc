@@ -84,8 +84,7 @@ void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const 
 /// structural scores.
 at::Tensor CleanMatte(const at::Tensor& image, const at::Tensor& mask_prob, const at::Tensor& background) {
   const at::Tensor alpha = mask_prob.unsqueeze(1), base = background.view({1, 3, 1, 1});
-  const at::Tensor clean = ((alpha - 0.05) / 0.9).clamp(0, 1);
-  return base + (image - base) * (clean / alpha.clamp_min(1e-6));
+  return base + (image - base) * (CleanAlpha(alpha) / alpha.clamp_min(1e-6));
 }
 
 /// What the network sees of the past; undefined for methods that see none.
@@ -161,6 +160,8 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
   const at::Tensor person = at::sigmoid(first_head);
   return person * colour + (1 - person) * background.view({1, 3, 1, 1});
 }
+
+at::Tensor CleanAlpha(const at::Tensor& mask_prob) { return ((mask_prob - 0.05) / 0.9).clamp(0, 1); }
 
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
                  int64_t height, int64_t width, const at::Tensor& background, const at::Tensor& previous) {

@@ -49,6 +49,9 @@ struct Rendering {
   at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
 };
 
+/// Opacity of the person in a rendered picture: below a probability of 5 % it is 0, above 95 % it is 1, linear in between.
+at::Tensor CleanAlpha(const at::Tensor& mask_prob);
+
 /// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
 /// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
 /// and for poses that are not finite. `previous`: as in ComposeImage, of the same cameras' frames before; undefined: there were

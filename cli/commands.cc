@@ -21,10 +21,11 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterTradeoff(app, registry);
   RegisterDataset(app, registry);
 #if MVSTUDIO_HAS_AVATAR
-  CLI::App* avatar = app.add_subcommand("avatar", "Train and score avatars");
+  CLI::App* avatar = app.add_subcommand("avatar", "Train, score and render avatars");
   avatar->require_subcommand(1);
   RegisterAvatarTrain(*avatar, registry);
   RegisterAvatarEval(*avatar, registry);
+  RegisterAvatarRender(*avatar, registry);
 #endif
   RegisterMetrics(app, registry);
   RegisterReport(app, registry);

@@ -202,18 +202,20 @@ Image ReadImage(const std::string& path, bool grey) {
 }
 
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
-  MVS_CHECK(image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3),
+  const bool has_alpha = image.channels == 4;
+  MVS_CHECK(image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3 || has_alpha),
             path << ": picture of " << image.width << "x" << image.height << "x" << image.channels);
   MVS_CHECK(jpeg_quality >= 0 && jpeg_quality <= 100, "jpeg_quality " << jpeg_quality);
   const std::string extension = LowerExtension(path);
   if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
     throw UsageError(path + ": pictures are written as .png or .jpg");
   }
-  const cv::Mat view(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
+  if (has_alpha && extension != ".png") throw UsageError(path + ": pictures with alpha are written as .png");
+  const cv::Mat view(image.height, image.width, CV_8UC(image.channels),
                      const_cast<uint8_t*>(image.pixels.data()));
   cv::Mat swapped;
-  if (image.channels == 3) cv::cvtColor(view, swapped, cv::COLOR_RGB2BGR);
-  const cv::Mat& bgr = image.channels == 3 ? swapped : view;
+  if (image.channels >= 3) cv::cvtColor(view, swapped, has_alpha ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
+  const cv::Mat& bgr = image.channels >= 3 ? swapped : view;
   std::vector<int> options;
   if (extension != ".png") options = {cv::IMWRITE_JPEG_QUALITY, jpeg_quality};
   std::vector<uint8_t> bytes;

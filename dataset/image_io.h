@@ -22,7 +22,8 @@ ImageHeader ReadImageHeader(const std::string& path);
 /// Reads PNG or JPEG; RGB, or grey when `grey`. Ignores EXIF rotation. Throws IoError / FormatError, also for more than
 /// MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
 Image ReadImage(const std::string& path, bool grey = false);
-/// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically.
+/// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not multiplied: PNG
+/// only.
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 95);
 
 }  // namespace mvstudio::dataset

@@ -178,19 +178,6 @@ AvatarPack EmptyPack(const Plan& plan, int size_px) {
   return pack;
 }
 
-void FillJoints(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) {
-  const std::array<bool, 19> plausible = dataset::PlausibleJoints(*job.pose);
-  for (int j = 0; j < 19; ++j) {
-    const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(job.pose->x_in_world.col(j));
-    pack.joint_valid.data_ptr<bool>()[i * 19 + j] = plausible[j];
-    for (int k = 0; plausible[j] && k < 3; ++k)
-      pack.joints_in_cam.data_ptr<float>()[(i * 19 + j) * 3 + k] = static_cast<float>(x[k]);
-  }
-  for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
-  pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
-  pack.frame.data_ptr<int64_t>()[i] = job.frame;
-}
-
 void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& mask) {
   const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
   uint8_t* out = pack.images.data_ptr<uint8_t>() + 3 * area * i;
@@ -226,7 +213,9 @@ struct Filler {
       return "the mask is empty where the person should be";
     const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
     FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
-    FillJoints(pack, i, job, crop);
+    FillPose(pack, i, *job.pose, crop);
+    pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
+    pack.frame.data_ptr<int64_t>()[i] = job.frame;
     if (!body) return "";
     const auto found = vertices.find(job.frame);
     if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
@@ -242,6 +231,17 @@ double MeanTemplateIou(const AvatarPack& pack) {
 }
 
 }  // namespace
+
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop) {
+  const std::array<bool, 19> plausible = dataset::PlausibleJoints(pose);
+  for (int j = 0; j < 19; ++j) {
+    const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j));
+    pack.joint_valid.data_ptr<bool>()[i * 19 + j] = plausible[j];
+    for (int k = 0; plausible[j] && k < 3; ++k)
+      pack.joints_in_cam.data_ptr<float>()[(i * 19 + j) * 3 + k] = static_cast<float>(x[k]);
+  }
+  for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
+}
 
 int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
   std::map<int, int> frames;

@@ -50,6 +50,9 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
 /// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it is not there.
 int ChoosePerson(const dataset::PanopticDataset& data, int requested);
 
+/// Joints and intrinsics of row i, seen by a crop's camera; joints that are not plausible are invalid.
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);
+
 struct PackResult {
   AvatarPack pack;
   int person = -1;

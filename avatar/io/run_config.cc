@@ -1,6 +1,7 @@
 #include "avatar/io/run_config.h"
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -88,6 +89,23 @@ RunConfig ReadRunConfig(const std::string& path) {
   config.pack.frames = config.split.train_frames;
   const Json::json_pointer iou("/template/iou");
   config.template_iou = json.contains(iou) && json.at(iou).is_number() ? json.at(iou).get<double>() : std::nan("");
+  return config;
+}
+
+RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
+  namespace fs = std::filesystem;
+  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder; give the --out folder of `mvstudio avatar train`");
+  const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
+  if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
+  if (!fs::exists(checkpoint))
+    throw IoError(checkpoint,
+                  "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
+  RunConfig config = ReadRunConfig(config_path);
+  if (!dataset.empty()) config.dataset = dataset;
+  if (!fs::is_directory(config.dataset)) {
+    throw IoError(config.dataset,
+                  "the dataset that " + config_path + " was trained on is not there; pass its new place with --dataset");
+  }
   return config;
 }
 

@@ -25,5 +25,8 @@ inline constexpr char kCheckpointFile[] = "checkpoint.safetensors";
 void WriteRunConfig(const RunConfig& config, const std::string& path);
 /// Throws IoError / FormatError with the place.
 RunConfig ReadRunConfig(const std::string& path);
+/// The configuration of a run that has a checkpoint and whose dataset is there; `dataset` replaces the one it was trained on
+/// unless empty. Throws IoError / FormatError saying what is missing.
+RunConfig OpenRun(const std::string& folder, const std::string& dataset);
 
 }  // namespace mvstudio::avatar

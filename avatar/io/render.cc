@@ -1,0 +1,103 @@
+#include "avatar/io/render.h"
+
+#include <ATen/ATen.h>
+#include <ATen/Parallel.h>
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/crop.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+/// Sizes with every choice made.
+struct Sizes {
+  int network_px = 0, out_px = 0;
+};
+
+Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOptions& o) {
+  Sizes sizes;
+  sizes.network_px = o.network_size_px > 0 ? o.network_size_px : config.pack.size_px;
+  sizes.out_px = o.size_px > 0 ? o.size_px : config.pack.size_px;
+  const int step = 1 << model.options.downs;
+  if (sizes.network_px % step != 0 || sizes.network_px < 2 * step) {
+    throw UsageError("--network-size must be a multiple of " + std::to_string(step) + " and at least " +
+                     std::to_string(2 * step) + " for this network, it is " + std::to_string(sizes.network_px));
+  }
+  return sizes;
+}
+
+/// The same view in another number of pixels.
+geometry::RigCamera Resized(const geometry::RigCamera& crop, int size_px) {
+  const double scale = static_cast<double>(size_px) / crop.camera.width_px;
+  geometry::RigCamera resized = crop;
+  resized.camera = geometry::MakePinhole(crop.camera.name, size_px, size_px, scale * crop.camera.fx());
+  return resized;
+}
+
+struct Poses {
+  at::Tensor joints_in_cam, valid, intrinsics;
+};
+
+Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px) {
+  const auto n = static_cast<int64_t>(end - begin);
+  AvatarPack pack;
+  pack.joints_in_cam = at::zeros({n, kNumJoints, 3}, at::kFloat);
+  pack.joint_valid = at::zeros({n, kNumJoints}, at::kBool);
+  pack.intrinsics = at::zeros({n, 4}, at::kFloat);
+  for (size_t i = begin; i < end; ++i)
+    FillPose(pack, static_cast<int64_t>(i - begin), plan.track.poses[plan.jobs[i].pose],
+             Resized(plan.jobs[i].crop, network_px));
+  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics};
+}
+
+/// (B, 4, H, W) in [0, 1] to another size: the mean over footprints when shrinking, cubic when growing.
+at::Tensor ToSize(const at::Tensor& rgba, int64_t size) {
+  if (rgba.size(2) == size) return rgba;
+  return at::_upsample_bicubic2d_aa(rgba, {size, size}, /*align_corners=*/false).clamp(0, 1);
+}
+
+Image ToImage(const at::Tensor& rgba) {
+  const at::Tensor hwc = (rgba * 255).round().clamp(0, 255).to(at::kByte).permute({1, 2, 0}).contiguous();
+  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), 4);
+  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
+  return image;
+}
+
+/// The latest pictures of a view, newest first; undefined before the first.
+at::Tensor WithPast(const at::Tensor& picture, const at::Tensor& past) {
+  const at::Tensor older =
+      past.defined() ? past.slice(1, 0, 3 * (kNumPrevious - 1)) : at::zeros_like(picture).repeat({1, kNumPrevious - 1, 1, 1});
+  return at::cat({picture, older}, 1);
+}
+
+}  // namespace
+
+void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
+                    const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture) {
+  at::set_num_threads(ResolveThreads(run.num_threads));
+  const Sizes sizes = SizesOf(model, config, options);
+  const bool memory = NumPreviousChannels(model.options) > 0;
+  const size_t batch = memory ? 1 : static_cast<size_t>(std::max(1, options.batch));
+  ProgressStage stage(run, "rendering", static_cast<int64_t>(plan.jobs.size()));
+  at::Tensor past;
+  for (size_t begin = 0; begin < plan.jobs.size(); begin += batch) {
+    const size_t end = std::min(plan.jobs.size(), begin + batch);
+    if (begin > 0 && plan.jobs[begin].view != plan.jobs[begin - 1].view) past = at::Tensor();
+    const Poses poses = PosesOf(plan, begin, end, sizes.network_px);
+    const Rendering r =
+        Render(model, poses.joints_in_cam, poses.valid, poses.intrinsics, sizes.network_px, sizes.network_px, {}, past);
+    if (memory) past = WithPast(r.image, past);
+    const at::Tensor rgba = ToSize(at::cat({r.image, CleanAlpha(r.mask_prob).unsqueeze(1)}, 1), sizes.out_px);
+    for (size_t i = begin; i < end; ++i) {
+      const RenderJob& job = plan.jobs[i];
+      const Image crop = ToImage(rgba[static_cast<int64_t>(i - begin)]);
+      on_picture(job, options.frame == "crop" ? crop : dataset::Resample(crop, Resized(job.crop, sizes.out_px), job.camera));
+    }
+    stage.Advance(static_cast<int64_t>(end - begin));
+  }
+}
+
+}  // namespace mvstudio::avatar

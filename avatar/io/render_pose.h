@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "dataset/panoptic.h"
+#include "dataset/pose3d.h"
+
+/// Poses that an avatar is to take: from its own dataset, from another take or person, or from animation files.
+namespace mvstudio::avatar {
+
+/// One person in the order of time.
+struct PoseTrack {
+  std::string source;       ///< file or folder, for messages
+  std::vector<int> frames;  ///< ascending
+  std::vector<dataset::Coco19Pose> poses;
+  double rate_hz = 0;  ///< 0: unknown
+};
+
+/// The person's poses in a dataset.
+PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
+
+/// Poses from a Panoptic sequence or its folder of body3DScene files, one such file, or a folder with points.csv (`pose3d`).
+/// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
+PoseTrack ReadPoseTrack(const std::string& path, int person);
+
+/// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a frame that is not there.
+PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);
+
+/// How large a person is and where the person stands.
+struct SkeletonSize {
+  std::array<double, 18> length_m{};                      ///< median of each of avatar::kBones over the poses; NaN: never seen
+  Eigen::Vector3d ground = Eigen::Vector3d::Constant(0);  ///< median x and y of BodyCenter, 2nd percentile of the ankles' z
+};
+SkeletonSize MeasureSkeleton(const std::vector<dataset::Coco19Pose>& poses);
+
+/// Sum of `trained`'s bone lengths over that of `other`'s, of the bones that both have: what takes the other's metres to the
+/// trained person's. Throws FormatError naming `source` when they share no bone of any length.
+double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source);
+
+/// Gives a pose the trained person's bone lengths: every bone keeps its direction, its length becomes the median of training;
+/// the root's place is multiplied by `ratio` (about the world's origin, which lies on the floor), as are joints whose parent is
+/// missing, about the nearest ancestor that is there. A joint at the end of a bone more than three times too long is dropped.
+/// Poses that differ by a factor about the origin become the same.
+dataset::Coco19Pose NormaliseScale(const dataset::Coco19Pose& pose, const SkeletonSize& trained, double ratio);
+
+/// Moves every joint.
+void Shift(PoseTrack* track, const Eigen::Vector3d& by_m);
+
+}  // namespace mvstudio::avatar
