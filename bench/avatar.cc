@@ -1,0 +1,186 @@
+#include <ATen/ATen.h>
+#include <ATen/Parallel.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <string>
+
+#include "avatar/adam.h"
+#include "avatar/loss_terms.h"
+#include "avatar/model.h"
+#include "avatar/safetensors.h"
+#include "core/random.h"
+
+/// bench_avatar: the timed side of bench/avatar_speed.py. Reads one request a line and answers each with one line:
+///   start METHOD WIDTH SIZE BATCH FILE   a fresh model and a made-up batch, both written to FILE (safetensors); answers
+///                                        "PARAMETERS"
+///   step                                 one training step on that batch; answers "LOSS SECONDS CPU_SECONDS"
+///   render                               one picture from its pose, bone maps included; answers "MEAN SECONDS CPU_SECONDS"
+///   threads N                            answers "ok"
+///   memory                               answers the peak of resident memory so far, MB
+namespace mvstudio::avatar {
+namespace {
+
+struct Bench {
+  AvatarModel model;
+  TrainOptions options;
+  StepInput input;
+  at::Tensor joints, valid, intrinsics;  // of one pose
+  Adam network, texels;
+  int64_t size_px = 0;
+};
+
+/// A standing person as its joints, shaken a little: (batch, 19, 3) metres, in cam.
+at::Tensor Poses(int64_t batch, Rng& rng) {
+  const double rest[19][2] = {{0, -.5},   {0, -.65},  {0, 0},      {.2, -.5},   {.3, -.25},  {.35, 0}, {.1, 0},
+                              {.12, .4},  {.13, .8},  {-.2, -.5},  {-.3, -.25}, {-.35, 0},   {-.1, 0}, {-.12, .4},
+                              {-.13, .8}, {.03, -.7}, {.08, -.68}, {-.03, -.7}, {-.08, -.68}};
+  at::Tensor joints = at::zeros({batch, 19, 3}, at::kFloat);
+  float* p = joints.data_ptr<float>();
+  for (int64_t i = 0; i < batch * 19; ++i) {
+    for (int c = 0; c < 2; ++c) p[3 * i + c] = static_cast<float>(rest[i % 19][c] + rng.Uniform(-0.05, 0.05));
+    p[3 * i + 2] = static_cast<float>(3 + rng.Uniform(-0.2, 0.2));
+  }
+  return joints;
+}
+
+at::Tensor Uniform(at::IntArrayRef sizes, double low, double high, Rng& rng) {
+  at::Tensor x = at::empty(sizes, at::kFloat);
+  for (int64_t i = 0; i < x.numel(); ++i) x.data_ptr<float>()[i] = static_cast<float>(rng.Uniform(low, high));
+  return x;
+}
+
+at::Tensor Pixels(const at::Tensor& intrinsics, const at::Tensor& joints) {
+  const at::Tensor ratio = joints.slice(2, 0, 2) / joints.slice(2, 2, 3);
+  return ratio * intrinsics.slice(1, 0, 2).unsqueeze(1) + intrinsics.slice(1, 2, 4).unsqueeze(1);
+}
+
+/// A batch whose person is where its bones are and whose colours are noise: times do not depend on them.
+void MakeInput(Bench* bench, int64_t batch, Rng& rng) {
+  const int64_t size = bench->size_px;
+  bench->joints = Poses(batch, rng);
+  bench->valid = at::ones({batch, 19}, at::kBool);
+  const double focal = 1.6 * static_cast<double>(size), centre = 0.5 * static_cast<double>(size - 1);
+  bench->intrinsics = at::tensor({focal, focal, centre, centre}, at::kFloat).expand({batch, 4}).contiguous();
+  const at::Tensor px = Pixels(bench->intrinsics, bench->joints);
+  TrainBatch& b = bench->input.batch;
+  b.maps = NetworkInput(bench->model, bench->joints, bench->valid, px, size, size);
+  b.mask = (b.maps.slice(1, 0, 18).amax(1) > -1).to(at::kFloat);
+  b.image = Uniform({batch, 3, size, size}, 0, 1, rng) * b.mask.unsqueeze(1);
+  b.part = ((b.maps.slice(1, 0, 18).argmax(1) + 1) * b.mask).to(at::kLong);
+  b.uv = Uniform({batch, 2, size, size}, -1, 1, rng);
+}
+
+void WriteAll(const Bench& bench, const std::string& path) {
+  TensorFile file = ModelToTensors(bench.model);
+  const TrainBatch& b = bench.input.batch;
+  for (const auto& [name, tensor] : {std::pair<const char*, at::Tensor>{"maps", b.maps},
+                                     {"image", b.image},
+                                     {"mask", b.mask},
+                                     {"part", b.part},
+                                     {"uv", b.uv}})
+    file.tensors["batch." + std::string(name)] = tensor.contiguous();
+  WriteTensorFile(file, path);
+}
+
+void Start(Bench* bench, std::istringstream& words) {
+  *bench = Bench();
+  ModelOptions options;
+  int64_t batch = 0;
+  std::string path;
+  words >> options.method >> options.width >> bench->size_px >> batch >> path;
+  Rng rng(1);
+  bench->model = MakeModel(options, static_cast<int>(bench->size_px), {-0.5, 0.5}, 1);
+  if (bench->model.textures.defined()) {
+    const at::NoGradGuard no_gradients;
+    bench->model.textures.copy_(Uniform(bench->model.textures.sizes(), -0.9, 0.9, rng));
+    bench->texels.Add("textures", bench->model.textures);
+  }
+  MakeInput(bench, batch, rng);
+  for (const auto& item : bench->model.generator->named_parameters()) bench->network.Add(item.key(), item.value());
+  if (path != "-") WriteAll(*bench, path);
+  std::printf("%lld\n", static_cast<long long>(NumParameters(options)));
+}
+
+/// What Trainer does in a step of the last phase: all loss terms, clipped gradients, Adam.
+double Step(Bench* bench) {
+  bench->model.generator->train();
+  bench->network.ClearGradients(), bench->texels.ClearGradients();
+  const LossTerms terms = ComputeLoss(bench->model, bench->options, bench->input, false, {});
+  terms.total().backward();
+  const at::NoGradGuard no_gradients;
+  const double norm = bench->network.GradientNorm(), clip = bench->options.clip_norm;
+  if (norm > clip) bench->network.ScaleGradients(clip / norm);
+  bench->network.Step(bench->options.learning_rate);
+  bench->texels.Step(bench->options.texture_learning_rate);
+  return terms.total().item<double>();
+}
+
+double RenderOne(Bench* bench) {
+  const Rendering r = Render(bench->model, bench->joints.slice(0, 0, 1), bench->valid.slice(0, 0, 1),
+                             bench->intrinsics.slice(0, 0, 1), bench->size_px, bench->size_px);
+  return r.image.mean().item<double>();
+}
+
+double PeakMemoryMb() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  double kb = 0;
+  while (status >> word) {
+    if (word == "VmHWM:") status >> kb;
+  }
+  return kb / 1024;
+}
+
+template <class Work>
+void Timed(const Work& work) {
+  const std::clock_t cpu = std::clock();
+  const auto start = std::chrono::steady_clock::now();
+  const double value = work();
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  std::printf("%.9g %.9f %.9f\n", value, seconds.count(), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC);
+}
+
+int Serve() {
+  Bench bench;
+  std::string line, what;
+  while (std::getline(std::cin, line)) {
+    std::istringstream words(line);
+    words >> what;
+    int threads = 1;
+    if (what == "start") {
+      Start(&bench, words);
+    } else if (what == "step") {
+      Timed([&] { return Step(&bench); });
+    } else if (what == "render") {
+      Timed([&] { return RenderOne(&bench); });
+    } else if (what == "threads" && words >> threads) {
+      at::set_num_threads(threads);
+      std::printf("ok\n");
+    } else if (what == "memory") {
+      std::printf("%.0f\n", PeakMemoryMb());
+    } else {
+      std::fprintf(stderr, "bench_avatar: unknown request: %s\n", line.c_str());
+      return 2;
+    }
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace mvstudio::avatar
+
+int main() {
+  try {
+    return mvstudio::avatar::Serve();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "bench_avatar: %s\n", error.what());
+    return 1;
+  }
+}
