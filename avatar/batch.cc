@@ -47,11 +47,12 @@ void MoveJoints(const Jitter& j, int size_px, float* joints) {
 }
 
 /// Moves the batch and its key points by one random motion each.
-void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, TrainBatch& batch,
+void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, int64_t first, TrainBatch& batch,
                  at::Tensor& joints_px) {
   const auto count = static_cast<int64_t>(batch.pictures.size());
   at::Tensor theta = at::zeros({count, 2, 3}, at::kFloat);
   Rng random(seed * 0x9e3779b97f4a7c15ull + static_cast<uint64_t>(step) * 2 + 1);
+  for (int64_t i = 0; i < first; ++i) DrawJitter(options, size_px, random);
   joints_px = joints_px.contiguous();
   for (int64_t i = 0; i < count; ++i) {
     const Jitter j = DrawJitter(options, size_px, random);
@@ -107,7 +108,7 @@ std::vector<int64_t> PicturesOfStep(int64_t num_pictures, int64_t batch, uint64_
 }
 
 TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options,
-                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step) {
+                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step, int64_t first) {
   const at::Tensor rows = at::tensor(pictures, at::kLong);
   TrainBatch batch;
   batch.pictures = pictures;
@@ -117,13 +118,11 @@ TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const Tra
   batch.uv = pack.uv.index_select(0, rows);
   const at::Tensor joints = pack.joints_in_cam.index_select(0, rows), valid = pack.joint_valid.index_select(0, rows);
   at::Tensor joints_px = ProjectPinhole(pack.intrinsics.index_select(0, rows), joints);
-  if (jitter) ApplyJitter(options, pack.size_px, seed, step, batch, joints_px);
+  if (jitter) ApplyJitter(options, pack.size_px, seed, step, first, batch, joints_px);
   batch.uv = batch.uv * 2 - 1;
   batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px);
-  if (options.device != "cpu") {
-    for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv})
-      *t = t->to(at::Device(options.device));
-  }
+  const at::Device device = model.generator->parameters()[0].device();
+  for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv}) *t = t->to(device);
   return batch;
 }
 

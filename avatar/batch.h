@@ -24,9 +24,9 @@ struct TrainBatch {
 std::vector<int64_t> PicturesOfStep(int64_t num_pictures, int64_t batch, uint64_t seed, int64_t step);
 
 /// Gathers pictures; when `jitter` is set each is scaled, turned and shifted at random (a function of (seed, step)), key points
-/// and pictures alike. Depths stay as they are.
+/// and pictures alike. Depths stay as they are. `first`: how many pictures of the step come before these, in other processes.
 TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options,
-                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step);
+                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step, int64_t first = 0);
 
 /// Labels that agree with the masks: template pixels outside the mask become background, pixels of the person that the template
 /// misses take the label and coordinates of the nearest labelled pixel. Changes part and uv of the pack.

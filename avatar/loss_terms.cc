@@ -1,6 +1,7 @@
 #include "avatar/loss_terms.h"
 
 #include <ATen/ATen.h>
+#include <ATen/autocast_mode.h>
 
 #include <cmath>
 
@@ -14,21 +15,47 @@ struct Outputs {
   at::Tensor first, second;
 };
 
-Outputs Forward(AvatarModel& model, const StepInput& input) {
+/// Half precision on GPUs while it lives.
+class Autocast {
+ public:
+  explicit Autocast(bool on) : before_(at::autocast::is_enabled()) { at::autocast::set_enabled(on); }
+  ~Autocast() {
+    at::autocast::clear_cache();
+    at::autocast::set_enabled(before_);
+  }
+  Autocast(const Autocast&) = delete;
+  Autocast& operator=(const Autocast&) = delete;
+
+ private:
+  bool before_;
+};
+
+Outputs Forward(AvatarModel& model, const StepInput& input, bool half_precision) {
   const at::Tensor maps = input.previous.defined() ? at::cat({input.batch.maps, input.previous}, 1) : input.batch.maps;
+  const Autocast autocast(half_precision);
   const auto [first, second] = model.generator->forward(maps);
-  return {first, second};
+  return {first.to(at::kFloat), second.to(at::kFloat)};
 }
 
 at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outputs& out) {
   return ComposeImage(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
 }
 
+enum TotalIndex { kPicture, kSsim, kPerson, kRest, kMoving };
+
+at::Tensor TotalOf(const StepInput& input, TotalIndex index) {
+  return input.totals.defined() ? input.totals[index] : at::Tensor();
+}
+
+at::Tensor MovingWeight(const StepInput& input) { return input.has_previous.view({-1, 1, 1}) * input.batch.mask; }
+
 void AddPictureTerms(const TrainOptions& o, const StepInput& input, const at::Tensor& image, const LossContext& context,
                      LossTerms* terms) {
   const TrainBatch& batch = input.batch;
-  terms->Add("l1", o.weight_l1, WeightedL1(image, batch.image, batch.mask, o.foreground_weight));
-  if (o.weight_ssim > 0) terms->Add("ssim", o.weight_ssim, SsimLoss(image, batch.image, batch.mask, o.foreground_weight));
+  const double foreground = o.foreground_weight;
+  terms->Add("l1", o.weight_l1, WeightedL1(image, batch.image, batch.mask, foreground, TotalOf(input, kPicture)));
+  if (o.weight_ssim > 0)
+    terms->Add("ssim", o.weight_ssim, SsimLoss(image, batch.image, batch.mask, foreground, TotalOf(input, kSsim)));
   if (o.weight_gradient > 0) terms->Add("gradient", o.weight_gradient, GradientLoss(image, batch.image));
   if (o.weight_perceptual > 0 && context.perceptual)
     terms->Add("perceptual", o.weight_perceptual, PerceptualLoss(*context.perceptual, image, batch.image));
@@ -51,12 +78,20 @@ void AddVideoTerms(const TrainOptions& o, const StepInput& input, const at::Tens
   }
   if (o.weight_warp > 0) {
     const at::Tensor error = (Warp(input.previous_truth, FlowOf(second)) - batch.image).abs().mean(1) * batch.mask;
-    const at::Tensor weight = input.has_previous.view({-1, 1, 1}) * batch.mask;
-    terms->Add("warp", o.weight_warp, (error * weight).sum() / weight.sum().clamp_min(1));
+    const at::Tensor weight = MovingWeight(input), total = TotalOf(input, kMoving);
+    terms->Add("warp", o.weight_warp, (error * weight).sum() / (total.defined() ? total : weight.sum()).clamp_min(1));
   }
 }
 
 }  // namespace
+
+at::Tensor LossTotals(const StepInput& input, double foreground_weight) {
+  const TrainBatch& batch = input.batch;
+  const at::Tensor person = (batch.part > 0).sum().to(at::kFloat);
+  const at::Tensor moving = input.has_previous.defined() ? MovingWeight(input).sum() : at::zeros_like(person);
+  return at::stack({PixelTotal(batch.mask, foreground_weight), SsimPixelTotal(batch.mask, foreground_weight), person,
+                    static_cast<double>(batch.part.numel()) - person, moving});
+}
 
 size_t LossColumn(std::string_view name) {
   for (size_t i = 0; i < kLossColumns.size(); ++i) {
@@ -81,7 +116,7 @@ double LossTerms::Value(size_t column) const { return values_[column].defined() 
 LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput& input, bool init,
                       const LossContext& context) {
   const TrainBatch& batch = input.batch;
-  const Outputs out = Forward(model, input);
+  const Outputs out = Forward(model, input, context.half_precision);
   LossTerms terms;
   if (!std::isfinite((out.first.detach().sum() + out.second.detach().sum()).item<double>())) {
     terms.SetNotFinite(out.first);
@@ -91,8 +126,8 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
   const bool tna = model.options.method == "tna";
   const double share = init ? 1.0 : o.keep_init;
   if (tna && share > 0) {
-    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part));
-    terms.Add("uv", share * o.weight_uv, UvLoss(at::tanh(out.second), batch.uv, batch.part));
+    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson), TotalOf(input, kRest)));
+    terms.Add("uv", share * o.weight_uv, UvLoss(at::tanh(out.second), batch.uv, batch.part, TotalOf(input, kPerson)));
   }
   if (o.weight_logit > 0) {
     const at::Tensor colours = model.options.method == "v2v" ? out.second.slice(1, 0, 3) : out.second;

@@ -42,6 +42,7 @@ class LossTerms {
 struct LossContext {
   const FeatureNet* perceptual = nullptr;
   Discriminator* discriminator = nullptr;
+  bool half_precision = false;  ///< of the generator's convolutions, on a GPU
 };
 
 /// What the generator's output is compared with: a batch, and for `v2v` what came before it.
@@ -50,7 +51,11 @@ struct StepInput {
   at::Tensor previous;        ///< (B, 3 kNumPrevious, H, W) rendered before; undefined without memory
   at::Tensor previous_truth;  ///< (B, 3, H, W), black where there is none
   at::Tensor has_previous;    ///< (B) float, 1 or 0
+  at::Tensor totals;          ///< of several processes, see LossTotals; undefined: those of this batch
 };
+
+/// What the losses' weighted sums over pixels are divided by, (5) float32: picture, SSIM, person, rest, moving pixels.
+at::Tensor LossTotals(const StepInput& input, double foreground_weight);
 
 /// The loss of one step. `init`: the initialisation terms alone.
 LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& options, const StepInput& input, bool init,

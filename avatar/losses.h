@@ -4,11 +4,16 @@
 
 namespace mvstudio::avatar {
 
+/// Where a function takes `total`, it is what the weighted sum over pixels is divided by; undefined: the weights of this batch.
+/// Several processes divide by the mean of theirs, so that the mean of their losses is the loss of their joint batch.
+
 /// Mean |a - b| over pixels, those of `mask` (B, H, W, 0..1) counted `foreground_weight` times. a, b (B, 3, H, W).
-at::Tensor WeightedL1(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight);
+at::Tensor WeightedL1(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight,
+                      const at::Tensor& total = {});
 
 /// Mean of 1 - SSIM with a 7x7 box window, values in [0, 1], zero padding left out; same weights as above. Wang et al., 2004.
-at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight);
+at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight,
+                    const at::Tensor& total = {});
 
 /// Mean |grad a - grad b| at full, half and quarter size.
 at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b);
@@ -19,11 +24,16 @@ at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask);
 
 /// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background count the same,
 /// however small the person is.
-at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part);
+at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& person_total = {},
+                    const at::Tensor& rest_total = {});
 
 /// Mean |difference| of the labelled part's coordinates over labelled pixels. uv (B, 48, H, W) and target (B, 2, H, W) in [-1,
 /// 1].
-at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part);
+at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part, const at::Tensor& total = {});
+
+/// Weights of the pixels of a batch together, as WeightedL1 (and within SSIM's windows SsimLoss) divides by them.
+at::Tensor PixelTotal(const at::Tensor& mask, double foreground_weight);
+at::Tensor SsimPixelTotal(const at::Tensor& mask, double foreground_weight);
 
 /// Mean of relu(|x| - limit)^2.
 at::Tensor SaturationLoss(const at::Tensor& x, double limit);

@@ -105,7 +105,10 @@ void Validate(const TrainOptions& o) {
   Require(o.texture_pictures >= 1, "texture-pictures", "at least 1");
   Require(o.save_every >= 1 && o.report_every >= 1 && o.validate_pictures >= 0, "save-every (report-every, validate-pictures)",
           "at least 1");
-  Require(o.device == "cpu" || o.device == "cuda", "device", "cpu or cuda");
+  Require(o.ema >= 0 && o.ema < 1, "ema", "in [0, 1)");
+  Require(o.patience >= 0, "patience", "at least 0");
+  Require(o.picture_every >= 0, "picture-every", "at least 0");
+  Require(o.device == "auto" || o.device == "cpu" || o.device.rfind("cuda", 0) == 0, "device", "auto, cpu or cuda");
 }
 
 }  // namespace mvstudio::avatar

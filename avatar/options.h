@@ -90,11 +90,16 @@ struct TrainOptions {
   double jitter_scale = 0.1;
   double jitter_shift = 0.05;
   double jitter_roll_deg = 5.0;
+  double ema = 0.0;
+  bool freeze_unseen = true;
   int texture_pictures = 64;
   int save_every = 200;
   int report_every = 20;
   int validate_pictures = 8;
-  std::string device = "cpu";
+  int patience = 0;
+  int picture_every = 0;
+  std::string device = "auto";
+  bool amp = false;
 };
 
 template <class Visitor>
@@ -133,11 +138,24 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");
   visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; pictures are turned at random about their centre by up to this angle");
+  visit(
+      "ema", o.ema,
+      "share of the running average of weights and textures that stays at each step, e.g. 0.999 (less in the first steps); the "
+      "average is what a checkpoint hands out; 0: the last weights");
+  visit("freeze-unseen", o.freeze_unseen,
+        "texels that no picture shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
+        "them");
   visit("texture-pictures", o.texture_pictures, "pictures whose colours are averaged into the first textures");
   visit("save-every", o.save_every, "steps between checkpoints");
   visit("report-every", o.report_every, "steps between rows of the history");
   visit("validate-pictures", o.validate_pictures, "held-out pictures scored at each checkpoint");
-  visit("device", o.device, "cpu or cuda");
+  visit("patience", o.patience,
+        "training ends after this many checkpoints in a row without a better score on the validation pictures, and the weights "
+        "of the best one are handed out; 0: train to the end and hand out the last");
+  visit("picture-every", o.picture_every,
+        "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
+  visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");
+  visit("amp", o.amp, "half-precision convolutions with scaled gradients; on a GPU only");
 }
 
 /// Name -> text of every field, for checkpoints and provenance.

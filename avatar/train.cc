@@ -30,42 +30,69 @@ Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainO
   state_->Prepare(pack, run);
 }
 
+Trainer::Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options,
+                 const RunContext& run, std::shared_ptr<const FeatureNet> perceptual)
+    : state_(std::make_unique<State>()) {
+  state_->perceptual = std::move(perceptual);
+  state_->options = options;
+  if (options.init_steps < 0) state_->options.init_steps = 0;
+  state_->seed = run.seed;
+  ModelOptions model = from.options;
+  model.texture_px = texture_px;
+  state_->model = MakeModel(model, pack.size_px, from.depth, run.seed);
+  TensorFile file = ModelToTensors(from), fresh = ModelToTensors(state_->model);
+  for (auto& [name, tensor] : fresh.tensors) {
+    if (name.rfind("generator.", 0) == 0) tensor = file.tensors.at(name);
+  }
+  state_->model = ModelFromTensors(fresh, "transfer");
+  state_->Prepare(pack, run);
+  state_->initialised = true;
+}
+
 Trainer::~Trainer() = default;
+Trainer::Trainer(Trainer&&) noexcept = default;
 
 AvatarModel& Trainer::model() { return state_->model; }
+
+const std::string& Trainer::device() const { return state_->options.device; }
 
 TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step) {
   State& s = *state_;
   const int64_t goal = until_step >= 0 ? std::min(until_step, s.total_steps()) : s.total_steps();
   TrainReport report;
   RowMean mean;
-  while (s.model.step < goal) {
+  while (s.model.step < goal && !s.Exhausted()) {
     if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();
     const int64_t step = s.model.step;
     const std::string phase = s.InInit() ? "init" : "train";
     const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == InitSteps(s.options));
-    const StepInput input =
-        s.MakeInput(s.pack, s.previous_rows, PicturesOfStep(s.pack.size(), s.options.batch, s.seed, step), true, step);
+    const StepInput input = s.MakeInput(s.pack, s.previous_rows, s.RowsOfStep(step, false), true, step);
     LossTerms terms;
     if (!s.Step(input, &terms)) {
       report.status = Status::kNonFiniteInput;
       report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" +
-                       NamesOfBatch(s.pack, input.batch.pictures) +
+                       NamesOfBatch(s.pack, s.RowsOfStep(step, true)) +
                        "); weights kept as they were; try a smaller --learning-rate";
       return report;
     }
     mean.Add(terms);
     ++report.steps_done;
     const bool due = last_of_phase || (step + 1) % s.options.report_every == 0;
-    if (due) report.history.push_back(mean.Take(step + 1, phase));
-    const bool go_on = !callback || callback(step + 1, due ? &report.history.back() : nullptr);
-    if (validation && !s.InInit() && s.options.validate_pictures > 0 &&
-        (step + 1 == goal || (step + 1) % s.options.save_every == 0)) {
-      report.history.push_back(s.ScoreHeldOut(*validation));
-      if (callback) callback(step + 1, &report.history.back());
+    HistoryRow row;
+    if (due) report.history.push_back(row = s.MeanOverRanks(mean.Take(step + 1, phase)));
+    const bool check = validation && s.CheckDue();
+    if (check) report.history.push_back(s.Check(*validation));  // before the callback, which may save
+    bool go_on = !callback || callback(step + 1, due ? &row : nullptr);
+    if (check && callback) callback(step + 1, &report.history.back());
+    if (s.ranks) s.stop_wanted = !go_on, go_on = !s.stop_agreed;
+    if (!go_on) {
+      report.stopped = true;
+      break;
     }
-    if (!go_on) break;
   }
+  report.best_step = s.best_step;
+  report.ended_early = s.Exhausted();
+  if (report.ended_early) report.message = s.WhyEndedEarly();
   return report;
 }
 
@@ -77,7 +104,7 @@ TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const
     if (!row || row->phase != "validation") stage.Advance(1, row ? row->phase : "");
     return !callback || callback(step, row);
   });
-  if (result) *result = trainer.model();
+  if (result) *result = ModelFromTensors(trainer.Checkpoint(), "training");
   return report;
 }
 

@@ -12,6 +12,7 @@
 #include "avatar/model.h"
 #include "avatar/options.h"
 #include "avatar/pack.h"
+#include "avatar/train_ranks.h"
 #include "core/progress.h"
 #include "core/status.h"
 
@@ -28,9 +29,12 @@ struct HistoryRow {
 struct TrainReport {
   Status status =
       Status::kOk;      ///< kNonFiniteInput when the NaN guard stopped the run, kNotConverged when the loss did not fall
-  std::string message;  ///< one line when not kOk: batch, cameras and frames
+  std::string message;  ///< one line when not kOk: batch, cameras and frames; or why training ended early
   std::vector<HistoryRow> history;
-  int64_t steps_done = 0;  ///< in this run
+  int64_t steps_done = 0;    ///< in this run
+  int64_t best_step = -1;    ///< of the weights handed out, with `patience`; -1: the last
+  bool stopped = false;      ///< the callback, here or on another rank, said stop
+  bool ended_early = false;  ///< `patience` was over
 };
 
 /// Called after each step; `row` is null between reports. Returning false stops the training after this step.
@@ -48,13 +52,30 @@ class Trainer {
   /// when `perceptual` is not the net that it was trained with.
   Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
           const RunContext& run, std::shared_ptr<const FeatureNet> perceptual = nullptr);
+  /// Fresh start from another avatar's network (the paper's transfer to a new person): its weights and depth range are kept,
+  /// textures are averaged anew from `pack`, and there is no initialisation unless `init_steps` asks for one. `texture_px`:
+  /// their size, 0: as always.
+  Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options, const RunContext& run,
+          std::shared_ptr<const FeatureNet> perceptual = nullptr);
   ~Trainer();
+  Trainer(Trainer&&) noexcept;
+
+  /// Before Run: from now on each step takes `batch` pictures on every rank and the mean of their gradients, which is what one
+  /// process does with a batch as many times as large (with instance normalisation; running statistics are of rank 0's
+  /// pictures). All ranks must have the same pack, options, seed and step; throws UsageError when they have not. They end
+  /// together.
+  void Join(std::shared_ptr<const Ranks> ranks);
 
   /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback says stop. A loss or
   /// gradient that is not finite ends the run with the weights and textures of the step before.
   TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
 
+  /// The model as it is trained: the last weights.
   AvatarModel& model();
+  /// "cpu" or "cuda".
+  const std::string& device() const;
+  /// Calls `use` with the weights that a checkpoint hands out: the best with `patience`, the average with `ema`, else the last.
+  void UseHanded(const std::function<void(AvatarModel&)>& use);
   /// Everything needed to continue: weights, textures, Adam's moments, step, seed, options.
   TensorFile Checkpoint() const;
 
@@ -62,6 +83,9 @@ class Trainer {
   struct State;
   std::unique_ptr<State> state_;
 };
+
+/// "auto" becomes cuda or cpu. Throws MissingToolError when a GPU is asked for and libtorch finds none.
+std::string ResolveDevice(const std::string& device);
 
 /// Training options kept in a checkpoint.
 TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path);

@@ -50,7 +50,16 @@ void Trainer::State::TakeUp(const TensorFile& file, const std::string& path) {
     LoadAdam(critic_weights, file, "adam_critic", path);
     LoadCritic(file, path);
   }
-  textures_ready = file.metadata.count("textures_ready") && file.metadata.at("textures_ready") == "1";
+  const auto flag = [&](const char* name, bool otherwise) {
+    return file.metadata.count(name) ? file.metadata.at(name) == "1" : otherwise;
+  };
+  textures_ready = flag("textures_ready", false);
+  initialised = flag("initialised", initialised);
+  if (options.amp && file.metadata.count("loss_scale")) {
+    std::istringstream(file.metadata.at("loss_scale")) >> loss_scale;
+    std::istringstream(file.metadata.at("steps_since_scale")) >> steps_since_scale;
+  }
+  TakeUpHanded(file, path);
 }
 
 void Trainer::State::LoadCritic(const TensorFile& file, const std::string& path) {
@@ -94,6 +103,13 @@ TensorFile Trainer::Checkpoint() const {
   }
   file.metadata["perceptual"] = s.perceptual ? s.perceptual->name() : "none";
   for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
+  file.metadata["train.device"] = s.asked_device;
+  file.metadata["initialised"] = s.initialised ? "1" : "0";
+  if (s.options.amp) {
+    file.metadata["loss_scale"] = std::to_string(static_cast<int64_t>(s.loss_scale));
+    file.metadata["steps_since_scale"] = std::to_string(s.steps_since_scale);
+  }
+  s.SaveHanded(&file);
   file.metadata["seed"] = std::to_string(s.seed);
   file.metadata["textures_ready"] = s.textures_ready ? "1" : "0";
   return file;

@@ -60,12 +60,18 @@ std::vector<int64_t> SpreadRows(int64_t total, int64_t count) {
 
 StepInput Trainer::State::MakeInput(const AvatarPack& source, const std::vector<int64_t>& previous,
                                     const std::vector<int64_t>& rows, bool jitter, int64_t step) {
+  const int64_t first = jitter && ranks ? ranks->rank() * options.batch : 0;
   const auto batch_of = [&](const std::vector<int64_t>& some) {
-    return MakeBatch(source, model, options, some, jitter, seed, step);
+    return MakeBatch(source, model, options, some, jitter, seed, step, first);
   };
   StepInput input;
   input.batch = batch_of(rows);
   if (v2v()) AddPast(model, previous, rows, batch_of, &input);
+  if (jitter && ranks) {
+    at::Tensor totals = LossTotals(input, options.foreground_weight).to(at::kCPU);
+    ranks->Sum(totals);
+    input.totals = (totals / static_cast<double>(world())).to(input.batch.mask.device());
+  }
   return input;
 }
 
@@ -81,6 +87,8 @@ void Trainer::State::AverageTextures() {
   model.textures.copy_(FillTextures(sums));
   model.seen.copy_(sums.weight);
   textures_ready = true;
+  if (ranks) ranks->Broadcast(model.textures), ranks->Broadcast(model.seen);
+  average.erase("textures");  // grey until now
 }
 
 }  // namespace mvstudio::avatar

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,8 @@ class RowMean {
   int64_t count_ = 0;
 };
 
+using NamedTensors = std::map<std::string, at::Tensor>;
+
 struct Trainer::State {
   AvatarPack pack;  // labels fitted to the masks
   TrainOptions options;
@@ -42,13 +45,24 @@ struct Trainer::State {
   std::shared_ptr<const FeatureNet> perceptual;
   std::vector<int64_t> previous_rows;  // v2v alone
   uint64_t seed = 1;
+  std::shared_ptr<const Ranks> ranks;             // null: alone
+  bool stop_wanted = false, stop_agreed = false;  // of several ranks: by this one; by any, told in the gradients
   bool textures_ready = false;
+  bool initialised = false;  // the network knew parts and coordinates before the textures were averaged
+  std::string asked_device;  // as in the options given; options.device is the one in use
+  NamedTensors average;      // running averages of weights and textures, with --ema
+  NamedTensors best;         // all tensors of the best check, with --patience
+  int64_t best_step = -1, idle_checks = 0;
+  double best_score = 0;
+  double loss_scale = 1;          // with --amp
+  int64_t steps_since_scale = 0;  // since it changed
 
   bool v2v() const { return model.options.method == "v2v"; }
   bool tna() const { return model.options.method == "tna"; }
   int64_t total_steps() const { return int64_t{InitSteps(options)} + options.steps; }
   bool InInit() const { return tna() && model.step < InitSteps(options); }
-  LossContext Context() { return {perceptual.get(), v2v() ? &critic : nullptr}; }
+  bool Exhausted() const { return options.patience > 0 && idle_checks >= options.patience; }
+  LossContext Context() { return {perceptual.get(), v2v() ? &critic : nullptr, options.amp}; }
 
   /// Checks options against the pictures, moves everything to the device, makes the optimisers.
   void Prepare(const AvatarPack& source, const RunContext& run);
@@ -62,13 +76,49 @@ struct Trainer::State {
   double RateFactor() const;
   /// Gradients of the discriminator's own loss; returns their norm, NaN when the loss is not finite.
   double CriticGradients(const StepInput& input, LossTerms* terms);
+  /// Norms of all gradients together for the batch; NaN when the loss or one of them is not finite.
+  double Gradients(const StepInput& input, LossTerms* terms);
+  int64_t world() const { return ranks ? ranks->size() : 1; }
+  /// The rows of this rank in a step; `all`: of every rank.
+  std::vector<int64_t> RowsOfStep(int64_t step, bool all) const;
+  /// Gradients become their means over the ranks; false on every rank when one had none that is finite.
+  bool ShareGradients(const std::vector<Adam*>& adams, bool finite);
+  HistoryRow MeanOverRanks(HistoryRow row) const;
+  /// Gradients of texels that no picture showed become 0.
+  void FreezeUnseen();
   /// One step. Returns false, with nothing changed, when the loss or a gradient is not finite.
   bool Step(const StepInput& input, LossTerms* terms);
+  bool CheckDue() const;
+  /// Scores the weights that would be handed out if they were the best, on rank 0 for all ranks, and remembers whether they
+  /// are.
+  HistoryRow Check(const AvatarPack& validation);
+  std::string WhyEndedEarly() const;
   HistoryRow ScoreHeldOut(const AvatarPack& validation);
+
+  /// The model's own tensors by their names in a checkpoint: weights, running statistics, textures.
+  NamedTensors Tensors() const;
+  /// What a checkpoint hands out instead of the last weights; empty: nothing else.
+  const NamedTensors& Handed() const { return best.empty() ? average : best; }
+  void UpdateAverage();
+  void Judge(const HistoryRow& row);
 
   /// Moments, discriminator and flags of a checkpoint; the model is there already.
   void TakeUp(const TensorFile& file, const std::string& path);
+  void SaveHanded(TensorFile* file) const;
+  void TakeUpHanded(const TensorFile& file, const std::string& path);
   void LoadCritic(const TensorFile& file, const std::string& path);
+};
+
+/// While this lives, the model holds `values` in place of its own.
+class BorrowedWeights {
+ public:
+  BorrowedWeights(const NamedTensors& model, const NamedTensors& values);
+  ~BorrowedWeights();
+  BorrowedWeights(const BorrowedWeights&) = delete;
+  BorrowedWeights& operator=(const BorrowedWeights&) = delete;
+
+ private:
+  NamedTensors model_, saved_;
 };
 
 }  // namespace mvstudio::avatar

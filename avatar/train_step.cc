@@ -11,19 +11,43 @@
 #include "core/parallel.h"
 
 namespace mvstudio::avatar {
+namespace {
+
+constexpr double kFirstLossScale = 65536;
+constexpr int64_t kStepsToDoubleScale = 2000;
+
+void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
+  const int multiple = 1 << model.options.downs;
+  if (pack.size_px % multiple || pack.size_px / multiple < 2) {
+    throw UsageError("--size " + std::to_string(pack.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
+                     " and at least " + std::to_string(2 * multiple));
+  }
+  if (model.options.inputs != kNumBones && model.options.inputs != 2 * kNumBones) {
+    throw UsageError("--inputs must be 18 (depth of each bone of the 19 joints) or 36 (depth and slope)");
+  }
+}
+
+}  // namespace
+
+std::string ResolveDevice(const std::string& device) {
+  const bool found = torch::cuda::is_available();
+  if (device == "auto") return found ? "cuda" : "cpu";
+  if (device != "cpu" && !found)
+    throw MissingToolError("--device " + device + ": libtorch finds no GPU here; take --device cpu or auto");
+  return device;
+}
 
 void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run) {
   Validate(source);
   Validate(options);
   options.init_steps = InitSteps(options);  // more --steps later must not move the end of the initialisation
-  const int multiple = 1 << model.options.downs;
-  if (source.size_px % multiple || source.size_px / multiple < 2) {
-    throw UsageError("--size " + std::to_string(source.size_px) + " must be a multiple of 2^downs = " +
-                     std::to_string(multiple) + " and at least " + std::to_string(2 * multiple));
-  }
-  if (model.options.inputs != kNumBones && model.options.inputs != 2 * kNumBones) {
-    throw UsageError("--inputs must be 18 (depth of each bone of the 19 joints) or 36 (depth and slope)");
-  }
+  CheckFit(source, model);
+  asked_device = options.device;
+  options.device = ResolveDevice(options.device);
+  if (options.amp && options.device == "cpu")
+    throw UsageError("--amp needs a GPU: half precision is slower than single on CPUs; leave it out or take --device cuda");
+  loss_scale = options.amp ? kFirstLossScale : 1;
+  initialised = InitSteps(options) > 0;
   at::set_num_threads(ResolveThreads(run.num_threads));
   pack = source;
   if (tna()) FitLabelsToMasks(pack, ResolveThreads(run.num_threads));
@@ -53,25 +77,43 @@ double Trainer::State::CriticGradients(const StepInput& input, LossTerms* terms)
   critic_weights.ClearGradients();  // the generator's loss left some
   const at::Tensor loss = DiscriminatorLoss(critic, input.batch, terms->image);
   terms->Keep("discriminator", loss);
-  if (!std::isfinite(loss.item<double>())) return std::nan("");
-  loss.backward();
+  const bool finite = std::isfinite(loss.item<double>());
+  if (finite) loss.backward();
+  const at::NoGradGuard no_gradients;
+  if (!(ranks ? ShareGradients({&critic_weights}, finite) : finite)) return std::nan("");
   return critic_weights.GradientNorm();
+}
+
+double Trainer::State::Gradients(const StepInput& input, LossTerms* terms) {
+  network.ClearGradients(), texels.ClearGradients();
+  *terms = ComputeLoss(model, options, input, InInit(), Context());
+  const bool finite = std::isfinite(terms->total().item<double>());
+  if (finite) (options.amp ? terms->total() * loss_scale : terms->total()).backward();
+  torch::NoGradGuard no_grad;
+  if (!(ranks ? ShareGradients({&network, &texels}, finite) : finite)) return std::nan("");
+  if (options.amp) network.ScaleGradients(1 / loss_scale), texels.ScaleGradients(1 / loss_scale);
+  FreezeUnseen();
+  return std::isfinite(texels.GradientNorm()) ? network.GradientNorm() : std::nan("");
+}
+
+void Trainer::State::FreezeUnseen() {
+  if (!options.freeze_unseen || !tna() || !initialised || !model.textures.grad().defined()) return;
+  const at::Tensor seen = (model.seen > 0).unsqueeze(1).to(model.textures.options());
+  model.textures.mutable_grad().mul_(seen);
 }
 
 bool Trainer::State::Step(const StepInput& input, LossTerms* terms) {
   std::vector<at::Tensor> buffers;
   for (const at::Tensor& buffer : model.generator->buffers()) buffers.push_back(buffer.clone());
   model.generator->train();
-  network.ClearGradients(), texels.ClearGradients();
-  *terms = ComputeLoss(model, options, input, InInit(), Context());
-  double norm = std::nan(""), texel_norm = 0, critic_norm = 0;
-  if (std::isfinite(terms->total().item<double>())) {
-    terms->total().backward();
-    norm = network.GradientNorm(), texel_norm = texels.GradientNorm();
-    if (v2v()) critic_norm = CriticGradients(input, terms);
+  double norm = Gradients(input, terms);
+  while (options.amp && !std::isfinite(norm) && loss_scale > 1) {  // too large for half precision: the same step again
+    loss_scale /= 2, steps_since_scale = 0;
+    norm = Gradients(input, terms);
   }
+  const double critic_norm = v2v() && std::isfinite(norm) ? CriticGradients(input, terms) : 0;
   torch::NoGradGuard no_grad;
-  if (!std::isfinite(norm) || !std::isfinite(texel_norm) || !std::isfinite(critic_norm)) {
+  if (!std::isfinite(norm) || !std::isfinite(critic_norm)) {
     const std::vector<at::Tensor> now = model.generator->buffers();
     for (size_t i = 0; i < now.size(); ++i) at::Tensor(now[i]).copy_(buffers[i]);
     return false;
@@ -81,11 +123,14 @@ bool Trainer::State::Step(const StepInput& input, LossTerms* terms) {
   if (!InInit()) texels.Step(options.texture_learning_rate * RateFactor());
   if (v2v()) critic_weights.Step(options.learning_rate * RateFactor());
   ++model.step;
+  if (options.amp && ++steps_since_scale >= kStepsToDoubleScale) loss_scale *= 2, steps_since_scale = 0;
+  UpdateAverage();
   return true;
 }
 
 HistoryRow Trainer::State::ScoreHeldOut(const AvatarPack& validation) {
   torch::NoGradGuard no_grad;
+  const BorrowedWeights borrowed(Tensors(), average);
   model.generator->eval();
   RowMean mean;
   const std::vector<int64_t> previous = v2v() ? PreviousRows(validation) : std::vector<int64_t>();

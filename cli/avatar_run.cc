@@ -7,6 +7,9 @@
 #include <filesystem>
 #include <sstream>
 
+#include "avatar/bones.h"
+#include "avatar/camera_tensor.h"
+#include "avatar/io/strips.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "dataset/image_io.h"
@@ -52,7 +55,8 @@ void AvatarRun::Prepare(bool overwrite) const {
     throw UsageError("--out " + folder_ +
                      " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give --overwrite");
   }
-  for (const char* name : {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "eval"}) {
+  for (const char* name :
+       {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "pictures", "eval"}) {
     fs::remove_all(Path(name));
   }
   MakeFolder(folder_);
@@ -91,20 +95,46 @@ void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_
   std::string history = HistoryHeader() + "\n";
   for (const std::string& row : rows_) history += row + "\n";
   WriteFileAtomic(Path("history.csv"), history);
-  avatar::AvatarModel& model = trainer.model();
-  if (model.textures.defined()) dataset::WriteImage(ToImage(avatar::TextureSheet(model)), Path("textures.png"));
+  trainer.UseHanded([&](avatar::AvatarModel& model) {
+    if (model.textures.defined()) dataset::WriteImage(ToImage(avatar::TextureSheet(model)), Path("textures.png"));
+    MakeFolder(Path("samples"));
+    dataset::WriteImage(ToImage(SampleSheet(model, sample_pack)), StepPath("samples", model.step));
+  });
+}
+
+std::string AvatarRun::StepPath(const std::string& folder, int64_t step) const {
   char name[32];
-  std::snprintf(name, sizeof(name), "samples/step_%06lld.png", static_cast<long long>(model.step));
-  MakeFolder(Path("samples"));
-  dataset::WriteImage(ToImage(SampleSheet(model, sample_pack)), Path(name));
+  std::snprintf(name, sizeof(name), "/step_%06lld.png", static_cast<long long>(step));
+  return Path(folder + name);
+}
+
+void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const {
+  const avatar::AvatarPack one = avatar::Select(pack, {pack.size() / 2});
+  const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
+  MakeFolder(Path("pictures"));
+  trainer.UseHanded([&](avatar::AvatarModel& model) {
+    const avatar::Rendering r =
+        avatar::Render(model, one.joints_in_cam, one.joint_valid, one.intrinsics, one.size_px, one.size_px);
+    const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
+    const at::Tensor maps =
+        avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px)[0];
+    const bool slopes = maps.size(0) == 2 * avatar::kNumBones;
+    const at::Tensor bones = maps.slice(0, 0, slopes ? avatar::kNumBones : maps.size(0));
+    // The nearest bone of a pixel: near ones red, far ones blue.
+    const at::Tensor drawn = (bones > -1).any(0), depth = (bones.masked_fill(bones <= -1, 2).amin(0).clamp(-1, 1) + 1) / 2;
+    const at::Tensor input = at::stack({1 - depth, at::full_like(depth, 0.3), depth}) * drawn;
+    dataset::WriteImage(avatar::MakeStrip(truth, r.image[0], input), StepPath("pictures", model.step));
+  });
 }
 
 std::vector<CommandResult::Output> AvatarRun::Outputs() const {
   std::vector<CommandResult::Output> outputs = {
       {checkpoint_path(), "checkpoint"}, {Path(avatar::kRunConfigFile), "configuration"}, {Path("history.csv"), "history"}};
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});
-  const std::vector<std::string> samples = Glob(Path("samples/step_*.png"));
-  if (!samples.empty()) outputs.push_back({samples.back(), "sample-picture"});
+  for (const char* folder : {"samples", "pictures"}) {
+    const std::vector<std::string> samples = Glob(Path(std::string(folder) + "/step_*.png"));
+    if (!samples.empty()) outputs.push_back({samples.back(), "sample-picture"});
+  }
   return outputs;
 }
 

@@ -24,10 +24,14 @@ class AvatarRun {
   void AddRow(const avatar::HistoryRow& row, double wall_s);
   /// Checkpoint, history, texture preview and sample pictures, each file atomically.
   void Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const;
+  /// pictures/step_NNNNNN.png: truth, rendering, error and network input of the middle picture of the pack.
+  void SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const;
   /// Files written so far.
   std::vector<CommandResult::Output> Outputs() const;
 
  private:
+  std::string StepPath(const std::string& folder, int64_t step) const;
+
   std::string folder_;
   std::vector<std::string> rows_;
 };

@@ -2,12 +2,13 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <optional>
 #include <sstream>
 
 #include "avatar/io/pack_builder.h"
 #include "avatar/io/posenet_features.h"
+#include "cli/avatar_ranks.h"
 #include "cli/avatar_run.h"
+#include "cli/avatar_train_data.h"
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -20,7 +21,9 @@ using avatar::RunConfig;
 using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
-  std::string dataset, out, train_cameras, holdout_cameras, holdout_frames;
+  std::string dataset, out, init_from;
+  SplitArguments split;
+  RankArguments ranks;
   avatar::ModelOptions model;
   avatar::TrainOptions train;
   avatar::PackOptions pack;
@@ -28,100 +31,78 @@ struct TrainArguments {
 };
 
 struct ResumeArguments {
-  std::string run;
-  int steps = -1;
+  std::string run, device;
+  int steps = -1, patience = -1;
+  RankArguments ranks;
 };
 
-/// Pictures of a run: those to learn from and, when something is held out, those to watch.
-struct RunPacks {
-  AvatarPack train;
-  std::optional<AvatarPack> held_out;
-  std::vector<std::string> skipped;
-};
-
-std::vector<std::string> SplitCommas(const std::string& text) {
-  std::vector<std::string> names;
-  std::istringstream in(text);
-  for (std::string name; std::getline(in, name, ',');) {
-    if (!name.empty()) names.push_back(name);
-  }
-  return names;
-}
-
-/// At most `count` held-out pictures, from held-out cameras and frames (all of one kind when only the other was held out).
-std::optional<AvatarPack> HeldOutPack(const dataset::PanopticDataset& data, const RunConfig& config, int count,
-                                      const RunContext& run) {
-  const avatar::DatasetSplit& split = config.split;
-  if (count == 0 || (split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
-  avatar::PackOptions options = config.pack;
-  options.cameras = split.holdout_cameras.empty() ? split.train_cameras : split.holdout_cameras;
-  const std::vector<int>& frames = split.holdout_frames.empty() ? split.train_frames : split.holdout_frames;
-  const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
-  options.frames.clear();
-  for (size_t i = 0; i < wanted; ++i) options.frames.push_back(frames[(2 * i + 1) * frames.size() / (2 * wanted)]);
-  try {
-    return avatar::BuildPack(data, options, run).pack;
-  } catch (const FormatError&) {
-    return std::nullopt;  // none of these few pictures is usable; evaluation says why
-  }
-}
-
-/// Fixes crop and template shape in `config` from the training pictures.
-RunPacks BuildPacks(const dataset::PanopticDataset& data, int validate_pictures, const RunContext& run, RunConfig* config) {
-  config->pack.cameras = config->split.train_cameras;
-  config->pack.frames = config->split.train_frames;
-  const avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
-  config->shape = config->pack.shape = built.shape;
-  config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;
-  config->template_iou = built.template_iou;
-  config->pack.person = built.person;
-  config->pack.fit_shape = false;
-  return {built.pack, HeldOutPack(data, *config, validate_pictures, run), built.skipped};
-}
-
-/// Trains to the end with checkpoints on the way. A request to stop saves first.
-CommandResult TrainAndSave(avatar::Trainer& trainer, AvatarRun& files, const RunPacks& packs,
-                           const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
+/// Trains to the end with checkpoints on the way. A request to stop saves first. `files`: null for ranks that write nothing.
+avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, AvatarRun* files, const RunPacks& packs,
+                                 const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
   const Clock::time_point start = Clock::now();
   const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
-  const AvatarPack* held_out = packs.held_out ? &*packs.held_out : nullptr;
-  const AvatarPack& samples = held_out ? *held_out : packs.train;
-  const int64_t first = trainer.model().step;
-  ProgressStage stage(context.run, "training", InitSteps(options) + int64_t{options.steps} - first);
+  const AvatarPack* watched = packs.watched ? &*packs.watched : nullptr;
+  const AvatarPack& samples = watched ? *watched : packs.train;
+  ProgressStage stage(context.run, "training", InitSteps(options) + int64_t{options.steps} - trainer.model().step);
   bool stopped = false;
-  std::map<std::string, avatar::HistoryRow> last;
   const auto callback = [&](int64_t step, const avatar::HistoryRow* row) {
-    if (row) files.AddRow(*row, wall_s()), last[row->phase] = *row;
+    if (row && files) files->AddRow(*row, wall_s());
     if (row && row->phase == "validation") return true;
-    if (step % options.save_every == 0) files.Save(trainer, samples);
+    if (files && step % options.save_every == 0) files->Save(trainer, samples);
+    if (files && options.picture_every > 0 && step % options.picture_every == 0) files->SavePicture(trainer, samples);
     stopped = context.run.progress && context.run.progress->Cancelled();
     if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string((*row)["total"]) : "");
     return !stopped;
   };
-  const avatar::TrainReport report = trainer.Run(held_out, callback);
-  const double seconds = wall_s() - earlier_s;
-  files.Save(trainer, samples);
-  if (stopped) {
+  const avatar::TrainReport report = trainer.Run(watched, callback);
+  if (files) files->Save(trainer, samples);
+  if (report.stopped) {
     throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) +
                          ": the checkpoint is saved, `mvstudio avatar resume` goes on");
   }
+  return report;
+}
+
+CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& trainer, const AvatarRun& files, double seconds,
+                       double wall_s) {
   CommandResult result;
   auto& m = result.metrics;
   m["method"] = trainer.model().options.method;
   m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
+  if (report.best_step >= 0) m["best_step"] = report.best_step;
+  m["ended_early"] = report.ended_early;
+  m["device"] = trainer.device();
+  std::map<std::string, avatar::HistoryRow> last;
+  for (const avatar::HistoryRow& row : report.history) last[row.phase] = row;
   for (const auto& [phase, row] : last) {
     m["final"][phase]["step"] = row.step;
     for (size_t i = 0; i < row.values.size(); ++i) m["final"][phase][avatar::kLossColumns[i]] = row.values[i];
   }
   m["it_per_s"] = report.steps_done > 0 ? static_cast<double>(report.steps_done) / seconds : std::nan("");
-  m["wall_s"] = wall_s();
+  m["wall_s"] = wall_s;
   result.outputs = files.Outputs();
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
     result.errors.push_back(
         {"AVA-NONFINITE", report.message, "resume with a smaller --learning-rate from the saved checkpoint"});
   }
+  return result;
+}
+
+/// Joins the other ranks, trains, and says how it went.
+CommandResult TrainHere(avatar::Trainer& trainer, AvatarRun& files, const RunPacks& packs, const avatar::TrainOptions& options,
+                        double earlier_s, RankProcesses& ranks, CommandContext& context) {
+  const Clock::time_point start = Clock::now();
+  if (const auto joined = ranks.Join()) trainer.Join(joined);
+  const avatar::TrainReport report =
+      TrainAndSave(trainer, ranks.first() ? &files : nullptr, packs, options, earlier_s, context);
+  if (!ranks.first()) return {};
+  ranks.Finish();
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  CommandResult result = ResultOf(report, trainer, files, seconds, earlier_s + seconds);
+  result.metrics["ranks"] = ranks.place().size;
+  if (report.ended_early) result.text = report.message + "\n";
   return result;
 }
 
@@ -143,7 +124,7 @@ void FillCommon(const RunConfig& config, const RunPacks& packs, const std::strin
   text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
        << packs.train.size() << " pictures of " << config.split.train_cameras.size() << " cameras: " << m["steps"]
        << " steps in " << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
-  result->text = text.str();
+  result->text = text.str() + result->text;
 }
 
 /// The net of the perceptual loss, null for none. What "auto" became is kept, so that a run goes on with the same.
@@ -154,6 +135,25 @@ std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* op
   return net;
 }
 
+/// The network's options of the run that training starts from. What was asked for and does not fit is a usage error.
+void RequireFit(const avatar::ModelOptions& asked, const avatar::ModelOptions& from, const std::string& run) {
+  const auto defaults = FieldsAsText(avatar::ModelOptions()), wanted = FieldsAsText(asked), has = FieldsAsText(from);
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    const auto& [name, value] = wanted[i];
+    if (name == "texture-px" || value == defaults[i].second || value == has[i].second) continue;
+    throw UsageError("--" + name + " " + value + ": the network of --init-from " + run + " has " + has[i].second +
+                     "; leave the option out");
+  }
+}
+
+avatar::Trainer MakeTrainer(const TrainArguments& arguments, const AvatarPack& pack, const avatar::TrainOptions& options,
+                            const RunContext& run, const std::shared_ptr<const avatar::FeatureNet>& net) {
+  if (arguments.init_from.empty()) return avatar::Trainer(pack, arguments.model, options, run, net);
+  const avatar::AvatarModel from = avatar::LoadModel(AvatarRun(arguments.init_from).checkpoint_path());
+  RequireFit(arguments.model, from.options, arguments.init_from);
+  return avatar::Trainer(pack, from, arguments.model.texture_px, options, run, net);
+}
+
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   Validate(arguments.model);
   Validate(arguments.train);
@@ -161,20 +161,21 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   RunConfig config;
   config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
   config.pack = arguments.pack;
+  if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
-  const std::vector<int> frames =
-      arguments.holdout_frames.empty() ? std::vector<int>() : ParseRanges("--holdout-frames", arguments.holdout_frames);
-  config.split = avatar::SplitDataset(data, config.pack.person, SplitCommas(arguments.holdout_cameras), frames,
-                                      SplitCommas(arguments.train_cameras));
+  config.split = SplitOf(data, config.pack.person, arguments.split);
   AvatarRun files(arguments.out);
-  files.Prepare(arguments.overwrite);
-  const RunPacks packs = BuildPacks(data, arguments.train.validate_pictures, context.run, &config);
-  WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
+  if (arguments.ranks.rank == 0) files.Prepare(arguments.overwrite);
+  RankProcesses ranks(arguments.ranks, context, arguments.out);
+  context.run.num_threads = ranks.threads();
+  const RunPacks packs = BuildPacks(data, arguments.train, context.run, &config);
+  if (ranks.first()) WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
   avatar::TrainOptions options = arguments.train;
+  if (!arguments.init_from.empty() && options.init_steps < 0) options.init_steps = 0;
   const auto net = PerceptualNet(&options);
-  avatar::Trainer trainer(packs.train, arguments.model, options, context.run, net);
-  CommandResult result = TrainAndSave(trainer, files, packs, options, 0, context);
-  FillCommon(config, packs, arguments.out, &result);
+  avatar::Trainer trainer = MakeTrainer(arguments, packs.train, options, context.run, net);
+  CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context);
+  if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
   return result;
 }
 
@@ -184,18 +185,23 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
   avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
   if (arguments.steps >= 0) options.steps = arguments.steps;
+  if (arguments.patience >= 0) options.patience = arguments.patience;
+  if (!arguments.device.empty()) options.device = arguments.device;
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
-  const RunPacks packs = BuildPacks(data, options.validate_pictures, context.run, &config);
+  RankProcesses ranks(arguments.ranks, context, arguments.run);
+  context.run.num_threads = ranks.threads();
+  const RunPacks packs = BuildPacks(data, options, context.run, &config);
   avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
-  const double earlier_s = files.TakeUpHistory(before);
-  CommandResult result = TrainAndSave(trainer, files, packs, options, earlier_s, context);
+  const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
+  CommandResult result = TrainHere(trainer, files, packs, options, earlier_s, ranks, context);
+  if (!ranks.first()) return result;
   FillCommon(config, packs, arguments.run, &result);
   result.metrics["resumed_from"] = before;
   if (trainer.model().step == before) {
-    result.warnings.push_back(
-        {"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done", "ask for more with --steps"});
+    result.warnings.push_back({"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done, or --patience was over",
+                               "ask for more with --steps or --patience"});
   }
   return result;
 }
@@ -225,15 +231,16 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
   sub->add_option("dataset", a->dataset, "dataset folder")->required();
   sub->add_option("--out", a->out, "folder of the run")->required();
-  sub->add_option("--train-cameras", a->train_cameras,
-                  "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
-  sub->add_option("--holdout-cameras", a->holdout_cameras,
-                  "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
-  sub->add_option("--holdout-frames", a->holdout_frames, "frames never trained on, e.g. 80-99");
+  AddSplitOptions(sub, a->split);
+  sub->add_option(
+      "--init-from", a->init_from,
+      "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
+      "initialisation unless --init-steps asks for one");
   sub->add_flag("--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);
   AddOptions(sub, a->pack);
+  AddRankOptions(sub, a->ranks);
   registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });
 }
 
@@ -246,6 +253,10 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   again->add_option("run", resume->run, "folder of the run")->required();
   again->add_option("--steps", resume->steps,
                     "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
+  again->add_option("--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
+      ->capture_default_str();
+  again->add_option("--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
+  AddRankOptions(again, resume->ranks);
   registry.Add(again, "avatar resume", [resume](CommandContext& context) { return RunResume(*resume, context); });
 
   auto options = std::make_shared<avatar::ModelOptions>(avatar::PaperModel());

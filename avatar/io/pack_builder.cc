@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "avatar/io/iuv.h"
 #include "avatar/io/shape_fit.h"
 #include "body/mesh_raster.h"
 #include "core/check.h"
@@ -204,6 +205,15 @@ struct Filler {
   std::map<int, body::BodyPose> poses;
   std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world
 
+  // As Fill below.
+  std::string FillIuv(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) const {
+    const std::string& camera = job.camera->camera.name;
+    const std::string path = IuvPath(options.iuv, camera, data.ImagePath(camera, job.frame));
+    if (!std::filesystem::exists(path)) return path + " is missing: no IUV map";
+    FillTemplate(pack, i, ReadIuv(path, *job.camera, crop));
+    return "";
+  }
+
   // Reason why the picture cannot be used, or empty.
   std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
     const Job& job = jobs[i];
@@ -216,6 +226,7 @@ struct Filler {
     FillPose(pack, i, *job.pose, crop);
     pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
     pack.frame.data_ptr<int64_t>()[i] = job.frame;
+    if (options.template_maps && !options.iuv.empty()) return FillIuv(pack, i, job, crop);
     if (!body) return "";
     const auto found = vertices.find(job.frame);
     if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
@@ -295,11 +306,11 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
-  result.shape = options.template_maps && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
-  const body::BodyTemplate body =
-      options.template_maps ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
-  Filler filler{data, options, plan, options.template_maps ? &body : nullptr, {}, {}};
-  if (options.template_maps) filler.poses = PoseFrames(body, plan.jobs);
+  const bool posed = options.template_maps && options.iuv.empty();
+  result.shape = posed && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
+  const body::BodyTemplate body = posed ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
+  Filler filler{data, options, plan, posed ? &body : nullptr, {}, {}};
+  if (posed) filler.poses = PoseFrames(body, plan.jobs);
   for (const auto& [frame, pose] : filler.poses) filler.vertices[frame] = body::SkinVertices(body, pose);
   AvatarPack pack = EmptyPack(plan, options.size_px);
   const auto count = static_cast<int64_t>(plan.jobs.size());

@@ -21,6 +21,7 @@ struct PackOptions {
   bool fit_shape = true;
   int fit_pictures = 24;
   double half_extent_m = 0;
+  std::string iuv;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
   BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
@@ -32,6 +33,10 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
   visit("person", o.person, "person id in the dataset; -1: the one with most frames");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
+  visit(
+      "iuv", o.iuv,
+      "folder with DensePose's map of each picture, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
+      "the first guess in place of the posed body template");
   visit("fit-pictures", o.fit_pictures, "training pictures used for that fit");
 }
 
@@ -39,6 +44,8 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
 struct DatasetSplit {
   std::vector<std::string> train_cameras, holdout_cameras;  ///< Panoptic names
   std::vector<int> train_frames, holdout_frames;            ///< with a pose of the person
+  std::vector<std::string> validation_cameras;              ///< that choose among weights, never the final score; may be empty
+  std::vector<int> validation_frames;
 };
 
 /// Everything not held out is trained on, or of the cameras only `train_cameras` when they are given; the others are then used

@@ -57,8 +57,13 @@ void WriteRunConfig(const RunConfig& config, const std::string& path) {
        {{"train_cameras", config.split.train_cameras},
         {"train_frames", config.split.train_frames},
         {"holdout_cameras", config.split.holdout_cameras},
-        {"holdout_frames", config.split.holdout_frames}}},
-      {"template", {{"girth", girth}, {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()}}}};
+        {"holdout_frames", config.split.holdout_frames},
+        {"validation_cameras", config.split.validation_cameras},
+        {"validation_frames", config.split.validation_frames}}},
+      {"template",
+       {{"girth", girth},
+        {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()},
+        {"iuv", config.pack.iuv}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
 }
 
@@ -79,10 +84,15 @@ RunConfig ReadRunConfig(const std::string& path) {
   config.split.train_frames = Get<std::vector<int>>(json, path, "/split/train_frames");
   config.split.holdout_cameras = Get<std::vector<std::string>>(json, path, "/split/holdout_cameras");
   config.split.holdout_frames = Get<std::vector<int>>(json, path, "/split/holdout_frames");
+  if (json.contains(Json::json_pointer("/split/validation_cameras"))) {
+    config.split.validation_cameras = Get<std::vector<std::string>>(json, path, "/split/validation_cameras");
+    config.split.validation_frames = Get<std::vector<int>>(json, path, "/split/validation_frames");
+  }
   if (config.split.train_cameras.empty()) throw FormatError(path, "/split/train_cameras", "is empty");
   if (config.split.train_frames.empty()) throw FormatError(path, "/split/train_frames", "is empty");
   for (int g = 0; g < kNumGirthGroups; ++g)
     config.shape.girth[g] = Get<double>(json, path, std::string("/template/girth/") + kGirthNames[g]);
+  if (json.contains(Json::json_pointer("/template/iuv"))) config.pack.iuv = Get<std::string>(json, path, "/template/iuv");
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;
   config.pack.cameras = config.split.train_cameras;

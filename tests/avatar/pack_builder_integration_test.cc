@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "avatar/io/iuv.h"
 #include "avatar/io/pack_builder.h"
 #include "avatar/io/run_config.h"
 #include "core/error.h"
@@ -145,6 +146,49 @@ TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_EQ(a.shape.girth, b.shape.girth);
 }
 
+/// The fixture's pictures hold part and coordinates as colours: turned into DensePose's files, they must give the template's
+/// maps.
+TEST_F(PackBuilder, DensePoseMapsReplaceTheTemplate) {
+  const std::string folder = folder_.path() + "/iuv";
+  for (const auto& camera : data_.rig.cameras) {
+    for (int frame = 0; frame < 6; ++frame) {
+      const std::string& name = camera.camera.name;
+      const Image picture = dataset::ReadImage(data_.ImagePath(name, frame)),
+                  mask = dataset::ReadImage(data_.MaskPath(name, frame));
+      Image iuv(picture.width, picture.height, 3);
+      for (size_t i = 0; i < iuv.pixels.size(); i += 3) {
+        if (mask.pixels[i] == 0) continue;
+        const uint8_t part = picture.pixels[i] / 10, u = picture.pixels[i + 1], v = picture.pixels[i + 2];
+        const bool blue_first = name != "00_01";  // both orders of channels
+        iuv.pixels[i] = blue_first ? v : part, iuv.pixels[i + 1] = u, iuv.pixels[i + 2] = blue_first ? part : v;
+      }
+      if (frame < 5 || name != "00_02") dataset::WriteImage(iuv, IuvPath(folder, name, data_.ImagePath(name, frame)));
+    }
+  }
+  PackOptions options;
+  options.size_px = 96, options.fit_shape = false;
+  const PackResult posed = BuildPack(data_, options, {});
+  options.iuv = folder;
+  const PackResult labelled = BuildPack(data_, options, {});
+  EXPECT_THAT(labelled.skipped, ElementsAre(AllOf(HasSubstr("camera 00_02, frame 5"), HasSubstr("no IUV map"))));
+  ASSERT_EQ(labelled.pack.size(), posed.pack.size() - 1);
+  EXPECT_GT(labelled.template_iou, 0.97) << "they are cut from the same mask";
+  const at::Tensor kept = (posed.pack.camera_idx != 2).logical_or(posed.pack.frame != 5).nonzero().squeeze(1);
+  const at::Tensor part = posed.pack.part.index_select(0, kept), uv = posed.pack.uv.index_select(0, kept);
+  const at::Tensor person = (part > 0).logical_and(labelled.pack.part > 0),
+                   same = part.eq(labelled.pack.part).logical_and(person);
+  EXPECT_GT(same.sum().item<double>() / person.sum().item<double>(), 0.9);
+  const at::Tensor difference = (labelled.pack.uv - uv).abs().amax(1).masked_select(same);
+  EXPECT_LT(difference.median().item<double>(), 0.05);
+
+  const std::string first = IuvPath(folder, "00_00", data_.ImagePath("00_00", 0));
+  dataset::WriteImage(Image(160, 160, 3, 90), first);
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }),
+              AllOf(HasSubstr(first), HasSubstr("parts 0 to 24")));
+  dataset::WriteImage(Image(80, 80, 3, 0), first);
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), HasSubstr("80x80"));
+}
+
 TEST(RunConfig, SurvivesARoundTrip) {
   const TemporaryFolder folder("run_config");
   RunConfig config;
@@ -153,7 +197,8 @@ TEST(RunConfig, SurvivesARoundTrip) {
   config.half_extent_m = 1.2345678901234567;
   config.shape.girth = {1.1, 0.9, 1.3, 1};
   config.template_iou = 0.83;
-  config.split = {{"00_00"}, {"00_01"}, {1, 2}, {3}};
+  config.split = {{"00_00"}, {"00_01"}, {1, 2}, {3}, {"00_02"}, {4, 5}};
+  config.pack.iuv = "/data/iuv";
   const std::string path = folder.path() + "/config.json";
   WriteRunConfig(config, path);
   const RunConfig read = ReadRunConfig(path);
@@ -163,6 +208,9 @@ TEST(RunConfig, SurvivesARoundTrip) {
   EXPECT_EQ(read.shape.girth, config.shape.girth);
   EXPECT_EQ(read.split.holdout_cameras, config.split.holdout_cameras);
   EXPECT_EQ(read.split.holdout_frames, config.split.holdout_frames);
+  EXPECT_EQ(read.split.validation_cameras, config.split.validation_cameras);
+  EXPECT_EQ(read.split.validation_frames, config.split.validation_frames);
+  EXPECT_EQ(read.pack.iuv, config.pack.iuv);
   EXPECT_EQ(read.pack.frames, config.split.train_frames);
   EXPECT_EQ(read.pack.size_px, 96);
   EXPECT_EQ(read.template_iou, 0.83);
@@ -173,7 +221,7 @@ TEST(RunConfig, DamagedFilesAreNamedWithTheirPlace) {
   const std::string path = folder.path() + "/config.json";
   RunConfig config;
   config.half_extent_m = 1;
-  config.split = {{"00_00"}, {}, {1}, {}};
+  config.split = {{"00_00"}, {}, {1}, {}, {}, {}};
   WriteRunConfig(config, path);
   const std::string good = ReadFile(path);
   WriteFileAtomic(path, good.substr(0, good.size() / 2));

@@ -1,0 +1,137 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/files.h"
+#include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/run_cli.h"
+
+/// `avatar train` as a program: splits, validation, pictures, transfer, several processes.
+namespace mvstudio {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using testing::CliRun;
+using ::testing::HasSubstr;
+using testing::RunCli;
+
+class AvatarTrain : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new testing::TempDir();
+    avatar::WriteMannequinDataset(*folder_ / "data", 4, 8, 96);
+  }
+  static void TearDownTestSuite() { delete folder_; }
+
+  static std::string data() { return *folder_ / "data"; }
+  static std::string out(const std::string& name) { return *folder_ / name; }
+  static CliRun Train(const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"avatar",
+                                      "train",
+                                      data(),
+                                      "--out",
+                                      out(name),
+                                      "--json",
+                                      "--threads",
+                                      "2",
+                                      "--size",
+                                      "32",
+                                      "--width",
+                                      "4",
+                                      "--downs",
+                                      "2",
+                                      "--encoder-blocks",
+                                      "1",
+                                      "--decoder-blocks",
+                                      "1",
+                                      "--no-fit-shape",
+                                      "--init-steps",
+                                      "4",
+                                      "--steps",
+                                      "8",
+                                      "--save-every",
+                                      "4"};
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCli(words);
+  }
+
+  static testing::TempDir* folder_;
+};
+testing::TempDir* AvatarTrain::folder_ = nullptr;
+
+TEST_F(AvatarTrain, TakesASplitFileAndNothingBesideIt) {
+  const std::string split = out("split.json");
+  ASSERT_EQ(RunCli({"dataset", "split", data(), "--test-cameras", "00_03", "--test-frames", "6-7", "--validation-cameras",
+                    "00_02", "--validation-frames", "4-5", "--out", split})
+                .exit,
+            0);
+  const CliRun run = Train("split", {"--split", split, "--patience", "1", "--learning-rate", "0", "--texture-learning-rate",
+                                     "0", "--save-every", "2", "--picture-every", "6"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const auto metrics = run.Json()["metrics"];
+  EXPECT_EQ(metrics["train"]["frames"], 4);
+  EXPECT_EQ(metrics["best_step"], 6) << "without learning the first check is the best";
+  EXPECT_EQ(metrics["steps"], 8);
+  EXPECT_EQ(metrics["ended_early"], true);
+  EXPECT_TRUE(fs::exists(out("split") + "/pictures/step_000006.png"));
+  const auto config = nlohmann::json::parse(testing::Slurp(out("split") + "/config.json"))["split"];
+  EXPECT_EQ(config["holdout_cameras"], nlohmann::json({"00_03"}));
+  EXPECT_EQ(config["validation_frames"], nlohmann::json({4, 5}));
+  const CliRun again = RunCli({"avatar", "resume", out("split"), "--json", "--patience", "50"});
+  ASSERT_EQ(again.exit, 0) << again.err;
+  EXPECT_EQ(again.Json()["metrics"]["steps"], 12);
+
+  const CliRun both = Train("both", {"--split", split, "--holdout-cameras", "00_03"});
+  EXPECT_EQ(both.exit, 2);
+  EXPECT_THAT(both.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--split"));
+  EXPECT_EQ(Train("both", {"--split", split, "--validate-camera", "00_00"}).exit, 2);
+  EXPECT_EQ(Train("both", {"--split", data() + "/calibration_test.json"}).exit, 3);
+}
+
+TEST_F(AvatarTrain, AValidationCameraIsNotTrainedOn) {
+  const CliRun run = Train("camera", {"--validate-camera", "00_01", "--ema", "0.9"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const auto config = nlohmann::json::parse(testing::Slurp(out("camera") + "/config.json"))["split"];
+  EXPECT_EQ(config["train_cameras"], nlohmann::json({"00_00", "00_02", "00_03"}));
+  EXPECT_EQ(config["validation_cameras"], nlohmann::json({"00_01"}));
+  EXPECT_THAT(testing::Slurp(out("camera") + "/history.csv"), HasSubstr("8,validation"));
+  EXPECT_EQ(Train("none", {"--patience", "2"}).exit, 2);
+  EXPECT_EQ(Train("none", {"--validate-camera", "nobody"}).exit, 2);
+  EXPECT_EQ(Train("none", {"--amp", "--device", "cpu"}).exit, 2);
+}
+
+TEST_F(AvatarTrain, BeginsWithAnotherAvatarsNetwork) {
+  ASSERT_EQ(Train("first", {}).exit, 0);
+  const std::vector<std::string> few = {"avatar",         "train",      data(),   "--out",           out("second"),
+                                        "--init-from",    out("first"), "--json", "--train-cameras", "00_00",
+                                        "--no-fit-shape", "--size",     "32",     "--steps",         "3"};
+  const CliRun run = RunCli(few);
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["steps"], 3) << "no initialisation";
+  EXPECT_EQ(run.Json()["metrics"]["num_parameters"],
+            RunCli({"avatar", "info", out("first"), "--json"}).Json()["metrics"]["num_parameters"]);
+  std::vector<std::string> wider = few;
+  wider.insert(wider.end(), {"--overwrite", "--width", "6"});
+  const CliRun refused = RunCli(wider);
+  EXPECT_EQ(refused.exit, 2);
+  EXPECT_THAT(refused.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--width 6"));
+}
+
+TEST_F(AvatarTrain, SeveralProcessesTrainOneAvatar) {
+  const CliRun run = Train("ranks", {"--ranks", "2"});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["ranks"], 2);
+  EXPECT_EQ(run.Json()["metrics"]["steps"], 12);
+  for (const auto& entry : fs::directory_iterator(out("ranks")))
+    EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
+  const CliRun more = RunCli({"avatar", "resume", out("ranks"), "--steps", "10", "--ranks", "2", "--json", "--threads", "2"});
+  ASSERT_EQ(more.exit, 0) << more.err;
+  EXPECT_EQ(more.Json()["metrics"]["steps"], 14);
+  EXPECT_EQ(Train("none", {"--ranks", "2", "--rank", "1"}).exit, 2);
+  EXPECT_EQ(Train("none", {"--rank", "2", "--world-size", "2", "--rendezvous", out("meet")}).exit, 2);
+}
+
+}  // namespace
+}  // namespace mvstudio
