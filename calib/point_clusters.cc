@@ -13,8 +13,11 @@ namespace {
 
 /// Normal equations of the cameras and lenses alone; nothing where an observation does not project.
 bool ReducedAt(const PointScene& scene, const std::vector<PointObservation>& observations, const PointBundleOptions& options,
-               ReducedSystem* out) {
+               ReducedSystem* out, std::vector<int>* camera_columns = nullptr) {
   PointProblem problem(scene, observations, options, PointProblem::Blocks::kPoints, 0);
+  for (size_t c = 0; camera_columns && c < scene.cam_from_world.size(); ++c) {
+    if (problem.camera_column(static_cast<int>(c)) >= 0) camera_columns->push_back(problem.camera_column(static_cast<int>(c)));
+  }
   SchurSystem system;
   problem.AllocateSystem(&system);
   problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(3, system.num_blocks()));
@@ -43,6 +46,29 @@ std::vector<std::vector<PointObservation>> Clusters(const PointScene& scene, con
   }
   for (auto& [cube, inside] : cubes) clusters.push_back(std::move(inside));
   return clusters;
+}
+
+struct SandwichSums {
+  Eigen::MatrixXd found, expected;  ///< covariance of the unknowns by clusters, and what independent errors would give
+};
+
+void Add(const ReducedSystem& own, const Eigen::MatrixXd& covariance, SandwichSums* sums) {
+  const Eigen::VectorXd moved = covariance * own.g;
+  const Eigen::MatrixXd share = covariance * own.h, alone = share * covariance;
+  sums->found += moved * moved.transpose();
+  sums->expected += alone - share * alone;
+}
+
+/// Largest over the cameras of trace(C^-1 found) / trace(C^-1 expected), C being the covariance of the camera's pose.
+double LargestRatio(const SandwichSums& sums, const Eigen::MatrixXd& covariance, const std::vector<int>& cameras) {
+  double largest = 0;
+  for (const int c : cameras) {
+    const Eigen::LDLT<Eigen::MatrixXd> pose(covariance.block<6, 6>(c, c));
+    const double found = pose.solve(sums.found.block<6, 6>(c, c)).trace(),
+                 expected = pose.solve(sums.expected.block<6, 6>(c, c)).trace();
+    if (expected > 0 && std::isfinite(found)) largest = std::max(largest, found / expected);
+  }
+  return largest;
 }
 
 }  // namespace
@@ -76,25 +102,23 @@ ClusterInflation InflationByClusters(const PointScene& scene, const std::vector<
   PointBundleOptions scaled = options;
   if (scaled.distance) scaled.distance->sigma /= sigma_px;
   ReducedSystem all;
-  if (!ReducedAt(scene, observations, scaled, &all) || all.g.size() == 0) return best;
-  const Eigen::LDLT<Eigen::MatrixXd> solver(all.h);
+  std::vector<int> cameras;
+  if (!ReducedAt(scene, observations, scaled, &all, &cameras) || all.g.size() == 0 || cameras.empty()) return best;
+  const Eigen::MatrixXd covariance = all.h.ldlt().solve(Eigen::MatrixXd::Identity(all.h.rows(), all.h.cols()));
   scaled.distance.reset();  // an observation of its own, with no residual
-  const double extent = SceneSide(scene, observations, options);
-  if (!(extent > 0) || !std::isfinite(extent)) return best;
-  constexpr int kFewest = 12;
+  const double side = SceneSide(scene, observations, options);
+  if (!(side > 0) || !std::isfinite(side)) return best;
+  constexpr int kFewest = 40;  // the largest of several cameras' ratios is too large by chance with fewer
   for (const double parts : {2.0, 4.0, 8.0, 16.0}) {
-    const auto clusters = Clusters(scene, observations, options, extent / parts);
+    const auto clusters = Clusters(scene, observations, options, side / parts);
     if (static_cast<int>(clusters.size()) < kFewest) continue;
-    double trace = 0, expected = 0;
+    SandwichSums sums = {Eigen::MatrixXd::Zero(all.h.rows(), all.h.cols()), Eigen::MatrixXd::Zero(all.h.rows(), all.h.cols())};
     for (const std::vector<PointObservation>& cluster : clusters) {
       ReducedSystem own;
       if (!ReducedAt(scene, cluster, scaled, &own)) return best;
-      const Eigen::MatrixXd share = solver.solve(own.h);
-      trace += own.g.dot(solver.solve(own.g));
-      expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
+      Add(own, covariance, &sums);
     }
-    const double upper = 1 + std::sqrt(2 / static_cast<double>(clusters.size()));
-    const double factor = expected > 0 ? upper * trace / (sigma_px * sigma_px * expected) : 1;
+    const double factor = LargestRatio(sums, covariance, cameras) / (sigma_px * sigma_px);
     if (factor > best.factor) best = {factor, static_cast<int>(clusters.size())};
   }
   return best;

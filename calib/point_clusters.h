@@ -20,11 +20,11 @@ Cube CubeOf(const Eigen::Vector3d& x, double cell);
 ///
 /// The cluster-robust ("sandwich") covariance H^-1 (sum_g s_g s_g^T) H^-1 (Liang and Zeger, "Longitudinal data analysis using
 /// generalized linear models", Biometrika 1986) is compared with H^-1, where H are the normal equations with the points
-/// eliminated and s_g what the points of cluster g contribute to their right-hand side: the factor is trace(H^-1 sum_g s_g
-/// s_g^T) over what independent errors give, sum_g trace(H^-1 H_g - (H^-1 H_g)^2) (after Bell and McCaffrey, "Bias reduction in
-/// standard errors", Survey Methodology 2002). Clusters are cubes of the space that the free points fill, from half of its
-/// side to a sixteenth; the largest factor counts, each raised by its own standard error, sqrt(2 / clusters) of it, as that of
-/// a mean of so many squares. Observations of fixed points stay independent.
+/// eliminated and s_g what the points of cluster g contribute to their right-hand side. For a camera whose pose has the
+/// covariance C in H^-1 the factor is the trace of C^-1 times its block, over the same trace of what independent errors give,
+/// sum_g H^-1 H_g H^-1 - H^-1 H_g H^-1 H_g H^-1 (after Bell and McCaffrey, "Bias reduction in standard errors", Survey
+/// Methodology 2002). Clusters are cubes of the space that the free points fill, from half of its side to a sixteenth, where
+/// that makes at least 40; the largest factor of any camera counts. Observations of fixed points stay independent.
 struct ClusterInflation {
   double factor = 1;     ///< of the variances, at least 1; 1 when there are too few clusters to tell
   int num_clusters = 0;  ///< that gave it

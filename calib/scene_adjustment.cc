@@ -80,7 +80,7 @@ SceneAdjustment PrepareAdjustment(const ColmapScene& scene, const std::vector<Sc
 bool OwnLensesPay(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
                   double feature_sigma_px, int num_threads) {
   const SceneAdjustment start = PrepareAdjustment(scene, images, options, false, num_threads);
-  constexpr double kCubesPerSide = 8, kWorthwhile = 0.02;
+  constexpr double kCubesPerSide = 8, kWorthwhile = 0.1;
   const double cell = SceneSide(start.scene, start.observations, start.options) / kCubesPerSide;
   if (!(cell > 0) || !std::isfinite(cell)) return false;
   std::map<Cube, double> gains;

@@ -21,8 +21,9 @@ SceneAdjustment PrepareAdjustment(const ColmapScene& scene, const std::vector<Sc
 /// True when lenses that are not known are better not shared: cameras and lenses are adjusted to every second cube of the
 /// scene, with shared and with own lenses, and judged on the points of the other cubes, then the other way round. Own lenses
 /// are taken when the sum of squared residuals (cut off at the rejection limit) is lower by three standard errors of the
-/// difference. Cubes, not points, are the unit of both: neighbouring features do not err independently (see ClusterInflation).
-/// `scene` is the solution with shared lenses.
+/// difference, and by a tenth in either half: features err with the direction they are seen from, which lenses of one's own
+/// mimic to some hundredths, while focal lengths that differ by 0.1 % already make that much. Cubes, not points, are the unit:
+/// neighbouring features do not err independently (see ClusterInflation). `scene` is the solution with shared lenses.
 bool OwnLensesPay(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
                   double feature_sigma_px, int num_threads);
 
