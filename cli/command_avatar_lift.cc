@@ -30,7 +30,7 @@ struct TrainArguments {
 
 struct ApplyArguments {
   std::string pose2d, lifter, calib, camera, out, skeleton = "body25", truth;
-  double height_m = 0, min_score = 0.2;
+  double height_m = 0, min_score = 0.2, smooth = 0;
   int stride = 1;
   bool level = true;
 };
@@ -211,6 +211,7 @@ void AddStatuses(const std::map<int, LiftedFrame>& frames, CommandResult* result
 }
 
 CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
+  if (!(arguments.smooth >= 0 && arguments.smooth <= 100)) throw UsageError("--smooth must be 0 to 100");
   if (arguments.stride < 1) throw UsageError("--stride must be 1 or more");
   const avatar::Lifter lifter = avatar::LoadLifter(arguments.lifter);
   const geometry::Rig rig = ReadCalibrationFiles({arguments.calib}, {}).rig;
@@ -227,7 +228,8 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   std::optional<Eigen::Vector3d> up;
   if (arguments.level) up = camera.cam_from_world.rotation * Eigen::Vector3d::UnitZ();
   const auto inputs = avatar::LiftInputs(ReadViews(arguments, camera.camera), arguments.stride, up);
-  const auto frames = avatar::LiftTake(lifter, inputs, size_m, PinholeOf(camera.camera).fx());
+  auto frames = avatar::LiftTake(lifter, inputs, size_m, PinholeOf(camera.camera).fx());
+  avatar::SmoothTake(arguments.smooth, &frames);
   WritePose3d(avatar::ToPose3d(frames, camera.cam_from_world, lifter.sigma_m), arguments.out);
   result.metrics["size_m"] = size_m;
   AddStatuses(frames, &result);
@@ -274,6 +276,8 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
       ->capture_default_str();
   sub->add_option("--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
   sub->add_option("--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
+      ->capture_default_str();
+  sub->add_option("--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")
       ->capture_default_str();
   sub->add_flag("--level,!--no-level", a->level, "the calibration's z axis points up; off: the picture's upper edge is up")
       ->capture_default_str();

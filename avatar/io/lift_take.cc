@@ -130,6 +130,23 @@ std::map<int, LiftedFrame> LiftTake(const Lifter& lifter, const std::map<int, Li
   return frames;
 }
 
+void SmoothTake(double sigma_frames, std::map<int, LiftedFrame>* frames) {
+  if (!(sigma_frames > 0)) return;
+  const std::map<int, LiftedFrame> given = *frames;
+  const int reach = static_cast<int>(std::ceil(3 * sigma_frames));
+  for (auto& [number, frame] : *frames) {
+    if (frame.status != Status::kOk) continue;
+    LiftJoints sum = LiftJoints::Zero();
+    double weights = 0;
+    for (auto it = given.lower_bound(number - reach); it != given.end() && it->first <= number + reach; ++it) {
+      if (it->second.status != Status::kOk) continue;
+      const double d = (it->first - number) / sigma_frames, weight = std::exp(-0.5 * d * d);
+      sum += weight * it->second.x_in_cam, weights += weight;
+    }
+    frame.x_in_cam = sum / weights;
+  }
+}
+
 dataset::Pose3d ToPose3d(const std::map<int, LiftedFrame>& frames, const geometry::Rigid3& cam_from_world, double sigma_m) {
   const geometry::Rigid3 world_from_cam = Inverse(cam_from_world);
   dataset::Pose3d pose;

@@ -23,6 +23,10 @@ struct LiftedFrame {
 std::map<int, LiftedFrame> LiftTake(const Lifter& lifter, const std::map<int, LiftInput>& inputs, double size_m,
                                     double focal_px);
 
+/// Means over time, weighted by a Gaussian of `sigma_frames` frames, of neighbours that are Ok; 0 changes nothing. Only the
+/// place and the pose of frames that are Ok themselves.
+void SmoothTake(double sigma_frames, std::map<int, LiftedFrame>* frames);
+
 /// Joints in world as a table of the coco19 skeleton, person 0, sigma_m of the lifter for every joint.
 dataset::Pose3d ToPose3d(const std::map<int, LiftedFrame>& frames, const geometry::Rigid3& cam_from_world, double sigma_m);
 

@@ -289,6 +289,19 @@ TEST(Lifter, FramesWithoutJointsAreRefusedEachByItself) {
   EXPECT_TRUE(LiftTake(lifter, {}, 1.2, 600).empty());
 }
 
+TEST(Lifter, SmoothingKeepsEvenMotionAndStillsTrembling) {
+  std::map<int, LiftedFrame> frames;
+  for (int f = 0; f < 40; ++f) frames[f].x_in_cam.setConstant(0.1 * f + (f % 2 ? 0.02 : -0.02));
+  frames[17].status = Status::kTooFewViews, frames[17].x_in_cam.setConstant(1e6);
+  auto smooth = frames;
+  SmoothTake(0, &smooth);
+  EXPECT_EQ(smooth.at(5).x_in_cam, frames.at(5).x_in_cam);
+  SmoothTake(2, &smooth);
+  EXPECT_NEAR(smooth.at(30).x_in_cam(1, 7), 3.0, 1e-3);  // a Gaussian of 2 frames leaves e^-20 of the trembling; its ends more
+  EXPECT_LT(std::abs(smooth.at(16).x_in_cam(0, 0) - 1.6), 0.1);
+  EXPECT_EQ(smooth.at(17).x_in_cam(0, 0), 1e6);
+}
+
 TEST(Lifter, FilesAreReadBackAndDamageIsRefused) {
   TempDir folder;
   const std::string path = folder / "lifter.safetensors";
