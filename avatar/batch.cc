@@ -37,9 +37,9 @@ void FillTheta(const Jitter& j, int size_px, float* theta) {
   for (int i = 0; i < 6; ++i) theta[i] = static_cast<float>(rows[i]);
 }
 
-void MoveJoints(const Jitter& j, int size_px, float* joints) {
+void MoveJoints(const Jitter& j, int size_px, int64_t num_joints, float* joints) {
   const double centre = 0.5 * (size_px - 1);
-  for (int64_t k = 0; k < kNumJoints; ++k) {
+  for (int64_t k = 0; k < num_joints; ++k) {
     const double x = joints[2 * k] - centre, y = joints[2 * k + 1] - centre;
     joints[2 * k] = static_cast<float>(j.scale * (j.cosine * x - j.sine * y) + centre + j.shift_x_px);
     joints[2 * k + 1] = static_cast<float>(j.scale * (j.sine * x + j.cosine * y) + centre + j.shift_y_px);
@@ -57,7 +57,7 @@ void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_
   for (int64_t i = 0; i < count; ++i) {
     const Jitter j = DrawJitter(options, size_px, random);
     FillTheta(j, size_px, theta.data_ptr<float>() + 6 * i);
-    MoveJoints(j, size_px, joints_px.data_ptr<float>() + 2 * kNumJoints * i);
+    MoveJoints(j, size_px, joints_px.size(1), joints_px.data_ptr<float>() + 2 * joints_px.size(1) * i);
   }
   const at::Tensor grid = at::affine_grid_generator(theta, {count, 1, size_px, size_px}, false);
   const at::Tensor smooth = at::grid_sampler_2d(at::cat({batch.image, batch.mask.unsqueeze(1)}, 1), grid, 0, 0, false);

@@ -14,9 +14,11 @@ namespace {
 
 void CheckInputs(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid) {
   const int64_t batch = joints_px.size(0);
-  MVS_CHECK(joints_px.sizes() == at::IntArrayRef({batch, 19, 2}), "joints_px must be (B, 19, 2), it is " << joints_px.sizes());
-  MVS_CHECK(depth.sizes() == at::IntArrayRef({batch, 19}) && valid.sizes() == depth.sizes() && valid.scalar_type() == at::kBool,
-            "depth and valid must be (B, 19), valid bool");
+  MVS_CHECK(joints_px.dim() == 3 && IsJointList(joints_px.size(1)) && joints_px.size(2) == 2,
+            "joints_px must be (B, J, 2) with J = 19, 25, 131 or 137, it is " << joints_px.sizes());
+  MVS_CHECK(depth.sizes() == at::IntArrayRef({batch, joints_px.size(1)}) && valid.sizes() == depth.sizes() &&
+                valid.scalar_type() == at::kBool,
+            "depth and valid must be (B, J) like joints_px, valid bool");
   const at::Tensor good = at::isfinite(joints_px).all(2).logical_and(at::isfinite(depth)).logical_or(valid.logical_not());
   MVS_CHECK(good.all().item<bool>(), "a valid joint is not finite (pose "
                                          << good.all(1).logical_not().nonzero()[0].item<int64_t>()
@@ -32,7 +34,7 @@ struct Segment {
   float ax, ay, bx, by, depth_a, depth_b;
 };
 
-/// Draws one bone into its (H, W) map, touching its bounding box only.
+/// Draws one line into its (H, W) map, touching its bounding box only.
 void DrawBone(const Segment& s, int64_t height, int64_t width, float half_width, const DepthRange& range, float* map) {
   const float reach = half_width + 1.0f;
   const auto low = [reach](float a, float b) { return std::floor(std::min(a, b) - reach); };
@@ -51,9 +53,41 @@ void DrawBone(const Segment& s, int64_t height, int64_t width, float half_width,
       const float cover = std::clamp(reach - distance, 0.0f, 1.0f);
       if (cover <= 0) continue;
       const float value = BoneValue(s.depth_a + t * (s.depth_b - s.depth_a), range);
-      map[y * width + x] = kBoneBackground + cover * (value - kBoneBackground);
+      float& pixel = map[y * width + x];
+      pixel = std::max(pixel, kBoneBackground + cover * (value - kBoneBackground));
     }
   }
+}
+
+bool InList(const BoneLine& line, int64_t num_joints) {
+  return std::all_of(line.needs.begin(), line.needs.end(), [&](int j) { return j < num_joints; });
+}
+
+/// (B, H, W): all lines of one map.
+at::Tensor MapTensor(const InputMap& map, const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid,
+                     int64_t height, int64_t width, double half_width_px, const DepthRange& range) {
+  at::Tensor out = at::full({joints_px.size(0), height, width}, kBoneBackground, joints_px.options().dtype(at::kFloat));
+  const auto column = [](const at::Tensor& x) { return x.unsqueeze(-1).unsqueeze(-1); };  // (B) -> (B, 1, 1)
+  for (const BoneLine& line : map.lines) {
+    if (!InList(line, joints_px.size(1))) continue;
+    at::Tensor drawn = valid.select(1, line.a);
+    for (const int j : line.needs) drawn = drawn.logical_and(valid.select(1, j));
+    const auto joint = [&](int j) {
+      return at::where(drawn.unsqueeze(-1), joints_px.select(1, j), at::zeros({}, joints_px.options()));
+    };
+    const at::Tensor start = joint(line.a), end = joint(line.b);
+    const at::Tensor dx = column((end - start).select(1, 0)), dy = column((end - start).select(1, 1));
+    const at::Tensor px = at::arange(width, joints_px.options()).view({1, 1, width}) - column(start.select(1, 0));
+    const at::Tensor py = at::arange(height, joints_px.options()).view({1, height, 1}) - column(start.select(1, 1));
+    const at::Tensor t = ((px * dx + py * dy) / (dx * dx + dy * dy).clamp_min(1e-12)).clamp(0, 1);
+    const at::Tensor distance = at::hypot(px - t * dx, py - t * dy);
+    const at::Tensor cover = (half_width_px + 1 - distance).clamp(0, 1) * column(drawn).to(joints_px.dtype());
+    const at::Tensor depth_a = column(depth.select(1, line.a)), depth_b = column(depth.select(1, line.b));
+    const at::Tensor share = ((depth_a + t * (depth_b - depth_a) - range.near_m) / (range.far_m - range.near_m)).clamp(0, 1);
+    const at::Tensor value = kBoneNear + (kBoneFar - kBoneNear) * at::nan_to_num(share);
+    out = at::maximum(out, (kBoneBackground + cover * (value - kBoneBackground)).to(at::kFloat));
+  }
+  return out;
 }
 
 }  // namespace
@@ -61,14 +95,16 @@ void DrawBone(const Segment& s, int64_t height, int64_t width, float half_width,
 at::Tensor BoneDepth(const at::Tensor& joints_in_cam, const at::Tensor& valid, bool relative) {
   const at::Tensor depth = joints_in_cam.select(2, 2);
   if (!relative) return depth;
-  const at::Tensor weight = valid.to(depth.dtype());
-  const at::Tensor mean = (depth * weight).sum(1) / weight.sum(1).clamp_min(1);
-  const at::Tensor centre = at::where(valid.select(1, 2), depth.select(1, 2), mean);
+  const int body = NumBodyJoints(depth.size(1)), center = CenterJoint(depth.size(1));
+  const at::Tensor weight = valid.slice(1, 0, body).to(depth.dtype());
+  const at::Tensor mean = (depth.slice(1, 0, body) * weight).sum(1) / weight.sum(1).clamp_min(1);
+  const at::Tensor centre = at::where(valid.select(1, center), depth.select(1, center), mean);
   return depth - centre.unsqueeze(1);
 }
 
 DepthRange ChooseDepthRange(const at::Tensor& depth, const at::Tensor& valid) {
-  const at::Tensor values = std::get<0>(depth.masked_select(valid).to(at::kDouble).sort());
+  const int body = NumBodyJoints(depth.size(1));
+  const at::Tensor values = std::get<0>(depth.slice(1, 0, body).masked_select(valid.slice(1, 0, body)).to(at::kDouble).sort());
   const int64_t count = values.size(0);
   MVS_CHECK(count > 0, "no valid joints");
   const double low = values[(count - 1) / 100].item<double>(), high = values[count - 1 - (count - 1) / 100].item<double>();
@@ -81,27 +117,20 @@ double BoneHalfWidth(double at_512_px, int64_t size_px) {
   return std::max(1.0, at_512_px * static_cast<double>(size_px) / 512.0);
 }
 
+at::Tensor RasterizeMapsTensor(const std::vector<InputMap>& maps, const at::Tensor& joints_px, const at::Tensor& depth,
+                               const at::Tensor& valid, int64_t height, int64_t width, double half_width_px,
+                               const DepthRange& range) {
+  CheckInputs(joints_px, depth, valid);
+  std::vector<at::Tensor> drawn;
+  for (const InputMap& map : maps)
+    drawn.push_back(
+        MapTensor(map, joints_px, depth, valid, height, width, map.thin ? half_width_px / 2 : half_width_px, range));
+  return at::stack(drawn, 1);
+}
+
 at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
                                 int64_t width, double half_width_px, const DepthRange& range) {
-  CheckInputs(joints_px, depth, valid);
-  std::vector<int64_t> from, to;
-  for (const auto& bone : kBones) from.push_back(bone.first), to.push_back(bone.second);
-  const auto options = at::TensorOptions().device(joints_px.device());
-  const at::Tensor a = at::tensor(from, options.dtype(at::kLong)), b = at::tensor(to, options.dtype(at::kLong));
-  const auto column = [](const at::Tensor& x) { return x.unsqueeze(-1).unsqueeze(-1); };  // (B, 18) -> (B, 18, 1, 1)
-  const at::Tensor drawn = valid.index_select(1, a).logical_and(valid.index_select(1, b));
-  const at::Tensor start = at::where(drawn.unsqueeze(-1), joints_px.index_select(1, a), at::zeros({}, joints_px.options()));
-  const at::Tensor end = at::where(drawn.unsqueeze(-1), joints_px.index_select(1, b), at::zeros({}, joints_px.options()));
-  const at::Tensor dx = column((end - start).select(2, 0)), dy = column((end - start).select(2, 1));
-  const at::Tensor px = at::arange(width, joints_px.options()).view({1, 1, 1, width}) - column(start.select(2, 0));
-  const at::Tensor py = at::arange(height, joints_px.options()).view({1, 1, height, 1}) - column(start.select(2, 1));
-  const at::Tensor t = ((px * dx + py * dy) / (dx * dx + dy * dy).clamp_min(1e-12)).clamp(0, 1);
-  const at::Tensor distance = at::hypot(px - t * dx, py - t * dy);
-  const at::Tensor cover = (half_width_px + 1 - distance).clamp(0, 1) * column(drawn).to(joints_px.dtype());
-  const at::Tensor depth_a = column(depth.index_select(1, a)), depth_b = column(depth.index_select(1, b));
-  const at::Tensor share = ((depth_a + t * (depth_b - depth_a) - range.near_m) / (range.far_m - range.near_m)).clamp(0, 1);
-  const at::Tensor value = kBoneNear + (kBoneFar - kBoneNear) * at::nan_to_num(share);
-  return (kBoneBackground + cover * (value - kBoneBackground)).to(at::kFloat);
+  return RasterizeMapsTensor(LayoutOf(kNumBones).maps, joints_px, depth, valid, height, width, half_width_px, range);
 }
 
 at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height,
@@ -117,28 +146,36 @@ at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_c
   return cover * at::nan_to_num(at::stack(slopes, 1)).unsqueeze(-1).unsqueeze(-1);
 }
 
-at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
-                          int64_t width, double half_width_px, const DepthRange& range) {
+at::Tensor RasterizeMaps(const std::vector<InputMap>& maps, const at::Tensor& joints_px, const at::Tensor& depth,
+                         const at::Tensor& valid, int64_t height, int64_t width, double half_width_px,
+                         const DepthRange& range) {
   CheckInputs(joints_px, depth, valid);
-  const int64_t batch = joints_px.size(0);
+  const int64_t batch = joints_px.size(0), num_joints = joints_px.size(1), num_maps = static_cast<int64_t>(maps.size());
   const at::Tensor px = joints_px.to(at::kCPU, at::kFloat).contiguous(), z = depth.to(at::kCPU, at::kFloat).contiguous();
   const at::Tensor ok = valid.to(at::kCPU).contiguous();
-  at::Tensor maps = at::full({batch, kNumBones, height, width}, kBoneBackground, at::kFloat);
-  const float* px_data = px.data_ptr<float>();
-  const float* z_data = z.data_ptr<float>();
-  const bool* ok_data = ok.data_ptr<bool>();
-  float* out = maps.data_ptr<float>();
-  at::parallel_for(0, batch * kNumBones, 1, [&](int64_t begin, int64_t end) {
+  at::Tensor out = at::full({batch, num_maps, height, width}, kBoneBackground, at::kFloat);
+  float* pixels = out.data_ptr<float>();
+  at::parallel_for(0, batch * num_maps, 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      const auto [a, b] = kBones[i % kNumBones];
-      const int64_t row = i / kNumBones * 19;
-      if (!ok_data[row + a] || !ok_data[row + b]) continue;
-      const float *pa = px_data + (row + a) * 2, *pb = px_data + (row + b) * 2;
-      DrawBone({pa[0], pa[1], pb[0], pb[1], z_data[row + a], z_data[row + b]}, height, width, static_cast<float>(half_width_px),
-               range, out + i * height * width);
+      const InputMap& map = maps[static_cast<size_t>(i % num_maps)];
+      const int64_t row = i / num_maps * num_joints;
+      const bool* there = ok.data_ptr<bool>() + row;
+      const float *x = px.data_ptr<float>() + 2 * row, *d = z.data_ptr<float>() + row;
+      const auto half_width = static_cast<float>(map.thin ? half_width_px / 2 : half_width_px);
+      for (const BoneLine& line : map.lines) {
+        if (!InList(line, num_joints)) continue;
+        if (!std::all_of(line.needs.begin(), line.needs.end(), [there](int j) { return there[j]; })) continue;
+        const float *a = x + 2 * line.a, *b = x + 2 * line.b;
+        DrawBone({a[0], a[1], b[0], b[1], d[line.a], d[line.b]}, height, width, half_width, range, pixels + i * height * width);
+      }
     }
   });
-  return maps.to(joints_px.device());
+  return out.to(joints_px.device());
+}
+
+at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
+                          int64_t width, double half_width_px, const DepthRange& range) {
+  return RasterizeMaps(LayoutOf(kNumBones).maps, joints_px, depth, valid, height, width, half_width_px, range);
 }
 
 }  // namespace mvstudio::avatar

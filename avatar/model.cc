@@ -72,10 +72,10 @@ at::Tensor Background(const at::Tensor& background, const at::Tensor& like) {
 }
 
 void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics) {
-  const int64_t batch = joints_in_cam.size(0);
-  MVS_CHECK(joints_in_cam.sizes() == at::IntArrayRef({batch, 19, 3}) && valid.sizes() == at::IntArrayRef({batch, 19}) &&
-                intrinsics.sizes() == at::IntArrayRef({batch, 4}),
-            "joints_in_cam must be (B, 19, 3), valid (B, 19), intrinsics (B, 4); they are "
+  const int64_t batch = joints_in_cam.size(0), joints = joints_in_cam.size(1);
+  MVS_CHECK(IsJointList(joints) && joints_in_cam.sizes() == at::IntArrayRef({batch, joints, 3}) &&
+                valid.sizes() == at::IntArrayRef({batch, joints}) && intrinsics.sizes() == at::IntArrayRef({batch, 4}),
+            "joints_in_cam must be (B, J, 3) with J = 19, 25, 131 or 137, valid (B, J), intrinsics (B, 4); they are "
                 << joints_in_cam.sizes() << ", " << valid.sizes() << ", " << intrinsics.sizes());
 }
 
@@ -127,14 +127,14 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
 
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width) {
-  const int64_t inputs = model.options.inputs;
-  MVS_CHECK(inputs == kNumBones || inputs == 2 * kNumBones,
-            "a network with " << inputs << " inputs; the 19 joints give 18 or 36");
+  const InputLayout& layout = LayoutOf(model.options.inputs);
+  MVS_CHECK(NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
+            "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
   const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
   const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
-  const at::Tensor bones = RasterizeBones(joints_px, depth, valid, height, width, half_width, model.depth);
-  if (inputs == kNumBones) return bones;
-  return at::cat({bones, RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width)}, 1);
+  const at::Tensor maps = RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth);
+  if (!layout.slopes) return maps;
+  return at::cat({maps, RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width)}, 1);
 }
 
 at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px) {

@@ -26,8 +26,8 @@ struct AvatarModel {
 /// Fresh weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where options leave it open).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
-/// Network input for a batch of poses: joints_in_cam (B, 19, 3) metres, valid (B, 19), joints_px (B, 19, 2) -> (B, inputs, H,
-/// W).
+/// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H, W).
+/// J: with the body that the inputs need (bone_lists.h); where J has no hands and face their maps are background.
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width);
 

@@ -43,7 +43,8 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("skips", o.skips,
         "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
   visit("inputs", o.inputs,
-        "input channels: 18 bones with their depth, or 36: also the share of each bone that points away from the camera");
+        "input channels: 18 bones of Panoptic's joints with their depth; 21: and both hands and the face; 24: BODY_25's bones; "
+        "27: and hands and face; 36: as 18, and the share of each bone that points away from the camera");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");

@@ -4,6 +4,7 @@
 
 #include <sstream>
 
+#include "avatar/bone_lists.h"
 #include "avatar/safetensors.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -13,21 +14,23 @@ namespace {
 
 constexpr const char* kFormat = "mvstudio.avatar_pack/1";
 
+constexpr int64_t kSize = -1, kJoints = -2;
+
 struct Field {
   const char* name;
   at::Tensor AvatarPack::*tensor;
   at::ScalarType type;
-  std::vector<int64_t> tail;  // sizes after N; -1 stands for the picture size
+  std::vector<int64_t> tail;  // sizes after N; kSize stands for the picture size, kJoints for the number of joints
 };
 
 const std::vector<Field>& Fields() {
-  static const std::vector<Field> fields = {{"images", &AvatarPack::images, at::kByte, {3, -1, -1}},
-                                            {"masks", &AvatarPack::masks, at::kByte, {-1, -1}},
-                                            {"joints_in_cam", &AvatarPack::joints_in_cam, at::kFloat, {kNumJoints, 3}},
-                                            {"joint_valid", &AvatarPack::joint_valid, at::kBool, {kNumJoints}},
+  static const std::vector<Field> fields = {{"images", &AvatarPack::images, at::kByte, {3, kSize, kSize}},
+                                            {"masks", &AvatarPack::masks, at::kByte, {kSize, kSize}},
+                                            {"joints_in_cam", &AvatarPack::joints_in_cam, at::kFloat, {kJoints, 3}},
+                                            {"joint_valid", &AvatarPack::joint_valid, at::kBool, {kJoints}},
                                             {"intrinsics", &AvatarPack::intrinsics, at::kFloat, {4}},
-                                            {"part", &AvatarPack::part, at::kByte, {-1, -1}},
-                                            {"uv", &AvatarPack::uv, at::kFloat, {2, -1, -1}},
+                                            {"part", &AvatarPack::part, at::kByte, {kSize, kSize}},
+                                            {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
                                             {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
                                             {"frame", &AvatarPack::frame, at::kLong, {}}};
   return fields;
@@ -35,10 +38,13 @@ const std::vector<Field>& Fields() {
 
 void CheckShapes(const AvatarPack& pack) {
   MVS_CHECK(pack.size_px > 0 && pack.images.defined(), "the pack is empty");
+  const bool has_joints = pack.joint_valid.defined() && pack.joint_valid.dim() == 2;
+  const int64_t num_joints = has_joints ? pack.joint_valid.size(1) : kNumJoints;
+  MVS_CHECK(IsJointList(num_joints), num_joints << " joints; lists have 19, 25, 131 or 137");
   for (const Field& field : Fields()) {
     const at::Tensor& tensor = pack.*field.tensor;
     std::vector<int64_t> shape = {pack.size()};
-    for (const int64_t size : field.tail) shape.push_back(size < 0 ? pack.size_px : size);
+    for (const int64_t size : field.tail) shape.push_back(size == kSize ? pack.size_px : size == kJoints ? num_joints : size);
     MVS_CHECK(tensor.defined() && tensor.device().is_cpu() && tensor.scalar_type() == field.type &&
                   tensor.sizes() == at::IntArrayRef(shape),
               field.name << " must be " << at::IntArrayRef(shape) << " " << field.type << " on the CPU, it is "

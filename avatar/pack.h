@@ -17,8 +17,8 @@ struct AvatarPack {
   int size_px = 0;           ///< H = W
   at::Tensor images;         ///< (N, 3, H, W) uint8, RGB
   at::Tensor masks;          ///< (N, H, W) uint8, 0 or 255: the person
-  at::Tensor joints_in_cam;  ///< (N, 19, 3) float32, metres, in cam; anything finite where joint_valid is false
-  at::Tensor joint_valid;    ///< (N, 19) bool
+  at::Tensor joints_in_cam;  ///< (N, J, 3) float32, metres, in cam; anything finite where joint_valid is false
+  at::Tensor joint_valid;    ///< (N, J) bool; J = 19, 25, 131 or 137, see bone_lists.h
   at::Tensor intrinsics;     ///< (N, 4) float32: fx, fy, cx, cy px of the crop; (0, 0) is the centre of the top-left pixel
   at::Tensor part;           ///< (N, H, W) uint8, 0 background, 1..24: first guess from the posed template
   at::Tensor uv;             ///< (N, 2, H, W) float32 in [0, 1], first guess, 0 on background

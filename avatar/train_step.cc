@@ -22,8 +22,10 @@ void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
     throw UsageError("--size " + std::to_string(pack.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
                      " and at least " + std::to_string(2 * multiple));
   }
-  if (model.options.inputs != kNumBones && model.options.inputs != 2 * kNumBones) {
-    throw UsageError("--inputs must be 18 (depth of each bone of the 19 joints) or 36 (depth and slope)");
+  const int given = NumBodyJoints(pack.joint_valid.size(1)), needed = NumBodyJoints(LayoutOf(model.options.inputs).num_joints);
+  if (given != needed) {
+    throw UsageError("--inputs " + std::to_string(model.options.inputs) + " needs bodies of " + std::to_string(needed) +
+                     " joints, the pack has " + std::to_string(given));
   }
 }
 

@@ -163,6 +163,9 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   config.pack = arguments.pack;
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
+  config.pack.num_joints = avatar::LayoutOf(arguments.model.inputs).num_joints;
+  if (!config.pack.pose3d.empty())
+    config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = SplitOf(data, config.pack.person, arguments.split);
   AvatarRun files(arguments.out);
   if (arguments.ranks.rank == 0) files.Prepare(arguments.overwrite);

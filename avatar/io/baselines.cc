@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "avatar/bone_lists.h"
 #include "core/check.h"
 #include "dataset/crop.h"
 
@@ -61,23 +62,23 @@ std::map<std::string, std::string> NearestTrainingCameras(const dataset::Panopti
 
 double PoseDistance(const at::Tensor& joints_a, const at::Tensor& valid_a, const at::Tensor& joints_b,
                     const at::Tensor& valid_b) {
-  constexpr int kBodyCenter = 2;
+  const int body = NumBodyJoints(joints_a.size(0)), center = CenterJoint(joints_a.size(0));
   const auto a = joints_a.accessor<float, 2>(), b = joints_b.accessor<float, 2>();
   const auto va = valid_a.accessor<bool, 1>(), vb = valid_b.accessor<bool, 1>();
-  const bool centred = va[kBodyCenter] && vb[kBodyCenter];
+  const bool centred = va[center] && vb[center];
   int count = 0;
   double sum[3] = {0, 0, 0};
-  for (int j = 0; j < kNumJoints; ++j) {
+  for (int j = 0; j < body; ++j) {
     if (!va[j] || !vb[j]) continue;
     ++count;
     for (int k = 0; k < 3; ++k) sum[k] += static_cast<double>(a[j][k]) - b[j][k];
   }
   if (count == 0) return std::numeric_limits<double>::infinity();
   double total = 0;
-  for (int j = 0; j < kNumJoints; ++j) {
+  for (int j = 0; j < body; ++j) {
     if (!va[j] || !vb[j]) continue;
     for (int k = 0; k < 3; ++k) {
-      const double shift = centred ? static_cast<double>(a[kBodyCenter][k]) - b[kBodyCenter][k] : sum[k] / count;
+      const double shift = centred ? static_cast<double>(a[center][k]) - b[center][k] : sum[k] / count;
       const double difference = static_cast<double>(a[j][k]) - b[j][k] - shift;
       total += difference * difference;
     }

@@ -129,7 +129,8 @@ Image ReadFor(const Job& job, const std::string& path, const char* what, bool gr
 
 // Binary mask of the person as the crop's camera sees it.
 Image CropMask(const dataset::PanopticDataset& data, const Job& job, const geometry::RigCamera& crop) {
-  Image mask = dataset::Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
+  Image mask =
+      dataset::Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
   for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
   return mask;
 }
@@ -162,15 +163,15 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   return FitShape(body, options.shape, views, run).shape;
 }
 
-AvatarPack EmptyPack(const Plan& plan, int size_px) {
+AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints) {
   const auto n = static_cast<int64_t>(plan.jobs.size());
   AvatarPack pack;
   pack.size_px = size_px;
   pack.cameras = plan.cameras;
   pack.images = at::zeros({n, 3, size_px, size_px}, at::kByte);
   pack.masks = at::zeros({n, size_px, size_px}, at::kByte);
-  pack.joints_in_cam = at::zeros({n, kNumJoints, 3}, at::kFloat);
-  pack.joint_valid = at::zeros({n, kNumJoints}, at::kBool);
+  pack.joints_in_cam = at::zeros({n, num_joints, 3}, at::kFloat);
+  pack.joint_valid = at::zeros({n, num_joints}, at::kBool);
   pack.intrinsics = at::zeros({n, 4}, at::kFloat);
   pack.part = at::zeros({n, size_px, size_px}, at::kByte);
   pack.uv = at::zeros({n, 2, size_px, size_px}, at::kFloat);
@@ -196,12 +197,19 @@ void FillTemplate(AvatarPack& pack, int64_t i, const body::PartUvMap& map) {
   std::copy(map.v.begin(), map.v.end(), uv + area);
 }
 
+JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan) {
+  std::vector<int> frames;
+  for (const Job& job : plan.jobs) frames.push_back(job.frame);
+  return {data, plan.person, options.num_joints, options.pose3d, frames};
+}
+
 // Everything that the pictures share while they are filled in, in parallel.
 struct Filler {
   const dataset::PanopticDataset& data;
   const PackOptions& options;
   const Plan& plan;
   const body::BodyTemplate* body;  // nullptr: no template maps
+  JointSource joints;
   std::map<int, body::BodyPose> poses;
   std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world
 
@@ -217,13 +225,14 @@ struct Filler {
   // Reason why the picture cannot be used, or empty.
   std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
     const Job& job = jobs[i];
-    const auto crop = dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
+    const auto crop =
+        dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
     const Image mask = CropMask(data, job, crop);
     if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
       return "the mask is empty where the person should be";
     const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
     FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
-    FillPose(pack, i, *job.pose, crop);
+    FillPose(pack, i, joints.At(job.frame, *job.pose), crop);
     pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
     pack.frame.data_ptr<int64_t>()[i] = job.frame;
     if (options.template_maps && !options.iuv.empty()) return FillIuv(pack, i, job, crop);
@@ -243,15 +252,21 @@ double MeanTemplateIou(const AvatarPack& pack) {
 
 }  // namespace
 
-void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop) {
-  const std::array<bool, 19> plausible = dataset::PlausibleJoints(pose);
-  for (int j = 0; j < 19; ++j) {
+void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop) {
+  const auto count = static_cast<int64_t>(pose.valid.size());
+  MVS_CHECK(pack.joint_valid.size(1) == count, count << " joints for a pack of " << pack.joint_valid.size(1));
+  for (int64_t j = 0; j < count; ++j) {
     const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j));
-    pack.joint_valid.data_ptr<bool>()[i * 19 + j] = plausible[j];
-    for (int k = 0; plausible[j] && k < 3; ++k)
-      pack.joints_in_cam.data_ptr<float>()[(i * 19 + j) * 3 + k] = static_cast<float>(x[k]);
+    const bool valid = pose.valid[static_cast<size_t>(j)];
+    pack.joint_valid.data_ptr<bool>()[i * count + j] = valid;
+    for (int k = 0; valid && k < 3; ++k)
+      pack.joints_in_cam.data_ptr<float>()[(i * count + j) * 3 + k] = static_cast<float>(x[k]);
   }
   for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
+}
+
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop) {
+  FillPose(pack, i, BodyAlone(pose, static_cast<int>(pack.joint_valid.size(1))), crop);
 }
 
 int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
@@ -309,10 +324,10 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   const bool posed = options.template_maps && options.iuv.empty();
   result.shape = posed && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
   const body::BodyTemplate body = posed ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
-  Filler filler{data, options, plan, posed ? &body : nullptr, {}, {}};
+  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}, {}};
   if (posed) filler.poses = PoseFrames(body, plan.jobs);
   for (const auto& [frame, pose] : filler.poses) filler.vertices[frame] = body::SkinVertices(body, pose);
-  AvatarPack pack = EmptyPack(plan, options.size_px);
+  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
   ProgressStage stage(run, "cropping pictures", count);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "avatar/io/body_shape.h"
+#include "avatar/io/joint_source.h"
 #include "avatar/pack.h"
 #include "core/fields.h"
 #include "core/progress.h"
@@ -21,6 +22,8 @@ struct PackOptions {
   bool fit_shape = true;
   int fit_pictures = 24;
   double half_extent_m = 0;
+  int num_joints = 19;  ///< the list of joints that the network's inputs need: LayoutOf(inputs).num_joints
+  std::string pose3d;
   std::string iuv;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
@@ -32,6 +35,9 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("size", o.size_px, "edge of the square crops, px");
   visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
   visit("person", o.person, "person id in the dataset; -1: the one with most frames");
+  visit("pose3d", o.pose3d,
+        "folder with points.csv (`triangulate`): toes, heels, hands and face for --inputs 21, 24 and 27, beside the dataset's "
+        "own files");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
   visit(
       "iuv", o.iuv,
@@ -57,8 +63,9 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
 /// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it is not there.
 int ChoosePerson(const dataset::PanopticDataset& data, int requested);
 
-/// Joints and intrinsics of row i, seen by a crop's camera; joints that are not plausible are invalid.
-void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);
+/// Joints and intrinsics of row i, seen by a crop's camera.
+void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop);
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);  ///< BodyAlone
 
 struct PackResult {
   AvatarPack pack;

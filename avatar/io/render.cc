@@ -44,12 +44,12 @@ struct Poses {
 Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px) {
   const auto n = static_cast<int64_t>(end - begin);
   AvatarPack pack;
-  pack.joints_in_cam = at::zeros({n, kNumJoints, 3}, at::kFloat);
-  pack.joint_valid = at::zeros({n, kNumJoints}, at::kBool);
+  const auto num_joints = static_cast<int64_t>(plan.joints.front().valid.size());
+  pack.joints_in_cam = at::zeros({n, num_joints, 3}, at::kFloat);
+  pack.joint_valid = at::zeros({n, num_joints}, at::kBool);
   pack.intrinsics = at::zeros({n, 4}, at::kFloat);
   for (size_t i = begin; i < end; ++i)
-    FillPose(pack, static_cast<int64_t>(i - begin), plan.track.poses[plan.jobs[i].pose],
-             Resized(plan.jobs[i].crop, network_px));
+    FillPose(pack, static_cast<int64_t>(i - begin), plan.joints[plan.jobs[i].pose], Resized(plan.jobs[i].crop, network_px));
   return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics};
 }
 

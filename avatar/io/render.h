@@ -76,6 +76,8 @@ struct RenderJob {
 
 struct RenderPlan {
   PoseTrack track;
+  std::vector<FullPose>
+      joints;  ///< of each pose of the track, as the network wants them; hands and face of its own dataset only
   std::vector<RenderJob> jobs;  ///< view by view, each in the order of time
   std::vector<std::string> skipped;
   bool foreign = false;  ///< poses that are not of the training's dataset

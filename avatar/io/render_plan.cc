@@ -70,6 +70,18 @@ void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, co
   plan->track = SelectFrames(track, o.frames, o.every);
 }
 
+/// All joints that the network wants.
+void TakeJoints(const RunConfig& config, const dataset::PanopticDataset& data, RenderPlan* plan) {
+  const int count = config.pack.num_joints;
+  if (plan->foreign) {
+    for (const Coco19Pose& pose : plan->track.poses) plan->joints.push_back(BodyAlone(pose, count));
+    return;
+  }
+  const JointSource source(data, config.pack.person, count, config.pack.pose3d, plan->track.frames);
+  for (size_t i = 0; i < plan->track.poses.size(); ++i)
+    plan->joints.push_back(source.At(plan->track.frames[i], plan->track.poses[i]));
+}
+
 std::vector<std::string> SplitCommas(const std::string& text) {
   std::vector<std::string> names;
   std::istringstream in(text);
@@ -186,6 +198,7 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
   CheckOptions(options);
   RenderPlan plan;
   TakePoses(config, data, options, &plan);
+  TakeJoints(config, data, &plan);
   plan.rate_hz = plan.track.rate_hz;
   if (options.turntable > 0) {
     const bool moves = plan.track.poses.size() > 1;

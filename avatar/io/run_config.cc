@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "avatar/bone_lists.h"
 #include "core/error.h"
 #include "core/files.h"
 
@@ -45,25 +46,26 @@ T Get(const Json& json, const std::string& path, const std::string& pointer) {
 void WriteRunConfig(const RunConfig& config, const std::string& path) {
   Json girth;
   for (int g = 0; g < kNumGirthGroups; ++g) girth[kGirthNames[g]] = config.shape.girth[g];
-  const Json json = {
-      {"schema", kRunConfigSchema},
-      {"dataset", config.dataset},
-      {"crop",
-       {{"size_px", config.pack.size_px},
-        {"fill", config.pack.fill},
-        {"half_extent_m", config.half_extent_m},
-        {"person", config.pack.person}}},
-      {"split",
-       {{"train_cameras", config.split.train_cameras},
-        {"train_frames", config.split.train_frames},
-        {"holdout_cameras", config.split.holdout_cameras},
-        {"holdout_frames", config.split.holdout_frames},
-        {"validation_cameras", config.split.validation_cameras},
-        {"validation_frames", config.split.validation_frames}}},
-      {"template",
-       {{"girth", girth},
-        {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()},
-        {"iuv", config.pack.iuv}}}};
+  const Json json = {{"schema", kRunConfigSchema},
+                     {"dataset", config.dataset},
+                     {"crop",
+                      {{"size_px", config.pack.size_px},
+                       {"fill", config.pack.fill},
+                       {"half_extent_m", config.half_extent_m},
+                       {"person", config.pack.person},
+                       {"joints", config.pack.num_joints},
+                       {"pose3d", config.pack.pose3d}}},
+                     {"split",
+                      {{"train_cameras", config.split.train_cameras},
+                       {"train_frames", config.split.train_frames},
+                       {"holdout_cameras", config.split.holdout_cameras},
+                       {"holdout_frames", config.split.holdout_frames},
+                       {"validation_cameras", config.split.validation_cameras},
+                       {"validation_frames", config.split.validation_frames}}},
+                     {"template",
+                      {{"girth", girth},
+                       {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()},
+                       {"iuv", config.pack.iuv}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
 }
 
@@ -78,6 +80,11 @@ RunConfig ReadRunConfig(const std::string& path) {
   config.pack.fill = Get<double>(json, path, "/crop/fill");
   config.pack.person = Get<int>(json, path, "/crop/person");
   config.half_extent_m = Get<double>(json, path, "/crop/half_extent_m");
+  if (json.contains(Json::json_pointer("/crop/joints"))) {
+    config.pack.num_joints = Get<int>(json, path, "/crop/joints");
+    config.pack.pose3d = Get<std::string>(json, path, "/crop/pose3d");
+    if (!IsJointList(config.pack.num_joints)) throw FormatError(path, "/crop/joints", "must be 19, 25, 131 or 137");
+  }
   if (!(config.half_extent_m > 0)) throw FormatError(path, "/crop/half_extent_m", "must be positive");
   config.pack.half_extent_m = config.half_extent_m;
   config.split.train_cameras = Get<std::vector<std::string>>(json, path, "/split/train_cameras");

@@ -123,7 +123,7 @@ TEST_F(RenderRun, BackdropsAreTheRenderersOwnBackground) {
   AvatarPack pose;
   pose.joints_in_cam = at::zeros({1, kNumJoints, 3}), pose.joint_valid = at::zeros({1, kNumJoints}, at::kBool),
   pose.intrinsics = at::zeros({1, 4});
-  FillPose(pose, 0, plan.track.poses[0], plan.jobs[0].crop);
+  FillPose(pose, 0, plan.joints[0], plan.jobs[0].crop);
   const at::Tensor colour = at::tensor({10.0f / 255, 200.0f / 255, 30.0f / 255});
   const Rendering r = Render(model, pose.joints_in_cam, pose.joint_valid, pose.intrinsics, 64, 64, colour);
   EXPECT_LT(CleanAlpha(r.mask_prob).min().item<double>(), 0.9);
