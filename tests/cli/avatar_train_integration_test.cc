@@ -52,7 +52,7 @@ class AvatarTrain : public ::testing::Test {
                                       "--steps",
                                       "8",
                                       "--save-every",
-                                      "4"};
+                                      "2"};
     words.insert(words.end(), more.begin(), more.end());
     return RunCli(words);
   }
@@ -68,7 +68,7 @@ TEST_F(AvatarTrain, TakesASplitFileAndNothingBesideIt) {
                 .exit,
             0);
   const CliRun run = Train("split", {"--split", split, "--patience", "1", "--learning-rate", "0", "--texture-learning-rate",
-                                     "0", "--save-every", "2", "--picture-every", "6"});
+                                     "0", "--picture-every", "6"});
   ASSERT_EQ(run.exit, 0) << run.err;
   const auto metrics = run.Json()["metrics"];
   EXPECT_EQ(metrics["train"]["frames"], 4);
