@@ -76,7 +76,7 @@ struct TrainOptions {
   double weight_gradient = 0.0;
   double weight_perceptual = 0.5;
   std::string perceptual = "none";
-  double weight_mask = 0.5;
+  double weight_mask = 2.0;
   double weight_part = 1.0;
   double weight_uv = 4.0;
   double keep_init = 0.2;
