@@ -159,18 +159,25 @@ SkeletonSize MeasureSkeleton(const std::vector<Coco19Pose>& poses) {
     }
   }
   SkeletonSize size;
-  for (size_t b = 0; b < lengths.size(); ++b) size.length_m[b] = Quantile(lengths[b], 0.5);
+  for (size_t b = 0; b < lengths.size(); ++b) {
+    size.length_m[b] = Quantile(lengths[b], 0.5);
+    size.short_m[b] = Quantile(lengths[b], 0.05), size.long_m[b] = Quantile(lengths[b], 0.95);
+  }
   const auto or_zero = [](double value) { return std::isfinite(value) ? value : 0; };
   size.ground = {or_zero(Quantile(x, 0.5)), or_zero(Quantile(y, 0.5)), or_zero(Quantile(ankle_z, 0.02))};
   return size;
 }
 
 double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source) {
-  double sum_trained = 0, sum_other = 0;
+  constexpr size_t kLimbs[] = {7, 8, 10, 11, 13, 14, 16, 17};
+  std::vector<size_t> shared, limbs;
   for (size_t b = 0; b < kBones.size(); ++b) {
     if (!std::isfinite(trained.length_m[b]) || !std::isfinite(other.length_m[b])) continue;
-    sum_trained += trained.length_m[b], sum_other += other.length_m[b];
+    shared.push_back(b);
+    if (std::find(std::begin(kLimbs), std::end(kLimbs), b) != std::end(kLimbs)) limbs.push_back(b);
   }
+  double sum_trained = 0, sum_other = 0;
+  for (const size_t b : limbs.empty() ? shared : limbs) sum_trained += trained.length_m[b], sum_other += other.length_m[b];
   if (!(sum_trained > 0 && sum_other > 0)) throw FormatError(source, "", "no pose shows a bone that the training set shows");
   return sum_trained / sum_other;
 }
@@ -195,7 +202,8 @@ Coco19Pose NormaliseScale(const Coco19Pose& pose, const SkeletonSize& trained, d
       scaled.valid[b.child] = false, anchor[b.child] = from;
       continue;
     }
-    scaled.x_in_world.col(b.child) = scaled.x_in_world.col(from) + step * (known ? wanted / length : ratio);
+    const double clamped = std::clamp(ratio * length, trained.short_m[b.bone], trained.long_m[b.bone]);
+    scaled.x_in_world.col(b.child) = scaled.x_in_world.col(from) + step * (known ? clamped / length : ratio);
   }
   return scaled;
 }

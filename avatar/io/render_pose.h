@@ -31,19 +31,22 @@ PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, i
 
 /// How large a person is and where the person stands.
 struct SkeletonSize {
-  std::array<double, 18> length_m{};                      ///< median of each of avatar::kBones over the poses; NaN: never seen
+  /// Of each of avatar::kBones over the poses: median, 5th and 95th percentile; NaN: never seen.
+  std::array<double, 18> length_m{}, short_m{}, long_m{};
   Eigen::Vector3d ground = Eigen::Vector3d::Constant(0);  ///< median x and y of BodyCenter, 2nd percentile of the ankles' z
 };
 SkeletonSize MeasureSkeleton(const std::vector<dataset::Coco19Pose>& poses);
 
 /// Sum of `trained`'s bone lengths over that of `other`'s, of the bones that both have: what takes the other's metres to the
-/// trained person's. Throws FormatError naming `source` when they share no bone of any length.
+/// trained person's. Arms and legs alone where they are there: spine, neck and shoulders change their length with the pose.
+/// Throws FormatError naming `source` when they share no bone of any length.
 double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source);
 
-/// Gives a pose the trained person's bone lengths: every bone keeps its direction, its length becomes the median of training;
-/// the root's place is multiplied by `ratio` (about the world's origin, which lies on the floor), as are joints whose parent is
-/// missing, about the nearest ancestor that is there. A joint at the end of a bone more than three times too long is dropped.
-/// Poses that differ by a factor about the origin become the same.
+/// Gives a pose the trained person's bone lengths: every bone keeps its direction and its length times `ratio`, but no shorter
+/// and no longer than the 5th and 95th percentile of training, so that stiff bones get their one length and a bent neck stays
+/// bent. The root's place is multiplied by `ratio` (about the world's origin, which lies on the floor), as are joints whose
+/// parent is missing, about the nearest ancestor that is there. A joint at the end of a bone more than three times too long is
+/// dropped. Poses that differ by a factor about the origin become the same.
 dataset::Coco19Pose NormaliseScale(const dataset::Coco19Pose& pose, const SkeletonSize& trained, double ratio);
 
 /// Moves every joint.

@@ -69,6 +69,26 @@ TEST(NormaliseScale, GivesTheTrainedLengthsAndKeepsDirections) {
   }
 }
 
+TEST(NormaliseScale, WhatBendsInTrainingStaysBent) {
+  std::vector<Coco19Pose> training;
+  for (int k = 0; k < 21; ++k) {  // the nose comes up to 20 % nearer to the neck when the head is bowed
+    training.push_back(Mannequin(0.05 * k));
+    const Eigen::Vector3d neck = training.back().x_in_world.col(0), nose = training.back().x_in_world.col(1);
+    training.back().x_in_world.col(1) = neck + (1 - 0.01 * k) * (nose - neck);
+  }
+  const SkeletonSize trained = MeasureSkeleton(training);
+  for (const int k : {3, 10, 17}) {
+    Coco19Pose child = training[k];
+    child.x_in_world *= 0.6;
+    const double ratio = SizeRatio(trained, MeasureSkeleton({child}), "test");
+    EXPECT_NEAR(ratio, 1 / 0.6, 1e-9);
+    EXPECT_LT((NormaliseScale(child, trained, ratio).x_in_world.col(1) - training[k].x_in_world.col(1)).norm(), 1e-9) << k;
+    child.x_in_world.col(1) += 0.5 * (child.x_in_world.col(1) - child.x_in_world.col(0));  // longer than any
+    const Coco19Pose out = NormaliseScale(child, trained, ratio);
+    EXPECT_NEAR((out.x_in_world.col(1) - out.x_in_world.col(0)).norm(), trained.long_m[0], 1e-9);
+  }
+}
+
 TEST(NormaliseScale, MissingJointsStayMissingAndWildOnesGo) {
   const SkeletonSize trained = MeasureSkeleton(Swing());
   Coco19Pose pose = Mannequin(0.2);
