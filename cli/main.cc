@@ -1,3 +1,4 @@
+#include <malloc.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -10,14 +11,23 @@
 namespace mvstudio::cli {
 namespace {
 
+bool Trains(char** argv) {
+  bool trains = false;
+  for (char** word = argv; *word; ++word) trains = trains || !std::strcmp(*word, "avatar") || !std::strcmp(*word, "demo");
+  return trains;
+}
+
+/// Every training step frees and takes the same blocks: given back to the system in between, they cost an eighth of the time.
+void KeepFreedMemory() {
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
+}
+
 /// OpenMP threads spin at every barrier before they sleep; on busy or small machines that makes training ten times slower. The
 /// limit is read before main() begins, so the program starts itself once more with it. Measured: 1.7 -> 18.7 steps/s beside two
 /// busy processes, and 13 -> 18 alone (2 cores). Only the commands that train do it: starting costs half a second.
 void RestartWithShortSpins(char** argv) {
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
-  bool trains = false;
-  for (char** word = argv; *word; ++word) trains = trains || !std::strcmp(*word, "avatar") || !std::strcmp(*word, "demo");
-  if (!trains) return;
   setenv("GOMP_SPINCOUNT", "1000", 1);
   execv("/proc/self/exe", argv);  // comes back only when that is not possible: then it is merely slower
 }
@@ -67,6 +77,9 @@ int Main(int argc, char** argv) {
 }  // namespace mvstudio::cli
 
 int main(int argc, char** argv) {
-  mvstudio::cli::RestartWithShortSpins(argv);
+  if (mvstudio::cli::Trains(argv)) {
+    mvstudio::cli::RestartWithShortSpins(argv);
+    mvstudio::cli::KeepFreedMemory();
+  }
   return mvstudio::cli::Main(argc, argv);
 }

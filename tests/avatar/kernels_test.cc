@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "avatar/bones.h"
+#include "avatar/adam.h"
 #include "avatar/camera_tensor.h"
 #include "avatar/discriminator.h"
 #include "avatar/feature_net.h"
@@ -239,6 +239,31 @@ TEST(Gradients, PoseNetInFloat) {
     const auto f = [&](const Tensors& y) { return PerceptualLoss(*net, y[0], b).to(at::kDouble); };
     const double expected = (direction * x.grad()).sum().item<double>();
     EXPECT_NEAR(AlongDirection(f, {a}, {direction}, 0.01) / expected, 1, 0.02);
+  }
+}
+
+/// Kingma and Ba's algorithm 1, number by number; sizes beyond one share of a thread, and in double by tensor operations.
+TEST(AdamStep, IsTheDefinition) {
+  for (const at::ScalarType type : {at::kFloat, at::kDouble}) {
+    const int64_t count = 70001;
+    at::Tensor value = Random({count}, 40).to(type).requires_grad_();
+    const at::Tensor start = value.detach().to(at::kDouble).clone();
+    Adam adam;
+    adam.Add("x", value);
+    for (uint64_t t = 0; t < 5; ++t) {
+      value.mutable_grad() = (t == 2 ? 1e-12 : 1.0) * Random({count}, 41 + t).to(type);
+      adam.Step(0.01);
+    }
+    for (const int64_t i : {int64_t{0}, int64_t{5}, int64_t{32768}, count - 1}) {
+      double x = start[i].item<double>(), m = 0, v = 0;
+      for (uint64_t t = 0; t < 5; ++t) {
+        const double g = ((t == 2 ? 1e-12 : 1.0) * Random({count}, 41 + t).to(type))[i].item<double>(),
+                     n = static_cast<double>(t) + 1;
+        m = 0.9 * m + 0.1 * g, v = 0.999 * v + 0.001 * g * g;
+        x -= 0.01 * (m / (1 - std::pow(0.9, n))) / (std::sqrt(v / (1 - std::pow(0.999, n))) + 1e-8);
+      }
+      EXPECT_NEAR(value[i].item<double>(), x, type == at::kFloat ? 3e-7 : 1e-14) << i;
+    }
   }
 }
 
