@@ -36,6 +36,12 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   };
   below("mean image", mean);
   below("nearest pose", pose);
+  if (e.features.name.find("inception-2015-12-05") != std::string::npos && e.distance_name != "FID") {
+    result->warnings.push_back(
+        {"AVA-NOT-FID",
+         e.features.name + " is not the published file (SHA-256 " + e.features.sha256 + "): the distance is not an FID",
+         "fetch the file again; StyleGAN and clean-fid use the same one"});
+  }
   if (!e.holdout.fd) {
     result->warnings.push_back(
         {"AVA-NO-FD", "no Frechet distance: it needs at least 4 held-out pictures of at least 32 px", "hold more frames out"});
@@ -48,6 +54,7 @@ CommandResult RunAvatarEval(const AvatarEvalArguments& arguments, CommandContext
   result.folder = arguments.run_folder;
   result.inputs = {arguments.run_folder, evaluation.config.dataset};
   result.metrics = nlohmann::ordered_json::parse(avatar::ToJsonText(evaluation));
+  result.outputs.push_back({arguments.run_folder + "/" + avatar::kProtocolFile, "protocol"});
   for (const avatar::PictureStrip& strip : evaluation.strips) result.outputs.push_back({strip.path, "heldout-picture"});
   result.text = avatar::ToTable(evaluation);
   AddWarnings(evaluation, &result);

@@ -3,6 +3,8 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/study.h"
+#include "core/error.h"
 #include "report/report.h"
 
 namespace mvstudio::cli {
@@ -37,14 +39,33 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
 
 void RegisterReport(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<report::ReportOptions>();
+  auto study = std::make_shared<StudyArguments>();
   auto run = std::make_shared<std::string>();
   auto out = std::make_shared<std::string>();
-  CLI::App* sub =
-      app.add_subcommand("report", "One offline HTML page, and the same numbers as JSON, from the saved results of a run");
-  sub->add_option("RUN", *run, "folder with the results of other commands, searched four levels deep")->required();
+  CLI::App* sub = app.add_subcommand(
+      "report",
+      "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
+      "user study, and the count of its answers");
+  sub->add_option("RUN", *run, "folder with the results of other commands, searched four levels deep");
   sub->add_option("--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
   AddOptions(sub, *options);
-  registry.Add(sub, "report", [=](CommandContext&) { return RunReport(*options, *run, *out); });
+  sub->add_option("--study", study->sides,
+                  "instead of a report: a page that asks which of two pictures is closer to the truth; two scored runs, or two "
+                  "folders with the same file names, each FOLDER or NAME=FOLDER")
+      ->expected(2);
+  sub->add_option("--truth", study->truth, "study: folder of the true pictures; of runs, the truth that they were scored with");
+  sub->add_option("--study-pictures", study->pictures, "study: questions at most, evenly over the pictures")
+      ->capture_default_str();
+  sub->add_option("--study-tally", study->tally, "instead of a report: count these files of answers");
+  registry.Add(sub, "report", [=](CommandContext& context) {
+    const int asked =
+        static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
+    if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");
+    study->title = options->title;
+    if (!study->sides.empty()) return RunStudy(*study, *out, context.run.seed);
+    if (!study->tally.empty()) return RunStudyTally(*study);
+    return RunReport(*options, *run, *out);
+  });
 }
 
 }  // namespace mvstudio::cli

@@ -25,6 +25,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   avatar->require_subcommand(1);
   RegisterAvatarTrain(*avatar, registry);
   RegisterAvatarEval(*avatar, registry);
+  RegisterAvatarCompare(*avatar, registry);
   RegisterAvatarLift(*avatar, registry);
   RegisterAvatarRender(*avatar, registry);
 #endif

@@ -25,6 +25,7 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
+void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);
 void RegisterAvatarLift(CLI::App& avatar, Registry& registry);
 void RegisterAvatarRender(CLI::App& avatar, Registry& registry);
 void RegisterMetrics(CLI::App& app, Registry& registry);

@@ -30,5 +30,6 @@ void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint
 void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry);
+void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry);
 
 }  // namespace mvstudio::cli

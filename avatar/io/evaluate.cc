@@ -7,12 +7,15 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <sstream>
 
 #include "avatar/io/baselines.h"
+#include "avatar/io/evaluate_groups.h"
 #include "avatar/io/posenet_features.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
 #include "avatar/picture_scores.h"
+#include "avatar/safetensors.h"
 #include "avatar/sequence.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -34,27 +37,20 @@ constexpr char kConvention[] =
     "true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid windows, mean of R, "
     "G, B. PSNR: mean "
     "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
-    "crops; not FID.";
+    "crops; it is called FID only with the Inception weights of 2015. LPIPS, where given: of full crops.";
 
 struct Rendered {
   at::Tensor images, masks;  // (N, 3, H, W) 8-bit levels, (N, H, W)
 };
 
-RunConfig LoadConfig(const std::string& folder, const EvaluateOptions& options) {
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder; give the --out folder of `mvstudio avatar train`");
-  const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
-  if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
-  if (!fs::exists(checkpoint))
-    throw IoError(checkpoint,
-                  "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
-  RunConfig config = ReadRunConfig(config_path);
-  if (!options.dataset.empty()) config.dataset = options.dataset;
-  if (!fs::is_directory(config.dataset)) {
-    throw IoError(config.dataset,
-                  "the dataset that " + config_path + " was trained on is not there; pass its new place with --dataset");
-  }
-  return config;
-}
+/// What stays the same for all splits of one evaluation.
+struct Session {
+  const dataset::PanopticDataset& data;
+  const EvaluateOptions& options;
+  const RunContext& run;
+  std::shared_ptr<const FeatureNet> net;
+  std::shared_ptr<const PictureDistance> lpips;  // may be null
+};
 
 // Which pictures are scored as held out.
 struct Selection {
@@ -74,6 +70,22 @@ Selection Holdout(const DatasetSplit& split, const std::string& folder) {
   return {"held-out cameras in held-out frames", split.holdout_cameras, split.holdout_frames};
 }
 
+/// Scores `names` (commas between them) in place of the cameras that the run held out.
+void UseCameras(const dataset::PanopticDataset& data, const std::string& names, RunConfig* config) {
+  if (names.empty()) return;
+  DatasetSplit& split = config->split;
+  split.holdout_cameras.clear();
+  std::istringstream in(names);
+  for (std::string name; std::getline(in, name, ',');) {
+    const std::string camera = data.Resolve(name);
+    if (camera.empty()) throw UsageError("--cameras " + name + " is not in " + data.root);
+    if (std::count(split.train_cameras.begin(), split.train_cameras.end(), camera) > 0) {
+      throw UsageError("--cameras " + name + ": the run was trained on it");
+    }
+    split.holdout_cameras.push_back(camera);
+  }
+}
+
 void RequireFrames(const dataset::PanopticDataset& data, const RunConfig& config) {
   for (const auto* frames : {&config.split.train_frames, &config.split.holdout_frames}) {
     for (const int frame : *frames) {
@@ -86,94 +98,114 @@ void RequireFrames(const dataset::PanopticDataset& data, const RunConfig& config
   }
 }
 
-PackResult Build(const dataset::PanopticDataset& data, const RunConfig& config, const Selection& selection,
-                 const RunContext& run) {
+PackResult Build(const Session& session, const RunConfig& config, int size_px, const Selection& selection) {
   PackOptions options = config.pack;
   options.template_maps = false;
+  options.size_px = size_px;
   options.cameras = selection.cameras;
   options.frames = selection.frames;
-  return BuildPack(data, options, run);
+  return BuildPack(session.data, options, session.run);
 }
 
-Rendered RenderAll(AvatarModel& model, const AvatarPack& pack, int batch, const RunContext& run) {
-  ProgressStage stage(run, "rendering", pack.size());
-  const RenderedPack rendered = RenderPack(model, pack, std::max(1, batch), [&](int64_t count) { stage.Advance(count); });
-  return {EightBit(rendered.images), rendered.masks.to(at::kDouble)};
+// The same views in pictures of another size; pictures and masks stay as they are and are not looked at.
+AvatarPack AtSize(AvatarPack pack, int size_px) {
+  const double ratio = static_cast<double>(size_px) / pack.size_px;
+  pack.intrinsics = pack.intrinsics.clone();
+  pack.intrinsics.slice(1, 0, 2).mul_(ratio);
+  pack.intrinsics.slice(1, 2, 4).add_(0.5).mul_(ratio).sub_(0.5);
+  pack.size_px = size_px;
+  return pack;
 }
 
-std::vector<int64_t> Frames(const AvatarPack& pack) {
-  return {pack.frame.data_ptr<int64_t>(), pack.frame.data_ptr<int64_t>() + pack.size()};
+at::Tensor Scaled(const at::Tensor& pictures, int size_px) {
+  return pictures.size(2) == size_px ? pictures : at::_upsample_bilinear2d_aa(pictures, {size_px, size_px}, false);
 }
 
-/// Temporal flicker over the frames that follow one another in the pack.
-double FlickerOf(const AvatarPack& pack, const at::Tensor& truth, const at::Tensor& images) {
+// Rendered at the size of the training, compared at the pack's.
+Rendered RenderAll(AvatarModel& model, const AvatarPack& pack, const Session& session) {
+  ProgressStage stage(session.run, "rendering", pack.size());
+  const RenderedPack rendered = RenderPack(model, AtSize(pack, model.size_px), std::max(1, session.options.batch),
+                                           [&](int64_t count) { stage.Advance(count); });
+  return {EightBit(Scaled(rendered.images, pack.size_px)),
+          Scaled(rendered.masks.unsqueeze(1), pack.size_px).squeeze(1).to(at::kDouble)};
+}
+
+/// Temporal flicker of each row against the frame before it in the pack; NaN where there is none.
+std::vector<double> FlickerOf(const AvatarPack& pack, const at::Tensor& truth, const at::Tensor& images) {
   const std::vector<int64_t> previous = PreviousRows(pack);
-  double sum = 0;
-  int64_t count = 0;
+  std::vector<double> values(pack.size(), std::nan(""));
   for (int64_t i = 0; i < pack.size(); ++i) {
     const int64_t before = previous[i];
     if (before < 0) continue;
     const metrics::Score score = metrics::Flicker(ToPicture(truth[before]), ToPicture(truth[i]), ToPicture(images[before]),
                                                   ToPicture(images[i]), ToMask(pack.masks[before]), ToMask(pack.masks[i]));
-    if (score.status == metrics::Status::kOk) sum += score.value, ++count;
+    if (score.status == metrics::Status::kOk) values[i] = score.value;
   }
-  return count > 0 ? sum / static_cast<double>(count) : std::nan("");
+  return values;
 }
 
-/// What every set of pictures is scored with.
-struct Scorer {
-  std::shared_ptr<const FeatureNet> net;
-  uint64_t seed = 1;
-
-  Scored operator()(const std::vector<PictureScore>& scores, const at::Tensor& truth, const at::Tensor& images) const {
-    return {metrics::Mean(scores), CompareSets(truth, images, *net, seed)};
+std::vector<double> LpipsOf(const Session& session, const at::Tensor& truth, const at::Tensor& images) {
+  std::vector<double> values;
+  if (!session.lpips) return values;
+  constexpr int64_t kAtATime = 8;
+  for (int64_t i = 0; i < truth.size(0); i += kAtATime) {
+    const int64_t end = std::min(truth.size(0), i + kAtATime);
+    const at::Tensor some = (*session.lpips)(truth.slice(0, i, end), images.slice(0, i, end));
+    values.insert(values.end(), some.data_ptr<double>(), some.data_ptr<double>() + some.numel());
   }
-};
-
-std::vector<CameraScore> PerCamera(const AvatarPack& pack, const std::vector<PictureScore>& scores,
-                                   const Baselines& baselines) {
-  std::vector<CameraScore> cameras;
-  for (size_t c = 0; c < pack.cameras.size(); ++c) {
-    std::vector<PictureScore> own;
-    for (int64_t i = 0; i < pack.size(); ++i) {
-      if (pack.camera_idx[i].item<int64_t>() == static_cast<int64_t>(c)) own.push_back(scores[i]);
-    }
-    if (!own.empty()) cameras.push_back({pack.cameras[c], baselines.nearest_camera.at(pack.cameras[c]), metrics::Mean(own)});
-  }
-  return cameras;
+  return values;
 }
 
-// `count` pictures of each camera, evenly over its frames.
-std::vector<int64_t> Examples(const AvatarPack& pack, int count) {
-  std::vector<int64_t> chosen;
-  for (size_t c = 0; c < pack.cameras.size(); ++c) {
-    std::vector<int64_t> own;
-    for (int64_t i = 0; i < pack.size(); ++i) {
-      if (pack.camera_idx[i].item<int64_t>() == static_cast<int64_t>(c)) own.push_back(i);
-    }
-    const size_t number = std::min(own.size(), static_cast<size_t>(std::max(0, count)));
-    for (size_t k = 0; k < number; ++k) chosen.push_back(own[(2 * k + 1) * own.size() / (2 * number)]);
-  }
-  return chosen;
+Scored Summary(const Session& session, const RowScores& rows, const at::Tensor& truth, const at::Tensor& images) {
+  return {metrics::Mean(rows.pictures), CompareSets(truth, images, *session.net, session.run.seed), FiniteMean(rows.lpips)};
 }
 
-std::vector<PictureStrip> WriteStrips(const std::string& folder, const EvaluateOptions& options, const AvatarPack& pack,
-                                      const at::Tensor& truth, const Rendered& rendered, const Baselines& baselines,
-                                      const std::vector<PictureScore>& scores) {
+RowScores ScoreRows(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const Rendered& rendered) {
+  return {ScorePictures(truth, pack.masks, rendered.images, rendered.masks), LpipsOf(session, truth, rendered.images), {}};
+}
+
+Image ToImage(const at::Tensor& picture) {
+  const at::Tensor bytes = (picture * 255).round().to(at::kByte).permute({1, 2, 0}).contiguous();
+  Image image(static_cast<int>(bytes.size(1)), static_cast<int>(bytes.size(0)), 3);
+  std::copy_n(bytes.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
+  return image;
+}
+
+std::string CameraAndFrame(const AvatarPack& pack, int64_t row) {
+  char number[32];
+  std::snprintf(number, sizeof number, "_%08lld", static_cast<long long>(pack.frame[row].item<int64_t>()));
+  return pack.cameras[pack.camera_idx[row].item<int64_t>()] + number;
+}
+
+// eval/truth and eval/render, the same names in both.
+void WriteRenders(const std::string& work, int count, const AvatarPack& pack, const at::Tensor& truth,
+                  const Rendered& rendered) {
+  if (count == 0) return;
+  const auto cameras = static_cast<int>(pack.cameras.size());
+  for (const int64_t i : Examples(pack, count < 0 ? -1 : (count + cameras - 1) / cameras)) {
+    const std::string name = CameraAndFrame(pack, i) + ".png";
+    MakeFolder(work + "/truth"), MakeFolder(work + "/render");
+    dataset::WriteImage(ToImage(truth[i]), work + "/truth/" + name);
+    dataset::WriteImage(ToImage(rendered.images[i]), work + "/render/" + name);
+  }
+}
+
+std::vector<PictureStrip> WritePictures(const std::string& folder, const EvaluateOptions& options, const AvatarPack& pack,
+                                        const at::Tensor& truth, const Rendered& rendered, const Baselines& baselines,
+                                        const RowScores& scores) {
   std::vector<PictureStrip> strips;
   AtomicFolder out(folder, true);
-  for (const int64_t i : Examples(pack, options.pictures)) {
+  for (const int64_t i : Examples(pack, std::max(0, options.pictures))) {
     PictureStrip strip;
     strip.camera = pack.cameras[pack.camera_idx[i].item<int64_t>()];
     strip.frame = static_cast<int>(pack.frame[i].item<int64_t>());
-    strip.ssim = scores[i].bbox.ssim, strip.psnr_db = scores[i].bbox.psnr_db;
-    char name[32];
-    std::snprintf(name, sizeof name, "_%08d.png", strip.frame);
-    dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]),
-                        out.work_path() + "/" + strip.camera + name);
-    strip.path = folder + "/" + strip.camera + name;
+    strip.ssim = scores.pictures[i].bbox.ssim, strip.psnr_db = scores.pictures[i].bbox.psnr_db;
+    const std::string name = "/" + CameraAndFrame(pack, i) + ".png";
+    dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]), out.work_path() + name);
+    strip.path = folder + name;
     strips.push_back(strip);
   }
+  WriteRenders(out.work_path(), options.renders, pack, truth, rendered);
   out.Commit();
   return strips;
 }
@@ -188,22 +220,68 @@ Selection Thinned(Selection selection, int limit) {
   return selection;
 }
 
-void ScoreOtherSplits(const dataset::PanopticDataset& data, const EvaluateOptions& options, AvatarModel& model,
-                      const Scorer& score, Evaluation* result, const RunContext& run) {
+ProtocolSplit PicturesOf(const std::string& kind, const AvatarPack& pack) {
+  ProtocolSplit split{kind, {}};
+  for (int64_t i = 0; i < pack.size(); ++i) {
+    split.pictures.emplace_back(pack.cameras[pack.camera_idx[i].item<int64_t>()],
+                                static_cast<int>(pack.frame[i].item<int64_t>()));
+  }
+  return split;
+}
+
+std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel& model, Evaluation* result) {
   const DatasetSplit& split = result->config.split;
   const std::vector<Selection> others = {{"training cameras in training frames", split.train_cameras, split.train_frames},
                                          {"held-out cameras in training frames", split.holdout_cameras, split.train_frames},
                                          {"training cameras in held-out frames", split.train_cameras, split.holdout_frames}};
+  std::vector<ProtocolSplit> scored;
   for (const Selection& selection : others) {
-    if (options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() ||
+    if (session.options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() ||
         selection.kind == result->holdout_kind)
       continue;
-    const AvatarPack pack = Build(data, result->config, Thinned(selection, options.other_pictures), run).pack;
-    const Rendered rendered = RenderAll(model, pack, options.batch, run);
+    const Selection thinned = Thinned(selection, session.options.other_pictures);
+    const AvatarPack pack = Build(session, result->config, result->size_px, thinned).pack;
+    const Rendered rendered = RenderAll(model, pack, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
-    result->other_splits[selection.kind] =
-        score(ScorePictures(truth, pack.masks, rendered.images, rendered.masks), truth, rendered.images);
+    result->other_splits[selection.kind] = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+    scored.push_back(PicturesOf(selection.kind, pack));
   }
+  return scored;
+}
+
+void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const Baselines& baselines,
+                    Evaluation* result) {
+  const auto score = [&](const BaselinePictures& pictures) {
+    const Rendered shown{EightBit(pictures.images), pictures.masks};
+    return Summary(session, ScoreRows(session, pack, truth, shown), truth, shown.images);
+  };
+  result->mean_image = score(baselines.mean_image);
+  result->nearest_pose = score(baselines.nearest_pose);
+  result->nearest_camera = baselines.nearest_camera;
+}
+
+/// The checkpoint, with what it says of its training.
+AvatarModel ReadModel(const std::string& path, Evaluation* result) {
+  const TensorFile file = ReadTensorFile(path);
+  AvatarModel model = LoadModel(path);
+  for (const auto& [key, value] : file.metadata) {
+    const std::string prefix = key.substr(0, key.find('.') + 1);
+    if (prefix == "model." || prefix == "train." || key == "seed" || key == "perceptual") result->training[key] = value;
+  }
+  result->checkpoint_step = model.step;
+  result->num_parameters = NumParameters(model.options);
+  return model;
+}
+
+Session MakeSession(const dataset::PanopticDataset& data, const EvaluateOptions& options, const RunContext& run) {
+  const std::shared_ptr<const FeatureNet> net = options.features == "gabor" ? nullptr : FeatureNetByName(options.features);
+  return {data, options, run, net ? net : GaborNet(), options.lpips.empty() ? nullptr : LoadPictureDistance(options.lpips)};
+}
+
+void DescribeNets(const Session& session, Evaluation* result) {
+  result->features = {session.net->name(), session.net->sha256()};
+  if (session.lpips) result->lpips = {session.lpips->name(), session.lpips->sha256()};
+  result->distance_name = DistanceName(result->features.name, result->features.sha256);
 }
 
 }  // namespace
@@ -212,46 +290,43 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
                     const std::function<double()>& clock_s) {
   at::set_num_threads(ResolveThreads(run.num_threads));
   Evaluation result;
-  result.config = LoadConfig(run_folder, options);
+  result.config = OpenRun(run_folder, options.dataset);
+  result.size_px = options.score_size > 0 ? options.score_size : result.config.pack.size_px;
   result.convention = kConvention;
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(result.config.dataset);
+  UseCameras(data, options.cameras, &result.config);
   RequireFrames(data, result.config);
   const Selection selection = Holdout(result.config.split, run_folder);
+  const std::vector<MotionFrames> motions = ParseMotions(options.motions, selection.frames);
   result.holdout_kind = selection.kind;
-  AvatarModel model = LoadModel(run_folder + "/" + kCheckpointFile);
-  result.checkpoint_step = model.step;
+  const Session session = MakeSession(data, options, run);
+  DescribeNets(session, &result);
+  AvatarModel model = ReadModel(run_folder + "/" + kCheckpointFile, &result);
 
-  const PackResult built = Build(data, result.config, selection, run);
+  const PackResult built = Build(session, result.config, result.size_px, selection);
   const AvatarPack& pack = built.pack;
   result.skipped = built.skipped;
   const double start_s = clock_s ? clock_s() : std::nan("");
-  const Rendered rendered = RenderAll(model, pack, options.batch, run);
+  const Rendered rendered = RenderAll(model, pack, session);
   result.seconds_per_picture = ((clock_s ? clock_s() : std::nan("")) - start_s) / static_cast<double>(pack.size());
 
-  const std::shared_ptr<const FeatureNet> net = options.features == "gabor" ? nullptr : FeatureNetByName(options.features);
   const at::Tensor truth = EightBit(OnBlack(pack));
-  const std::vector<PictureScore> scores = ScorePictures(truth, pack.masks, rendered.images, rendered.masks);
-  const Scorer score{net ? net : GaborNet(), run.seed};
-  result.holdout = score(scores, truth, rendered.images);
-  result.flicker = FlickerOf(pack, truth, rendered.images);
-  std::vector<double> ssim, psnr;
-  for (const PictureScore& one : scores) {
-    ssim.push_back(one.bbox.ssim);
-    psnr.push_back(std::min(one.bbox.psnr_db, 100.0));
-  }
-  result.ssim_interval = metrics::BlockBootstrap(ssim, Frames(pack), run.seed);
-  result.psnr_interval = metrics::BlockBootstrap(psnr, Frames(pack), run.seed);
-
-  const Baselines baselines = MakeBaselines(data, result.config.split, result.config.pack, pack, run);
-  const auto score_baseline = [&](const BaselinePictures& pictures) {
-    const at::Tensor images = EightBit(pictures.images);
-    return score(ScorePictures(truth, pack.masks, images, pictures.masks), truth, images);
-  };
-  result.mean_image = score_baseline(baselines.mean_image);
-  result.nearest_pose = score_baseline(baselines.nearest_pose);
-  result.per_camera = PerCamera(pack, scores, baselines);
-  result.strips = WriteStrips(run_folder + "/eval", options, pack, truth, rendered, baselines, scores);
-  ScoreOtherSplits(data, options, model, score, &result, run);
+  RowScores rows = ScoreRows(session, pack, truth, rendered);
+  rows.flicker = FlickerOf(pack, truth, rendered.images);
+  result.holdout = Summary(session, rows, truth, rendered.images);
+  result.flicker = FiniteMean(rows.flicker);
+  result.intervals = Intervals(pack, rows, run.seed);
+  result.per_camera = PerCamera(pack, rows, run.seed);
+  result.per_motion = PerMotion(pack, rows, motions, run.seed);
+  PackOptions crop = result.config.pack;
+  crop.size_px = result.size_px;
+  const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
+  ScoreBaselines(session, pack, truth, baselines, &result);
+  result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
+  const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, model, &result);
+  result.protocol = MakeProtocol(
+      {&data, result.config, result.size_px, PicturesOf(selection.kind, pack), others, result.features, result.lpips});
+  WriteFileAtomic(run_folder + "/" + kProtocolFile, result.protocol.json_text);
   return result;
 }
 

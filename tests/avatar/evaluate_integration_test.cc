@@ -6,10 +6,12 @@
 
 #include "avatar/io/baselines.h"
 #include "avatar/io/evaluate.h"
+#include "avatar/io/evaluate_groups.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
+#include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::avatar {
@@ -59,8 +61,18 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EXPECT_GT(e.nearest_pose.mean.bbox.ssim, e.holdout.mean.bbox.ssim) << "an untrained avatar loses";
   ASSERT_TRUE(e.holdout.fd.has_value());
   EXPECT_EQ(e.holdout.fd->n, 6);
-  EXPECT_LE(e.ssim_interval.low, e.holdout.mean.bbox.ssim);
-  EXPECT_GE(e.ssim_interval.high, e.holdout.mean.bbox.ssim);
+  for (const auto& [key, value] : std::map<std::string, double>{{"ssim", e.holdout.mean.bbox.ssim},
+                                                                {"full.ssim", e.holdout.mean.full.ssim},
+                                                                {"masked.psnr_db", e.holdout.mean.masked.psnr_db},
+                                                                {"mask_iou", e.holdout.mean.mask_iou},
+                                                                {"boundary_f", e.holdout.mean.boundary_f}}) {
+    EXPECT_LE(e.intervals.at(key).low, value) << key;
+    EXPECT_GE(e.intervals.at(key).high, value) << key;
+  }
+  ASSERT_EQ(e.per_motion.size(), 1u);
+  EXPECT_EQ(e.per_motion[0].name, "6-8");
+  EXPECT_DOUBLE_EQ(e.per_motion[0].mean.bbox.ssim, e.holdout.mean.bbox.ssim);
+  EXPECT_DOUBLE_EQ(e.per_motion[0].flicker, e.flicker);
   EXPECT_EQ(e.other_splits.size(), 3u);
   ASSERT_EQ(e.strips.size(), 4u);
   for (const PictureStrip& strip : e.strips) {
@@ -73,6 +85,84 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
     EXPECT_THAT(ToJsonText(e), HasSubstr(key));
   }
   EXPECT_THAT(ToTable(e), HasSubstr("baseline: nearest pose"));
+}
+
+TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {
+  SaveDetector(folder_.path() + "/detector.pt");
+  SavePictureDistance(folder_.path() + "/lpips.pt");
+  EvaluateOptions options;
+  options.pictures = 1, options.other_pictures = 4, options.renders = 4;
+  options.features = folder_.path() + "/detector.pt", options.lpips = folder_.path() + "/lpips.pt";
+  options.motions = "early=6-7,late=8-8";
+  const Evaluation e = Evaluate(run(), options, {});
+  EXPECT_EQ(e.distance_name, "FD (detector.pt)");
+  EXPECT_GT(e.holdout.lpips, 0);
+  EXPECT_LT(e.nearest_pose.lpips, e.holdout.lpips) << "an untrained avatar loses";
+  ASSERT_EQ(e.per_motion.size(), 2u);
+  EXPECT_EQ(e.per_motion[0].mean.n, 4);
+  EXPECT_EQ(e.per_motion[1].mean.n, 2);
+  EXPECT_NEAR(e.holdout.mean.bbox.ssim, (4 * e.per_motion[0].mean.bbox.ssim + 2 * e.per_motion[1].mean.bbox.ssim) / 6, 1e-12);
+  EXPECT_NEAR(e.holdout.lpips, (e.per_camera[0].lpips + e.per_camera[1].lpips) / 2, 1e-12);
+  const std::string json = ToJsonText(e);
+  for (const char* key : {"\"lpips\"", "\"lpips_ci95\"", "FD (detector.pt)", "\"early\"", "\"protocol_sha256\""})
+    EXPECT_THAT(json, HasSubstr(key));
+  EXPECT_EQ(Glob(run() + "/eval/render/*.png").size(), 4u);
+  EXPECT_EQ(Glob(run() + "/eval/truth/*.png").size(), 4u);
+  const Image truth = dataset::ReadImage(Glob(run() + "/eval/truth/*.png")[0]);
+  EXPECT_EQ(truth.width, 64);
+  options.motions = "never=20-30";
+  EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("never=20-30"));
+}
+
+TEST_F(EvaluateRun, ScoresOfOneSizeMeetTheSameTruth) {
+  EvaluateOptions options;
+  options.pictures = 1, options.other_pictures = 0, options.renders = 1, options.features = "gabor";
+  const Evaluation own = Evaluate(run(), options, {});
+  options.score_size = 96;
+  const Evaluation larger = Evaluate(run(), options, {});
+  EXPECT_EQ(dataset::ReadImage(Glob(run() + "/eval/render/*.png")[0]).width, 96);
+  EXPECT_EQ(larger.size_px, 96);
+  // The crops show the same: masks agree as well as at the avatar's own size, but for rounding of the outlines.
+  EXPECT_NEAR(larger.nearest_pose.mean.mask_iou, own.nearest_pose.mean.mask_iou, 0.03);
+  EXPECT_NEAR(larger.holdout.mean.mask_iou, own.holdout.mean.mask_iou, 0.03);
+  EXPECT_NE(larger.protocol.sha256, own.protocol.sha256);
+}
+
+TEST_F(EvaluateRun, TheProtocolIsOfTheScoringNotOfTheTraining) {
+  EvaluateOptions options;
+  options.pictures = 0, options.other_pictures = 4, options.renders = 0, options.features = "gabor";
+  const EvaluationProtocol first = Evaluate(run(), options, {}).protocol;
+  EXPECT_EQ(ReadFile(run() + "/protocol.json"), first.json_text);
+  // The dataset elsewhere, other training cameras and another network: the same protocol, another split of training cameras.
+  std::filesystem::copy(dataset(), folder_.path() + "/moved", std::filesystem::copy_options::recursive);
+  RunConfig other = config_;
+  other.dataset = folder_.path() + "/moved";
+  other.split.train_cameras.pop_back();
+  WriteRunConfig(other, run() + "/config.json");
+  const EvaluationProtocol same = Evaluate(run(), options, {}).protocol;
+  EXPECT_EQ(same.sha256, first.sha256);
+  EXPECT_NE(same.json_text, first.json_text);
+  // A held-out mask with another content, and other held-out frames.
+  const std::string mask = folder_.path() + "/moved/masks/00_01/00_01_00000006.png";
+  Image changed = dataset::ReadImage(mask, true);
+  changed.pixels[0] = 255;
+  dataset::WriteImage(changed, mask);
+  EXPECT_NE(Evaluate(run(), options, {}).protocol.sha256, first.sha256);
+  other.dataset = dataset(), other.split.holdout_frames = {7, 8};
+  WriteRunConfig(other, run() + "/config.json");
+  EXPECT_NE(Evaluate(run(), options, {}).protocol.sha256, first.sha256);
+}
+
+TEST(Motions, AreNamedRangesOrRunsOfFrames) {
+  const auto runs = ParseMotions("", {4, 0, 2, 20, 22, 50});
+  ASSERT_EQ(runs.size(), 3u);
+  EXPECT_EQ(runs[0].name, "0-4") << "every second frame is consecutive here";
+  EXPECT_EQ(runs[2].name, "50");
+  const auto named = ParseMotions("a=0-4,20-22", {0, 2, 4, 20, 22});
+  EXPECT_EQ(named[0].name, "a");
+  EXPECT_EQ(named[1].name, "20-22");
+  for (const char* bad : {"a", "a=", "=1-2", "a=2-1", "a=1-2x", "a=1"})
+    EXPECT_THROW(ParseMotions(bad, {1, 2}), UsageError) << bad;
 }
 
 TEST_F(EvaluateRun, BaselinesTakeTheNearestCameraAndPose) {

@@ -1,0 +1,106 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "cli/avatar_scores.h"
+#include "cli/avatar_table.h"
+#include "cli/commands.h"
+#include "core/files.h"
+#include "report/format.h"
+#include "report/study_tally.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::vector<std::string> runs, study;
+  std::string out;
+  bool baselines = true;
+};
+
+ordered_json SpreadJson(const Spread& spread) {
+  return {{"mean", FiniteOrNull(spread.mean)},
+          {"half_range", FiniteOrNull(spread.half_range)},
+          {"sd", FiniteOrNull(spread.sd)},
+          {"n", spread.n}};
+}
+
+ordered_json ShareJson(const StudyCell& cell) {
+  return {{"against", cell.against}, {"share", cell.share},  {"ci95", {cell.low, cell.high}}, {"n", cell.n},
+          {"p_value", cell.p_value}, {"raters", cell.raters}};
+}
+
+ordered_json RowJson(const ComparisonRow& row) {
+  ordered_json json = {{"name", row.name}, {"method", row.method}, {"num_runs", row.folders.size()}};
+  json["seeds"] = row.seeds;
+  json["cameras"] = row.cameras;
+  json["splits"] = ordered_json::object();
+  for (const auto& [kind, scores] : row.splits) {
+    for (const auto& [key, spread] : scores.values) json["splits"][kind][key] = SpreadJson(spread);
+    json["splits"][kind]["same_pictures"] = scores.same_pictures;
+  }
+  if (!row.study.empty()) json["study"] = ordered_json::array();
+  for (const StudyCell& cell : row.study) json["study"].push_back(ShareJson(cell));
+  json["runs"] = row.folders;
+  return json;
+}
+
+CommandResult Run(const Arguments& arguments) {
+  std::vector<ScoredRun> runs;
+  for (const std::string& text : arguments.runs) {
+    runs.push_back(ReadScoredRun(text));
+    RequireSameProtocol(runs.back().protocol, runs.front().protocol);
+  }
+  Comparison comparison = CompareRuns(runs, arguments.baselines);
+  CommandResult result;
+  if (!arguments.study.empty()) {
+    std::vector<report::StudyAnswers> answers;
+    for (const std::string& path : arguments.study) answers.push_back(report::ReadStudyAnswers(path));
+    for (const std::string& name : AddStudies(answers, &comparison)) {
+      result.warnings.push_back(
+          {"CMP-STUDY", "no row is called '" + name + "', which the answers judge", "name the run: '" + name + "=RUN'"});
+    }
+  }
+  for (const std::string& kind : comparison.mixed_splits) {
+    result.warnings.push_back({"CMP-SPLIT", "'" + kind + "' is not of the same pictures in all runs",
+                               "compare there only rows with the same training cameras"});
+  }
+  result.metrics["protocol_sha256"] = runs.front().protocol.sha256;
+  result.metrics["distance"] = comparison.distance_name;
+  result.metrics["rows"] = ordered_json::array();
+  for (const ComparisonRow& row : comparison.rows) result.metrics["rows"].push_back(RowJson(row));
+  result.metrics["differences"] = ordered_json::array();
+  for (const RowDifference& d : comparison.differences)
+    result.metrics["differences"].push_back(
+        {{"row", d.row},
+         {"against", d.against},
+         {"ssim", d.ssim},
+         {"outside_spread", d.spread_known ? ordered_json(d.outside_spread) : ordered_json()}});
+  result.text = TextTable(comparison);
+  result.inputs = {};
+  if (!arguments.out.empty()) {
+    WriteFileAtomic(arguments.out, MarkdownTable(comparison));
+    result.outputs.push_back({arguments.out, "table"});
+  }
+  return result;
+}
+
+}  // namespace
+
+void RegisterAvatarCompare(CLI::App& avatar, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = avatar.add_subcommand(
+      "compare", "Table of scored runs, methods x splits, as in Table 1 of the paper; runs of one method are its seeds");
+  sub->add_option("run", arguments->runs, "folders of runs that `avatar eval` has scored; NAME=RUN gives the row's name")
+      ->required();
+  sub->add_option("--study", arguments->study, "answers to user studies between rows (mvstudio report --study)");
+  sub->add_option("--out", arguments->out, "also write the table as Markdown");
+  sub->add_flag("--baselines,!--no-baselines", arguments->baselines, "rows of the mean image and of the nearest view");
+  registry.Add(sub, "avatar compare", [arguments](CommandContext&) { return Run(*arguments); });
+}
+
+}  // namespace mvstudio::cli

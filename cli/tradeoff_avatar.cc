@@ -1,0 +1,237 @@
+#include "cli/tradeoff_avatar.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "cli/tradeoff.h"
+#include "core/error.h"
+#include "core/files.h"
+#include "core/process.h"
+#include "report/value.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+using report::Value;
+
+std::string Joined(const std::vector<std::string>& words, const char* between) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
+  return text;
+}
+
+std::vector<std::string> Words(const std::string& text, char between = ' ') {
+  std::vector<std::string> words;
+  std::istringstream in(text);
+  for (std::string word; std::getline(in, word, between);) {
+    if (!word.empty()) words.push_back(word);
+  }
+  return words;
+}
+
+/// The result object of a command of this program.
+Value Call(const std::vector<std::string>& words, const std::string& folder, const std::function<void()>& poll) {
+  std::vector<std::string> line = {"/proc/self/exe"};
+  line.insert(line.end(), words.begin(), words.end());
+  line.push_back("--json");
+  const std::string out = folder + ".out", err = folder + ".err";
+  const int exit = RunProcess(line, out, err, poll);
+  const std::string text = ReadFile(out);
+  if (exit != kExitOk && exit != kExitPartial) {
+    std::string why;
+    if (!text.empty()) why = Value::Parse(text, out)["errors"].At(0)["text"].Text();
+    throw IoError(err, "`mvstudio " + Joined(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
+  }
+  const Value result = Value::Parse(text, out);
+  RemoveFile(out), RemoveFile(err);
+  return result;
+}
+
+std::vector<std::string> TrainWords(const AvatarTradeoffOptions& options, const CommandContext& context,
+                                    const AvatarTrial& trial, const std::string& folder) {
+  std::vector<std::string> words = {"avatar", "train", options.dataset, "--out", folder, "--overwrite"};
+  const auto add = [&words](const std::string& flag, const std::string& value) {
+    words.push_back(flag), words.push_back(value);
+  };
+  add("--width", std::to_string(trial.width)), add("--size", std::to_string(trial.size_px));
+  add("--steps", std::to_string(trial.steps));
+  add("--train-cameras", Joined(trial.cameras, ","));
+  add("--holdout-cameras", Joined(options.holdout_cameras, ",")), add("--holdout-frames", options.holdout_frames);
+  add("--seed", std::to_string(context.run.seed)), add("--threads", std::to_string(context.run.num_threads));
+  for (const std::string& word : LossFlags(trial.loss)) words.push_back(word);
+  for (const std::string& word : Words(options.train_flags)) words.push_back(word);
+  return words;
+}
+
+std::vector<std::string> EvalWords(const AvatarTradeoffOptions& options, const CommandContext& context,
+                                   const std::string& folder) {
+  return {"avatar",
+          "eval",
+          folder,
+          "--score-size",
+          std::to_string(options.score_size_px),
+          "--other-pictures",
+          "0",
+          "--renders",
+          "0",
+          "--pictures",
+          "1",
+          "--features",
+          options.features,
+          "--threads",
+          std::to_string(context.run.num_threads)};
+}
+
+/// One after the other; what an earlier call finished with the same words is read from `folder`/trial.json.
+Value TrainAndScore(const AvatarTradeoffOptions& options, const CommandContext& context, const AvatarTrial& trial,
+                    const std::string& folder, const std::function<void()>& poll) {
+  const std::vector<std::string> train = TrainWords(options, context, trial, folder),
+                                 eval = EvalWords(options, context, folder);
+  const std::string kept = folder + "/trial.json";
+  Value record = std::filesystem::exists(kept) ? Value::Parse(ReadFile(kept), kept) : Value();
+  const bool same = record["train_words"].Text() == Joined(train, " ");
+  if (!same) record = Value::Object().Set("train_words", Joined(train, " "));
+  if (same && record["eval_words"].Text() == Joined(eval, " ") && record["eval"].IsObject()) return record;
+  const auto keep = [&] { WriteFileAtomic(kept, record.Dump(1) + "\n"); };
+  if (!record["train"].IsObject()) {
+    const bool resume = same && std::filesystem::exists(folder + "/checkpoint.safetensors");
+    if (!resume && std::filesystem::exists(folder)) std::filesystem::remove_all(folder);
+    MakeFolder(folder);
+    keep();
+    const Value result =
+        Call(resume ? std::vector<std::string>{"avatar", "resume", folder, "--threads", std::to_string(context.run.num_threads)}
+                    : train,
+             folder, poll);
+    record.Set("train", result["metrics"]).Set("train_timing", result["timing"]);
+    keep();
+  }
+  record.Set("eval", Call(eval, folder, poll)["metrics"]).Set("eval_words", Joined(eval, " "));
+  keep();
+  return record;
+}
+
+}  // namespace
+
+std::string AvatarTrial::Name() const {
+  return "width " + std::to_string(width) + ", " + std::to_string(size_px) + " px, " + std::to_string(steps) + " steps, " +
+         loss;
+}
+
+std::vector<std::string> LossFlags(const std::string& loss) {
+  const std::vector<std::string> asked = Words(loss, '+'), known = {"l1", "ssim", "gradient", "posenet"};
+  for (const std::string& term : asked) {
+    if (std::find(known.begin(), known.end(), term) == known.end())
+      throw UsageError("--losses: '" + term + "' of '" + loss + "' is none of l1, ssim, gradient, posenet");
+  }
+  if (asked.empty()) throw UsageError("--losses: a loss needs at least one term");
+  const auto has = [&](const std::string& term) { return std::find(asked.begin(), asked.end(), term) != asked.end(); };
+  return {"--weight-l1",       has("l1") ? "1" : "0",         "--weight-ssim", has("ssim") ? "0.5" : "0",
+          "--weight-gradient", has("gradient") ? "0.5" : "0", "--perceptual",  has("posenet") ? "posenet" : "none"};
+}
+
+std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras) {
+  std::set<size_t> counts;
+  for (const int count : grid.cameras) {
+    if (count < 1) throw UsageError("--cameras: at least 1");
+    counts.insert(std::min(static_cast<size_t>(count), cameras.size()));
+  }
+  std::vector<AvatarTrial> trials;
+  for (const size_t count : counts) {
+    for (const int size : grid.sizes) {
+      for (const int width : grid.widths) {
+        for (const int steps : grid.steps) {
+          for (const std::string& loss : grid.losses) {
+            AvatarTrial trial;
+            trial.width = width, trial.size_px = size, trial.steps = steps, trial.loss = loss;
+            trial.cameras.assign(cameras.begin(), cameras.begin() + static_cast<int64_t>(count));
+            std::sort(trial.cameras.begin(), trial.cameras.end());
+            trial.ssim = trial.psnr_db = trial.mask_iou = trial.fd = trial.train_s = trial.s_per_step = trial.ms_per_frame =
+                trial.parameters = trial.peak_rss_mb = std::nan("");
+            trials.push_back(trial);
+          }
+        }
+      }
+    }
+  }
+  const auto cost = [](const AvatarTrial& t) { return double{1} * t.steps * t.width * t.size_px * t.size_px; };
+  std::stable_sort(trials.begin(), trials.end(), [&](const AvatarTrial& a, const AvatarTrial& b) { return cost(a) < cost(b); });
+  return trials;
+}
+
+void RunTrial(const AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
+              AvatarTrial* trial) {
+  char name[160];
+  std::snprintf(name, sizeof name, "/c%zu-s%d-w%d-n%d-%s-%llu", trial->cameras.size(), trial->size_px, trial->width,
+                trial->steps, trial->loss.c_str(), static_cast<unsigned long long>(context.run.seed));
+  const Value record = TrainAndScore(options, context, *trial, options.out + name, poll);
+  const Value &holdout = record["eval"]["holdout"], &train = record["train"];
+  trial->ssim = holdout["ssim"].Number(), trial->psnr_db = holdout["psnr_db"].Number();
+  trial->mask_iou = holdout["mask_iou"].Number(), trial->fd = holdout["fd"]["value"].Number();
+  trial->train_s = train["wall_s"].Number(), trial->s_per_step = 1 / train["it_per_s"].Number();
+  trial->ms_per_frame = 1000 * record["eval"]["seconds_per_frame"].Number();
+  trial->parameters = train["num_parameters"].Number();
+  trial->peak_rss_mb = record["train_timing"]["peak_rss_mb"].Number();
+  trial->done = true;
+}
+
+void MarkFronts(std::vector<AvatarTrial>* trials) {
+  std::map<size_t, std::vector<AvatarTrial*>> by_cameras;
+  for (AvatarTrial& trial : *trials) by_cameras[trial.cameras.size()].push_back(&trial);
+  for (const auto& [count, group] : by_cameras) {
+    std::vector<TradeoffPoint> train, render;
+    for (const AvatarTrial* t : group) {
+      train.push_back({t->Name(), t->train_s, 1 - t->ssim});
+      render.push_back({t->Name(), t->ms_per_frame, 1 - t->ssim});
+    }
+    const std::vector<bool> train_front = ParetoFront(train), render_front = ParetoFront(render);
+    for (size_t i = 0; i < group.size(); ++i) group[i]->train_front = train_front[i], group[i]->render_front = render_front[i];
+  }
+}
+
+ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
+  ordered_json table = ordered_json::array();
+  for (const AvatarTrial& t : trials) {
+    table.push_back({{"cameras", t.cameras.size()},
+                     {"size_px", t.size_px},
+                     {"width", t.width},
+                     {"steps", t.steps},
+                     {"loss", t.loss},
+                     {"done", t.done},
+                     {"ssim", FiniteOrNull(t.ssim)},
+                     {"psnr_db", FiniteOrNull(t.psnr_db)},
+                     {"mask_iou", FiniteOrNull(t.mask_iou)},
+                     {"fd", FiniteOrNull(t.fd)},
+                     {"train_s", FiniteOrNull(t.train_s)},
+                     {"s_per_step", FiniteOrNull(t.s_per_step)},
+                     {"ms_per_frame", FiniteOrNull(t.ms_per_frame)},
+                     {"num_parameters", FiniteOrNull(t.parameters)},
+                     {"peak_rss_mb", FiniteOrNull(t.peak_rss_mb)},
+                     {"train_cameras", t.cameras},
+                     {"on_front", t.train_front},
+                     {"on_render_front", t.render_front}});
+  }
+  return table;
+}
+
+std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance) {
+  char line[300];
+  std::snprintf(line, sizeof line,
+                "cameras   px  width  steps  loss                SSIM  %12s  training s  s/step  ms/frame  parameters\n",
+                distance.c_str());
+  std::string text = line;
+  for (const AvatarTrial& t : trials) {
+    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6.4f  %12.3f  %10.1f  %6.3f  %8.2f  %10.0f %s%s\n",
+                  t.cameras.size(), t.size_px, t.width, t.steps, t.loss.c_str(), t.ssim, t.fd, t.train_s, t.s_per_step,
+                  t.ms_per_frame, t.parameters, t.train_front ? "*" : "", t.render_front ? "+" : "");
+    text += line;
+  }
+  return text + "Among trials with as many cameras no other is both better and faster to train (*), to render (+).\n";
+}
+
+}  // namespace mvstudio::cli

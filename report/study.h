@@ -1,0 +1,49 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+/// A user study with forced choices: which of two pictures is more like the truth between them?
+namespace mvstudio::report {
+
+inline constexpr char kStudySchema[] = "mvstudio.study/1";
+inline constexpr char kStudyAnswersSchema[] = "mvstudio.study-answers/1";
+
+/// One question: the bytes of three PNG or JPEG files.
+struct StudyPicture {
+  std::string name;
+  std::string truth, a, b;
+};
+
+/// The same file names in three folders (without subfolders), sorted; what is not in all three is listed in `unmatched`. Throws
+/// IoError for folders that are not there, FormatError when no name is in all three, for content that is no picture, and for
+/// PNG files of different sizes.
+std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
+                                            const std::string& b_folder, std::vector<std::string>* unmatched);
+/// `count` of them, evenly over the list; all when there are fewer.
+std::vector<StudyPicture> ThinStudy(const std::vector<StudyPicture>& pictures, int count);
+
+struct StudySpec {
+  std::string title;
+  std::array<std::string, 2> methods;  ///< names of a and b; they appear in the answers, not on the page
+  uint64_t seed = 1;                   ///< order of the questions and sides
+  std::vector<StudyPicture> pictures;
+};
+
+struct Study {
+  std::string sha256;  ///< of methods, pictures, order and sides: answers name it
+  std::string html;    ///< one document with everything inside it; its script is allowed by its digest, the network is not
+  std::string json;    ///< the key: schema, sha256, methods, and for each question the picture and the method on the left
+};
+
+/// Each method is on the left in half of the questions. The page holds a seal for each question from which `ReadStudyAnswers`
+/// finds out what was on the left; neither its text nor its data say so. Throws UsageError without pictures and for equal
+/// names.
+Study MakeStudy(const StudySpec& spec);
+
+/// The seal of a question: a digest of the study, the picture and the method on the left.
+std::string StudySeal(const std::string& study_sha256, const std::string& picture, const std::string& left_method);
+
+}  // namespace mvstudio::report
