@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -89,13 +90,30 @@ double MeanSize(const std::vector<avatar::LiftSequence>& sequences) {
   return sum / count;
 }
 
-void AddComparison(const LiftComparison& c, const std::string& key, CommandResult* result) {
-  result->metrics[key] = {
-      {"lifter", ToJson(c.lifter)}, {"mean_pose", ToJson(c.mean_pose)}, {"nearest_neighbour", ToJson(c.nearest)}};
-  result->text += ToText("lifter", c.lifter) + ToText("mean pose", c.mean_pose) + ToText("nearest", c.nearest);
+void AddComparison(const LiftComparison& c, const std::string& what, ordered_json* json, CommandResult* result) {
+  *json = {{"lifter", ToJson(c.lifter)}, {"mean_pose", ToJson(c.mean_pose)}, {"nearest_neighbour", ToJson(c.nearest)}};
+  result->text += what + ":\n" + ToText("lifter", c.lifter) + ToText("mean pose", c.mean_pose) + ToText("nearest", c.nearest);
   if (c.lifter.mpjpe_mm < c.mean_pose.mpjpe_mm && c.lifter.mpjpe_mm < c.nearest.mpjpe_mm) return;
-  result->warnings.push_back({"LIFT-BELOW-BASELINE", "the lifter does not beat the mean pose and the nearest known pose",
+  result->warnings.push_back({"LIFT-BELOW-BASELINE",
+                              what + ": the lifter does not beat the mean pose and the nearest known pose",
                               "train longer (--steps) or with more motions"});
+}
+
+/// On all datasets together and, where there are several, on each; returns the standard deviation of a coordinate, metres.
+double ScoreHeldOut(const TrainingData& data, const avatar::Lifter& lifter, const TrainArguments& arguments, uint64_t seed,
+                    CommandResult* result) {
+  const avatar::LiftBaselines baselines(data.sequences, arguments.samples, arguments.baseline_poses, seed);
+  std::vector<const dataset::PanopticDataset*> datasets;
+  for (const dataset::PanopticDataset& d : data.datasets) datasets.push_back(&d);
+  const LiftComparison all = CompareOnHeldOut(lifter, baselines, datasets, data.held_out, arguments.holdout_noise_px, seed);
+  AddComparison(all, "held-out frames", &result->metrics["holdout"], result);
+  for (size_t i = 0; i < datasets.size() && datasets.size() > 1; ++i) {
+    const LiftComparison one =
+        CompareOnHeldOut(lifter, baselines, {datasets[i]}, {data.held_out[i]}, arguments.holdout_noise_px, seed);
+    ordered_json& json = result->metrics["per_dataset"].emplace_back(ordered_json{{"dataset", arguments.datasets[i]}});
+    AddComparison(one, arguments.datasets[i], &json["holdout"], result);
+  }
+  return all.sigma_m;
 }
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
@@ -116,13 +134,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   result.text = Format("lifter: %d steps on %d poses of %d people\n", report.steps_done, data.frames,
                        static_cast<int>(data.sequences.size()));
   if (arguments.holdout_share > 0) {
-    const avatar::LiftBaselines baselines(data.sequences, arguments.samples, arguments.baseline_poses, context.run.seed);
-    std::vector<const dataset::PanopticDataset*> datasets;
-    for (const dataset::PanopticDataset& d : data.datasets) datasets.push_back(&d);
-    const LiftComparison c =
-        CompareOnHeldOut(lifter, baselines, datasets, data.held_out, arguments.holdout_noise_px, context.run.seed);
-    lifter.sigma_m = c.sigma_m;
-    AddComparison(c, "holdout", &result);
+    lifter.sigma_m = ScoreHeldOut(data, lifter, arguments, context.run.seed, &result);
   }
   avatar::SaveLifter(lifter, arguments.out);
   result.outputs.push_back({arguments.out, "lifter"});
