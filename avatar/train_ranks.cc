@@ -2,6 +2,9 @@
 
 #include <ATen/ATen.h>
 
+#include <chrono>
+#include <thread>
+
 #include "core/check.h"
 #include "core/error.h"
 
@@ -24,8 +27,9 @@ std::string FirstLine(const std::exception& error) {
 class GlooRanks : public Ranks {
  public:
   explicit GlooRanks(const RankPlace& place) : place_(place) {
+    const auto store = c10::make_intrusive<c10d::FileStore>(place.rendezvous, place.size);
+    WaitForAll(*store);
     Guarded("did not find the other ranks", [&] {
-      const auto store = c10::make_intrusive<c10d::FileStore>(place.rendezvous, place.size);
       const auto options = c10d::ProcessGroupGloo::Options::create();
       options->devices.push_back(place.one_machine ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
                                                    : c10d::ProcessGroupGloo::createDefaultDevice());
@@ -52,6 +56,24 @@ class GlooRanks : public Ranks {
   }
 
  private:
+  /// Gloo itself would wait for half an hour.
+  void WaitForAll(c10d::FileStore& store) const {
+    constexpr auto kPause = std::chrono::milliseconds(50);
+    constexpr auto kLongest = std::chrono::minutes(5);
+    const auto key = [](int rank) { return "here_" + std::to_string(rank); };
+    Guarded("cannot use the file", [&] { store.set(key(place_.rank), std::vector<uint8_t>{1}); });
+    const auto start = std::chrono::steady_clock::now();
+    for (int rank = 0; rank < place_.size; ++rank) {
+      while (!store.check({key(rank)})) {
+        if (place_.while_waiting) place_.while_waiting();
+        if (std::chrono::steady_clock::now() - start > kLongest)
+          throw IoError(place_.rendezvous, "rank " + std::to_string(rank) + " of " + std::to_string(place_.size) +
+                                               " did not come within five minutes; start all of them again with a new file");
+        std::this_thread::sleep_for(kPause);
+      }
+    }
+  }
+
   template <class Call>
   void Guarded(const char* what, const Call& call) const {
     try {

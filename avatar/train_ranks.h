@@ -2,6 +2,7 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -11,8 +12,9 @@ namespace mvstudio::avatar {
 struct RankPlace {
   int rank = 0;
   int size = 1;
-  std::string rendezvous;   ///< a file that all ranks can see; it must not be there before the first of them begins
-  bool one_machine = true;  ///< they talk over the loopback address; else over that of the machine's name
+  std::string rendezvous;               ///< a file that all ranks can see; it must not be there before the first of them begins
+  bool one_machine = true;              ///< they talk over the loopback address; else over that of the machine's name
+  std::function<void()> while_waiting;  ///< called several times a second until all are there; may throw to give up
 };
 
 /// The processes as one of them sees them. All of them must make the same calls in the same order.

@@ -61,11 +61,11 @@ void AddRankOptions(CLI::App* sub, RankArguments& a) {
 }
 
 RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& context, const std::string& folder)
-    : threads_(context.run.num_threads) {
+    : progress_(context.run.progress), threads_(context.run.num_threads) {
   if (a.ranks < 1 || a.ranks > 256 || a.world_size < 1) throw UsageError("--ranks and --world-size must be at least 1");
   if (a.ranks > 1 && (a.world_size > 1 || a.rank > 0 || !a.rendezvous.empty()))
     throw UsageError("--ranks starts the processes itself: leave --rank, --world-size and --rendezvous out");
-  place_ = {a.rank, a.world_size, a.rendezvous, false};
+  place_ = {a.rank, a.world_size, a.rendezvous, false, {}};
   if (a.ranks == 1) {
     if (a.world_size == 1 && a.rank != 0) throw UsageError("--rank " + std::to_string(a.rank) + " needs --world-size");
     place_.one_machine = a.rendezvous.rfind("local:", 0) == 0;
@@ -73,7 +73,7 @@ RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& conte
     return;
   }
   MakeFolder(folder);
-  place_ = {0, a.ranks, folder + "/.ranks." + std::to_string(getpid()), true};
+  place_ = {0, a.ranks, folder + "/.ranks." + std::to_string(getpid()), true, {}};
   RemoveFile(place_.rendezvous);
   threads_ = std::max(1, ResolveThreads(context.run.num_threads) / a.ranks);
   const std::vector<std::string> words = Without(context.argv, {"--ranks", "--threads", "--progress"});
@@ -109,7 +109,17 @@ RankProcesses::~RankProcesses() {
 }
 
 std::shared_ptr<const avatar::Ranks> RankProcesses::Join() const {
-  return place_.size > 1 ? avatar::JoinRanks(place_) : nullptr;
+  if (place_.size == 1) return nullptr;
+  avatar::RankPlace place = place_;
+  place.while_waiting = [this] {
+    if (progress_ && progress_->Cancelled()) throw CancelledError("interrupted before the other ranks were there");
+    for (const pid_t child : children_) {
+      siginfo_t ended = {};
+      if (waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid != 0)
+        throw IoError("--ranks", "another rank ended before training began; see its message above");
+    }
+  };
+  return avatar::JoinRanks(place);
 }
 
 void RankProcesses::Finish() {

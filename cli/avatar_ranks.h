@@ -42,6 +42,7 @@ class RankProcesses {
   void StartOthers(const std::vector<std::string>& words, int ranks);
   void EndOthers();
 
+  const ProgressSink* progress_;
   avatar::RankPlace place_;
   int threads_;
   std::vector<pid_t> children_;

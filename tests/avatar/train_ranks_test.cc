@@ -47,7 +47,7 @@ std::string Rendezvous(const std::string& name) {
 void WithRanks(int size, const std::string& name, const std::function<void(std::shared_ptr<const Ranks>)>& work) {
   const std::string path = Rendezvous(name);
   std::vector<std::thread> threads;
-  for (int rank = 0; rank < size; ++rank) threads.emplace_back([=] { work(JoinRanks({rank, size, path, true})); });
+  for (int rank = 0; rank < size; ++rank) threads.emplace_back([=] { work(JoinRanks({rank, size, path, true, {}})); });
   for (std::thread& thread : threads) thread.join();
   std::filesystem::remove(path);
 }
@@ -167,8 +167,14 @@ TEST(Ranks, OneThatFailsOrIsStoppedEndsAll) {
 }
 
 TEST(Ranks, ThoseThatDifferAndPlacesThatCannotBeAreRefused) {
-  EXPECT_THROW(JoinRanks({2, 2, Rendezvous("x"), true}), UsageError);
-  EXPECT_THROW(JoinRanks({0, 2, "", true}), UsageError);
+  EXPECT_THROW(JoinRanks({2, 2, Rendezvous("x"), true, {}}), UsageError);
+  EXPECT_THROW(JoinRanks({0, 2, "", true, {}}), UsageError);
+  int calls = 0;
+  RankPlace alone{1, 2, Rendezvous("alone"), true, [&] {
+                    if (++calls == 3) throw CancelledError("enough");
+                  }};
+  EXPECT_THROW(JoinRanks(alone), CancelledError);
+  std::filesystem::remove(alone.rendezvous);
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   WithRanks(2, "differ", [&](const std::shared_ptr<const Ranks>& ranks) {
     Trainer trainer(pack, TinyModel("tna"), TinyTraining(2 + ranks->rank()), OneThread());
