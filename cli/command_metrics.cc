@@ -78,9 +78,9 @@ void AddScores(const PicturePairs& pairs, bool per_picture, CommandResult* resul
 std::string Text(const DistanceResult& d) {
   char text[240];
   std::snprintf(text, sizeof text,
-                "FD (%s) %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld and %lld, d = %lld",
-                d.features.c_str(), d.fd, d.floor, d.kid, d.kid_se, static_cast<long long>(d.n_a),
-                static_cast<long long>(d.n_b), static_cast<long long>(d.d));
+                "%s %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld and %lld, d = %lld",
+                d.name.c_str(), d.fd, d.floor, d.kid, d.kid_se, static_cast<long long>(d.n_a), static_cast<long long>(d.n_b),
+                static_cast<long long>(d.d));
   return text;
 }
 
@@ -112,8 +112,8 @@ void AddDistance(const PicturePairs& pairs, const MetricsArguments& arguments, c
   std::vector<std::string> reference, other;
   for (const PicturePair& pair : pairs.pairs) reference.push_back(pair.reference), other.push_back(pair.other);
   const DistanceResult d = ComparePictureSets(reference, other, arguments.features, run);
-  result->metrics["fd"] = {{"value", d.fd},    {"features", d.features}, {"n", d.n_a},        {"d", d.d},
-                           {"floor", d.floor}, {"kid", d.kid},           {"kid_se", d.kid_se}};
+  result->metrics["fd"] = {{"value", d.fd}, {"name", d.name},   {"features", d.features}, {"n", d.n_a},
+                           {"d", d.d},      {"floor", d.floor}, {"kid", d.kid},           {"kid_se", d.kid_se}};
   result->text += "\n" + Text(d);
 }
 #endif
@@ -162,7 +162,7 @@ void RegisterMetrics(CLI::App& app, Registry& registry) {
   sub->add_option(
          "--features", arguments->features,
          "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d) for "
-         "pictures in [0, 1], or auto: posenet when it is installed")
+         "pictures in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
       ->capture_default_str();
   sub->add_flag("--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });

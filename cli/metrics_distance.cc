@@ -45,8 +45,9 @@ Features ReadFeatures(const std::string& path) {
   return features;
 }
 
-DistanceResult ToResult(const avatar::SetDistance& s) {
-  return {s.fd, s.floor, s.kid.value, s.kid.standard_error, s.n, s.n_other, s.d, s.features};
+DistanceResult ToResult(const avatar::SetDistance& s, const std::string& sha256 = "") {
+  const std::string name = avatar::DistanceName(s.features, sha256);
+  return {s.fd, s.floor, s.kid.value, s.kid.standard_error, s.n, s.n_other, s.d, s.features, name};
 }
 
 at::Tensor ReadPicture(const std::string& path) {
@@ -90,7 +91,7 @@ DistanceResult ComparePictureSets(const std::vector<std::string>& reference, con
   if (!net) net = avatar::GaborNet();
   ProgressStage stage(run, "features (" + net->name() + ")", static_cast<int64_t>(reference.size() + other.size()));
   const at::Tensor a = RowsOf(reference, *net, &stage), b = RowsOf(other, *net, &stage);
-  return ToResult(avatar::CompareFeatures(a, b, net->name(), run.seed));
+  return ToResult(avatar::CompareFeatures(a, b, net->name(), run.seed), net->sha256());
 }
 
 }  // namespace mvstudio::cli

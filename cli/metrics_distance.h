@@ -13,6 +13,7 @@ struct DistanceResult {
   double fd = 0, floor = 0, kid = 0, kid_se = 0;
   int64_t n_a = 0, n_b = 0, d = 0;
   std::string features;
+  std::string name;  ///< "FID" or "FD (features)"
 };
 
 /// Of two files of features (.npy, or .safetensors with a tensor `features`). Throws IoError, FormatError.

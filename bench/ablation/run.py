@@ -4,8 +4,9 @@
 run.py DATASET --out FOLDER --holdout-cameras A,B --holdout-frames 90-119 --cameras 6=A,B,C,D,E,F --cameras 3=A,B,C
        [--methods tna,direct,v2v] [--seeds 1,2,3] [--train "--size 96 --steps 400 --batch 2"] [--limit-minutes M] [--program FILE]
 
-Trains every (set of cameras, method, seed) with the same flags, scores it and writes FOLDER/table.md and table.json. Finished runs are
-kept and interrupted ones resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
+Trains every (set of cameras, method, seed) with the same flags, scores it and writes FOLDER/table.md and table.json: the table of `mvstudio
+avatar compare`, which refuses runs of different protocols, and the costs of training. Finished runs are kept and interrupted ones
+resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
 """
 import argparse
 import json
@@ -43,24 +44,32 @@ def call(program, words):
     return json.loads(run.stdout)
 
 
+def trained(a, folder, cameras, method, seed):
+    """Metrics of the training: begins it, resumes it, or reads what is finished."""
+    result = os.path.join(folder, "avatar_train.result.json")
+    if os.path.exists(os.path.join(folder, "checkpoint.safetensors")):
+        if not os.path.exists(result):
+            return call(a.program, ["avatar", "resume", folder])["metrics"]
+        with open(result) as file:
+            return json.load(file)["metrics"]
+    return call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--method", method, "--seed", str(seed),
+                            "--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras,
+                            "--holdout-frames", a.holdout_frames, *a.train.split()])["metrics"]
+
+
 def one(a, folder, cameras, method, seed):
     """Trains (or resumes) and scores one avatar; what is finished is read from its folder."""
     scored = os.path.join(folder, "scores.json")
-    if os.path.exists(scored):
+    if os.path.exists(scored) and os.path.exists(os.path.join(folder, "protocol.json")):
         with open(scored) as file:
             return json.load(file)
     begin = time.time()
-    if os.path.exists(os.path.join(folder, "checkpoint.safetensors")):
-        trained = call(a.program, ["avatar", "resume", folder])
-    else:
-        trained = call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--method", method, "--seed", str(seed),
-                                   "--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras,
-                                   "--holdout-frames", a.holdout_frames, *a.train.split()])
+    training = trained(a, folder, cameras, method, seed)
     metrics = call(a.program, ["avatar", "eval", folder, "--features", a.features])["metrics"]
     holdout = metrics["holdout"]
     result = {"ssim": holdout["ssim"], "psnr_db": holdout["psnr_db"], "mask_iou": holdout["mask_iou"], "fd": holdout["fd"]["value"],
-              "fd_features": holdout["fd"]["features"], "n": holdout["n"], "steps": trained["metrics"]["steps"],
-              "train_s": trained["metrics"]["wall_s"], "parameters": trained["metrics"]["num_parameters"],
+              "fd_features": holdout["fd"]["features"], "n": holdout["n"], "steps": training["steps"],
+              "train_s": training["wall_s"], "parameters": training["num_parameters"],
               "nearest_pose_ssim": metrics["baselines"]["nearest_pose"]["ssim"],
               "mean_image_ssim": metrics["baselines"]["mean_image"]["ssim"], "flicker": holdout["flicker"]}
     with open(scored + ".tmp", "w") as file:
@@ -71,16 +80,27 @@ def one(a, folder, cameras, method, seed):
 
 
 def spread(values):
+    if all(isinstance(value, int) and value == values[0] for value in values):
+        return f"{values[0]:,}"
     mean = statistics.mean(values)
     return f"{mean:.4g} ± {(max(values) - min(values)) / 2:.2g}" if len(values) > 1 else f"{mean:.4g}"
+
+
+def comparison(a, folders):
+    """Table of `avatar compare` over all runs: rows are methods and sets of cameras."""
+    words = [f"{NAMES[method]}, {cameras} cameras={folder}" for (cameras, method), list_ in folders.items() for folder in list_]
+    out = os.path.join(a.out, "compare.md")
+    call(a.program, ["avatar", "compare", *words, "--out", out])
+    with open(out) as file:
+        return file.read()
 
 
 def table(a, results):
     lines = [f"`{a.dataset}`, held out {a.holdout_cameras} and frames {a.holdout_frames}; `{a.train}`; seeds {a.seeds}; "
              f"{platform.machine()}, {os.cpu_count()} cores. Mean ± half the range over seeds.", "",
-             "| training cameras | method | SSIM | PSNR, dB | mask IoU | FD | flicker | seconds |", "|---|---|---|---|---|---|---|---|"]
+             "| training cameras | method | flicker | steps | parameters | training, s |", "|---|---|---:|---:|---:|---:|"]
     for (cameras, method), runs in results.items():
-        cells = [spread([r[key] for r in runs]) for key in ("ssim", "psnr_db", "mask_iou", "fd", "flicker", "train_s")]
+        cells = [spread([r[key] for r in runs]) for key in ("flicker", "steps", "parameters", "train_s")]
         lines.append(f"| {cameras} | {NAMES[method]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -101,7 +121,7 @@ def verdict(results):
 def main():
     a = arguments()
     begin = time.time()
-    results = {}
+    results, folders = {}, {}
     for seed in a.seeds.split(","):  # a whole table for the first seed comes first
         for cameras in a.cameras:
             name, _, members = cameras.partition("=")
@@ -111,7 +131,8 @@ def main():
                 if not known and time.time() - begin > 60 * a.limit_minutes:
                     continue
                 results.setdefault((name, method), []).append(one(a, folder, members, method, seed))
-    text = table(a, results) + "\n" + "\n".join(verdict(results)) + "\n"
+                folders.setdefault((name, method), []).append(folder)
+    text = comparison(a, folders) + "\n" + table(a, results) + "\n" + "\n".join(verdict(results)) + "\n"
     with open(os.path.join(a.out, "table.md"), "w") as file:
         file.write(text)
     with open(os.path.join(a.out, "table.json"), "w") as file:
