@@ -83,7 +83,7 @@ def steps(a):
 
 def do(a, name, words):
     """The kept result of a step, or the result of doing it now. Ends the run when a command fails."""
-    kept = os.path.join(a.out, "steps", name + ".json")
+    kept = os.path.join(a.out, "steps", name + ".step.json")
     if os.path.exists(kept):
         with open(kept) as file:
             return json.load(file)
@@ -131,7 +131,7 @@ def main():
         sys.exit(f"--only: no step is called {', '.join(sorted(unknown))}")
     results = {}
     for name, words in steps(a):
-        if not only or name in only or os.path.exists(os.path.join(a.out, "steps", name + ".json")):
+        if not only or name in only or os.path.exists(os.path.join(a.out, "steps", name + ".step.json")):
             results[name] = do(a, name, words)
     with open(os.path.join(a.out, "table.md"), "w") as file:
         file.write(table(results))
