@@ -49,6 +49,18 @@ void AddPicture(const at::Tensor& prob, const at::Tensor& uv, const TrainBatch& 
             colour.index_select(0, pixels), weight.index_select(0, pixels));
 }
 
+/// Colours by the first guess, with a small weight: they count where the network's predictions leave texels open, as after a
+/// short initialisation, when it does not yet tell all parts.
+void AddGuess(const AvatarPack& pack, int64_t row, TextureSums* sums) {
+  constexpr double kWeight = 0.1;
+  const at::Tensor part = pack.part[row].to(at::kLong).flatten();
+  const at::Tensor pixels = part.gt(0).logical_and(pack.masks[row].flatten().ge(128)).nonzero().squeeze(1);
+  const at::Tensor uv = pack.uv[row].reshape({2, -1}).t() * 2 - 1;
+  const at::Tensor colour = pack.images[row].to(at::kFloat).reshape({3, -1}).t() * (2.0 / 255) - 1;
+  AddPixels(*sums, part.index_select(0, pixels), uv.index_select(0, pixels), colour.index_select(0, pixels),
+            at::full({pixels.size(0)}, kWeight, at::kFloat));
+}
+
 }  // namespace
 
 std::vector<int64_t> SpreadRows(int64_t total, int64_t count) {
@@ -84,6 +96,8 @@ void Trainer::State::AverageTextures() {
     const auto [logits, raw_uv] = model.generator->forward(batch.maps);
     AddPicture(at::softmax(logits, 1).to(at::kCPU), at::tanh(raw_uv).to(at::kCPU), batch, &sums);
   }
+  constexpr int64_t kGuessesPerPicture = 4;  // they cost no run of the network
+  for (const int64_t row : SpreadRows(pack.size(), kGuessesPerPicture * options.texture_pictures)) AddGuess(pack, row, &sums);
   model.textures.copy_(FillTextures(sums));
   model.seen.copy_(sums.weight);
   textures_ready = true;

@@ -183,7 +183,7 @@ TEST(Train, OptionsThatDoNotFitAreRefused) {
   const AvatarPack pack = MakeSyntheticPack(2, 30, 4);
   EXPECT_THROW(Trainer(pack, TinyModel(), TinyTraining(1, 1), OneThread()), UsageError);  // 30 is no multiple of 4
   ModelOptions model = TinyModel();
-  model.inputs = 21;
+  model.inputs = 20;
   EXPECT_THROW(Trainer(MakeSyntheticPack(2, 32, 4), model, TinyTraining(1, 1), OneThread()), UsageError);
   model = TinyModel();
   model.norm = "group";

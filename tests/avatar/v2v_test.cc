@@ -124,7 +124,7 @@ TEST(Video, ResumingIsBitExact) {
 
 TEST(Video, LearnsAFewPicturesByHeartAndTrainsItsCritic) {
   const AvatarPack pack = MakeSyntheticPack(6, 32, 3);
-  TrainOptions options = TinyTraining(150);
+  TrainOptions options = TinyTraining(220);
   options.learning_rate = 3e-3;
   options.jitter_scale = options.jitter_shift = options.jitter_roll_deg = 0;
   Trainer trainer(pack, TinyVideo(), options, OneThread());
