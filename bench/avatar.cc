@@ -1,5 +1,6 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
+#include <malloc.h>
 
 #include <chrono>
 #include <cstdio>
@@ -85,6 +86,7 @@ void WriteAll(const Bench& bench, const std::string& path) {
                                      {"part", b.part},
                                      {"uv", b.uv}})
     file.tensors["batch." + std::string(name)] = tensor.contiguous();
+  for (const auto& [name, value] : FieldsAsText(bench.options)) file.metadata["train." + name] = value;
   WriteTensorFile(file, path);
 }
 
@@ -177,6 +179,9 @@ int Serve() {
 }  // namespace mvstudio::avatar
 
 int main() {
+  // As mvstudio's own main does.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
   try {
     return mvstudio::avatar::Serve();
   } catch (const std::exception& error) {

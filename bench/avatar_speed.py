@@ -35,7 +35,7 @@ def read_safetensors(path):
             begin, end = entry["data_offsets"]
             array = np.frombuffer(data[begin:end], types[entry["dtype"]]).reshape(entry["shape"])
             tensors[name] = torch.from_numpy(array.copy())
-    return tensors
+    return tensors, header["__metadata__"]
 
 
 def conv(inputs, outputs, kernel, stride=1, bias=False):
@@ -95,22 +95,22 @@ class Generator(nn.Module):
         return [getattr(self, name)(x, levels) for name in self.decoders]
 
 
-def pixel_weights(mask, foreground=10.0):
+def pixel_weights(mask, foreground):
     weight = 1 + (foreground - 1) * mask.unsqueeze(1)
     return weight / weight.sum()
 
 
-def l1_loss(a, b, mask):
-    return ((a - b).abs().mean(1, True) * pixel_weights(mask)).sum()
+def l1_loss(a, b, weights):
+    return ((a - b).abs().mean(1, True) * weights).sum()
 
 
-def ssim_loss(a, b, mask):
+def ssim_loss(a, b, weights):
     box = lambda x: F.avg_pool2d(x, 7, 1)
     ma, mb, aa, bb, ab = box(torch.cat([a, b, a * a, b * b, a * b], 1)).split(3, 1)
     c1, c2 = 1e-4, 9e-4
     ssim = (2 * ma * mb + c1) * (2 * (ab - ma * mb) + c2) / (
         (ma * ma + mb * mb + c1) * (aa - ma * ma + bb - mb * mb + c2))
-    return ((1 - ssim).mean(1, True) * pixel_weights(mask[:, 3:-3, 3:-3])).sum()
+    return ((1 - ssim).mean(1, True) * weights).sum()
 
 
 def mask_loss(logits, mask):
@@ -148,34 +148,38 @@ def sample_textures(textures, logits, raw_uv):
 
 
 class Peer:
-    """The training step in Python, with the default weights of the loss terms."""
+    """The training step in Python, with the options that bench_avatar wrote."""
 
     def __init__(self, method, width, path):
-        tensors = read_safetensors(path)
+        tensors, options = read_safetensors(path)
+        self.o = {name[6:]: float(value) for name, value in options.items() if name.startswith("train.") and value[0] in "0123456789.-"}
         self.batch = {name[6:]: value for name, value in tensors.items() if name.startswith("batch.")}
         self.tna = method == "tna"
         self.net = Generator(method, width)
         names = {name.split("generator.")[-1]: value for name, value in tensors.items()}
         self.net.load_state_dict({name: names[name] for name in self.net.state_dict()})
-        groups = [{"params": list(self.net.parameters()), "lr": 1e-3}]
+        groups = [{"params": list(self.net.parameters()), "lr": self.o["learning-rate"]}]
         if self.tna:
             self.textures = nn.Parameter(tensors["textures"])
-            groups.append({"params": [self.textures], "lr": 1e-2})
+            groups.append({"params": [self.textures], "lr": self.o["texture-learning-rate"]})
         self.adam = torch.optim.Adam(groups)
 
     def step(self):
         b = self.batch
         self.adam.zero_grad(set_to_none=True)
         first, second = self.net(b["maps"])
-        loss = 0.5 * mask_loss(first, b["mask"]) + 1e-3 * (saturation(second, 4) + saturation(first, 20))
+        o, mask = self.o, b["mask"]
+        loss = o["weight-mask"] * mask_loss(first, mask) + o["weight-logit"] * (saturation(second, 4) + saturation(first, 20))
         if self.tna:
-            loss = loss + 0.2 * (part_loss(first, b["part"]) + 4 * uv_loss(torch.tanh(second), b["uv"], b["part"]))
+            loss = loss + o["keep-init"] * (o["weight-part"] * part_loss(first, b["part"]) +
+                                            o["weight-uv"] * uv_loss(torch.tanh(second), b["uv"], b["part"]))
             image = sample_textures(self.textures, first, second)
         else:
             image = torch.sigmoid(first) * (0.5 * torch.tanh(second) + 0.5)
-        loss = loss + l1_loss(image, b["image"], b["mask"]) + 0.5 * ssim_loss(image, b["image"], b["mask"])
+        weights, inner = (pixel_weights(m, o["foreground-weight"]) for m in (mask, mask[:, 3:-3, 3:-3]))
+        loss = loss + o["weight-l1"] * l1_loss(image, b["image"], weights) + o["weight-ssim"] * ssim_loss(image, b["image"], inner)
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), self.o["clip-norm"])
         self.adam.step()
         return loss.item()
 
@@ -209,18 +213,18 @@ def train_table(arguments, folder):
 
 def render_table(arguments):
     print(f"Rendering one picture at a time (TNA, bone maps included), {arguments.threads} thread(s)\n")
-    print("| width | size, px | ms | frames/s | peak memory, MB |")
-    print("|---|---|---|---|---|")
+    print("| width | size, px | ms | CPU time, ms | frames a CPU second | peak memory, MB |")
+    print("|---|---|---|---|---|---|")
     for width in (8, 16, 32):
         for size in (128, 256, 512):
             program = Program(os.path.join(arguments.bin, "bench_avatar"), arguments.threads)
             program.ask("threads", arguments.threads)
             program.ask("start", "tna", width, size, 1, "-")
-            seconds = [float(program.ask("render")[1]) for _ in range(arguments.steps)][2:]
+            times = [tuple(map(float, program.ask("render")[1:])) for _ in range(arguments.steps + 2)][2:]
             memory = program.ask("memory")[0]
             program.close()
-            middle = statistics.median(seconds)
-            print(f"| {width} | {size} | {1e3 * middle:.0f} | {1 / middle:.1f} | {memory} |", flush=True)
+            wall, cpu = (statistics.median(column) for column in zip(*times))
+            print(f"| {width} | {size} | {1e3 * wall:.0f} | {1e3 * cpu:.0f} | {1 / cpu:.1f} | {memory} |", flush=True)
     print()
 
 
