@@ -22,8 +22,8 @@ SceneAdjustment PrepareAdjustment(const ColmapScene& scene, const std::vector<Sc
 /// scene, with shared and with own lenses, and judged on the points of the other cubes, then the other way round. Own lenses
 /// are taken when the sum of squared residuals (cut off at the rejection limit) is lower by three standard errors of the
 /// difference, and by a tenth in either half: features err with the direction they are seen from, which lenses of one's own
-/// mimic to some hundredths, while focal lengths that differ by 0.1 % already make that much. Cubes, not points, are the unit:
-/// neighbouring features do not err independently (see ClusterInflation). `scene` is the solution with shared lenses.
+/// mimic to some hundredths; focal lengths that differ by 1 % gain nine tenths. Cubes, not points, are the unit: neighbouring
+/// features do not err independently (see ClusterInflation). `scene` is the solution with shared lenses.
 bool OwnLensesPay(const ColmapScene& scene, const std::vector<SceneImage>& images, const FromSceneOptions& options,
                   double feature_sigma_px, int num_threads);
 
