@@ -6,6 +6,8 @@
 #include <numeric>
 
 #include "avatar/camera_tensor.h"
+#include "avatar/spread_labels.h"
+#include "avatar/template_maps.h"
 #include "core/check.h"
 #include "core/parallel.h"
 #include "core/random.h"
@@ -46,9 +48,16 @@ void MoveJoints(const Jitter& j, int size_px, int64_t num_joints, float* joints)
   }
 }
 
-/// Moves the batch and its key points by one random motion each.
+/// Raw template maps of moved pictures: the cover is a smooth quantity, parts and coordinates are labels.
+at::Tensor MoveTemplate(const at::Tensor& maps, const at::Tensor& grid) {
+  return at::cat({at::grid_sampler_2d(maps.slice(1, 0, 1), grid, 0, 0, false).clamp(0, 1),
+                  at::grid_sampler_2d(maps.slice(1, 1, kTemplateMaps), grid, 1, 0, false)},
+                 1);
+}
+
+/// Moves the batch, its key points and its template by one random motion each.
 void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, int64_t first, TrainBatch& batch,
-                 at::Tensor& joints_px) {
+                 at::Tensor& joints_px, at::Tensor& template_maps) {
   const auto count = static_cast<int64_t>(batch.pictures.size());
   at::Tensor theta = at::zeros({count, 2, 3}, at::kFloat);
   Rng random(seed * 0x9e3779b97f4a7c15ull + static_cast<uint64_t>(step) * 2 + 1);
@@ -67,27 +76,7 @@ void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_
   batch.mask = smooth.select(1, 3).contiguous();
   batch.part = labels.select(1, 0).round().to(at::kLong);
   batch.uv = labels.slice(1, 1, 3).contiguous();
-}
-
-/// Breadth-first spread of labels over the unlabelled pixels of one mask.
-void SpreadLabels(int64_t size, const uint8_t* mask, uint8_t* part, float* uv) {
-  const int64_t area = size * size;
-  std::vector<int64_t> queue;
-  for (int64_t p = 0; p < area; ++p) {
-    if (mask[p] == 0) part[p] = 0;
-    if (part[p] != 0) queue.push_back(p);
-    if (part[p] == 0) uv[p] = uv[area + p] = 0;
-  }
-  for (size_t head = 0; head < queue.size(); ++head) {
-    const int64_t p = queue[head], x = p % size, y = p / size;
-    const int64_t neighbours[4] = {x > 0 ? p - 1 : -1, x + 1 < size ? p + 1 : -1, y > 0 ? p - size : -1,
-                                   y + 1 < size ? p + size : -1};
-    for (const int64_t q : neighbours) {
-      if (q < 0 || mask[q] == 0 || part[q] != 0) continue;
-      part[q] = part[p], uv[q] = uv[p], uv[area + q] = uv[area + p];
-      queue.push_back(q);
-    }
-  }
+  if (template_maps.defined()) template_maps = MoveTemplate(template_maps, grid);
 }
 
 }  // namespace
@@ -118,9 +107,10 @@ TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const Tra
   batch.uv = pack.uv.index_select(0, rows);
   const at::Tensor joints = pack.joints_in_cam.index_select(0, rows), valid = pack.joint_valid.index_select(0, rows);
   at::Tensor joints_px = ProjectPinhole(pack.intrinsics.index_select(0, rows), joints);
-  if (jitter) ApplyJitter(options, pack.size_px, seed, step, first, batch, joints_px);
+  at::Tensor template_maps = pack.template_maps.defined() ? pack.template_maps.index_select(0, rows) : at::Tensor();
+  if (jitter) ApplyJitter(options, pack.size_px, seed, step, first, batch, joints_px, template_maps);
   batch.uv = batch.uv * 2 - 1;
-  batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px);
+  batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px, template_maps);
   const at::Device device = model.generator->parameters()[0].device();
   for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv}) *t = t->to(device);
   return batch;

@@ -13,7 +13,7 @@ namespace mvstudio::avatar {
 /// What one training step sees.
 struct TrainBatch {
   std::vector<int64_t> pictures;  ///< rows of the pack
-  at::Tensor maps;                ///< (B, 18, H, W) network input
+  at::Tensor maps;                ///< (B, C, H, W) network input
   at::Tensor image;               ///< (B, 3, H, W) float32 in [0, 1], black outside the mask
   at::Tensor mask;                ///< (B, H, W) float32 in [0, 1]
   at::Tensor part;                ///< (B, H, W) int64, 0..24

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "avatar/init_weights.h"
+#include "avatar/template_maps.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -52,7 +53,7 @@ class ResBlockImpl : public nn::Module {
 TORCH_MODULE(ResBlock);
 
 nn::Sequential MakeStem(const ModelOptions& o) {
-  return nn::Sequential(Conv(o.inputs + NumPreviousChannels(o), o.width, o.stem_kernel, 1, false),
+  return nn::Sequential(Conv(o.inputs + NumTemplateChannels(o) + NumPreviousChannels(o), o.width, o.stem_kernel, 1, false),
                         nn::ReLU(nn::ReLUOptions(true)));
 }
 
@@ -100,6 +101,10 @@ class DecoderImpl : public nn::Module {
     }
     return head_->forward(x);
   }
+  void BeginAtZero() {
+    const torch::NoGradGuard no_gradients;
+    head_->weight.zero_();
+  }
 
  private:
   bool skips_;
@@ -144,6 +149,9 @@ GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
   parts_->first = register_module(heads.first_name, Decoder(options, heads.first));
   parts_->second = register_module(heads.second_name, Decoder(options, heads.second));
   InitWeights(*this, seed);
+  if (options.prior == "none") return;
+  parts_->first->BeginAtZero();
+  if (options.method == "tna") parts_->second->BeginAtZero();
 }
 
 GeneratorImpl::~GeneratorImpl() = default;

@@ -31,10 +31,9 @@ class Autocast {
 };
 
 Outputs Forward(AvatarModel& model, const StepInput& input, bool half_precision) {
-  const at::Tensor maps = input.previous.defined() ? at::cat({input.batch.maps, input.previous}, 1) : input.batch.maps;
   const Autocast autocast(half_precision);
-  const auto [first, second] = model.generator->forward(maps);
-  return {first.to(at::kFloat), second.to(at::kFloat)};
+  const auto [first, second] = Predict(model, input.batch.maps, input.previous);
+  return {first, second};
 }
 
 at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outputs& out) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "avatar/camera_tensor.h"
+#include "avatar/template_maps.h"
 #include "avatar/texture.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -126,15 +127,28 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
 }
 
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
-                        const at::Tensor& joints_px, int64_t height, int64_t width) {
+                        const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps) {
   const InputLayout& layout = LayoutOf(model.options.inputs);
-  MVS_CHECK(NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
-            "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
+  MVS_CHECK(
+      NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
+      "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
   const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
   const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
-  const at::Tensor maps = RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth);
-  if (!layout.slopes) return maps;
-  return at::cat({maps, RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width)}, 1);
+  std::vector<at::Tensor> maps = {RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth)};
+  if (layout.slopes) maps.push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
+  MVS_CHECK(
+      template_maps.defined() == (NumTemplateChannels(model.options) > 0),
+      "a network with prior " << model.options.prior << (template_maps.defined() ? " takes no" : " needs") << " template maps");
+  if (template_maps.defined()) maps.push_back(TemplateChannels(template_maps));
+  return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
+}
+
+std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous) {
+  auto [first, second] = model.generator->forward(previous.defined() ? at::cat({maps, previous}, 1) : maps);
+  first = first.to(at::kFloat), second = second.to(at::kFloat);
+  const int64_t bones = model.options.inputs, channels = NumTemplateChannels(model.options);
+  if (channels > 0) AddTemplate(model.options.method, maps.slice(1, bones, bones + channels), &first, &second);
+  return {first, second};
 }
 
 at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px) {
@@ -164,15 +178,16 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
 at::Tensor CleanAlpha(const at::Tensor& mask_prob) { return ((mask_prob - 0.05) / 0.9).clamp(0, 1); }
 
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background, const at::Tensor& previous) {
+                 int64_t height, int64_t width, const at::Tensor& background, const at::Tensor& previous,
+                 const at::Tensor& template_maps) {
   torch::NoGradGuard no_grad;
   model.generator->eval();
   const at::Tensor like = model.generator->parameters()[0];
   CheckPoses(joints_in_cam, valid, intrinsics);
   const at::Tensor joints_px = ProjectPinhole(intrinsics, joints_in_cam);
-  const at::Tensor maps = NetworkInput(model, joints_in_cam, valid, joints_px, height, width).to(like.device());
+  const at::Tensor maps = NetworkInput(model, joints_in_cam, valid, joints_px, height, width, template_maps).to(like.device());
   const at::Tensor before = PreviousOrBlack(model, previous, maps);
-  const auto [first, second] = model.generator->forward(before.defined() ? at::cat({maps, before}, 1) : maps);
+  const auto [first, second] = Predict(model, maps, before);
   const at::Tensor behind = Background(background, like);
   Rendering out;
   out.mask_prob = model.options.method == "tna" ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "avatar/bones.h"
 #include "avatar/generator.h"
@@ -26,10 +27,16 @@ struct AvatarModel {
 /// Fresh weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where options leave it open).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
-/// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H, W).
-/// J: with the body that the inputs need (bone_lists.h); where J has no hands and face their maps are background.
+/// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H, W),
+/// followed by the channels of `template_maps` (B, 4, H, W) where the template is the prior: there they must be given,
+/// elsewhere they must not. J: with the body that the inputs need (bone_lists.h); where J has no hands and face their maps are
+/// background.
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
-                        const at::Tensor& joints_px, int64_t height, int64_t width);
+                        const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps = {});
+
+/// The network's two outputs (see Generator) for such input, corrections to the template where that is the prior. `previous`:
+/// as for ComposeImage.
+std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous = {});
 
 /// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
 /// pictures before, for `v2v` alone (B, 3 kNumPrevious, H, W), the latest first, on black.
@@ -55,9 +62,10 @@ at::Tensor CleanAlpha(const at::Tensor& mask_prob);
 /// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
 /// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
 /// and for poses that are not finite. `previous`: as in ComposeImage, of the same cameras' frames before; undefined: there were
-/// none.
+/// none. `template_maps`: as for NetworkInput.
 Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background = {}, const at::Tensor& previous = {});
+                 int64_t height, int64_t width, const at::Tensor& background = {}, const at::Tensor& previous = {},
+                 const at::Tensor& template_maps = {});
 
 /// A model as named tensors and metadata, and back. `path` is for messages.
 TensorFile ModelToTensors(const AvatarModel& model);

@@ -79,6 +79,7 @@ void Validate(const ModelOptions& o) {
   Require(o.stem_kernel >= 1 && o.stem_kernel <= 15 && o.stem_kernel % 2 == 1, "stem-kernel", "odd and in 1..15");
   Require(o.head_kernel >= 1 && o.head_kernel <= 15 && o.head_kernel % 2 == 1, "head-kernel", "odd and in 1..15");
   Require(o.inputs >= 1 && o.inputs <= 256, "inputs", "in 1..256");
+  Require(o.prior == "none" || o.prior == "template", "prior", "none or template");
   Require(o.texture_px == 0 || (o.texture_px >= 2 && o.texture_px <= 4096), "texture-px", "0 or in 2..4096");
   Require(o.bone_half_width_px > 0 && o.bone_half_width_px < 100, "bone-half-width-px", "above 0 and below 100");
 }

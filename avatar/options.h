@@ -22,6 +22,7 @@ struct ModelOptions {
   int head_kernel = 3;
   bool skips = true;
   int inputs = 36;
+  std::string prior = "none";
   int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
@@ -45,6 +46,10 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("inputs", o.inputs,
         "input channels: 18 bones of Panoptic's joints with their depth; 21: and both hands and the face; 24: BODY_25's bones; "
         "27: and hands and face; 36: as 18, and the share of each bone that points away from the camera");
+  visit(
+      "prior", o.prior,
+      "what the network starts from. template: the body template posed by the joints, whose outline, parts and coordinates are "
+      "further inputs and are corrected by the network; none: the bones alone, as in the paper");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
@@ -107,7 +112,9 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("steps", o.steps, "end-to-end steps, after the initialisation");
   visit("init-steps", o.init_steps,
-        "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps");
+        "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps, or none where "
+        "the "
+        "network knows them already (--prior template, --init-from)");
   visit("batch", o.batch, "pictures per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");

@@ -6,6 +6,7 @@
 
 #include "avatar/bone_lists.h"
 #include "avatar/safetensors.h"
+#include "avatar/template_maps.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -14,25 +15,28 @@ namespace {
 
 constexpr const char* kFormat = "mvstudio.avatar_pack/1";
 
-constexpr int64_t kSize = -1, kJoints = -2;
+constexpr int64_t kSize = -1, kJoints = -2, kNetworkSize = -3;
 
 struct Field {
   const char* name;
   at::Tensor AvatarPack::*tensor;
   at::ScalarType type;
   std::vector<int64_t> tail;  // sizes after N; kSize stands for the picture size, kJoints for the number of joints
+  bool optional = false;
 };
 
 const std::vector<Field>& Fields() {
-  static const std::vector<Field> fields = {{"images", &AvatarPack::images, at::kByte, {3, kSize, kSize}},
-                                            {"masks", &AvatarPack::masks, at::kByte, {kSize, kSize}},
-                                            {"joints_in_cam", &AvatarPack::joints_in_cam, at::kFloat, {kJoints, 3}},
-                                            {"joint_valid", &AvatarPack::joint_valid, at::kBool, {kJoints}},
-                                            {"intrinsics", &AvatarPack::intrinsics, at::kFloat, {4}},
-                                            {"part", &AvatarPack::part, at::kByte, {kSize, kSize}},
-                                            {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
-                                            {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
-                                            {"frame", &AvatarPack::frame, at::kLong, {}}};
+  static const std::vector<Field> fields = {
+      {"images", &AvatarPack::images, at::kByte, {3, kSize, kSize}},
+      {"masks", &AvatarPack::masks, at::kByte, {kSize, kSize}},
+      {"joints_in_cam", &AvatarPack::joints_in_cam, at::kFloat, {kJoints, 3}},
+      {"joint_valid", &AvatarPack::joint_valid, at::kBool, {kJoints}},
+      {"intrinsics", &AvatarPack::intrinsics, at::kFloat, {4}},
+      {"part", &AvatarPack::part, at::kByte, {kSize, kSize}},
+      {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
+      {"template_maps", &AvatarPack::template_maps, at::kFloat, {kTemplateMaps, kNetworkSize, kNetworkSize}, true},
+      {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
+      {"frame", &AvatarPack::frame, at::kLong, {}}};
   return fields;
 }
 
@@ -43,8 +47,11 @@ void CheckShapes(const AvatarPack& pack) {
   MVS_CHECK(IsJointList(num_joints), num_joints << " joints; lists have 19, 25, 131 or 137");
   for (const Field& field : Fields()) {
     const at::Tensor& tensor = pack.*field.tensor;
+    if (field.optional && !tensor.defined()) continue;
+    const int64_t network_px = tensor.defined() && tensor.dim() > 0 ? tensor.size(-1) : 0;
     std::vector<int64_t> shape = {pack.size()};
-    for (const int64_t size : field.tail) shape.push_back(size == kSize ? pack.size_px : size == kJoints ? num_joints : size);
+    for (const int64_t size : field.tail)
+      shape.push_back(size == kSize ? pack.size_px : size == kJoints ? num_joints : size == kNetworkSize ? network_px : size);
     MVS_CHECK(tensor.defined() && tensor.device().is_cpu() && tensor.scalar_type() == field.type &&
                   tensor.sizes() == at::IntArrayRef(shape),
               field.name << " must be " << at::IntArrayRef(shape) << " " << field.type << " on the CPU, it is "
@@ -85,6 +92,13 @@ void Validate(const AvatarPack& pack) {
   RequireEach(pack, pack.joint_valid.any(1), "no joint is valid");
   RequireEach(pack, pack.part <= kNumBodyParts, "the part map has values above 24");
   RequireEach(pack, (pack.uv >= 0).logical_and(pack.uv <= 1), "a texture coordinate is outside [0, 1] or not finite");
+  if (pack.template_maps.defined()) {
+    const at::Tensor rest = pack.template_maps.index_select(1, at::tensor({0, 2, 3})), part = pack.template_maps.select(1, 1);
+    RequireEach(pack, (rest >= 0).logical_and(rest <= 1),
+                "the template's cover or a coordinate is outside [0, 1] or not finite");
+    RequireEach(pack, (part >= 0).logical_and(part <= kNumBodyParts).logical_and(part == part.round()),
+                "the template's part is not one of 0..24");
+  }
 }
 
 AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices) {
@@ -93,14 +107,18 @@ AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices) {
   out.size_px = pack.size_px;
   out.cameras = pack.cameras;
   const at::Tensor rows = at::tensor(indices, at::kLong);
-  for (const Field& field : Fields()) out.*field.tensor = (pack.*field.tensor).index_select(0, rows);
+  for (const Field& field : Fields()) {
+    if ((pack.*field.tensor).defined()) out.*field.tensor = (pack.*field.tensor).index_select(0, rows);
+  }
   return out;
 }
 
 void SavePack(const AvatarPack& pack, const std::string& path) {
   Validate(pack);
   TensorFile file;
-  for (const Field& field : Fields()) file.tensors[field.name] = pack.*field.tensor;
+  for (const Field& field : Fields()) {
+    if ((pack.*field.tensor).defined()) file.tensors[field.name] = pack.*field.tensor;
+  }
   file.metadata["format"] = kFormat;
   file.metadata["size_px"] = std::to_string(pack.size_px);
   for (const std::string& camera : pack.cameras) file.metadata["cameras"] += camera + "\n";
@@ -114,8 +132,8 @@ AvatarPack LoadPack(const std::string& path) {
   AvatarPack pack;
   for (const Field& field : Fields()) {
     const auto found = file.tensors.find(field.name);
-    if (found == file.tensors.end()) throw FormatError(path, field.name, "is missing");
-    pack.*field.tensor = found->second;
+    if (found == file.tensors.end() && !field.optional) throw FormatError(path, field.name, "is missing");
+    if (found != file.tensors.end()) pack.*field.tensor = found->second;
   }
   std::istringstream lines(file.metadata["cameras"]);
   for (std::string line; std::getline(lines, line);) pack.cameras.push_back(line);

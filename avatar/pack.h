@@ -22,8 +22,11 @@ struct AvatarPack {
   at::Tensor intrinsics;     ///< (N, 4) float32: fx, fy, cx, cy px of the crop; (0, 0) is the centre of the top-left pixel
   at::Tensor part;           ///< (N, H, W) uint8, 0 background, 1..24: first guess from the posed template
   at::Tensor uv;             ///< (N, 2, H, W) float32 in [0, 1], first guess, 0 on background
-  at::Tensor camera_idx;     ///< (N) int64, index into cameras
-  at::Tensor frame;          ///< (N) int64, frame number of the dataset
+  /// (N, 4, P, P) float32, for networks with the template as their prior (template_maps.h), P their picture size; undefined:
+  /// none
+  at::Tensor template_maps;
+  at::Tensor camera_idx;             ///< (N) int64, index into cameras
+  at::Tensor frame;                  ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names
 
   int64_t size() const { return images.defined() ? images.size(0) : 0; }

@@ -32,8 +32,9 @@ int64_t UsualStep(const std::map<int64_t, std::map<int64_t, int64_t>>& cameras) 
 
 Rendering RenderRows(AvatarModel& model, const AvatarPack& pack, const std::vector<int64_t>& rows, const at::Tensor& previous) {
   const at::Tensor index = at::tensor(rows, at::kLong);
+  const at::Tensor maps = pack.template_maps.defined() ? pack.template_maps.index_select(0, index) : at::Tensor();
   return Render(model, pack.joints_in_cam.index_select(0, index), pack.joint_valid.index_select(0, index),
-                pack.intrinsics.index_select(0, index), pack.size_px, pack.size_px, {}, previous);
+                pack.intrinsics.index_select(0, index), pack.size_px, pack.size_px, {}, previous, maps);
 }
 
 /// Groups of rows in the order in which they can be rendered: every row's past is in an earlier group.

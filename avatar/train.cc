@@ -24,6 +24,7 @@ Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainO
   Validate(pack);
   state_->perceptual = std::move(perceptual);
   state_->options = options;
+  if (options.init_steps < 0 && model.prior == "template") state_->options.init_steps = 0;
   state_->seed = run.seed;
   const at::Tensor depth = BoneDepth(pack.joints_in_cam, pack.joint_valid, model.relative_depth);
   state_->model = MakeModel(model, pack.size_px, ChooseDepthRange(depth, pack.joint_valid), run.seed);
@@ -90,6 +91,7 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
       break;
     }
   }
+  if (s.tna() && s.model.step == s.total_steps() && !s.textures_ready) s.AverageTextures();  // there were no steps but those
   report.best_step = s.best_step;
   report.ended_early = s.Exhausted();
   if (report.ended_early) report.message = s.WhyEndedEarly();

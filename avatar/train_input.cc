@@ -29,7 +29,7 @@ void AddPast(AvatarModel& model, const std::vector<int64_t>& previous, const std
   const TrainBatch batch1 = batch_of(rows1), batch2 = batch_of(rows2);
   const at::Tensor black = at::zeros_like(batch1.image), background = at::zeros({3}, black.options());
   const auto render = [&](const TrainBatch& batch, const at::Tensor& past) {
-    const auto [first, second] = model.generator->forward(at::cat({batch.maps, past}, 1));
+    const auto [first, second] = Predict(model, batch.maps, past);
     return ComposeImage(model, first, second, background, past).clamp(0, 1);
   };
   const at::Tensor image2 = has2 * render(batch2, at::cat({black, black}, 1));
@@ -93,7 +93,7 @@ void Trainer::State::AverageTextures() {
   TextureSums sums = ZeroTextureSums(model.options.texture_px);
   for (const int64_t row : SpreadRows(pack.size(), options.texture_pictures)) {
     const TrainBatch batch = MakeBatch(pack, model, options, {row}, false, seed, 0);
-    const auto [logits, raw_uv] = model.generator->forward(batch.maps);
+    const auto [logits, raw_uv] = Predict(model, batch.maps);
     AddPicture(at::softmax(logits, 1).to(at::kCPU), at::tanh(raw_uv).to(at::kCPU), batch, &sums);
   }
   constexpr int64_t kGuessesPerPicture = 4;  // they cost no run of the network

@@ -6,6 +6,7 @@
 
 #include "avatar/batch.h"
 #include "avatar/sequence.h"
+#include "avatar/template_maps.h"
 #include "avatar/train_state.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -26,6 +27,11 @@ void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
   if (given != needed) {
     throw UsageError("--inputs " + std::to_string(model.options.inputs) + " needs bodies of " + std::to_string(needed) +
                      " joints, the pack has " + std::to_string(given));
+  }
+  const bool has_maps = pack.template_maps.defined(), wants_maps = NumTemplateChannels(model.options) > 0;
+  if (has_maps != wants_maps || (has_maps && pack.template_maps.size(3) != pack.size_px)) {
+    throw UsageError("--prior " + model.options.prior + (wants_maps ? " needs" : " takes no") +
+                     " template maps of the pictures' size in the pack");
   }
 }
 
@@ -49,7 +55,7 @@ void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run) {
   if (options.amp && options.device == "cpu")
     throw UsageError("--amp needs a GPU: half precision is slower than single on CPUs; leave it out or take --device cuda");
   loss_scale = options.amp ? kFirstLossScale : 1;
-  initialised = InitSteps(options) > 0;
+  initialised = InitSteps(options) > 0 || NumTemplateChannels(model.options) > 0;
   at::set_num_threads(ResolveThreads(run.num_threads));
   pack = source;
   if (tna()) FitLabelsToMasks(pack, ResolveThreads(run.num_threads));
@@ -63,8 +69,8 @@ void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run) {
 
 void Trainer::State::PrepareVideo(const at::Device& device) {
   previous_rows = PreviousRows(pack);
-  critic =
-      Discriminator(model.options.inputs + 3, options.critic_width, options.critic_layers, options.critic_scales, seed + 1);
+  critic = Discriminator(model.options.inputs + NumTemplateChannels(model.options) + 3, options.critic_width,
+                         options.critic_layers, options.critic_scales, seed + 1);
   critic->to(device);
   for (const auto& item : critic->named_parameters()) critic_weights.Add(item.key(), item.value());
 }

@@ -38,8 +38,8 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
   const int64_t count = std::min<int64_t>(pack.size(), 6);
   for (int64_t i = 0; i < count; ++i) rows.push_back((2 * i + 1) * pack.size() / (2 * count));
   const avatar::AvatarPack some = avatar::Select(pack, rows);
-  const avatar::Rendering r =
-      avatar::Render(model, some.joints_in_cam, some.joint_valid, some.intrinsics, some.size_px, some.size_px);
+  const avatar::Rendering r = avatar::Render(model, some.joints_in_cam, some.joint_valid, some.intrinsics, some.size_px,
+                                             some.size_px, {}, {}, some.template_maps);
   const at::Tensor truth = some.images.to(at::kFloat) / 255 * (some.masks > 0).unsqueeze(1);
   const at::Tensor hue = r.part.to(at::kFloat).unsqueeze(1);
   const at::Tensor parts = at::cat({(hue * 7).remainder(25), (hue * 11).remainder(25), (hue * 17).remainder(25)}, 1) / 24;
@@ -113,11 +113,12 @@ void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& 
   const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
   MakeFolder(Path("pictures"));
   trainer.UseHanded([&](avatar::AvatarModel& model) {
-    const avatar::Rendering r =
-        avatar::Render(model, one.joints_in_cam, one.joint_valid, one.intrinsics, one.size_px, one.size_px);
+    const avatar::Rendering r = avatar::Render(model, one.joints_in_cam, one.joint_valid, one.intrinsics, one.size_px,
+                                               one.size_px, {}, {}, one.template_maps);
     const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
-    const at::Tensor maps =
-        avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px)[0];
+    const at::Tensor maps = avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px,
+                                                 one.template_maps)[0]
+                                .slice(0, 0, model.options.inputs);
     const bool slopes = maps.size(0) == 2 * avatar::kNumBones;
     const at::Tensor bones = maps.slice(0, 0, slopes ? avatar::kNumBones : maps.size(0));
     // The nearest bone of a pixel: near ones red, far ones blue.

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <sstream>
 
 #include "avatar/io/pack_builder.h"
@@ -146,12 +147,11 @@ void RequireFit(const avatar::ModelOptions& asked, const avatar::ModelOptions& f
   }
 }
 
-avatar::Trainer MakeTrainer(const TrainArguments& arguments, const AvatarPack& pack, const avatar::TrainOptions& options,
-                            const RunContext& run, const std::shared_ptr<const avatar::FeatureNet>& net) {
-  if (arguments.init_from.empty()) return avatar::Trainer(pack, arguments.model, options, run, net);
-  const avatar::AvatarModel from = avatar::LoadModel(AvatarRun(arguments.init_from).checkpoint_path());
+std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
+  if (arguments.init_from.empty()) return std::nullopt;
+  avatar::AvatarModel from = avatar::LoadModel(AvatarRun(arguments.init_from).checkpoint_path());
   RequireFit(arguments.model, from.options, arguments.init_from);
-  return avatar::Trainer(pack, from, arguments.model.texture_px, options, run, net);
+  return from;
 }
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
@@ -163,7 +163,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   config.pack = arguments.pack;
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
-  config.pack.num_joints = avatar::LayoutOf(arguments.model.inputs).num_joints;
+  const std::optional<avatar::AvatarModel> from = StartOf(arguments);
+  const avatar::ModelOptions& model = from ? from->options : arguments.model;
+  config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
+  config.pack.template_input_px = model.prior == "template" ? config.pack.size_px : 0;
   if (!config.pack.pose3d.empty())
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = SplitOf(data, config.pack.person, arguments.split);
@@ -174,9 +177,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   const RunPacks packs = BuildPacks(data, arguments.train, context.run, &config);
   if (ranks.first()) WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
   avatar::TrainOptions options = arguments.train;
-  if (!arguments.init_from.empty() && options.init_steps < 0) options.init_steps = 0;
+  if ((from || model.prior == "template") && options.init_steps < 0) options.init_steps = 0;
   const auto net = PerceptualNet(&options);
-  avatar::Trainer trainer = MakeTrainer(arguments, packs.train, options, context.run, net);
+  avatar::Trainer trainer = from ? avatar::Trainer(packs.train, *from, arguments.model.texture_px, options, context.run, net)
+                                 : avatar::Trainer(packs.train, model, options, context.run, net);
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context);
   if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
   return result;

@@ -90,4 +90,11 @@ geometry::RigCamera CropCamera(const geometry::RigCamera& camera, const Eigen::V
   return crop;
 }
 
+geometry::RigCamera ResizedCrop(const geometry::RigCamera& crop, int size_px) {
+  const double scale = static_cast<double>(size_px) / crop.camera.width_px;
+  geometry::RigCamera resized = crop;
+  resized.camera = geometry::MakePinhole(crop.camera.name, size_px, size_px, scale * crop.camera.fx());
+  return resized;
+}
+
 }  // namespace mvstudio::dataset

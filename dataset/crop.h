@@ -31,6 +31,9 @@ std::optional<PersonExtent> MeasurePerson(const Coco19Pose& pose, const geometry
 geometry::RigCamera CropCamera(const geometry::RigCamera& camera, const Eigen::Vector3d& middle_in_cam, double half_extent_m,
                                double fill, int size_px);
 
+/// The same view of a crop's camera in another number of pixels.
+geometry::RigCamera ResizedCrop(const geometry::RigCamera& crop, int size_px);
+
 /// What pixels without a source do to the mean over a pixel's footprint.
 enum class Border {
   kBlack,  ///< they count as 0

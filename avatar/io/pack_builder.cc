@@ -11,6 +11,8 @@
 
 #include "avatar/io/iuv.h"
 #include "avatar/io/shape_fit.h"
+#include "avatar/io/template_view.h"
+#include "avatar/template_maps.h"
 #include "body/mesh_raster.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -163,7 +165,7 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   return FitShape(body, options.shape, views, run).shape;
 }
 
-AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints) {
+AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template_px) {
   const auto n = static_cast<int64_t>(plan.jobs.size());
   AvatarPack pack;
   pack.size_px = size_px;
@@ -175,6 +177,7 @@ AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints) {
   pack.intrinsics = at::zeros({n, 4}, at::kFloat);
   pack.part = at::zeros({n, size_px, size_px}, at::kByte);
   pack.uv = at::zeros({n, 2, size_px, size_px}, at::kFloat);
+  if (template_px > 0) pack.template_maps = at::zeros({n, kTemplateMaps, template_px, template_px}, at::kFloat);
   pack.camera_idx = at::zeros({n}, at::kLong);
   pack.frame = at::zeros({n}, at::kLong);
   return pack;
@@ -208,9 +211,8 @@ struct Filler {
   const dataset::PanopticDataset& data;
   const PackOptions& options;
   const Plan& plan;
-  const body::BodyTemplate* body;  // nullptr: no template maps
+  const body::BodyTemplate* body;  // nullptr: no template is posed
   JointSource joints;
-  std::map<int, body::BodyPose> poses;
   std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world
 
   // As Fill below.
@@ -235,11 +237,16 @@ struct Filler {
     FillPose(pack, i, joints.At(job.frame, *job.pose), crop);
     pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
     pack.frame.data_ptr<int64_t>()[i] = job.frame;
-    if (options.template_maps && !options.iuv.empty()) return FillIuv(pack, i, job, crop);
-    if (!body) return "";
+    const bool labelled = options.template_maps && !options.iuv.empty();
+    const std::string problem = labelled ? FillIuv(pack, i, job, crop) : "";
+    if (!problem.empty() || !body) return problem;
     const auto found = vertices.find(job.frame);
     if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
-    FillTemplate(pack, i, body::RasterizeBody(*body, found->second, crop));
+    if (options.template_maps && !labelled) FillTemplate(pack, i, body::RasterizeBody(*body, found->second, crop));
+    const int64_t px = options.template_input_px;
+    if (px > 0)
+      FillTemplateMaps(*body, found->second, crop, options.template_input_px,
+                       pack.template_maps.data_ptr<float>() + i * kTemplateMaps * px * px);
     return "";
   }
 };
@@ -321,13 +328,15 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
-  const bool posed = options.template_maps && options.iuv.empty();
+  const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0;
   result.shape = posed && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
   const body::BodyTemplate body = posed ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
-  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}, {}};
-  if (posed) filler.poses = PoseFrames(body, plan.jobs);
-  for (const auto& [frame, pose] : filler.poses) filler.vertices[frame] = body::SkinVertices(body, pose);
-  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints);
+  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}};
+  for (const Job& job : plan.jobs) {
+    if (!posed || filler.vertices.count(job.frame)) continue;
+    if (const auto vertices = PosedVertices(body, *job.pose)) filler.vertices[job.frame] = *vertices;
+  }
+  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
   ProgressStage stage(run, "cropping pictures", count);

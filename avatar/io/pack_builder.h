@@ -21,6 +21,7 @@ struct PackOptions {
   bool template_maps = true;
   bool fit_shape = true;
   int fit_pictures = 24;
+  int template_input_px = 0;  ///< edge of the pack's template_maps: the picture size of the network they are for; 0: none
   double half_extent_m = 0;
   int num_joints = 19;  ///< the list of joints that the network's inputs need: LayoutOf(inputs).num_joints
   std::string pose3d;
@@ -80,8 +81,8 @@ struct PackResult {
 /// rotation to look at the middle of the person's joints; its focal length puts `half_extent_m` metres at the person's distance
 /// to the edge, so a metre has the same size in every crop. Colours are averages over each pixel's footprint in the real
 /// picture, read through its exact lens; what lies outside the picture is black and not person. Part and uv maps: body template
-/// posed by the joints. Throws IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or
-/// frames that do not exist.
+/// posed by the joints, and so are template_maps. Throws IoError naming camera and frame when a picture or a mask is missing,
+/// UsageError for cameras or frames that do not exist.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

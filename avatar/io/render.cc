@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "avatar/io/template_view.h"
+#include "avatar/template_maps.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "dataset/crop.h"
@@ -29,19 +31,24 @@ Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOpt
   return sizes;
 }
 
-/// The same view in another number of pixels.
-geometry::RigCamera Resized(const geometry::RigCamera& crop, int size_px) {
-  const double scale = static_cast<double>(size_px) / crop.camera.width_px;
-  geometry::RigCamera resized = crop;
-  resized.camera = geometry::MakePinhole(crop.camera.name, size_px, size_px, scale * crop.camera.fx());
-  return resized;
-}
-
 struct Poses {
-  at::Tensor joints_in_cam, valid, intrinsics;
+  at::Tensor joints_in_cam, valid, intrinsics, template_maps;
 };
 
-Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px) {
+at::Tensor TemplateMapsOf(const RenderPlan& plan, size_t begin, size_t end, int size_px, int num_threads) {
+  if (!plan.body) return {};
+  const auto n = static_cast<int64_t>(end - begin);
+  const at::Tensor maps = at::zeros({n, kTemplateMaps, size_px, size_px}, at::kFloat);
+  ParallelFor(n, num_threads, [&](int64_t i) {
+    const RenderJob& job = plan.jobs[begin + static_cast<size_t>(i)];
+    const auto vertices = PosedVertices(*plan.body, plan.track.poses[job.pose]);
+    float* out = maps.data_ptr<float>() + i * kTemplateMaps * size_px * size_px;
+    if (vertices) FillTemplateMaps(*plan.body, *vertices, job.crop, size_px, out);
+  });
+  return maps;
+}
+
+Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px, int num_threads) {
   const auto n = static_cast<int64_t>(end - begin);
   AvatarPack pack;
   const auto num_joints = static_cast<int64_t>(plan.joints.front().valid.size());
@@ -49,8 +56,9 @@ Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px) 
   pack.joint_valid = at::zeros({n, num_joints}, at::kBool);
   pack.intrinsics = at::zeros({n, 4}, at::kFloat);
   for (size_t i = begin; i < end; ++i)
-    FillPose(pack, static_cast<int64_t>(i - begin), plan.joints[plan.jobs[i].pose], Resized(plan.jobs[i].crop, network_px));
-  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics};
+    FillPose(pack, static_cast<int64_t>(i - begin), plan.joints[plan.jobs[i].pose],
+             dataset::ResizedCrop(plan.jobs[i].crop, network_px));
+  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics, TemplateMapsOf(plan, begin, end, network_px, num_threads)};
 }
 
 /// (B, 4, H, W) in [0, 1] to another size: the mean over footprints when shrinking, cubic when growing.
@@ -86,15 +94,17 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
   for (size_t begin = 0; begin < plan.jobs.size(); begin += batch) {
     const size_t end = std::min(plan.jobs.size(), begin + batch);
     if (begin > 0 && plan.jobs[begin].view != plan.jobs[begin - 1].view) past = at::Tensor();
-    const Poses poses = PosesOf(plan, begin, end, sizes.network_px);
-    const Rendering r =
-        Render(model, poses.joints_in_cam, poses.valid, poses.intrinsics, sizes.network_px, sizes.network_px, {}, past);
+    const Poses poses = PosesOf(plan, begin, end, sizes.network_px, run.num_threads);
+    const Rendering r = Render(model, poses.joints_in_cam, poses.valid, poses.intrinsics, sizes.network_px, sizes.network_px,
+                               {}, past, poses.template_maps);
     if (memory) past = WithPast(r.image, past);
     const at::Tensor rgba = ToSize(at::cat({r.image, CleanAlpha(r.mask_prob).unsqueeze(1)}, 1), sizes.out_px);
     for (size_t i = begin; i < end; ++i) {
       const RenderJob& job = plan.jobs[i];
       const Image crop = ToImage(rgba[static_cast<int64_t>(i - begin)]);
-      on_picture(job, options.frame == "crop" ? crop : dataset::Resample(crop, Resized(job.crop, sizes.out_px), job.camera));
+      on_picture(job, options.frame == "crop"
+                          ? crop
+                          : dataset::Resample(crop, dataset::ResizedCrop(job.crop, sizes.out_px), job.camera));
     }
     stage.Advance(static_cast<int64_t>(end - begin));
   }

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -80,10 +81,11 @@ struct RenderPlan {
       joints;  ///< of each pose of the track, as the network wants them; hands and face of its own dataset only
   std::vector<RenderJob> jobs;  ///< view by view, each in the order of time
   std::vector<std::string> skipped;
-  bool foreign = false;  ///< poses that are not of the training's dataset
-  bool scaled = false;   ///< bone lengths were replaced
-  double ratio = 1;      ///< trained person's size over that of the poses
-  double rate_hz = 0;    ///< pictures a second of a view; 0: unknown
+  std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: it sees none
+  bool foreign = false;                            ///< poses that are not of the training's dataset
+  bool scaled = false;                             ///< bone lengths were replaced
+  double ratio = 1;                                ///< trained person's size over that of the poses
+  double rate_hz = 0;                              ///< pictures a second of a view; 0: unknown
 };
 
 /// Which pictures `options` ask for. Poses of the run's own dataset stay as they are, so that its cameras and frames give the

@@ -3,8 +3,10 @@
 #include <filesystem>
 #include <sstream>
 
+#include "avatar/io/body_shape.h"
 #include "avatar/io/bvh_pose.h"
 #include "avatar/io/render.h"
+#include "avatar/io/template_view.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "dataset/crop.h"
@@ -122,6 +124,11 @@ void AddJob(const RunConfig& config, int size_px, RenderJob job, RenderPlan* pla
                             ": the person is not in front of the camera");
     return;
   }
+  if (plan->body && !PosedVertices(*plan->body, plan->track.poses[job.pose])) {
+    plan->skipped.push_back("camera " + job.view + ", frame " + std::to_string(job.frame) +
+                            ": neck, shoulders and hips do not fix the trunk of the body template that the network needs");
+    return;
+  }
   job.crop = dataset::CropCamera(job.camera, extent->middle_in_cam, config.half_extent_m, config.pack.fill, size_px);
   plan->jobs.push_back(std::move(job));
 }
@@ -199,6 +206,8 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
   RenderPlan plan;
   TakePoses(config, data, options, &plan);
   TakeJoints(config, data, &plan);
+  if (config.pack.template_input_px > 0)
+    plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
   plan.rate_hz = plan.track.rate_hz;
   if (options.turntable > 0) {
     const bool moves = plan.track.poses.size() > 1;

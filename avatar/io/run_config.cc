@@ -64,6 +64,7 @@ void WriteRunConfig(const RunConfig& config, const std::string& path) {
                        {"validation_frames", config.split.validation_frames}}},
                      {"template",
                       {{"girth", girth},
+                       {"input_px", config.pack.template_input_px},
                        {"iou", std::isfinite(config.template_iou) ? Json(config.template_iou) : Json()},
                        {"iuv", config.pack.iuv}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
@@ -100,6 +101,11 @@ RunConfig ReadRunConfig(const std::string& path) {
   for (int g = 0; g < kNumGirthGroups; ++g)
     config.shape.girth[g] = Get<double>(json, path, std::string("/template/girth/") + kGirthNames[g]);
   if (json.contains(Json::json_pointer("/template/iuv"))) config.pack.iuv = Get<std::string>(json, path, "/template/iuv");
+  if (json.contains(Json::json_pointer("/template/input_px"))) {
+    config.pack.template_input_px = Get<int>(json, path, "/template/input_px");
+    const int px = config.pack.template_input_px;
+    if (px != 0 && px != config.pack.size_px) throw FormatError(path, "/template/input_px", "must be 0 or the crop's size_px");
+  }
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;
   config.pack.cameras = config.split.train_cameras;

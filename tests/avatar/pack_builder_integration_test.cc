@@ -52,6 +52,32 @@ TEST_F(PackBuilder, CropsHaveTheTemplateOnThePerson) {
   EXPECT_LT(du.median().item<double>(), 0.05);
 }
 
+TEST_F(PackBuilder, TemplateMapsAreTheTemplateWithSmoothBorders) {
+  PackOptions options;
+  options.size_px = 96, options.fit_shape = false, options.template_input_px = 96;
+  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  Validate(pack);
+  const at::Tensor cover = pack.template_maps.select(1, 0), part = pack.template_maps.select(1, 1);
+  const at::Tensor labelled = pack.part > 0, inner = cover == 1;
+  EXPECT_NEAR(cover.sum().item<double>() / labelled.sum().item<double>(), 1, 0.01) << "the same area";
+  EXPECT_TRUE(inner.logical_or(cover == 0).logical_or((cover > 0).logical_and(cover < 1)).all().item<bool>());
+  EXPECT_GT((cover > 0).logical_and(cover < 1).sum().item<int64_t>(), 50 * pack.size()) << "borders are smooth";
+  const at::Tensor both = inner.logical_and(labelled);
+  const at::Tensor same = (part == pack.part.to(at::kFloat)).logical_and(both);
+  EXPECT_GT(same.sum().item<double>() / both.sum().item<double>(), 0.93) << "parts differ along their borders alone";
+  const at::Tensor du = (pack.template_maps.select(1, 2) - pack.uv.select(1, 0)).abs().masked_select(same);
+  EXPECT_LT(du.median().item<double>(), 0.01);
+  EXPECT_GT(part.min().item<float>(), 0) << "labels go on outside the person";
+  // In another size than the pictures', and nothing of it without the option.
+  options.template_input_px = 32, options.template_maps = false;
+  const AvatarPack small = BuildPack(data_, options, {}).pack;
+  EXPECT_EQ(small.template_maps.sizes(), at::IntArrayRef({pack.size(), 4, 32, 32}));
+  EXPECT_NEAR(9 * small.template_maps.select(1, 0).sum().item<double>() / cover.sum().item<double>(), 1, 0.01);
+  EXPECT_EQ(small.part.sum().item<int64_t>(), 0);
+  options.template_input_px = 0;
+  EXPECT_FALSE(BuildPack(data_, options, {}).pack.template_maps.defined());
+}
+
 TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
   PackOptions options;
   options.size_px = 96;

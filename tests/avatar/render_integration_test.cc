@@ -35,9 +35,9 @@ class RenderRun : public ::testing::Test {
   }
   std::string dataset() const { return folder_.path() + "/dataset"; }
 
-  static AvatarModel Model(const std::string& method) {
+  static AvatarModel Model(const std::string& method, const std::string& prior = "none") {
     ModelOptions options;
-    options.method = method;
+    options.method = method, options.prior = prior;
     options.width = 4, options.downs = 2, options.encoder_blocks = options.decoder_blocks = 1, options.texture_px = 8;
     AvatarModel model = MakeModel(options, 64, {-0.5, 0.5}, 1);
     at::manual_seed(3);
@@ -86,10 +86,13 @@ int Contrast(const Image& image) {
   return *high - *low;
 }
 
-class RenderMethods : public RenderRun, public ::testing::WithParamInterface<const char*> {};
+using MethodAndPrior = std::pair<const char*, const char*>;
+class RenderMethods : public RenderRun, public ::testing::WithParamInterface<MethodAndPrior> {};
 
 TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
-  AvatarModel model = Model(GetParam());
+  AvatarModel model = Model(GetParam().first, GetParam().second);
+  config_.pack.template_input_px = model.options.prior == "template" ? 64 : 0;
+  config_.pack.fit_shape = false;
   PackOptions crop = config_.pack;
   crop.template_maps = false;
   crop.cameras = {"00_00", "00_03"}, crop.frames = {2, 3, 4};  // trained and held out
@@ -112,7 +115,22 @@ TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
     EXPECT_LE(largest, 1) << name;
   }
 }
-INSTANTIATE_TEST_SUITE_P(All, RenderMethods, ::testing::Values("tna", "direct", "v2v"));
+INSTANTIATE_TEST_SUITE_P(All, RenderMethods,
+                         ::testing::Values(MethodAndPrior("tna", "none"), MethodAndPrior("direct", "none"),
+                                           MethodAndPrior("v2v", "none"), MethodAndPrior("tna", "template"),
+                                           MethodAndPrior("v2v", "template")));
+
+TEST_F(RenderRun, APoseThatTheTemplateCannotTakeIsLeftOutWithTheReason) {
+  config_.pack.template_input_px = 64;
+  for (const int hip : {2, 6, 12}) data_.poses.at(4).at(0).valid[hip] = false;
+  RenderOptions options;
+  options.cameras = "00_03", options.frames = {4, 5};
+  const RenderPlan plan = MakeRenderPlan(config_, data_, options);
+  ASSERT_EQ(plan.jobs.size(), 1u);
+  EXPECT_EQ(plan.jobs[0].frame, 5);
+  ASSERT_EQ(plan.skipped.size(), 1u);
+  EXPECT_THAT(plan.skipped[0], AllOf(HasSubstr("frame 4"), HasSubstr("trunk")));
+}
 
 TEST_F(RenderRun, BackdropsAreTheRenderersOwnBackground) {
   AvatarModel model = Model("tna");

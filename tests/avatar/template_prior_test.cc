@@ -1,0 +1,239 @@
+#include <ATen/ATen.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "avatar/batch.h"
+#include "avatar/spread_labels.h"
+#include "avatar/template_maps.h"
+#include "avatar/train.h"
+#include "core/error.h"
+#include "tests/avatar/synthetic_pack.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr int kSize = 32;
+
+RunContext OneThread() {
+  RunContext run;
+  run.num_threads = 1;
+  return run;
+}
+
+/// Raw template maps that agree with the pack's labels.
+at::Tensor MapsOf(const AvatarPack& pack) {
+  at::Tensor part = pack.part.clone(), uv = pack.uv.clone();
+  for (int64_t i = 0; i < pack.size(); ++i) SpreadLabels(kSize, nullptr, part[i].data_ptr<uint8_t>(), uv[i].data_ptr<float>());
+  return at::cat({(pack.part > 0).unsqueeze(1).to(at::kFloat), part.unsqueeze(1).to(at::kFloat), uv}, 1).contiguous();
+}
+
+AvatarPack Pack(int64_t count = 8) {
+  AvatarPack pack = MakeSyntheticPack(count, kSize, 1, 0.05);
+  pack.template_maps = MapsOf(pack);
+  return pack;
+}
+
+ModelOptions Tiny(const std::string& method) {
+  ModelOptions o;
+  o.method = method, o.prior = "template";
+  o.width = 4, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 16, o.bone_half_width_px = 16;
+  return o;
+}
+
+TrainOptions Steps(int steps) {
+  TrainOptions o;
+  o.steps = steps, o.batch = 2, o.report_every = 1, o.validate_pictures = 0, o.critic_width = 2, o.critic_layers = 1,
+  o.critic_scales = 1;
+  return o;
+}
+
+Rendering RenderRow(AvatarModel& model, const AvatarPack& pack, int64_t row) {
+  const auto one = [row](const at::Tensor& t) { return t.slice(0, row, row + 1); };
+  return Render(model, one(pack.joints_in_cam), one(pack.joint_valid), one(pack.intrinsics), kSize, kSize, {}, {},
+                one(pack.template_maps));
+}
+
+TEST(TemplateChannels, HoldCoverCoordinatesAndOneOfTheParts) {
+  at::Tensor raw = at::zeros({1, 4, 1, 3});
+  raw[0][0][0][0] = 1, raw[0][1][0][0] = 24, raw[0][2][0][0] = 0.25, raw[0][3][0][0] = 1;
+  raw[0][0][0][1] = 0.5, raw[0][1][0][1] = 1, raw[0][2][0][1] = 0.5, raw[0][3][0][1] = 0;
+  const at::Tensor c = TemplateChannels(raw);
+  ASSERT_EQ(c.sizes(), at::IntArrayRef({1, 27, 1, 3}));
+  EXPECT_EQ(c[0][1][0][0].item<float>(), -0.5f);
+  EXPECT_EQ(c[0][2][0][0].item<float>(), 1);
+  EXPECT_EQ(c[0][2][0][1].item<float>(), -1);
+  EXPECT_EQ(c[0][26][0][0].item<float>(), 1) << "part 24";
+  EXPECT_EQ(c[0][3][0][1].item<float>(), 1) << "part 1";
+  EXPECT_TRUE(at::equal(c.slice(1, 3).sum(1), at::tensor({1.f, 1.f, 0.f}).view({1, 1, 3})));
+  EXPECT_EQ(c.select(3, 2).abs().sum().item<float>(), 0) << "no template, nothing known";
+}
+
+TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
+  at::Tensor raw = at::zeros({1, 4, 1, 1});
+  raw[0][0] = 0.7, raw[0][1] = 5, raw[0][2] = 0.8, raw[0][3] = 0.1;
+  at::Tensor logits = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});
+  AddTemplate("tna", TemplateChannels(raw), &logits, &uv);
+  const at::Tensor prob = at::softmax(logits, 1).flatten();
+  const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
+  EXPECT_NEAR(prob[0].item<double>(), 1 / total, 1e-6);
+  EXPECT_NEAR(prob[5].item<double>(), person / total, 1e-6);
+  EXPECT_NEAR(at::tanh(uv)[0][4].item<double>(), 0.6, 1e-6);
+  EXPECT_NEAR(at::tanh(uv)[0][24 + 4].item<double>(), -0.8, 1e-6);
+  EXPECT_EQ(uv.count_nonzero().item<int64_t>(), 2);
+  at::Tensor mask = at::zeros({1, 1, 1, 1}), colour = at::zeros({1, 3, 1, 1});
+  AddTemplate("direct", TemplateChannels(raw), &mask, &colour);
+  EXPECT_NEAR(at::sigmoid(mask).item<double>(), 0.7, 1e-6);
+  EXPECT_EQ(colour.count_nonzero().item<int64_t>(), 0);
+}
+
+TEST(SpreadLabels, TakesTheNearestLabelAndKeepsToTheMask) {
+  std::vector<uint8_t> part(25, 0), masked(25, 0), mask(25, 255);
+  std::vector<float> uv(50, 0.f), masked_uv(50, 0.f);
+  part[0] = masked[0] = 3, uv[0] = masked_uv[0] = 0.25f, uv[25] = masked_uv[25] = 0.75f;
+  part[24] = masked[24] = 7;
+  for (int x = 0; x < 5; ++x) mask[2 * 5 + x] = 0;  // the middle row is outside
+  mask[24] = 0;
+  SpreadLabels(5, nullptr, part.data(), uv.data());
+  SpreadLabels(5, mask.data(), masked.data(), masked_uv.data());
+  for (int y = 0; y < 5; ++y) {
+    for (int x = 0; x < 5; ++x) {
+      const int p = 5 * y + x;
+      EXPECT_TRUE(part[p] == (x + y <= 4 ? 3 : 7) || (x + y == 4 && part[p] == 7)) << x << ", " << y;
+      EXPECT_EQ(masked[p], y < 2 ? 3 : 0) << x << ", " << y;
+      EXPECT_EQ(masked_uv[25 + p], y < 2 ? 0.75f : 0.f);
+    }
+  }
+  std::vector<uint8_t> none(25, 0);
+  SpreadLabels(5, nullptr, none.data(), uv.data());
+  EXPECT_EQ(none, std::vector<uint8_t>(25, 0)) << "nothing to spread";
+}
+
+TEST(TemplatePrior, WithoutAStepTheAvatarIsTheTemplateInAveragedColours) {
+  const AvatarPack pack = Pack();
+  Trainer trainer(pack, Tiny("tna"), Steps(0), OneThread());
+  const TrainReport report = trainer.Run(nullptr, {});
+  EXPECT_EQ(report.steps_done, 0);
+  for (int64_t row = 0; row < pack.size(); ++row) {
+    const Rendering r = RenderRow(trainer.model(), pack, row);
+    EXPECT_TRUE(at::equal(r.part[0], pack.part[row])) << row;
+    const at::Tensor person = (pack.part[row] > 0).to(at::kFloat);
+    EXPECT_LT(((r.uv[0] - pack.uv[row].clamp(0.01, 0.99)) * person).abs().max().item<double>(), 1e-5);
+    EXPECT_LT((CleanAlpha(r.mask_prob[0]) - person).abs().max().item<double>(), 1e-6);
+    const at::Tensor truth = pack.images[row].to(at::kFloat) / 255;
+    EXPECT_LT(((r.image[0] - truth).abs().mean(0) * person).sum().item<double>() / person.sum().item<double>(), 0.02)
+        << "colours depend on part and coordinates alone";
+  }
+}
+
+TEST(TemplatePrior, DirectBeginsWithTheTemplatesOutline) {
+  const AvatarPack pack = Pack();
+  for (const char* method : {"direct", "v2v"}) {
+    Trainer trainer(pack, Tiny(method), Steps(0), OneThread());
+    const Rendering r = RenderRow(trainer.model(), pack, 0);
+    EXPECT_LT((CleanAlpha(r.mask_prob[0]) - (pack.part[0] > 0).to(at::kFloat)).abs().max().item<double>(), 1e-6) << method;
+  }
+}
+
+class TemplatePriorMethods : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(TemplatePriorMethods, TrainsAndResumesBitExactly) {
+  const AvatarPack pack = Pack();
+  Trainer straight(pack, Tiny(GetParam()), Steps(6), OneThread());
+  const TrainReport report = straight.Run(nullptr, {});
+  ASSERT_EQ(report.steps_done, 6);
+  EXPECT_EQ(report.history.front().phase, "train") << "there is no initialisation unless asked for";
+  Trainer first(pack, Tiny(GetParam()), Steps(6), OneThread());
+  first.Run(nullptr, {}, 3);
+  const TensorFile half = first.Checkpoint();
+  Trainer second(pack, half, "half", TrainOptionsFrom(half, "half"), OneThread());
+  second.Run(nullptr, {});
+  const TensorFile a = straight.Checkpoint(), b = second.Checkpoint();
+  ASSERT_EQ(a.tensors.size(), b.tensors.size());
+  for (const auto& [name, tensor] : a.tensors) EXPECT_TRUE(at::equal(tensor, b.tensors.at(name))) << name;
+  EXPECT_EQ(a.metadata.at("model.prior"), "template");
+}
+INSTANTIATE_TEST_SUITE_P(All, TemplatePriorMethods, ::testing::Values("tna", "direct", "v2v"));
+
+TEST(TemplatePrior, TrainingImprovesOnTheTemplate) {
+  AvatarPack pack = Pack();
+  // A template that is too thin: the network has to learn the rest.
+  pack.template_maps.select(1, 0).copy_(-at::max_pool2d(-pack.template_maps.slice(1, 0, 1), 3, 1, 1).squeeze(1));
+  ModelOptions options = Tiny("tna");
+  options.width = 8;
+  TrainOptions training = Steps(40);
+  training.learning_rate = 3e-3, training.jitter_scale = training.jitter_shift = training.jitter_roll_deg = 0;
+  Trainer trainer(pack, options, training, OneThread());
+  const TrainReport report = trainer.Run(nullptr, {});
+  EXPECT_LT(report.history.back()["mask"], 0.5 * report.history.front()["mask"]);
+}
+
+TEST(TemplatePrior, TheMapsMoveWithThePictures) {
+  const AvatarPack pack = Pack();
+  const Trainer trainer(pack, Tiny("tna"), Steps(1), OneThread());
+  AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
+  TrainOptions options;
+  options.jitter_scale = 0.2, options.jitter_shift = 0.1, options.jitter_roll_deg = 20;
+  const TrainBatch still = MakeBatch(pack, model, options, {0, 1, 2}, false, 1, 0);
+  const TrainBatch moved = MakeBatch(pack, model, options, {0, 1, 2}, true, 1, 0);
+  EXPECT_FALSE(at::equal(still.part, moved.part));
+  for (const TrainBatch* batch : {&still, &moved}) {
+    const at::Tensor channels = batch->maps.slice(1, 36), parts = channels.slice(1, 3).argmax(1) + 1;
+    const at::Tensor person = batch->part > 0;
+    EXPECT_TRUE(at::equal(parts.masked_select(person), batch->part.masked_select(person)));
+    const at::Tensor uv = (channels.slice(1, 1, 3) - batch->uv) * person.unsqueeze(1);
+    EXPECT_LT(uv.abs().max().item<double>(), 1e-6);
+    EXPECT_LT((channels.select(1, 0) - batch->mask).abs().max().item<double>(), 1e-6) << "both moved as smooth quantities";
+  }
+}
+
+TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
+  const AvatarPack with = Pack();
+  AvatarPack without = with, small = with;
+  without.template_maps = at::Tensor();
+  small.template_maps = at::zeros({with.size(), 4, 16, 16});
+  ModelOptions bones = Tiny("tna");
+  bones.prior = "none";
+  const auto message = [](const AvatarPack& pack, const ModelOptions& options) {
+    return MessageOf<UsageError>([&] { Trainer(pack, options, Steps(1), OneThread()); });
+  };
+  EXPECT_THAT(message(without, Tiny("tna")), AllOf(HasSubstr("--prior template needs"), HasSubstr("template maps")));
+  EXPECT_THAT(message(small, Tiny("tna")), HasSubstr("--prior template needs"));
+  EXPECT_THAT(message(with, bones), HasSubstr("--prior none takes no"));
+  AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
+  EXPECT_THROW(Render(model, with.joints_in_cam, with.joint_valid, with.intrinsics, kSize, kSize), ContractViolation);
+  bones.prior = "all";
+  EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("--prior must be none or template"));
+}
+
+TEST(TemplatePrior, PacksKeepTheMapsAndRefuseBadOnes) {
+  mvstudio::testing::TempDir folder;
+  AvatarPack pack = Pack(3);
+  SavePack(pack, folder.path() + "/pack.safetensors");
+  EXPECT_TRUE(at::equal(LoadPack(folder.path() + "/pack.safetensors").template_maps, pack.template_maps));
+  EXPECT_TRUE(at::equal(Select(pack, {2, 0}).template_maps[0], pack.template_maps[2]));
+  AvatarPack other = pack;
+  other.template_maps = at::zeros({3, 4, 16, 16});  // a network of another size than the pictures that are compared
+  EXPECT_NO_THROW(Validate(other));
+  for (const auto& [channel, value, what] : {std::tuple<int, double, const char*>{0, 1.5, "cover"},
+                                             {1, 25, "part"},
+                                             {1, 2.5, "part"},
+                                             {2, std::nan(""), "coordinate"}}) {
+    other.template_maps = pack.template_maps.clone();
+    other.template_maps[1][channel][0][0] = value;
+    EXPECT_THAT(MessageOf<ContractViolation>([&] { Validate(other); }), AllOf(HasSubstr("camera cam_01"), HasSubstr(what)));
+  }
+  other.template_maps = at::zeros({3, 3, 32, 32});
+  EXPECT_THROW(Validate(other), ContractViolation);
+}
+
+}  // namespace
+}  // namespace mvstudio::avatar
