@@ -123,7 +123,7 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
   }
   terms.Add("mask", o.weight_mask, MaskLoss(out.first, batch.mask));
   const bool tna = model.options.method == "tna";
-  const double share = init ? 1.0 : o.keep_init;
+  const double share = init ? 1.0 : KeepInit(o, model.options);
   if (tna && share > 0) {
     terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson), TotalOf(input, kRest)));
     terms.Add("uv", share * o.weight_uv, UvLoss(at::tanh(out.second), batch.uv, batch.part, TotalOf(input, kPerson)));

@@ -68,6 +68,11 @@ template bool SetFieldFromText(TrainOptions&, const std::string&, const std::str
 
 int InitSteps(const TrainOptions& options) { return options.init_steps >= 0 ? options.init_steps : options.steps / 3; }
 
+double KeepInit(const TrainOptions& options, const ModelOptions& model) {
+  if (options.keep_init >= 0) return options.keep_init;
+  return model.prior == "template" ? 0 : 0.2;
+}
+
 void Validate(const ModelOptions& o) {
   Require(o.method == "tna" || o.method == "direct" || o.method == "v2v", "method", "tna, direct or v2v");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
@@ -93,10 +98,11 @@ void Validate(const TrainOptions& o) {
   Require(o.decay_share >= 0 && o.decay_share <= 1, "decay-share", "in [0, 1]");
   Require(o.clip_norm >= 0, "clip-norm", "at least 0");
   for (const double weight :
-       {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv, o.keep_init, o.weight_logit,
+       {o.weight_l1, o.weight_ssim, o.weight_gradient, o.weight_mask, o.weight_part, o.weight_uv, o.weight_logit,
         o.foreground_weight, o.weight_perceptual, o.weight_gan, o.weight_features, o.weight_warp}) {
-    Require(std::isfinite(weight) && weight >= 0, "weight-* (keep-init, foreground-weight)", "finite and at least 0");
+    Require(std::isfinite(weight) && weight >= 0, "weight-* (foreground-weight)", "finite and at least 0");
   }
+  Require(o.keep_init == -1 || (o.keep_init >= 0 && o.keep_init < 1e6), "keep-init", "-1, or at least 0 and finite");
   Require(o.jitter_scale >= 0 && o.jitter_scale < 0.9, "jitter-scale", "in [0, 0.9)");
   Require(o.jitter_shift >= 0 && o.jitter_shift < 0.5, "jitter-shift", "in [0, 0.5)");
   Require(o.jitter_roll_deg >= 0 && o.jitter_roll_deg <= 180, "jitter-roll-deg", "in [0, 180]");

@@ -49,7 +49,8 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit(
       "prior", o.prior,
       "what the network starts from. template: the body template posed by the joints, whose outline, parts and coordinates are "
-      "further inputs and are corrected by the network; none: the bones alone, as in the paper");
+      "further inputs and are corrected by the network; none: the bones alone, as in the paper; auto (`avatar train` alone): "
+      "template, or none with --iuv");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
@@ -84,7 +85,7 @@ struct TrainOptions {
   double weight_mask = 2.0;
   double weight_part = 1.0;
   double weight_uv = 4.0;
-  double keep_init = 0.2;
+  double keep_init = -1;
   double weight_logit = 1e-3;
   double weight_gan = 0.1;
   double weight_features = 1.0;
@@ -132,7 +133,10 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
   visit("weight-uv", o.weight_uv,
         "initialisation: weight of the mean absolute difference to the template's texture coordinates");
-  visit("keep-init", o.keep_init, "share of the two initialisation terms that stays on while training end to end");
+  visit("keep-init", o.keep_init,
+        "share of the two initialisation terms that stays on while training end to end; -1: 0.2, or 0 with --prior template, "
+        "which "
+        "they would only hold back");
   visit("weight-logit", o.weight_logit,
         "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
@@ -180,6 +184,9 @@ extern template bool SetFieldFromText(TrainOptions&, const std::string&, const s
 
 /// Initialisation steps of a method: those asked for, or a third of `steps`.
 int InitSteps(const TrainOptions& options);
+
+/// Share of the initialisation terms after the initialisation: that asked for, or what suits the network.
+double KeepInit(const TrainOptions& options, const ModelOptions& model);
 
 /// Throws UsageError naming the field that is out of range.
 void Validate(const ModelOptions& options);

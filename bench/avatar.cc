@@ -103,6 +103,7 @@ void Start(Bench* bench, std::istringstream& words) {
     bench->model.textures.copy_(Uniform(bench->model.textures.sizes(), -0.9, 0.9, rng));
     bench->texels.Add("textures", bench->model.textures);
   }
+  bench->options.keep_init = KeepInit({}, options);
   MakeInput(bench, batch, rng);
   for (const auto& item : bench->model.generator->named_parameters()) bench->network.Add(item.key(), item.value());
   if (path != "-") WriteAll(*bench, path);

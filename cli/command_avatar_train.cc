@@ -22,6 +22,7 @@ using avatar::RunConfig;
 using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
+  TrainArguments() { model.prior = "auto"; }
   std::string dataset, out, init_from;
   SplitArguments split;
   RankArguments ranks;
@@ -138,7 +139,7 @@ std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* op
 
 /// The network's options of the run that training starts from. What was asked for and does not fit is a usage error.
 void RequireFit(const avatar::ModelOptions& asked, const avatar::ModelOptions& from, const std::string& run) {
-  const auto defaults = FieldsAsText(avatar::ModelOptions()), wanted = FieldsAsText(asked), has = FieldsAsText(from);
+  const auto defaults = FieldsAsText(TrainArguments().model), wanted = FieldsAsText(asked), has = FieldsAsText(from);
   for (size_t i = 0; i < wanted.size(); ++i) {
     const auto& [name, value] = wanted[i];
     if (name == "texture-px" || value == defaults[i].second || value == has[i].second) continue;
@@ -154,17 +155,27 @@ std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
   return from;
 }
 
+/// The network's options with every choice made.
+avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
+  avatar::ModelOptions model = from ? from->options : arguments.model;
+  const bool labelled = !arguments.pack.iuv.empty();
+  if (model.prior == "auto") model.prior = labelled ? "none" : "template";
+  if (model.prior == "template" && labelled)
+    throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
+  Validate(model);
+  return model;
+}
+
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
-  Validate(arguments.model);
   Validate(arguments.train);
+  const std::optional<avatar::AvatarModel> from = StartOf(arguments);
+  const avatar::ModelOptions model = ModelOf(arguments, from);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   RunConfig config;
   config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
   config.pack = arguments.pack;
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
-  const std::optional<avatar::AvatarModel> from = StartOf(arguments);
-  const avatar::ModelOptions& model = from ? from->options : arguments.model;
   config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
   config.pack.template_input_px = model.prior == "template" ? config.pack.size_px : 0;
   if (!config.pack.pose3d.empty())

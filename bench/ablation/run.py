@@ -2,11 +2,15 @@
 """Textured avatars against their baselines on held-out cameras and motion, as in Table 1 of Shysheya et al., CVPR 2019.
 
 run.py DATASET --out FOLDER --holdout-cameras A,B --holdout-frames 90-119 --cameras 6=A,B,C,D,E,F --cameras 3=A,B,C
-       [--methods tna,direct,v2v] [--seeds 1,2,3] [--train "--size 96 --steps 400 --batch 2"] [--limit-minutes M] [--program FILE]
+       [--methods tna,direct,v2v,template,tna+template,direct+template] [--seeds 1,2,3] [--train "--size 96 --steps 400 --batch 2"]
+       [--train-bones "--init-steps 100"] [--limit-minutes M] [--program FILE]
 
 Trains every (set of cameras, method, seed) with the same flags, scores it and writes FOLDER/table.md and table.json: the table of `mvstudio
 avatar compare`, which refuses runs of different protocols, and the costs of training. Finished runs are kept and interrupted ones
 resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
+
+A method alone sees the bones (`--prior none`), with +template the posed body template as well; `template` is the template in averaged
+textures without a network (one seed: nothing in it is random). --train-bones: flags of the former alone.
 """
 import argparse
 import json
@@ -17,7 +21,9 @@ import subprocess
 import sys
 import time
 
-NAMES = {"tna": "TNA", "direct": "Direct", "v2v": "V2V-lite"}
+NAMES = {"template": "template, no network"}
+for method, text in (("tna", "TNA"), ("direct", "Direct"), ("v2v", "V2V-lite")):
+    NAMES[method], NAMES[method + "+template"] = text, text + " on template"
 
 
 def arguments():
@@ -27,9 +33,10 @@ def arguments():
     parser.add_argument("--holdout-cameras", required=True)
     parser.add_argument("--holdout-frames", required=True)
     parser.add_argument("--cameras", action="append", required=True, help="NAME=CAMERA,CAMERA,… to train on")
-    parser.add_argument("--methods", default="tna,direct,v2v")
+    parser.add_argument("--methods", default="tna,direct,v2v,template,tna+template,direct+template")
     parser.add_argument("--seeds", default="1,2,3")
-    parser.add_argument("--train", default="--size 96 --steps 400 --batch 2", help="flags of every training")
+    parser.add_argument("--train", default="--size 96 --steps 400 --batch 2", help="flags of every training, each with its value")
+    parser.add_argument("--train-bones", default="", help="further flags of those that see the bones alone")
     parser.add_argument("--features", default="auto")
     parser.add_argument("--limit-minutes", type=float, default=1e9)
     parser.add_argument("--program", default="build/release/bin/mvstudio")
@@ -44,6 +51,16 @@ def call(program, words):
     return json.loads(run.stdout)
 
 
+def flags(a, variant):
+    """Flags of a training: later ones replace earlier ones."""
+    method, _, prior = variant.partition("+")
+    words = f"--method {method} --prior {prior or 'none'} {a.train} {'' if prior else a.train_bones}".split()
+    if variant == "template":
+        words = f"--prior template {a.train} --steps 0 --init-steps 0".split()
+    chosen = dict(zip(words[::2], words[1::2]))
+    return [word for pair in chosen.items() for word in pair]
+
+
 def trained(a, folder, cameras, method, seed):
     """Metrics of the training: begins it, resumes it, or reads what is finished."""
     result = os.path.join(folder, "avatar_train.result.json")
@@ -52,9 +69,8 @@ def trained(a, folder, cameras, method, seed):
             return call(a.program, ["avatar", "resume", folder])["metrics"]
         with open(result) as file:
             return json.load(file)["metrics"]
-    return call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--method", method, "--seed", str(seed),
-                            "--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras,
-                            "--holdout-frames", a.holdout_frames, *a.train.split()])["metrics"]
+    return call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--seed", str(seed), "--train-cameras", cameras,
+                            "--holdout-cameras", a.holdout_cameras, "--holdout-frames", a.holdout_frames, *flags(a, method)])["metrics"]
 
 
 def one(a, folder, cameras, method, seed):
@@ -106,15 +122,17 @@ def table(a, results):
 
 
 def verdict(results):
-    """Is TNA's SSIM higher than each baseline's for every pair of seeds?"""
+    """Is TNA's SSIM higher than each baseline's of the same input for every pair of seeds?"""
     lines = []
     for cameras in dict.fromkeys(key[0] for key in results):
-        own = [r["ssim"] for r in results.get((cameras, "tna"), [])]
-        for method in ("direct", "v2v"):
-            other = [r["ssim"] for r in results.get((cameras, method), [])]
-            if own and other:
-                lines.append(f"{cameras} cameras: TNA - {NAMES[method]} = {statistics.mean(own) - statistics.mean(other):+.4f}, "
-                             + ("outside" if min(own) > max(other) else "NOT outside") + " the spread of seeds")
+        for own_name, others in (("tna", ("direct", "v2v")), ("tna+template", ("direct+template", "v2v+template", "template"))):
+            own = [r["ssim"] for r in results.get((cameras, own_name), [])]
+            for method in others:
+                other = [r["ssim"] for r in results.get((cameras, method), [])]
+                if own and other:
+                    gap = statistics.mean(own) - statistics.mean(other)
+                    lines.append(f"{cameras} cameras: {NAMES[own_name]} - {NAMES[method]} = {gap:+.4f}, "
+                                 + ("outside" if min(own) > max(other) else "NOT outside") + " the spread of seeds")
     return lines
 
 
@@ -126,6 +144,8 @@ def main():
         for cameras in a.cameras:
             name, _, members = cameras.partition("=")
             for method in a.methods.split(","):
+                if method == "template" and seed != a.seeds.split(",")[0]:
+                    continue
                 folder = os.path.join(a.out, f"{name}-{method}-{seed}")
                 known = os.path.exists(os.path.join(folder, "scores.json"))
                 if not known and time.time() - begin > 60 * a.limit_minutes:

@@ -119,6 +119,53 @@ TEST_F(AvatarTrain, BeginsWithAnotherAvatarsNetwork) {
   EXPECT_THAT(refused.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--width 6"));
 }
 
+TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
+  const auto first_phase = [](const std::string& name) {
+    const std::string history = testing::Slurp(out(name) + "/history.csv");
+    const size_t begin = history.find('\n') + 1;
+    return history.substr(history.find(',', begin) + 1,
+                          history.find(',', history.find(',', begin) + 1) - history.find(',', begin) - 1);
+  };
+  const std::vector<std::string> common = {"avatar",
+                                           "train",
+                                           data(),
+                                           "--json",
+                                           "--size",
+                                           "32",
+                                           "--width",
+                                           "4",
+                                           "--downs",
+                                           "2",
+                                           "--no-fit-shape",
+                                           "--holdout-cameras",
+                                           "00_02",
+                                           "--holdout-frames",
+                                           "6-7"};
+  const auto train = [&](const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> words = common;
+    words.insert(words.end(), {"--out", out(name)});
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCli(words);
+  };
+  ASSERT_EQ(train("template", {"--steps", "0"}).exit, 0);
+  ASSERT_EQ(train("some", {"--steps", "3"}).exit, 0);
+  ASSERT_EQ(train("bones", {"--steps", "3", "--prior", "none"}).exit, 0);
+  EXPECT_EQ(first_phase("some"), "train");
+  EXPECT_EQ(first_phase("bones"), "init");
+  const auto scored = [](const std::string& name) {
+    return RunCli({"avatar", "eval", out(name), "--features", "gabor", "--json"});
+  };
+  const CliRun own = scored("template"), bones = scored("bones");
+  ASSERT_EQ(own.exit, 0) << own.err;
+  ASSERT_EQ(bones.exit, 0) << bones.err;
+  EXPECT_GT(own.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.9) << "the person is the template";
+  EXPECT_LT(bones.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.7);
+  const CliRun labels = train("labels", {"--iuv", data(), "--prior", "template"});
+  EXPECT_EQ(labels.exit, 2);
+  EXPECT_THAT(labels.Json()["errors"][0]["text"].get<std::string>(), AllOf(HasSubstr("--iuv"), HasSubstr("--prior none")));
+  EXPECT_EQ(train("labels", {"--prior", "some"}).exit, 2);
+}
+
 TEST_F(AvatarTrain, SeveralProcessesTrainOneAvatar) {
   const CliRun run = Train("ranks", {"--ranks", "2"});
   ASSERT_EQ(run.exit, 0) << run.err;
