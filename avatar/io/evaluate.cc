@@ -17,6 +17,7 @@
 #include "avatar/picture_scores.h"
 #include "avatar/safetensors.h"
 #include "avatar/sequence.h"
+#include "avatar/template_maps.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/parallel.h"
@@ -260,6 +261,16 @@ void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Te
   result->nearest_camera = baselines.nearest_camera;
 }
 
+/// The avatar's textures on the posed template that its network corrects.
+void ScoreTemplateAlone(const Session& session, const AvatarModel& model, const AvatarPack& pack, const at::Tensor& truth,
+                        Evaluation* result) {
+  if (NumTemplateChannels(model.options) == 0 || !model.textures.defined()) return;
+  AvatarModel alone = MakeModel(model.options, model.size_px, model.depth, 0);  // a fresh network corrects nothing
+  alone.textures = model.textures;
+  const Rendered rendered = RenderAll(alone, pack, session);
+  result->template_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+}
+
 /// The checkpoint, with what it says of its training.
 AvatarModel ReadModel(const std::string& path, Evaluation* result) {
   const TensorFile file = ReadTensorFile(path);
@@ -322,6 +333,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   crop.size_px = result.size_px;
   const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
   ScoreBaselines(session, pack, truth, baselines, &result);
+  ScoreTemplateAlone(session, model, pack, truth, &result);
   result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
   const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, model, &result);
   result.protocol = MakeProtocol(

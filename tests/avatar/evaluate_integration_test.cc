@@ -46,6 +46,31 @@ class EvaluateRun : public ::testing::Test {
   RunConfig config_;
 };
 
+TEST_F(EvaluateRun, SaysWhatTheNetworkAddsToItsTemplate) {
+  EvaluateOptions options;
+  options.pictures = 0, options.renders = 0, options.other_pictures = 0, options.features = "gabor";
+  config_.pack.template_input_px = 64;
+  WriteRunConfig(config_, run() + "/config.json");
+  ModelOptions model;
+  model.width = 4, model.downs = 2, model.encoder_blocks = model.decoder_blocks = 1, model.texture_px = 8;
+  model.prior = "template";
+  AvatarModel avatar = MakeModel(model, 64, {-0.5, 0.5}, 1);
+  const auto save = [&] { WriteTensorFile(ModelToTensors(avatar), run() + "/checkpoint.safetensors"); };
+  save();
+  const Evaluation fresh = Evaluate(run(), options, {});
+  ASSERT_TRUE(fresh.template_alone.has_value());
+  EXPECT_EQ(fresh.template_alone->mean.bbox.ssim, fresh.holdout.mean.bbox.ssim) << "a fresh network adds nothing";
+  EXPECT_GT(fresh.template_alone->mean.mask_iou, 0.9) << "the person is the template";
+  for (at::Tensor& parameter : avatar.generator->parameters()) parameter.data().add_(0.3 * at::randn_like(parameter));
+  save();
+  const Evaluation other = Evaluate(run(), options, {});
+  EXPECT_EQ(other.template_alone->mean.bbox.ssim, fresh.holdout.mean.bbox.ssim);
+  EXPECT_NE(other.holdout.mean.bbox.ssim, fresh.holdout.mean.bbox.ssim);
+  EXPECT_THAT(ToJsonText(other), HasSubstr("\"template_alone\""));
+  options.score_size = 96;  // maps stay at the network's size
+  EXPECT_GT(Evaluate(run(), options, {}).template_alone->mean.mask_iou, 0.9);
+}
+
 TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EvaluateOptions options;
   options.pictures = 2, options.other_pictures = 4, options.features = "gabor";
@@ -54,6 +79,7 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EXPECT_EQ(e.holdout_kind, "held-out cameras in held-out frames");
   EXPECT_EQ(e.holdout.mean.n, 6);
   EXPECT_EQ(e.mean_image.mean.n, 6);
+  EXPECT_FALSE(e.template_alone.has_value()) << "a network of bones has none";
   EXPECT_DOUBLE_EQ(e.seconds_per_picture, 0.5);
   ASSERT_EQ(e.per_camera.size(), 2u);
   EXPECT_EQ(e.per_camera[0].name, "00_01");
