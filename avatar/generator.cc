@@ -105,6 +105,8 @@ class DecoderImpl : public nn::Module {
     const torch::NoGradGuard no_gradients;
     head_->weight.zero_();
   }
+  bool IsZero() const { return head_->weight.count_nonzero().item<int64_t>() == 0; }
+  int64_t outputs() const { return head_->options.out_channels(); }
 
  private:
   bool skips_;
@@ -161,6 +163,12 @@ std::pair<at::Tensor, at::Tensor> GeneratorImpl::forward(const at::Tensor& bone_
             "picture sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
   MVS_CHECK(std::min(bone_maps.size(2), bone_maps.size(3)) / size_multiple_ >= 2,
             "a picture of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
+  if (!is_training() && !at::GradMode::is_enabled() && parts_->first->IsZero() && parts_->second->IsZero()) {
+    const auto zeros = [&](int64_t channels) {  // a template that nothing was learned about costs no network
+      return at::zeros({bone_maps.size(0), channels, bone_maps.size(2), bone_maps.size(3)}, bone_maps.options());
+    };
+    return {zeros(parts_->first->outputs()), zeros(parts_->second->outputs())};
+  }
   std::vector<at::Tensor> levels;
   at::Tensor x = parts_->stem->forward(bone_maps);
   for (nn::Sequential& down : parts_->downs) {

@@ -93,7 +93,7 @@ void RunAll(const AvatarTradeoffOptions& options, CommandContext& context, std::
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
   AvatarTradeoffOptions options = arguments.options;
   AvatarGrid grid = arguments.grid;
-  if (arguments.quick) grid = {{8, 16}, {64}, {60, 180}, {std::numeric_limits<int>::max(), 3}, {"l1+ssim"}};
+  if (arguments.quick) grid = {{8, 16}, {64}, {0, 60, 180}, {std::numeric_limits<int>::max(), 3}, {"l1+ssim"}};
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(options.dataset);
   options.holdout_cameras = HeldOutCameras(data, arguments.holdout_cameras);
   if (options.holdout_frames.empty()) options.holdout_frames = LastFrames(data);
@@ -129,7 +129,9 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
       ->required();
   sub->add_option("--widths", a->grid.widths, "channels of the first layer")->delimiter(',')->capture_default_str();
   sub->add_option("--sizes", a->grid.sizes, "edge of the crops, px")->delimiter(',')->capture_default_str();
-  sub->add_option("--steps", a->grid.steps, "end-to-end steps")->delimiter(',')->capture_default_str();
+  sub->add_option("--steps", a->grid.steps, "end-to-end steps; 0: the posed template in averaged colours, without a network")
+      ->delimiter(',')
+      ->capture_default_str();
   sub->add_option("--losses", a->grid.losses, "terms of l1, ssim, gradient, posenet joined by +")
       ->delimiter(',')
       ->capture_default_str();
@@ -147,7 +149,7 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   sub->add_option("--train", a->options.train_flags, "further flags of every training, e.g. \"--batch 4\"");
   sub->add_option("--limit-minutes", a->options.limit_minutes, "begin no further trial after them; 0: no limit")
       ->capture_default_str();
-  sub->add_flag("--quick", a->quick, "a grid of a few minutes: widths 8 16, 64 px, 60 and 180 steps, all cameras and 3");
+  sub->add_flag("--quick", a->quick, "a grid of a few minutes: widths 8 16, 64 px, 0, 60 and 180 steps, all cameras and 3");
   registry.Add(sub, "tradeoff avatar", [a](CommandContext& context) { return Run(*a, context); });
 }
 

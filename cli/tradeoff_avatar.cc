@@ -119,6 +119,7 @@ Value TrainAndScore(const AvatarTradeoffOptions& options, const CommandContext& 
 }  // namespace
 
 std::string AvatarTrial::Name() const {
+  if (steps == 0) return std::to_string(size_px) + " px, template without a network";
   return "width " + std::to_string(width) + ", " + std::to_string(size_px) + " px, " + std::to_string(steps) + " steps, " +
          loss;
 }
@@ -147,6 +148,7 @@ std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<st
       for (const int width : grid.widths) {
         for (const int steps : grid.steps) {
           for (const std::string& loss : grid.losses) {
+            if (steps == 0 && (width != grid.widths.front() || loss != grid.losses.front())) continue;  // they change nothing
             AvatarTrial trial;
             trial.width = width, trial.size_px = size, trial.steps = steps, trial.loss = loss;
             trial.cameras.assign(cameras.begin(), cameras.begin() + static_cast<int64_t>(count));

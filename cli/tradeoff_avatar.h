@@ -11,13 +11,13 @@
 namespace mvstudio::cli {
 
 struct AvatarGrid {
-  std::vector<int> widths{8, 16}, sizes{64, 128}, steps{300, 600}, cameras{16, 6, 3};
+  std::vector<int> widths{8, 16}, sizes{64, 128}, steps{0, 300, 600}, cameras{16, 6, 3};
   std::vector<std::string> losses{"l1", "l1+ssim"};
 };
 
 /// One point of the grid.
 struct AvatarTrial {
-  int width = 0, size_px = 0, steps = 0;
+  int width = 0, size_px = 0, steps = 0;  ///< no steps: the posed template in averaged colours, without a network
   std::string loss;
   std::vector<std::string> cameras;  ///< trained on
   /// Results; NaN before it has run.
@@ -36,7 +36,8 @@ struct AvatarTradeoffOptions {
   double limit_minutes = 0;  ///< no further trial is begun after them; 0: none
 };
 
-/// Every combination, cheapest first. `cameras`: names to choose from, in an order in which every beginning is spread well.
+/// Every combination, cheapest first; without steps, one for each size and number of cameras. `cameras`: names to choose from,
+/// in an order in which every beginning is spread well.
 std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras);
 
 /// Flags of `avatar train` for "l1", "ssim", "gradient" and "posenet" joined by '+'. Throws UsageError.

@@ -134,6 +134,20 @@ TEST(TemplatePrior, WithoutAStepTheAvatarIsTheTemplateInAveragedColours) {
   }
 }
 
+TEST(TemplatePrior, ANetworkThatWasNotTrainedIsNotRun) {
+  const ModelOptions options = Tiny("tna");
+  Generator generator(options, 1);
+  generator->eval();
+  const at::Tensor maps = at::rand({2, options.inputs + NumTemplateChannels(options), 16, 24});
+  const auto [first, second] = generator->forward(maps);  // recorded, so run
+  const at::NoGradGuard no_gradients;
+  const auto [quick_first, quick_second] = generator->forward(maps);
+  EXPECT_TRUE(at::equal(first, quick_first));
+  EXPECT_TRUE(at::equal(second, quick_second));
+  for (at::Tensor& parameter : generator->parameters()) parameter.data().fill_(0.1);
+  EXPECT_GT(generator->forward(maps).first.abs().max().item<double>(), 0);
+}
+
 TEST(TemplatePrior, DirectBeginsWithTheTemplatesOutline) {
   const AvatarPack pack = Pack();
   for (const char* method : {"direct", "v2v"}) {
