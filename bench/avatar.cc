@@ -2,22 +2,16 @@
 #include <ATen/Parallel.h>
 #include <malloc.h>
 
-#include <chrono>
-#include <cstdio>
-#include <ctime>
-#include <exception>
 #include <fstream>
-#include <iostream>
-#include <sstream>
-#include <string>
 
 #include "avatar/adam.h"
 #include "avatar/loss_terms.h"
 #include "avatar/model.h"
 #include "avatar/safetensors.h"
+#include "bench/requests.h"
 #include "core/random.h"
 
-/// bench_avatar: the timed side of bench/avatar_speed.py. Reads one request a line and answers each with one line:
+/// bench_avatar: the timed side of bench/avatar_speed.py. Its requests:
 ///   start METHOD WIDTH SIZE BATCH FILE   a fresh model and a made-up batch, both written to FILE (safetensors); answers
 ///                                        "PARAMETERS"
 ///   step                                 one training step on that batch; answers "LOSS SECONDS CPU_SECONDS"
@@ -140,40 +134,18 @@ double PeakMemoryMb() {
   return kb / 1024;
 }
 
-template <class Work>
-void Timed(const Work& work) {
-  const std::clock_t cpu = std::clock();
-  const auto start = std::chrono::steady_clock::now();
-  const double value = work();
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  std::printf("%.9g %.9f %.9f\n", value, seconds.count(), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC);
-}
-
 int Serve() {
-  Bench bench;
-  std::string line, what;
-  while (std::getline(std::cin, line)) {
-    std::istringstream words(line);
-    words >> what;
-    int threads = 1;
-    if (what == "start") {
-      Start(&bench, words);
-    } else if (what == "step") {
-      Timed([&] { return Step(&bench); });
-    } else if (what == "render") {
-      Timed([&] { return RenderOne(&bench); });
-    } else if (what == "threads" && words >> threads) {
-      at::set_num_threads(threads);
-      std::printf("ok\n");
-    } else if (what == "memory") {
-      std::printf("%.0f\n", PeakMemoryMb());
-    } else {
-      std::fprintf(stderr, "bench_avatar: unknown request: %s\n", line.c_str());
-      return 2;
-    }
-    std::fflush(stdout);
-  }
-  return 0;
+  Bench b;
+  return bench::Answer("bench_avatar",
+                       {{"start", [&](std::istringstream& words) { Start(&b, words); }},
+                        {"step", [&](std::istringstream&) { bench::PrintTimed([&] { return Step(&b); }); }},
+                        {"render", [&](std::istringstream&) { bench::PrintTimed([&] { return RenderOne(&b); }); }},
+                        {"threads",
+                         [&](std::istringstream& words) {
+                           at::set_num_threads(bench::Number(words));
+                           std::printf("ok\n");
+                         }},
+                        {"memory", [&](std::istringstream&) { std::printf("%.0f\n", PeakMemoryMb()); }}});
 }
 
 }  // namespace
@@ -183,10 +155,5 @@ int main() {
   // As mvstudio's own main does.
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
-  try {
-    return mvstudio::avatar::Serve();
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_avatar: %s\n", error.what());
-    return 1;
-  }
+  return mvstudio::avatar::Serve();
 }

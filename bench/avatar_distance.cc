@@ -1,15 +1,8 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
-#include <chrono>
-#include <cstdio>
-#include <ctime>
-#include <exception>
-#include <iostream>
-#include <sstream>
-#include <string>
-
 #include "avatar/set_distance.h"
+#include "bench/requests.h"
 #include "core/npy.h"
 
 /// bench_avatar_distance: the timed side of bench/metrics_beside_peers.py, like bench_metrics:
@@ -25,36 +18,18 @@ at::Tensor ReadFeatures(const std::string& path) {
 
 int Serve() {
   at::Tensor a, b;
-  std::string line, what, first, second;
-  while (std::getline(std::cin, line)) {
-    std::istringstream(line) >> what >> first >> second;
-    if (what == "load") {
-      a = ReadFeatures(first), b = ReadFeatures(second);
-      std::printf("ok\n");
-    } else if (what == "frechet") {
-      at::set_num_threads(std::stoi(first));
-      const std::clock_t cpu = std::clock();
-      const auto start = std::chrono::steady_clock::now();
-      const double value = avatar::FrechetDistance(a, b);
-      const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-      std::printf("%.17g %.9f %.9f\n", value, seconds.count(), static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC);
-    } else {
-      std::fprintf(stderr, "bench_avatar_distance: unknown request: %s\n", line.c_str());
-      return 2;
-    }
-    std::fflush(stdout);
-  }
-  return 0;
+  return bench::Answer("bench_avatar_distance", {{"load",
+                                                  [&](std::istringstream& words) {
+                                                    a = ReadFeatures(bench::Word(words)), b = ReadFeatures(bench::Word(words));
+                                                    std::printf("ok\n");
+                                                  }},
+                                                 {"frechet", [&](std::istringstream& words) {
+                                                    at::set_num_threads(bench::Number(words));
+                                                    bench::PrintTimed([&] { return avatar::FrechetDistance(a, b); });
+                                                  }}});
 }
 
 }  // namespace
 }  // namespace mvstudio
 
-int main() {
-  try {
-    return mvstudio::Serve();
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_avatar_distance: %s\n", error.what());
-    return 1;
-  }
-}
+int main() { return mvstudio::Serve(); }
