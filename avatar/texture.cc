@@ -3,6 +3,7 @@
 #include <ATen/ATen.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -34,6 +35,44 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
   const at::Tensor filled = PullPush(coarse, (4 * pooled_weight).clamp_max(1));
   const at::Tensor fine = at::upsample_bilinear2d(filled, {colour.size(2), colour.size(3)}, false);
   return weight * colour + (1 - weight) * fine;
+}
+
+/// Charts whose v runs along the body alike: front and back of the trunk and the head, hands, feet, and each kind of limb.
+constexpr std::array<std::array<int, 4>, 8> kAlike = {{{1, 2, 0, 0},
+                                                       {3, 4, 0, 0},
+                                                       {5, 6, 0, 0},
+                                                       {7, 8, 9, 10},
+                                                       {11, 12, 13, 14},
+                                                       {15, 16, 17, 18},
+                                                       {19, 20, 21, 22},
+                                                       {23, 24, 0, 0}}};
+
+/// (24, 24): how much a chart's row tells of another chart's; its own most.
+at::Tensor Likeness() {
+  constexpr float kAlikeShare = 0.1f;
+  at::Tensor likeness = at::eye(kParts, at::kFloat);
+  for (const auto& group : kAlike) {
+    for (const int a : group) {
+      for (const int b : group) {
+        if (a > 0 && b > 0 && a != b) likeness[a - 1][b - 1] = kAlikeShare;
+      }
+    }
+  }
+  return likeness;
+}
+
+/// Texels that no picture showed take the colour of their row, as the back of trousers is coloured like their front: of their
+/// own chart and of those alike. `colour` (24, 3, S, S) and `weight` (24, 1, S, S) in [0, 1] as for PullPush, which blends the
+/// rest.
+void FillRows(const TextureSums& sums, at::Tensor* colour, at::Tensor* weight) {
+  constexpr double kTrust = 0.7;
+  const at::Tensor likeness = Likeness();
+  const at::Tensor row_colour = at::einsum("pq,qyc->pyc", {likeness, sums.colour.sum(2)});
+  const at::Tensor row_weight = at::matmul(likeness, sums.weight.sum(2));  // (24, S)
+  const at::Tensor row = (row_colour / row_weight.clamp_min(1e-12).unsqueeze(2)).permute({0, 2, 1}).unsqueeze(3);
+  const at::Tensor known = (row_weight > 0).view({kParts, 1, -1, 1}), hole = (*weight <= 0).logical_and(known);
+  *colour = at::where(hole, row, *colour);
+  *weight = at::where(hole, at::full_like(*weight, kTrust), *weight);
 }
 
 }  // namespace
@@ -83,12 +122,13 @@ void AddPixels(TextureSums& sums, const at::Tensor& part, const at::Tensor& uv, 
 }
 
 at::Tensor FillTextures(const TextureSums& sums, double min_weight) {
-  const at::Tensor colour = (sums.colour / sums.weight.clamp_min(1e-12).unsqueeze(-1)).permute({0, 3, 1, 2}).contiguous();
-  const at::Tensor weight = (sums.weight / min_weight).clamp(0, 1).unsqueeze(1);
+  at::Tensor colour = (sums.colour / sums.weight.clamp_min(1e-12).unsqueeze(-1)).permute({0, 3, 1, 2}).contiguous();
+  at::Tensor weight = (sums.weight / min_weight).clamp(0, 1).unsqueeze(1);
+  FillRows(sums, &colour, &weight);
   const at::Tensor total = sums.weight.sum();
   const at::Tensor mean = sums.colour.sum({0, 1, 2}) / total.clamp_min(1e-12);
   const at::Tensor filled = PullPush(colour, weight);
-  const at::Tensor has_colour = (sums.weight.sum({1, 2}) > 0).view({kParts, 1, 1, 1});
+  const at::Tensor has_colour = (weight.sum({1, 2, 3}) > 0).view({kParts, 1, 1, 1});
   return at::where(has_colour, filled, mean.view({1, 3, 1, 1})).contiguous();
 }
 

@@ -169,6 +169,11 @@ TEST(Textures, AveragingRecoversColoursAndFillsHoles) {
   EXPECT_NEAR(filled[20][2][1][1].item<double>(), -0.25, 1e-4);  // a part never seen: the mean colour
   const double centre_v = (2 * 4 + 1) / 8.0 - 1;
   EXPECT_NEAR(filled[1][1][4][1].item<double>(), 0.8 * centre_v, 0.03);
+  for (const int64_t y : {0, 1, 6, 7}) {  // rows go on where nothing was seen: in the chart itself and on the body's other side
+    const double v = (2 * static_cast<double>(y) + 1) / 8 - 1;
+    EXPECT_NEAR(filled[1][1][y][7].item<double>(), 0.8 * v, 0.2) << y;
+    EXPECT_NEAR(filled[0][1][y][3].item<double>(), 0.8 * v, 0.25) << y;
+  }
   EXPECT_TRUE(at::isfinite(filled).all().item<bool>());
 }
 
