@@ -1,5 +1,6 @@
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 
 #include "avatar/io/evaluate.h"
 #include "cli/commands.h"
@@ -36,6 +37,14 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   };
   below("mean image", mean);
   below("nearest pose", pose);
+  if (e.template_alone && e.checkpoint_step > 0 && e.template_alone->mean.bbox.ssim >= own.ssim) {
+    char scores[64];
+    std::snprintf(scores, sizeof scores, "SSIM %.4f against %.4f", own.ssim, e.template_alone->mean.bbox.ssim);
+    result->warnings.push_back({"AVA-NO-GAIN",
+                                std::string("the network is worth nothing on held-out pictures: ") + scores +
+                                    " of its own textures on the posed template",
+                                "train with --steps 0 (no network), or with more cameras or better joints"});
+  }
   if (e.features.name.find("inception-2015-12-05") != std::string::npos && e.distance_name != "FID") {
     result->warnings.push_back(
         {"AVA-NOT-FID",

@@ -160,6 +160,9 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   ASSERT_EQ(bones.exit, 0) << bones.err;
   EXPECT_GT(own.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.9) << "the person is the template";
   EXPECT_LT(bones.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.7);
+  EXPECT_THAT(own.Json()["warnings"].dump(), ::testing::Not(HasSubstr("AVA-NO-GAIN")));
+  ASSERT_EQ(train("wild", {"--steps", "3", "--learning-rate", "0.5", "--clip-norm", "0"}).exit, 0);
+  EXPECT_THAT(scored("wild").Json()["warnings"].dump(), HasSubstr("AVA-NO-GAIN")) << "a network that does harm";
   const CliRun labels = train("labels", {"--iuv", data(), "--prior", "template"});
   EXPECT_EQ(labels.exit, 2);
   EXPECT_THAT(labels.Json()["errors"][0]["text"].get<std::string>(), AllOf(HasSubstr("--iuv"), HasSubstr("--prior none")));
