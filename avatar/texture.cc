@@ -61,16 +61,18 @@ at::Tensor Likeness() {
   return likeness;
 }
 
-/// Texels that no picture showed take the colour of their row, as the back of trousers is coloured like their front: of their
-/// own chart and of those alike. `colour` (24, 3, S, S) and `weight` (24, 1, S, S) in [0, 1] as for PullPush, which blends the
-/// rest.
+/// Texels far from all that a picture showed take the colour of their row, as the back of trousers is coloured like their
+/// front: of their own chart and of those alike. Near ones are left to their neighbours. `colour` (24, 3, S, S) and `weight`
+/// (24, 1, S, S) in [0, 1] as for PullPush, which blends the rest.
 void FillRows(const TextureSums& sums, at::Tensor* colour, at::Tensor* weight) {
   constexpr double kTrust = 0.7;
+  const int64_t near = std::max<int64_t>(1, weight->size(2) / 8);
   const at::Tensor likeness = Likeness();
   const at::Tensor row_colour = at::einsum("pq,qyc->pyc", {likeness, sums.colour.sum(2)});
   const at::Tensor row_weight = at::matmul(likeness, sums.weight.sum(2));  // (24, S)
   const at::Tensor row = (row_colour / row_weight.clamp_min(1e-12).unsqueeze(2)).permute({0, 2, 1}).unsqueeze(3);
-  const at::Tensor known = (row_weight > 0).view({kParts, 1, -1, 1}), hole = (*weight <= 0).logical_and(known);
+  const at::Tensor known = (row_weight > 0).view({kParts, 1, -1, 1});
+  const at::Tensor hole = at::max_pool2d(*weight, 2 * near + 1, 1, near).le(0).logical_and(known);
   *colour = at::where(hole, row, *colour);
   *weight = at::where(hole, at::full_like(*weight, kTrust), *weight);
 }

@@ -20,9 +20,10 @@ TextureSums ZeroTextureSums(int64_t size_px);
 /// Adds pixels: part (P) int64 in 1..24, uv (P, 2) in [-1, 1], rgb (P, 3) in [-1, 1], weight (P).
 void AddPixels(TextureSums& sums, const at::Tensor& part, const at::Tensor& uv, const at::Tensor& rgb,
                const at::Tensor& weight);
-/// Means where the weight is above `min_weight`. Texels never seen take most of their colour from the seen texels of their row
-/// in their own chart and those alike (both sides of the trunk, all thighs), the rest from the nearest coarser level that has
-/// colours (pull-push); a part of which neither it nor those alike have any colour gets the mean of all parts.
+/// Means where the weight is above `min_weight`. Texels farther than an eighth of the chart from any that was seen take
+/// most of their colour from the seen texels of their row in their own chart and those alike (both sides of the trunk, all
+/// thighs); the rest comes from the nearest coarser level that has colours (pull-push); a part of which neither it nor those
+/// alike have any colour gets the mean of all parts.
 at::Tensor FillTextures(const TextureSums& sums, double min_weight = 0.05);
 
 }  // namespace mvstudio::avatar
