@@ -91,7 +91,8 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
       break;
     }
   }
-  if (s.tna() && s.model.step == s.total_steps() && !s.textures_ready) s.AverageTextures();  // there were no steps but those
+  const bool without_steps = s.model.step == s.total_steps() && !s.textures_ready;
+  if (s.tna() && without_steps) s.AverageTextures();
   report.best_step = s.best_step;
   report.ended_early = s.Exhausted();
   if (report.ended_early) report.message = s.WhyEndedEarly();

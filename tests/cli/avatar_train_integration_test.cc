@@ -27,34 +27,18 @@ class AvatarTrain : public ::testing::Test {
 
   static std::string data() { return *folder_ / "data"; }
   static std::string out(const std::string& name) { return *folder_ / name; }
-  static CliRun Train(const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> words = {"avatar",
-                                      "train",
-                                      data(),
-                                      "--out",
-                                      out(name),
-                                      "--json",
-                                      "--threads",
-                                      "2",
-                                      "--size",
-                                      "32",
-                                      "--width",
-                                      "4",
-                                      "--downs",
-                                      "2",
-                                      "--encoder-blocks",
-                                      "1",
-                                      "--decoder-blocks",
-                                      "1",
-                                      "--no-fit-shape",
-                                      "--init-steps",
-                                      "4",
-                                      "--steps",
-                                      "8",
-                                      "--save-every",
-                                      "2"};
+  static std::vector<std::string> Joined(std::vector<std::string> words, const std::vector<std::string>& more) {
     words.insert(words.end(), more.begin(), more.end());
-    return RunCli(words);
+    return words;
+  }
+  /// A network that takes a second.
+  static CliRun TrainTiny(const std::string& name, const std::vector<std::string>& more) {
+    return RunCli(Joined({"avatar", "train", data(), "--out", out(name), "--json", "--threads", "2", "--size", "32", "--width",
+                          "4", "--downs", "2", "--encoder-blocks", "1", "--decoder-blocks", "1", "--no-fit-shape"},
+                         more));
+  }
+  static CliRun Train(const std::string& name, const std::vector<std::string>& more) {
+    return TrainTiny(name, Joined({"--init-steps", "4", "--steps", "8", "--save-every", "2"}, more));
   }
 
   static testing::TempDir* folder_;
@@ -126,26 +110,8 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
     return history.substr(history.find(',', begin) + 1,
                           history.find(',', history.find(',', begin) + 1) - history.find(',', begin) - 1);
   };
-  const std::vector<std::string> common = {"avatar",
-                                           "train",
-                                           data(),
-                                           "--json",
-                                           "--size",
-                                           "32",
-                                           "--width",
-                                           "4",
-                                           "--downs",
-                                           "2",
-                                           "--no-fit-shape",
-                                           "--holdout-cameras",
-                                           "00_02",
-                                           "--holdout-frames",
-                                           "6-7"};
-  const auto train = [&](const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> words = common;
-    words.insert(words.end(), {"--out", out(name)});
-    words.insert(words.end(), more.begin(), more.end());
-    return RunCli(words);
+  const auto train = [](const std::string& name, const std::vector<std::string>& more) {
+    return TrainTiny(name, Joined({"--holdout-cameras", "00_02", "--holdout-frames", "6-7"}, more));
   };
   ASSERT_EQ(train("template", {"--steps", "0"}).exit, 0);
   ASSERT_EQ(train("some", {"--steps", "3"}).exit, 0);
