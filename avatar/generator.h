@@ -16,7 +16,7 @@ int NumPreviousChannels(const ModelOptions& options);
 
 /// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders; `skips` adds the encoder's
 /// features to the decoders', which the paper's network does not. From bone maps (B, inputs, H, W), and the template's channels
-/// where it is the prior (template_maps.h; the heads that it is added to then begin at 0), it gives for `tna`    part logits
+/// where it is the prior (template_maps.h; the heads that it is added to then begin at 0), it gives for `tna` part logits
 /// (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u then 24 v; for `direct` a
 /// foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W); for `v2v`, whose input also holds the kNumPrevious
 /// pictures before, a foreground logit and (B, 6, H, W): colours before tanh, flow, weight logit.
