@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "avatar/generator.h"
+#include "core/median.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -25,16 +26,14 @@ int64_t UsualStep(const std::map<int64_t, std::map<int64_t, int64_t>>& cameras) 
     for (auto it = rows.begin(); it != rows.end() && std::next(it) != rows.end(); ++it)
       steps.push_back(std::next(it)->first - it->first);
   }
-  if (steps.empty()) return 1;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<int64_t>(steps.size() / 2), steps.end());
-  return steps[steps.size() / 2];
+  return UpperMedian(std::move(steps), 1);
 }
 
 Rendering RenderRows(AvatarModel& model, const AvatarPack& pack, const std::vector<int64_t>& rows, const at::Tensor& previous) {
   const at::Tensor index = at::tensor(rows, at::kLong);
-  const at::Tensor maps = pack.template_maps.defined() ? pack.template_maps.index_select(0, index) : at::Tensor();
-  return Render(model, pack.joints_in_cam.index_select(0, index), pack.joint_valid.index_select(0, index),
-                pack.intrinsics.index_select(0, index), pack.size_px, pack.size_px, {}, previous, maps);
+  const auto of = [&](const at::Tensor& t) { return t.defined() ? t.index_select(0, index) : at::Tensor(); };
+  const PoseBatch poses = {of(pack.joints_in_cam), of(pack.joint_valid), of(pack.intrinsics), of(pack.template_maps)};
+  return Render(model, poses, pack.size_px, pack.size_px, {}, previous);
 }
 
 /// Groups of rows in the order in which they can be rendered: every row's past is in an earlier group.

@@ -3,10 +3,10 @@
 #include <ATen/ATen.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
+#include "core/body_charts.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -37,24 +37,14 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
   return weight * colour + (1 - weight) * fine;
 }
 
-/// Charts whose v runs along the body alike: front and back of the trunk and the head, hands, feet, and each kind of limb.
-constexpr std::array<std::array<int, 4>, 8> kAlike = {{{1, 2, 0, 0},
-                                                       {3, 4, 0, 0},
-                                                       {5, 6, 0, 0},
-                                                       {7, 8, 9, 10},
-                                                       {11, 12, 13, 14},
-                                                       {15, 16, 17, 18},
-                                                       {19, 20, 21, 22},
-                                                       {23, 24, 0, 0}}};
-
 /// (24, 24): how much a chart's row tells of another chart's; its own most.
 at::Tensor Likeness() {
   constexpr float kAlikeShare = 0.1f;
   at::Tensor likeness = at::eye(kParts, at::kFloat);
-  for (const auto& group : kAlike) {
+  for (const auto& group : kAlikeCharts) {
     for (const int a : group) {
       for (const int b : group) {
-        if (a > 0 && b > 0 && a != b) likeness[a - 1][b - 1] = kAlikeShare;
+        if (a != b) likeness[a - 1][b - 1] = kAlikeShare;
       }
     }
   }

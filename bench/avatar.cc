@@ -119,8 +119,9 @@ double Step(Bench* bench) {
 }
 
 double RenderOne(Bench* bench) {
-  const Rendering r = Render(bench->model, bench->joints.slice(0, 0, 1), bench->valid.slice(0, 0, 1),
-                             bench->intrinsics.slice(0, 0, 1), bench->size_px, bench->size_px);
+  const auto first = [](const at::Tensor& t) { return t.slice(0, 0, 1); };
+  const PoseBatch pose = {first(bench->joints), first(bench->valid), first(bench->intrinsics), {}};
+  const Rendering r = Render(bench->model, pose, bench->size_px, bench->size_px);
   return r.image.mean().item<double>();
 }
 

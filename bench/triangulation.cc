@@ -11,6 +11,8 @@
 #include <opengv/triangulation/methods.hpp>
 #include <string>
 
+#include "core/median.h"
+
 namespace mvstudio::bench {
 namespace {
 
@@ -54,8 +56,7 @@ void SetErrors(const TriangulationProblem& problem, const std::function<Eigen::V
   double sum = 0;
   for (const double square : squares) sum += square;
   row->rms_error_mm = std::sqrt(sum / static_cast<double>(squares.size()));
-  std::nth_element(squares.begin(), squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2), squares.end());
-  row->median_error_mm = std::sqrt(squares[squares.size() / 2]);
+  row->median_error_mm = std::sqrt(UpperMedian(squares));
 }
 
 TriangulationRow Ours(const TriangulationProblem& problem, const std::string& name, const BatchOptions& options, int threads) {

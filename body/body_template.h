@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "core/body_charts.h"
 #include "core/image.h"
 #include "geometry/rigid3.h"
 
 namespace mvstudio::body {
 
-inline constexpr int kNumParts = 24;  ///< charts of the atlas, numbered like DensePose's 1..24 (0 is background)
+inline constexpr int kNumParts = kNumBodyCharts;
 
 /// A skinned, textured body. Frame `body`: metres, z up, the person faces -y, x points to the
 /// person's left, feet near z = 0, arms spread (T- or A-pose).

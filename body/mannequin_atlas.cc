@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/body_charts.h"
 #include "core/units.h"
 
 namespace mvstudio::body {
@@ -68,11 +69,7 @@ int NearestRegion(const std::vector<Tube>& tubes, const Eigen::Vector3d& x) {
   return static_cast<int>(std::min_element(value.begin(), value.end()) - value.begin());
 }
 
-/// Charts that share their range of v, so that patterns go on across their seams.
-constexpr int kTwins[][4] = {{1, 2, 1, 2},     {3, 4, 3, 4},     {5, 6, 5, 6},     {7, 8, 9, 10},
-                             {11, 12, 13, 14}, {15, 16, 17, 18}, {19, 20, 21, 22}, {23, 24, 23, 24}};
-
-/// Scales every chart into [0, 1] x [0, 1].
+/// Scales every chart into [0, 1] x [0, 1]. Charts alike share their range of v, so that patterns go on across their seams.
 void NormalizeCharts(BodyTemplate* body) {
   Eigen::Matrix2Xf low = Eigen::Matrix2Xf::Constant(2, kNumParts + 1, 1e9f), high = -low;
   for (int f = 0; f < body->faces.cols(); ++f) {
@@ -82,7 +79,7 @@ void NormalizeCharts(BodyTemplate* body) {
       high.col(part) = high.col(part).cwiseMax(body->face_uv.col(3 * f + k));
     }
   }
-  for (const auto& twins : kTwins) {
+  for (const auto& twins : kAlikeCharts) {
     float v_low = 1e9f, v_high = -1e9f;
     for (int part : twins) v_low = std::min(v_low, low(1, part)), v_high = std::max(v_high, high(1, part));
     for (int part : twins) low(1, part) = v_low, high(1, part) = v_high;

@@ -6,6 +6,7 @@
 
 #include "body/body_template.h"
 #include "core/check.h"
+#include "core/median.h"
 
 namespace mvstudio::body {
 namespace {
@@ -73,9 +74,7 @@ double MedianScale(const BodyTemplate& body, const Joints& joints) {
     const double rest = (body.coco19.col(bone[0]) - body.coco19.col(bone[1])).norm();
     ratios.push_back((joints.x.col(bone[0]) - joints.x.col(bone[1])).norm() / rest);
   }
-  if (ratios.empty()) return 1;
-  std::nth_element(ratios.begin(), ratios.begin() + ratios.size() / 2, ratios.end());
-  return std::clamp(ratios[ratios.size() / 2], 0.2, 5.0);
+  return std::clamp(UpperMedian(std::move(ratios), 1), 0.2, 5.0);
 }
 
 /// Neck, body centre, shoulders and hips; false when they cannot be had.

@@ -13,8 +13,8 @@
 #include "calib/charuco_layout.h"
 #include "calib/corner_search.h"
 #include "calib/detect_board.h"
-#include "calib/homography.h"
 #include "core/check.h"
+#include "core/median.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -281,7 +281,7 @@ BoardTrial Try(const Candidate& candidate, const Pictures& pictures, const std::
       trial.num_corners += detections[l].detection.num_corners();
       sigmas.push_back(detections[l].sigma_px);
     }
-    if (!sigmas.empty()) trial.residual_px = Median(Eigen::Map<const Eigen::VectorXd>(sigmas.data(), sigmas.size()));
+    if (!sigmas.empty()) trial.residual_px = UpperMedian(sigmas);
     if (l == 0 || trial.num_corners > best.num_corners) best = trial;
   }
   return best;

@@ -9,6 +9,7 @@
 
 #include "calib/charuco_layout.h"
 #include "calib/homography.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -61,10 +62,6 @@ LayoutFit FitLayout(const std::vector<MarkersOfImage>& images, const CentreOf& c
   return fit;
 }
 
-double MedianOf(const std::vector<double>& values) {
-  return Median(Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())));
-}
-
 /// To a hundredth, or to a twentieth when that is as likely: the detectors' outlines are a fraction of a pixel off.
 double RoundRatio(double ratio) {
   const double coarse = std::round(ratio * 20) / 20, fine = std::round(ratio * 100) / 100;
@@ -111,7 +108,7 @@ std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vect
       const LayoutFit fit = FitLayout(images, [&](int id) { return centres[id]; });
       if (fit.num_placed <= best_placed) continue;
       best_placed = fit.num_placed;
-      side = MedianOf(fit.marker_sides);
+      side = UpperMedian(fit.marker_sides, 0);
       Board board;
       board.kind = Board::Kind::kCharuco;
       board.dictionary = dictionary;
@@ -145,7 +142,7 @@ std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector
       const LayoutFit fit =
           FitLayout(images, [&](int id) { return Eigen::Vector2d((id - first) % cols, -((id - first) / cols)); });
       if (fit.num_placed <= best_placed) continue;
-      const double side = MedianOf(fit.marker_sides);
+      const double side = UpperMedian(fit.marker_sides, 0);
       if (side <= 0.1 || side >= 0.99) continue;
       best_placed = fit.num_placed;
       Board board;

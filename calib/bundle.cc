@@ -6,20 +6,21 @@
 #include <optional>
 #include <utility>
 
-#include "calib/homography.h"
 #include "calib/rig_problem.h"
 #include "core/check.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::Rigid3;
 
-constexpr double kRobustScales[] = {30, 10, 3};  // standard deviations; wide first: a lens must reach the edges before they count as wrong
+constexpr double kRobustScales[] = {
+    30, 10, 3};  // standard deviations; wide first: a lens must reach the edges before they count as wrong
 constexpr int kRejectRounds = 6;
 constexpr double kRobustTolerance = 1e-3, kRejectTolerance = 1e-5;  // relative decrease of the cost that ends these rounds
-constexpr double kDistanceToSigma = 0.8493218;  // median 2-D distance to standard deviation per coordinate
-constexpr double kMinSigmaPx = 1e-7;            // below it, residuals are rounding errors and nothing is an outlier
+constexpr double kDistanceToSigma = 0.8493218;                      // median 2-D distance to standard deviation per coordinate
+constexpr double kMinSigmaPx = 1e-7;  // below it, residuals are rounding errors and nothing is an outlier
 
 /// Residuals below this are the rounding errors of pixel coordinates.
 double RoundingPx(const RigState& state) {
@@ -39,7 +40,8 @@ Eigen::Vector3d FarCentre(const RigState& state) {
   constexpr double kFar = 1e3;  // spreads
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   if (state.world_from_board.empty()) return centre;
-  for (const Rigid3& pose : state.world_from_board) centre += pose.translation / static_cast<double>(state.world_from_board.size());
+  for (const Rigid3& pose : state.world_from_board)
+    centre += pose.translation / static_cast<double>(state.world_from_board.size());
   double spread = 0;
   for (const Rigid3& pose : state.world_from_board) spread = std::max(spread, (pose.translation - centre).norm());
   return centre.norm() > kFar * spread ? centre : Eigen::Vector3d(Eigen::Vector3d::Zero());
@@ -97,7 +99,7 @@ double RobustSigma(const std::vector<Eigen::VectorXd>& distances, const std::vec
       if (views[v].weights[i] > 0) kept.push_back(distances[v][i]);
     }
   }
-  return kDistanceToSigma * Median(Eigen::Map<const Eigen::VectorXd>(kept.data(), kept.size()));
+  return kDistanceToSigma * UpperMedian(kept, 0);
 }
 
 /// Standard deviation that decides what is an outlier: that of the corners that are kept, since tails heavier than Gaussian are
@@ -118,7 +120,8 @@ double RejectionSigma(const std::vector<Eigen::VectorXd>& distances, const std::
 }
 
 /// Weights that fall with the squared distance (Cauchy), times the prior weights.
-void SetRobustWeights(const RigState& state, const std::vector<Eigen::VectorXd>& prior, double sigmas, std::vector<View>* views) {
+void SetRobustWeights(const RigState& state, const std::vector<Eigen::VectorXd>& prior, double sigmas,
+                      std::vector<View>* views) {
   const auto distances = Standardized(*views, state, prior);
   const double scale = sigmas * std::max(kMinSigmaPx, RobustSigma(distances, *views));
   for (size_t v = 0; v < views->size(); ++v) {
@@ -241,8 +244,8 @@ std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, co
 
 namespace {
 
-Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& options, const std::vector<Eigen::VectorXd>& prior,
-               BundleReport* report) {
+Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& options,
+               const std::vector<Eigen::VectorXd>& prior, BundleReport* report) {
   for (double scale : kRobustScales) {
     if (!options.reject_outliers) break;
     SetRobustWeights(*state, prior, scale, views);

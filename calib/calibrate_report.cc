@@ -4,7 +4,7 @@
 #include <set>
 
 #include "calib/calibrate_steps.h"
-#include "calib/homography.h"
+#include "core/median.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -51,7 +51,8 @@ void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateRep
     for (Eigen::Index i = 0; i < view.size(); ++i) {
       const bool rejected = view.weights[i] <= 0;
       const Eigen::Vector2d r = residuals[v].col(i);
-      report->residuals.push_back({view.camera_idx, work.state.frames[view.frame], view.corner_ids[i], view.px.col(i), r, rejected});
+      report->residuals.push_back(
+          {view.camera_idx, work.state.frames[view.frame], view.corner_ids[i], view.px.col(i), r, rejected});
       rejected ? ++camera.num_rejected : ++camera.num_corners;
       if (!rejected) sum[view.camera_idx] += r.squaredNorm();
     }
@@ -87,8 +88,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
   }
   report->holdout_rms_px = scored ? std::sqrt(squares / scored) : kNan;
   report->holdout_gross_fraction = scored ? gross / scored : kNan;
-  report->holdout_median_px =
-      medians.empty() ? kNan : Median(Eigen::Map<const Eigen::VectorXd>(medians.data(), medians.size()));
+  report->holdout_median_px = UpperMedian(medians);
 }
 
 void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report) {
@@ -115,7 +115,7 @@ void ReportHeldOut(const Work& work, CalibrateReport* report) {
     if (e <= kGrossPx) sum += e * e, ++good;
   }
   report->rig_holdout_rms_px = good ? std::sqrt(sum / good) : kNan;
-  report->rig_holdout_median_px = Median(Eigen::Map<const Eigen::VectorXd>(errors.data(), static_cast<Eigen::Index>(errors.size())));
+  report->rig_holdout_median_px = UpperMedian(errors);
 }
 
 }  // namespace

@@ -1,21 +1,13 @@
 #include "calib/colmap_program.h"
 
-#include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <sstream>
-#include <thread>
 
 #include "calib/formats.h"
 #include "calib/pixel_origin.h"
@@ -23,8 +15,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/parallel.h"
-
-extern char** environ;
+#include "core/process.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -56,34 +47,10 @@ std::string Tail(const std::string& path) {
 
 /// Runs a program to its end, stdout and stderr appended to `log`. Stops it when the run is cancelled.
 void RunProgram(const std::vector<std::string>& words, const std::string& log, ProgressStage* stage) {
-  std::vector<char*> argv;
-  for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
-  argv.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0644);
-  posix_spawn_file_actions_adddup2(&actions, 1, 2);
-  pid_t child = 0;
-  const int error = posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw IoError(words[0], std::string("cannot be started: ") + std::strerror(error));
-  int status = 0;
-  while (true) {
-    const pid_t ended = waitpid(child, &status, WNOHANG);
-    if (ended == child || (ended < 0 && errno != EINTR)) break;
-    try {
-      stage->Advance(0, words[1]);
-    } catch (const CancelledError&) {
-      kill(child, SIGTERM);
-      waitpid(child, &status, 0);
-      throw;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-  const std::string how = WIFSIGNALED(status) ? "was killed by signal " + std::to_string(WTERMSIG(status))
-                                              : "ended with exit status " + std::to_string(WEXITSTATUS(status));
+  const int exit = RunProcess(words, {log, "", true, ""}, [&] { stage->Advance(0, words[1]); });
+  if (exit == 0) return;
+  const std::string how =
+      exit > 128 ? "was killed by signal " + std::to_string(exit - 128) : "ended with exit status " + std::to_string(exit);
   throw IoError(log, "colmap " + words[1] + " " + how + "; its last line: " + Tail(log));
 }
 

@@ -12,6 +12,7 @@
 #include "calib/homography.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -100,7 +101,7 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
   if (!plane) return Failed(Status::kDegenerate, "the corners found lie on one line");
   result.sigma_px = plane->sigma_px();
-  const double square_px = Median(Eigen::Map<const Eigen::VectorXd>(located.square_px.data(), located.square_px.size()));
+  const double square_px = UpperMedian(located.square_px, 0);
   if (plane->homography_median_px() > kMaxPlaneErrorSquares * square_px || plane->sigma_px() > kMaxSmoothSigmaPx) {
     return Failed(Status::kDegenerate,
                   Describe("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));

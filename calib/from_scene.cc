@@ -10,6 +10,7 @@
 #include "calib/scene_adjustment.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "geometry/alignment.h"
 
@@ -78,10 +79,7 @@ geometry::Alignment AlignRobustly(const Matched& m) {
   const auto n = static_cast<int>(m.in_scene.cols());
   geometry::Alignment best = geometry::AlignPoints(m.in_scene, m.in_world, true);
   if (n < 5 || best.status != Status::kOk) return best;
-  const auto median = [](Eigen::VectorXd d) {
-    std::nth_element(d.begin(), d.begin() + d.size() / 2, d.end());
-    return d[d.size() / 2];
-  };
+  const auto median = [](Eigen::VectorXd d) { return UpperMedian(d.begin(), d.end()); };
   double least = median(Distances(best, m));
   const auto pick = [](const Eigen::Matrix3Xd& x, const std::vector<int>& ids) {
     Eigen::Matrix3Xd out(3, static_cast<Eigen::Index>(ids.size()));

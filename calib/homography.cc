@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -35,12 +36,7 @@ int DegreeFor(Eigen::Index num_points) {
 
 }  // namespace
 
-double Median(Eigen::VectorXd values) {
-  if (values.size() == 0) return 0;
-  double* middle = values.data() + values.size() / 2;
-  std::nth_element(values.data(), middle, values.data() + values.size());
-  return *middle;
-}
+double Median(Eigen::VectorXd values) { return values.size() == 0 ? 0 : UpperMedian(values.begin(), values.end()); }
 
 std::optional<Eigen::Matrix3d> FitHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to,
                                              const Eigen::VectorXd& weights) {

@@ -10,6 +10,7 @@
 #include "calib/homography.h"
 #include "calib/resection.h"
 #include "calib/rig_problem.h"
+#include "core/median.h"
 #include "geometry/lens_fit.h"
 
 namespace mvstudio::calib {
@@ -20,7 +21,7 @@ using geometry::LensModel;
 
 constexpr int kMaxStartViews = 16;
 constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
-constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};  // horizontal fields of view of fisheye starts
+constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};            // horizontal fields of view of fisheye starts
 constexpr double kFlatDeg = 10;      // boards tilted less than this count as parallel to the image
 constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
 
@@ -102,8 +103,7 @@ double MedianError(const MonoSolution& solution) {
     for (Eigen::Index i = 0; i < residuals[v].cols(); ++i)
       errors.push_back(posed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity());
   }
-  return errors.empty() ? std::numeric_limits<double>::infinity()
-                        : Median(Eigen::Map<const Eigen::VectorXd>(errors.data(), errors.size()));
+  return UpperMedian(errors, std::numeric_limits<double>::infinity());
 }
 
 MonoSolution Undetermined(const std::string& name, size_t num_boards) {
@@ -193,7 +193,9 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
 
 Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
   if (camera.model == model && camera.spline == spline) return camera;
-  const auto polynomial = [](LensModel m) { return !geometry::IsWide(m) && m != LensModel::kPinholeP && m != LensModel::kBrown1P; };
+  const auto polynomial = [](LensModel m) {
+    return !geometry::IsWide(m) && m != LensModel::kPinholeP && m != LensModel::kBrown1P;
+  };
   if (!polynomial(camera.model) || !polynomial(model)) {
     const geometry::LensFit fit = geometry::FitLens(camera, model, {}, spline);
     const bool usable = fit.status == Status::kOk || fit.status == Status::kNotConverged;
@@ -203,7 +205,8 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
   result.model = model;
   result.spline = spline;
   result.params = Eigen::VectorXd::Zero(geometry::NumParams(result));
-  const Eigen::Index kept = polynomial(camera.model) && polynomial(model) ? std::min(result.params.size(), camera.params.size()) : 4;
+  const Eigen::Index kept =
+      polynomial(camera.model) && polynomial(model) ? std::min(result.params.size(), camera.params.size()) : 4;
   result.params.head(kept) = camera.params.head(kept);
   const bool eucm = model == LensModel::kEucm || model == LensModel::kEucmP;
   const bool sphere = model == LensModel::kDoubleSphere || model == LensModel::kDoubleSphereP;
@@ -293,7 +296,8 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   const auto evidence = FocalEvidence(solution);
   if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {
     // Tilted boards that say little alone may say enough together with the other cameras.
-    if (evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg) return Undetermined(camera.name, views.size());
+    if (evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg)
+      return Undetermined(camera.name, views.size());
   }
   return solution;
 }

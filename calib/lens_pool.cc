@@ -6,6 +6,7 @@
 
 #include "calib/homography.h"
 #include "calib/resection.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -80,11 +81,13 @@ std::string ToString(const LensConfig& config) {
   std::string text(geometry::ToString(config.model));
   if (config.model == geometry::LensModel::kSplined)
     text += " " + std::to_string(config.spline.cols) + "x" + std::to_string(config.spline.rows);
-  return text + (config.shared ? ", shared" : "") + (config.warp ? ", bent board" : "") + (config.stretch ? ", stretched board" : "");
+  return text + (config.shared ? ", shared" : "") + (config.warp ? ", bent board" : "") +
+         (config.stretch ? ", stretched board" : "");
 }
 
 int NumLensParams(const LensConfig& config, int num_cameras) {
-  const int one = config.model == geometry::LensModel::kSplined ? config.spline.NumControlParams() : geometry::NumParams(config.model);
+  const int one =
+      config.model == geometry::LensModel::kSplined ? config.spline.NumControlParams() : geometry::NumParams(config.model);
   return config.shared ? one : one * num_cameras;
 }
 
@@ -191,8 +194,7 @@ HoldoutSummary Summarize(const LensPool& pool, const PoolHoldout& holdout, int c
   summary.rms_px = good ? std::sqrt(sum / good) : kNan;
   summary.num_corners = static_cast<int>(errors.size());
   summary.gross_fraction = 1 - static_cast<double>(good) / static_cast<double>(errors.size());
-  std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
-  summary.median_px = errors[errors.size() / 2];
+  summary.median_px = UpperMedian(errors);
   return summary;
 }
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/homography.h"
 #include "calib/point_problem.h"
 #include "core/check.h"
+#include "core/median.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -52,8 +52,7 @@ double RobustSigma(const PointScene& scene, const std::vector<PointObservation>&
     if (observations[i].weight > 0)
       lengths.push_back(std::sqrt(observations[i].weight) * residuals.col(static_cast<Eigen::Index>(i)).norm());
   }
-  if (lengths.empty()) return 0;
-  return Median(Eigen::Map<const Eigen::VectorXd>(lengths.data(), static_cast<Eigen::Index>(lengths.size()))) / 1.1774;
+  return UpperMedian(lengths, 0) / 1.1774;
 }
 
 SchurLmReport Adjust(PointScene* scene, const std::vector<PointObservation>& observations, const PointBundleOptions& options,

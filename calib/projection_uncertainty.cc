@@ -8,8 +8,9 @@
 
 #include "calib/projection_uncertainty_internal.h"
 #include "core/check.h"
-#include "geometry/lens_derivatives.h"
+#include "core/median.h"
 #include "geometry/cross_matrix.h"
+#include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -275,7 +276,7 @@ UncertaintySummary ProjectionUncertainty::Summarize() const {
     summary.cameras.push_back(one);
   }
   const std::vector<double> volume = VolumeUncertainty();
-  if (!volume.empty()) summary.volume_mm = 1e3 * internal::UpperMedian(volume), summary.volume_max_mm = 1e3 * volume.back();
+  if (!volume.empty()) summary.volume_mm = 1e3 * UpperMedian(volume), summary.volume_max_mm = 1e3 * volume.back();
   return summary;
 }
 

@@ -32,9 +32,6 @@ struct Gradient {
   Eigen::MatrixXd by_twist;   // (6, dim)
 };
 
-/// The upper one of the middle two when their number is even; NaN of none.
-double UpperMedian(std::vector<double> values);
-
 }  // namespace internal
 
 struct ProjectionUncertainty::Prepared {

@@ -8,18 +8,11 @@
 
 #include "calib/projection_uncertainty_internal.h"
 #include "core/check.h"
+#include "core/median.h"
 #include "geometry/cross_matrix.h"
 
 namespace mvstudio::calib {
-namespace internal {
-
-double UpperMedian(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::nth_element(values.begin(), values.begin() + static_cast<Eigen::Index>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
-}  // namespace internal
+namespace internal {}  // namespace internal
 
 namespace {
 
@@ -112,7 +105,7 @@ void ProjectionUncertainty::Prepared::NotePlaces(const std::vector<View>& views)
       of_frame[view.frame].push_back(world_from_board * Eigen::Vector3d(view.x_in_board.col(i)));
     }
   }
-  for (const auto& camera : ranges) range_m.push_back(internal::UpperMedian(camera));
+  for (const auto& camera : ranges) range_m.push_back(UpperMedian(camera));
   for (const auto& [frame, points] : of_frame) {
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& x : points) middle += x / static_cast<double>(points.size());

@@ -10,6 +10,7 @@
 #include "calib/rig_check_internal.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -258,7 +259,7 @@ std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCh
     rms.push_back(
         Rms(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
   }
-  const double limit = 4 * internal::Median(rms);
+  const double limit = 4 * UpperMedian(rms);
   for (size_t i = 0; i < views.size(); ++i) {
     if (!(rms[i] > limit)) ordinary.push_back(views[i]);
   }
@@ -289,13 +290,13 @@ void FillResiduals(CheckWork* work, RigCheck* result) {
     const double count = static_cast<double>(distances.size());
     check.rms_px = count > 0 ? std::sqrt(squares / count) : kNaN;
     check.rms_after_px = count > 0 ? std::sqrt(squares_after / count) : kNaN;
-    check.median_px = internal::Median(distances);
+    check.median_px = UpperMedian(distances);
     check.moved = work->moved[c];
     if (!work->moved[c]) all.insert(all.end(), distances.begin(), distances.end()), all_squares += squares;
     if (work->present[c]) result->cameras.push_back(check);
   }
   result->rms_px = all.empty() ? kNaN : std::sqrt(all_squares / static_cast<double>(all.size()));
-  result->median_px = internal::Median(all);
+  result->median_px = UpperMedian(all);
 }
 
 /// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on.

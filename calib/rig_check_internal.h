@@ -69,8 +69,6 @@ void PrepareCheck(const CalibrateInput& input, CheckWork* work);
 /// Distances of the corners from their projections, px; infinity for those that do not project.
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);
 
-double Median(std::vector<double> values);  ///< NaN for none
-
 /// Lengths between corners that two cameras or more see, triangulated with the calibration as it is, against the board: `edge`
 /// are the shortest lengths on the board, `pair` all of them.
 BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);

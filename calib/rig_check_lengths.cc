@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "calib/rig_check_internal.h"
+#include "core/median.h"
 #include "geometry/alignment.h"
 
 namespace mvstudio::calib::internal {
@@ -68,7 +69,7 @@ void Summarise(const std::vector<double>& errors_m, double* rms_mm, double* bias
   const double count = static_cast<double>(errors_m.size());
   *rms_mm = 1e3 * std::sqrt(squares / count);  // NaN for none
   *bias_mm = 1e3 * sum / count;
-  if (median_mm) *median_mm = 1e3 * Median(sizes);
+  if (median_mm) *median_mm = 1e3 * UpperMedian(sizes);
 }
 
 }  // namespace
@@ -114,7 +115,7 @@ double MeasureScale(const std::vector<Board>& boards, const CheckWork& work) {
     }
   }
   std::vector<double> pairs;
-  for (const auto& [cameras, values] : scales) pairs.push_back(Median(values));
+  for (const auto& [cameras, values] : scales) pairs.push_back(UpperMedian(values));
   if (pairs.empty()) return 1;
   std::sort(pairs.begin(), pairs.end(), [](double a, double b) { return std::abs(a - 1) < std::abs(b - 1); });
   return pairs[(pairs.size() - 1) / 3];

@@ -6,6 +6,7 @@
 
 #include "calib/resection.h"
 #include "calib/rig_check_internal.h"
+#include "core/median.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -34,7 +35,7 @@ std::optional<OwnView> FitOwn(View view, const geometry::Camera& camera, double 
     for (Eigen::Index i = 0; i < view.size(); ++i) {
       if (view.weights[i] > 0) kept.push_back(distances[i]);
     }
-    const double limit = reject_sigmas * std::max(kDistanceToSigma * Median(kept), kMinSigmaPx);
+    const double limit = reject_sigmas * std::max(kDistanceToSigma * UpperMedian(kept), kMinSigmaPx);
     const int before = static_cast<int>(kept.size());
     for (Eigen::Index i = 0; i < view.size(); ++i) view.weights[i] *= distances[i] > limit ? 0 : 1;
     const int after = static_cast<int>((view.weights.array() > 0).count());
@@ -73,7 +74,7 @@ std::vector<OwnView> OwnViews(const CalibrateInput& input, const std::vector<int
     for (const OwnView& own : views) {
       if (own.view.camera_idx == static_cast<int>(c)) all.push_back(own.rms_px);
     }
-    const double limit = 4 * std::max(Median(all), kMinSigmaPx);
+    const double limit = 4 * std::max(UpperMedian(all), kMinSigmaPx);
     for (const OwnView& own : views) {
       if (own.view.camera_idx != static_cast<int>(c)) continue;
       if (own.rms_px <= limit) {
@@ -132,13 +133,6 @@ void FillProblem(std::vector<OwnView> views, CheckWork* work) {
 }
 
 }  // namespace
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return kNaN;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const Rigid3& pose) {
   const auto residuals = ResidualsOf(view, camera, pose);

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "calib/calibrate_steps.h"
-#include "calib/homography.h"
 #include "calib/resection.h"
 #include "core/error.h"
+#include "core/median.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -25,10 +25,6 @@ std::vector<double> ErrorsOf(const std::vector<View>& views, const RigState& sta
   return errors;
 }
 
-double MedianOf(const std::vector<double>& values) {
-  return Median(Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())));
-}
-
 /// Pose of the first board in the frame of `views`, lenses and cameras as they are.
 bool PlaceBoard(std::vector<View> views, RigState* state) {
   const int frame = views[0].frame;
@@ -41,7 +37,7 @@ bool PlaceBoard(std::vector<View> views, RigState* state) {
     if (pose.status != Status::kOk && pose.status != Status::kNotConverged) continue;
     state->world_from_board[frame] = geometry::Inverse(state->cam_from_world[view.camera_idx]) * pose.cam_from_board *
                                      geometry::Inverse(state->rig_from_board[view.board]);
-    const double error = MedianOf(ErrorsOf(views, *state));
+    const double error = UpperMedian(ErrorsOf(views, *state));
     if (error < best) best = error, best_pose = state->world_from_board[frame];
   }
   if (!std::isfinite(best)) return false;
@@ -127,7 +123,8 @@ void ScoreFold(const Work& work, int fold, int folds, double cap_px, std::vector
 /// The rule of lens models: offsets are simpler left out unless the gain is more than its standard error and worth a number.
 bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std::string* reason) {
   double sum = 0, squares = 0, before = 0;
-  for (const auto& [without, with] : scores) sum += without - with, squares += (without - with) * (without - with), before += without;
+  for (const auto& [without, with] : scores)
+    sum += without - with, squares += (without - with) * (without - with), before += without;
   const double n = static_cast<double>(scores.size()), mean = sum / n;
   const double error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
   const bool pays = mean > error && std::sqrt(1 - sum / before) < 1 - kNegligibleGain;
@@ -171,7 +168,7 @@ bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double si
   *reason = "time offsets do not lower the residuals: left out";
   if (!(all.sigma_px < (1 - kNegligibleGain) * sigma_px)) return false;
   constexpr int kFolds = 4;
-  const double cap_px = 6 * std::max(1e-6, MedianOf(ErrorsOf(work.views, work.state)));
+  const double cap_px = 6 * std::max(1e-6, UpperMedian(ErrorsOf(work.views, work.state)));
   std::vector<std::pair<double, double>> scores;
   for (int fold = 0; fold < kFolds; ++fold) ScoreFold(work, fold, kFolds, cap_px, &scores);
   if (scores.size() >= kMinMovingFrames) return JudgeTimeOffsets(scores, reason);

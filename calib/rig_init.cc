@@ -9,6 +9,7 @@
 #include "calib/rig_bridge.h"
 #include "calib/rig_links.h"
 #include "core/check.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -162,9 +163,7 @@ std::pair<double, double> Explains(const Problem& problem, const RigState& state
       }
     }
   }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return {sum / static_cast<double>(distances.size()), *middle};
+  return {sum / static_cast<double>(distances.size()), UpperMedian(distances)};
 }
 
 /// Averaged or chained poses, whichever explains the corners better.

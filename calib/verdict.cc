@@ -6,6 +6,7 @@
 
 #include "calib/calibrate.h"
 #include "calib/film_next.h"
+#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -117,8 +118,7 @@ void JudgeVolume(const UncertaintySummary& uncertainty, const std::string& hint,
     if (camera.range_m > 0) ranges.push_back(camera.range_m);
   }
   if (ranges.empty()) return;
-  std::nth_element(ranges.begin(), ranges.begin() + static_cast<long>(ranges.size() / 2), ranges.end());
-  const double share = uncertainty.volume_mm / (1e3 * ranges[ranges.size() / 2]);
+  const double share = uncertainty.volume_mm / (1e3 * UpperMedian(std::move(ranges)));
   if (!(share > kWarnVolume)) return;
   const std::string text = Text("points are uncertain by %.3g mm, %.2f %% of the boards' distance (good is below %.1f %%)",
                                 uncertainty.volume_mm, 100 * share, 100 * kWarnVolume);

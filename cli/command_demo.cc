@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/log.h"
+#include "core/median.h"
 #include "core/units.h"
 #include "dataset/pose3d.h"
 #include "geometry/alignment.h"
@@ -73,12 +74,6 @@ struct TruthComparison {
   int num_joints = 0;
 };
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return NAN;
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
-
 double Share(const std::vector<double>& values, double limit) {
   if (values.empty()) return NAN;
   return static_cast<double>(std::count_if(values.begin(), values.end(), [&](double v) { return v <= limit; })) /
@@ -109,10 +104,10 @@ TruthComparison CompareWithTruth(const std::string& session, const std::string& 
     }
   }
   result.num_joints = static_cast<int>(errors_mm.size());
-  result.joints_median_mm = Median(errors_mm);
+  result.joints_median_mm = UpperMedian(errors_mm);
   for (double e : errors_mm)
     result.joints_mean_mm = (std::isnan(result.joints_mean_mm) ? 0 : result.joints_mean_mm) + e / errors_mm.size();
-  result.predicted_sigma_median_mm = Median(sigmas_mm);
+  result.predicted_sigma_median_mm = UpperMedian(sigmas_mm);
   // Quantiles of the chi-square distribution with three degrees of freedom.
   result.coverage68 = Share(squared_distances, 3.5059);
   result.coverage95 = Share(squared_distances, 7.8147);

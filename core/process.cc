@@ -17,17 +17,28 @@
 namespace mvstudio {
 namespace {
 
-pid_t Start(const std::vector<std::string>& words, const std::string& stdout_path, const std::string& stderr_path) {
+pid_t Start(const std::vector<std::string>& words, const ProcessFiles& files) {
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, 1, stdout_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
-  posix_spawn_file_actions_addopen(&actions, 2, stderr_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  const int mode = O_WRONLY | O_CREAT | (files.append ? O_APPEND : O_TRUNC);
+  posix_spawn_file_actions_addopen(&actions, 1, files.out.c_str(), mode, 0644);
+  if (files.err.empty()) {
+    posix_spawn_file_actions_adddup2(&actions, 1, 2);
+  } else {
+    posix_spawn_file_actions_addopen(&actions, 2, files.err.c_str(), mode, 0644);
+  }
+  if (!files.folder.empty()) posix_spawn_file_actions_addchdir_np(&actions, files.folder.c_str());
+  posix_spawnattr_t attributes;  // a group of its own: Ctrl-C in a terminal is for the caller alone, who passes it on once
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  posix_spawnattr_setpgroup(&attributes, 0);
   pid_t child = 0;
-  const int error = posix_spawnp(&child, argv[0], &actions, nullptr, argv.data(), environ);
+  const int error = posix_spawnp(&child, argv[0], &actions, &attributes, argv.data(), environ);
+  posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw IoError(words[0], std::string("cannot be started: ") + std::strerror(error));
   return child;
@@ -42,10 +53,9 @@ int Await(pid_t child) {
 
 }  // namespace
 
-int RunProcess(const std::vector<std::string>& words, const std::string& stdout_path, const std::string& stderr_path,
-               const std::function<void()>& poll) {
+int RunProcess(const std::vector<std::string>& words, const ProcessFiles& files, const std::function<void()>& poll) {
   MVS_CHECK(!words.empty(), "no program");
-  const pid_t child = Start(words, stdout_path, stderr_path);
+  const pid_t child = Start(words, files);
   int status = 0;
   while (true) {
     const pid_t ended = waitpid(child, &status, WNOHANG);
@@ -53,7 +63,7 @@ int RunProcess(const std::vector<std::string>& words, const std::string& stdout_
     try {
       if (poll) poll();
     } catch (...) {
-      kill(child, SIGINT);
+      kill(child, SIGTERM);
       Await(child);
       throw;
     }

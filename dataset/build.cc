@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "core/sha256.h"
 #include "dataset/build_internal.h"
@@ -66,9 +67,7 @@ double MedianRms(const Pose3d& pose) {
   for (const JointRow& row : pose.rows) {
     if (row.status == Status::kOk) rms_px.push_back(row.rms_px);
   }
-  if (rms_px.empty()) return 0;
-  std::nth_element(rms_px.begin(), rms_px.begin() + rms_px.size() / 2, rms_px.end());
-  return rms_px[rms_px.size() / 2];
+  return UpperMedian(std::move(rms_px), 0);
 }
 
 std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& rig, const std::map<int, People>& poses,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
+
 namespace mvstudio::dataset::internal {
 namespace {
 
@@ -40,9 +42,7 @@ double TypicalStep(const std::vector<double>& t, const std::vector<size_t>& good
     if (step > 0 && good[i] == good[i - 1] + 1) steps.push_back(step);
   }
   if (steps.empty()) return 0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const double median = *middle;
+  const double median = UpperMedian(steps);
   double sum = 0;
   int count = 0;
   for (const double step : steps) {
@@ -106,9 +106,7 @@ void FitLine(const std::vector<double>& t, ClockFit* fit) {
       residual[i] = y[i] - y_mean - fit->period_s * (x[i] - x_mean);
       size[i] = std::abs(residual[i]);
     }
-    std::vector<double> sorted = size;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-    const double scale = std::max(1.5 * 1.4826 * sorted[sorted.size() / 2], 1e-12);
+    const double scale = std::max(1.5 * 1.4826 * UpperMedian(size), 1e-12);
     for (size_t i = 0; i < x.size(); ++i) weight[i] = size[i] <= scale ? 1 : scale / size[i];
   }
   double squares = 0;

@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "dataset/colour_match_internal.h"
 #include "dataset/image_io.h"
 
@@ -137,13 +138,6 @@ void Distances(const ColourPoint& point, const Transforms& transforms, ColourSpa
   }
 }
 
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<int64_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Errors on points held out of the fit.
 struct HeldOut {
   std::vector<double> squared;  // by group of points: mean clipped squared distance
@@ -164,7 +158,7 @@ HeldOut Score(const Problem& problem, const std::vector<Transforms>& without_fol
   HeldOut score;
   for (const auto& [frame, group] : groups)
     score.squared.push_back(group.second ? group.first / static_cast<double>(group.second) : 0);
-  score.median_levels = MedianOf(all);
+  score.median_levels = UpperMedian(all, 0);
   return score;
 }
 

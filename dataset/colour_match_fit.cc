@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
 #include "dataset/colour_match_internal.h"
 
 namespace mvstudio::dataset::internal {
@@ -112,9 +113,7 @@ double Sigma(const std::vector<ChannelPoint>& points, const Solution& s, double 
     const double freedom = std::sqrt(1 - 1.0 / static_cast<double>(point.views.size()));
     for (const double r : residuals) sizes.push_back(std::abs(r) / freedom);
   }
-  const auto middle = sizes.begin() + static_cast<int64_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(kLeastSigma, 1.4826 * *middle);
+  return std::max(kLeastSigma, 1.4826 * UpperMedian(std::move(sizes)));
 }
 
 /// Largest standard deviation of a response relative to itself; infinity when the equations do not fix it.

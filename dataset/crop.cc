@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/check.h"
+#include "core/median.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -32,11 +33,6 @@ double Thickness(int joint) {
   }
 }
 
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
-
 }  // namespace
 
 std::array<bool, 19> PlausibleJoints(const Coco19Pose& pose) {
@@ -47,7 +43,7 @@ std::array<bool, 19> PlausibleJoints(const Coco19Pose& pose) {
     for (int k = 0; plausible[j] && k < 3; ++k) coordinates[k].push_back(pose.x_in_world(k, j));
   }
   if (coordinates[0].empty()) return plausible;
-  const Eigen::Vector3d median(Median(coordinates[0]), Median(coordinates[1]), Median(coordinates[2]));
+  const Eigen::Vector3d median(UpperMedian(coordinates[0]), UpperMedian(coordinates[1]), UpperMedian(coordinates[2]));
   for (int j = 0; j < 19; ++j) plausible[j] = plausible[j] && (pose.x_in_world.col(j) - median).norm() <= kMaxReachM;
   return plausible;
 }

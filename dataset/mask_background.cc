@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/median.h"
 #include "dataset/mask_internal.h"
 
 namespace mvstudio::dataset {
@@ -28,12 +29,6 @@ void WidenAtEdges(const std::vector<int>& counts, BackgroundModel* model) {
       model->sigma[i] = static_cast<float>(std::min(std::hypot(model->sigma[i], tremble_px * step), 40.0));
     }
   }
-}
-
-template <class T>
-T MedianOf(T* values, int count) {
-  std::nth_element(values, values + count / 2, values + count);
-  return values[count / 2];
 }
 
 }  // namespace
@@ -66,7 +61,7 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
     double deviation = 0;
     for (int k = 0; k < 3; ++k) {
       for (int f = 0; f < count; ++f) values[f] = free_pixels[f][k];
-      const int median = MedianOf(values.data(), count);
+      const int median = UpperMedian(values.begin(), values.begin() + count);
       model.colour.pixels[3 * i + k] = static_cast<uint8_t>(median);
       for (int f = 0; f < count; ++f) deviation += std::min(std::abs(free_pixels[f][k] - median), 20);
     }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "core/median.h"
 #include "dataset/mask_patch_internal.h"
 
 namespace mvstudio::dataset::internal {
@@ -38,8 +39,7 @@ cv::Scalar ExposureGain(const Image& rgb, const PixelBox& people, const Backgrou
   for (int k = 0; k < 3; ++k) {
     auto& r = ratios[k];
     if (r.size() < 50) continue;
-    std::nth_element(r.begin(), r.begin() + r.size() / 2, r.end());
-    gain[k] = std::clamp(double(r[r.size() / 2]), 0.7, 1.4);
+    gain[k] = std::clamp(double(UpperMedian(r.begin(), r.end())), 0.7, 1.4);
   }
   return gain;
 }

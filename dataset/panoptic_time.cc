@@ -3,16 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
+
 namespace mvstudio::dataset {
 namespace {
 
 constexpr double kColorDelayMs = 6.25;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// The table's time of a frame; nothing outside the table and where it says that there was none.
 std::optional<double> TableTime(const PanopticSyncTrack& track, int64_t position) {
@@ -73,7 +69,7 @@ PanopticTableMatch MatchPanopticTable(const std::map<int, double>& known_ms, con
       if (const auto table = TableTime(track, int64_t{frame} + shift)) differences.push_back(std::abs(*table - time));
     }
     if (differences.empty()) continue;
-    const double residual = Median(differences);
+    const double residual = UpperMedian(differences);
     if (residual < best.residual_ms) best = {shift, static_cast<int>(differences.size()), residual};
   }
   if (best.compared == 0) best.residual_ms = 0;

@@ -3,6 +3,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/median.h"
 #include "core/random.h"
 #include "dataset/crop.h"
 #include "dataset/split.h"
@@ -71,11 +72,7 @@ Eigen::Vector3d MiddleOfPeople(const PanopticDataset& dataset) {
     }
   }
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (int k = 0; k < 3 && !coordinates[k].empty(); ++k) {
-    const auto at = coordinates[k].begin() + static_cast<int64_t>(coordinates[k].size() / 2);
-    std::nth_element(coordinates[k].begin(), at, coordinates[k].end());
-    middle[k] = *at;
-  }
+  for (int k = 0; k < 3; ++k) middle[k] = UpperMedian(std::move(coordinates[k]), 0);
   return middle;
 }
 

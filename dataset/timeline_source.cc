@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "dataset/frames.h"
 #include "dataset/video_io.h"
@@ -29,9 +30,7 @@ double MedianAround(const std::vector<int>& values, size_t at, size_t reach) {
   for (size_t i = at > reach ? at - reach : 1; i < std::min(values.size(), at + reach + 1); ++i) {
     if (i != at) around.push_back(values[i]);
   }
-  if (around.empty()) return 0;
-  std::nth_element(around.begin(), around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2), around.end());
-  return around[around.size() / 2];
+  return UpperMedian(std::move(around), 0);
 }
 
 void AddNotes(const Timeline& timeline, std::vector<std::string>* notes) {

@@ -155,10 +155,8 @@ std::string ResidualFigures(const Value& metrics, const Value& calibration) {
   return "<h3>Residuals</h3>\n" +
          ParagraphHtml(
              "Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same "
-             "way mean "
-             "that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that holds 95 "
-             "%; the "
-             "cross is their mean. A round cloud about zero is what noise alone looks like.",
+             "way mean that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that "
+             "holds 95 %; the cross is their mean. A round cloud about zero is what noise alone looks like.",
              "muted") +
          GridHtml(figures);
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/median.h"
 #include "triangulate/association_internal.h"
 
 namespace mvstudio::triangulate::internal {
@@ -13,12 +14,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLimit1 = 9.0;     // 3 sigma squared: 99.7 % of chi^2 with 1 degree of freedom
 constexpr double kLimit2 = 11.8;    // and with 2
 constexpr double kMedian1 = 0.455;  // of chi^2 with 1 degree of freedom
-
-double MedianOf(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 double LimitRad(const PreparedCamera& camera, const AssociationOptions& options) {
   const geometry::Camera& lens = camera.projector.camera();
@@ -109,7 +104,7 @@ double AssociationSigma(const std::vector<std::vector<Candidate>>& frames, const
       for (const Candidate& b : candidates) {
         if (b.camera_idx <= a.camera_idx) continue;
         std::vector<double> squared = SquaredDistances(a, b, 1.0, options);
-        if (!squared.empty()) least[b.camera_idx] = std::min(least[b.camera_idx], MedianOf(&squared));
+        if (!squared.empty()) least[b.camera_idx] = std::min(least[b.camera_idx], UpperMedian(squared));
       }
       for (const double each : least) {
         if (std::isfinite(each)) best_fits.push_back(each);
@@ -118,7 +113,7 @@ double AssociationSigma(const std::vector<std::vector<Candidate>>& frames, const
   }
   if (best_fits.empty()) return 0;
   // A limit is that of three sigma; a detector better than a tenth of it is not needed to tell people apart.
-  return std::clamp(std::sqrt(MedianOf(&best_fits) / kMedian1), limit_px / 30, limit_px / 3);
+  return std::clamp(std::sqrt(UpperMedian(best_fits) / kMedian1), limit_px / 30, limit_px / 3);
 }
 
 void RaySum::Add(const Candidate& view, size_t joint, int sign) {

@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <set>
 
+#include "core/median.h"
+
 namespace mvstudio::triangulate {
 namespace {
 
@@ -24,7 +26,8 @@ struct Samples {
 /// A view that carries its point pulls it: r = (I - J C J^T / s^2) r_left_out to first order.
 Eigen::Vector2d LeftOut(const Eigen::Vector2d& residual, const Eigen::Matrix<double, 2, 3>& px_from_world, const Point& point,
                         double sigma_px) {
-  const Eigen::Matrix2d leverage = px_from_world * (point.covariance - point.calibration_covariance) * px_from_world.transpose() / (sigma_px * sigma_px);
+  const Eigen::Matrix2d leverage =
+      px_from_world * (point.covariance - point.calibration_covariance) * px_from_world.transpose() / (sigma_px * sigma_px);
   const Eigen::Matrix2d rest = Eigen::Matrix2d::Identity() - leverage;
   // With two views the point follows them along the epipolar direction: nothing is left to extrapolate from.
   return rest.determinant() > 0.04 ? Eigen::Vector2d(rest.inverse() * residual) : residual;
@@ -50,21 +53,14 @@ void AddSamples(const PreparedRig& rig, const DiagnosedPoint& entry, std::vector
   }
 }
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Mean of what lies within 5 robust sigmas of the median, and that sigma (1.4826 times the median absolute deviation).
 void RobustMean(const std::vector<Eigen::Vector2d>& values, Eigen::Vector2d* mean, Eigen::Vector2d* sigma) {
   for (int k = 0; k < 2; ++k) {
     std::vector<double> axis, deviations;
     for (const Eigen::Vector2d& value : values) axis.push_back(value[k]);
-    const double median = Median(axis);
+    const double median = UpperMedian(axis, 0);
     for (const double value : axis) deviations.push_back(std::abs(value - median));
-    (*sigma)[k] = 1.4826 * Median(deviations);
+    (*sigma)[k] = 1.4826 * UpperMedian(deviations, 0);
     double sum = 0;
     int count = 0;
     for (const double value : axis) {

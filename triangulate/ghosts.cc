@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/median.h"
+
 namespace mvstudio::triangulate {
 namespace {
 
@@ -18,9 +20,7 @@ int CountChances(const PreparedRig& rig, const Cluster& cluster) {
       if (joint) values.push_back((*joint)[axis]);
     }
     if (values.empty()) return 0;
-    const auto half = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), half, values.end());
-    middle[axis] = *half;
+    middle[axis] = UpperMedian(std::move(values));
   }
   return static_cast<int>(std::count_if(rig.cameras.begin(), rig.cameras.end(), [&](const PreparedCamera& camera) {
     const geometry::Projection image = camera.projector.Project(camera.ToCam(middle));

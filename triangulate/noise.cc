@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "core/median.h"
 #include "core/parallel.h"
 
 namespace mvstudio::triangulate {
@@ -12,12 +13,6 @@ namespace {
 using Points = std::vector<std::vector<Observation>>;
 
 constexpr size_t kMinPoints = 5;
-
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 struct RoundResult {
   size_t num_tried = 0, num_ok = 0;
@@ -38,7 +33,7 @@ RoundResult EstimateRound(const PreparedRig& rig, const Points& points, const Po
   ratios.erase(std::remove_if(ratios.begin(), ratios.end(), [](double r) { return r < 0; }), ratios.end());
   result.num_ok = ratios.size();
   if (ratios.empty()) return result;
-  result.scale = std::sqrt(Median(&ratios));
+  result.scale = std::sqrt(UpperMedian(ratios));
   return result;
 }
 
@@ -85,7 +80,7 @@ std::vector<double> CameraResiduals(const PreparedRig& rig, const Points& points
     }
   }
   std::vector<double> medians;
-  for (std::vector<double>& each : residuals) medians.push_back(each.empty() ? -1 : Median(&each));
+  for (std::vector<double>& each : residuals) medians.push_back(UpperMedian(each, -1));
   return medians;
 }
 

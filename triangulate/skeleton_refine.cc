@@ -6,19 +6,13 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "triangulate/skeleton_refine_internal.h"
 
 namespace mvstudio::triangulate {
 
 namespace internal {
-
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Window Part(const Window& window, size_t first, size_t last) {
   Window part{window.person, {}, window.num_joints, {}};
@@ -51,10 +45,10 @@ std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones
     const std::vector<double> lengths = BoneLengths(points, window.num_joints, bone);
     known.emplace_back();
     if (static_cast<int>(lengths.size()) < internal::kMinLengthFrames) continue;
-    const double median = MedianOf(lengths);
+    const double median = UpperMedian(lengths);
     std::vector<double> deviations;
     for (const double length : lengths) deviations.push_back(std::abs(length - median));
-    if (median > 1e-6) known.back() = {median, std::max(1.4826 * MedianOf(std::move(deviations)), 0.01 * median)};
+    if (median > 1e-6) known.back() = {median, std::max(1.4826 * UpperMedian(std::move(deviations)), 0.01 * median)};
   }
   return known;
 }
@@ -68,7 +62,6 @@ using internal::Bones;
 using internal::Cell;
 using internal::KnownLength;
 using internal::MeasureLengths;
-using internal::MedianOf;
 using internal::Part;
 using internal::PointsOf;
 using internal::Terms;
@@ -135,7 +128,7 @@ std::vector<double> TypicalAccelerations(const std::vector<Window>& persons, siz
         sizes.push_back((after - before).norm() * 2 / (t2 - t0));
       }
     }
-    if (!sizes.empty()) typical[j] = std::max(MedianOf(std::move(sizes)), 1e-9);
+    if (!sizes.empty()) typical[j] = std::max(UpperMedian(std::move(sizes)), 1e-9);
   }
   return typical;
 }
@@ -167,8 +160,8 @@ WindowSolution SolvePerson(const PreparedRig& rig, const Window& person, const B
     whole.lengths = known;
     for (size_t b = 0; b < bones.size(); ++b) {
       if (lengths[b].empty()) continue;
-      const double sigma = MedianOf(sigmas[b]) / std::sqrt(static_cast<double>(lengths[b].size()));
-      whole.lengths[b] = {MedianOf(lengths[b]), sigma};
+      const double sigma = UpperMedian(sigmas[b]) / std::sqrt(static_cast<double>(lengths[b].size()));
+      whole.lengths[b] = {UpperMedian(lengths[b]), sigma};
       if (!lengths_known) known[b] = whole.lengths[b];
     }
     if (!(terms.bone_lengths > 0)) break;
@@ -195,7 +188,7 @@ void AddBoneReports(const Window& person, const WindowSolution& solution, const 
     BoneReport bone{person.person, bones[b].first, bones[b].second, static_cast<int>(in_before.size()), 0, 0, 0, 0};
     if (in_before.empty()) continue;
     const bool estimated = terms.bone_lengths > 0 && b < solution.lengths.size() && solution.lengths[b].sigma_m > 0;
-    bone.length_m = estimated ? solution.lengths[b].length_m : MedianOf(in_before);
+    bone.length_m = estimated ? solution.lengths[b].length_m : UpperMedian(in_before);
     bone.sigma_m = estimated ? solution.lengths[b].sigma_m : 0;
     bone.std_before_mm = 1000 * StandardDeviation(in_before);
     bone.std_after_mm = 1000 * StandardDeviation(in_after);

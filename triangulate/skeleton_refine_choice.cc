@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
 #include "core/parallel.h"
 #include "triangulate/skeleton_refine_internal.h"
 
@@ -173,7 +174,7 @@ double MedianSigmas(const std::vector<LeftOutSample>& samples) {
     if (sample.status != Status::kOk) continue;
     distances.push_back(std::sqrt(sample.residual_px.dot(sample.covariance_px2.inverse() * sample.residual_px)));
   }
-  return MedianOf(std::move(distances));
+  return UpperMedian(std::move(distances));
 }
 
 /// The smallest part of the single points' covariances that keeps the refined ones honest; `refined` receives it.

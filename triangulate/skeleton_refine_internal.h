@@ -11,9 +11,6 @@ namespace mvstudio::triangulate::internal {
 
 using Bones = std::vector<std::pair<int, int>>;
 
-/// NaN without any.
-double MedianOf(std::vector<double> values);
-
 /// One joint in one frame.
 struct Cell {
   size_t take_idx = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/median.h"
 #include "triangulate/skeleton_refine_internal.h"
 
 namespace mvstudio::triangulate::internal {
@@ -342,7 +343,7 @@ std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const Se
   for (size_t j = 0; j < window.num_joints; ++j) {
     std::vector<double> sigmas, ratios;
     for (const bool bridged : {false, true}) {
-      const double limit = problem.terms->max_fill_sigmas * MedianOf(sigmas), ratio = MedianOf(ratios);
+      const double limit = problem.terms->max_fill_sigmas * UpperMedian(sigmas), ratio = UpperMedian(ratios);
       for (size_t f = 0; f < window.frames.size(); ++f) {
         const size_t cell = f * window.num_joints + j;
         if (problem.variable[cell] < 0 || IsOk(window, f, j) == bridged) continue;

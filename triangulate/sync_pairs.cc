@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
 #include "core/parallel.h"
 #include "triangulate/sync_internal.h"
 
@@ -63,12 +64,6 @@ void Distances(const PairGeometry& geometry, const PersonRays& a, const PersonRa
   }
 }
 
-double MedianOf(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 /// Distances of the joints of `a` to those of the person of `people` that fits it best; empty when none has enough in common.
 void BestMatch(const PairGeometry& geometry, const PersonRays& a, const std::vector<PersonRays>& people,
                std::vector<double>* best, std::vector<double>* scratch) {
@@ -83,7 +78,7 @@ void BestMatch(const PairGeometry& geometry, const PersonRays& a, const std::vec
     }
     std::vector<double> absolute;
     for (const double e : *scratch) absolute.push_back(std::abs(e));
-    const double error = MedianOf(&absolute);
+    const double error = UpperMedian(absolute);
     if (!best->empty() && error >= best_error) continue;
     best_error = error;
     *best = *scratch;
@@ -115,8 +110,7 @@ int FillEntry(const PairInput& pair, int d, PairCurve::Entry* entry) {
     num_frames += any;
   }
   if (all.empty()) return 0;
-  std::vector<double> copy = all;
-  const double median = std::clamp(MedianOf(&copy), -pair.truncation_px, pair.truncation_px);
+  const double median = std::clamp(UpperMedian(all), -pair.truncation_px, pair.truncation_px);
   for (size_t i = 0; i < all.size(); ++i) {
     entry->sum[blocks[i]] += std::min(std::abs(all[i] - median), pair.truncation_px);
     ++entry->num[blocks[i]];
@@ -141,7 +135,7 @@ void FillCurve(const PairInput& pair, const SyncOptions& options, int stride, Pa
     curve->entries[i].admissible = common[i] >= std::max<double>(options.min_frames, options.min_overlap * most);
     if (curve->entries[i].admissible) costs.push_back(curve->Cost(static_cast<int>(i) - n));
   }
-  curve->typical = costs.empty() ? 0 : MedianOf(&costs);
+  curve->typical = UpperMedian(costs, 0);
 }
 
 PairInput MakePair(const PreparedRig& rig, const std::vector<CameraRays>& rays, const PairCurve& curve, int stride) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "core/median.h"
 #include "core/parallel.h"
 #include "triangulate/linear.h"
 #include "triangulate/sync_internal.h"
@@ -16,13 +17,6 @@ constexpr int kParams = 3;  // of a camera: offset (frames), shift of its image 
 
 /// Variance of a sampled track is about this part of a detection's; samples of neighbouring frames share their noise in turn.
 constexpr double kSampleVariance = 0.33;
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// One camera's view of a point at the current offsets.
 struct TimedView {
@@ -148,7 +142,7 @@ void AddResiduals(const TimedPoint& point, std::vector<double>* residuals) {
 double MedianResidual(const std::vector<TimedPoint>& points) {
   std::vector<double> residuals;
   for (const TimedPoint& point : points) AddResiduals(point, &residuals);
-  return Median(std::move(residuals));
+  return UpperMedian(std::move(residuals));
 }
 
 bool SameViews(const TimedPoint& a, const TimedPoint& b) {
@@ -166,8 +160,8 @@ void CompareResiduals(const std::vector<TimedPoint>& before, const std::vector<T
     if (a == b && SameViews(before[i], after[k])) AddResiduals(before[i], &in_before), AddResiduals(after[k], &in_after);
     i += a <= b, k += b <= a;
   }
-  *before_px = Median(std::move(in_before));
-  *after_px = Median(std::move(in_after));
+  *before_px = UpperMedian(std::move(in_before));
+  *after_px = UpperMedian(std::move(in_after));
 }
 
 /// Normal equations in the offsets and shifts, points eliminated; gradients by block of the take.

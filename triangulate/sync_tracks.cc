@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/median.h"
 #include "triangulate/sync_internal.h"
 
 namespace mvstudio::triangulate::internal {
@@ -9,13 +10,6 @@ namespace {
 
 constexpr int kMaxPersons = 8;
 constexpr double kHalfWindow = 4.5;
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return std::nan("");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Where a joint should be at sample `i` by its neighbours alone: median over the lines through one of the three samples before
 /// and one of the three after, up to 6 frames apart. Nothing without at least two lines.
@@ -32,7 +26,7 @@ std::optional<Eigen::Vector2d> FromNeighbours(const JointTrack& track, size_t i)
     }
   }
   if (x.size() < 2) return std::nullopt;
-  return Eigen::Vector2d(Median(std::move(x)), Median(std::move(y)));
+  return Eigen::Vector2d(UpperMedian(std::move(x)), UpperMedian(std::move(y)));
 }
 
 /// Drops jumps: samples farther from what their neighbours say than 2 px and 5 times the median such distance of the track.
@@ -45,7 +39,7 @@ void DropJumps(JointTrack* track) {
     known.push_back(distances[i]);
   }
   if (known.empty()) return;
-  const double limit = 5 * Median(std::move(known)) + 2;
+  const double limit = 5 * UpperMedian(std::move(known)) + 2;
   JointTrack kept;
   for (size_t i = 0; i < track->size(); ++i) {
     if (distances[i] <= limit) kept.push_back((*track)[i]);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 
+#include "core/median.h"
 #include "triangulate/assignment.h"
 #include "triangulate/ghosts.h"
 
@@ -34,10 +35,7 @@ double MedianDistance(const Joints& a, const Joints& b, const Eigen::Vector3d& b
   for (size_t j = 0; j < std::min(a.size(), b.size()); ++j) {
     if (a[j] && b[j]) distances.push_back((*b[j] + b_moved_by - *a[j]).norm());
   }
-  if (distances.empty()) return kInfinity;
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return UpperMedian(std::move(distances), kInfinity);
 }
 
 /// Median displacement of the joints that both know, metres.
@@ -48,10 +46,7 @@ Eigen::Vector3d MedianStep(const Joints& from, const Joints& to) {
     for (size_t j = 0; j < std::min(from.size(), to.size()); ++j) {
       if (from[j] && to[j]) values.push_back((*to[j] - *from[j])[axis]);
     }
-    if (values.empty()) return Eigen::Vector3d::Zero();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    step[axis] = *middle;
+    step[axis] = UpperMedian(std::move(values), 0);
   }
   return step;
 }

@@ -7,6 +7,7 @@
 
 #include "body/skeleton.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "geometry/rigid3.h"
 
 namespace mvstudio::avatar {
@@ -109,11 +110,6 @@ bool AllValid(const Coco19Pose& pose, std::initializer_list<int> joints) {
   return std::all_of(joints.begin(), joints.end(), [&](int j) { return pose.valid[j]; });
 }
 
-double MedianOf(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<int64_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 /// The 19 joints of a placement, in the file's axes; joints of the head only where the file has them.
 Coco19Pose JointsAt(const BvhPlacement& at, const std::array<int, 19>& match) {
   Coco19Pose pose;
@@ -185,10 +181,10 @@ HeadShape MeasureHead(const std::vector<Coco19Pose>& poses) {
   }
   if (trunks.empty() || !(sum.determinant() > 0)) return head;
   const Eigen::Quaterniond trunk_from_head = geometry::NearestRotation(sum);
-  head.trunk_m = MedianOf(trunks);
+  head.trunk_m = UpperMedian(trunks);
   for (int k = 0; k < 5; ++k) {
     head.offset_m[k] =
-        trunk_from_head * Eigen::Vector3d(MedianOf(offsets[k][0]), MedianOf(offsets[k][1]), MedianOf(offsets[k][2]));
+        trunk_from_head * Eigen::Vector3d(UpperMedian(offsets[k][0]), UpperMedian(offsets[k][1]), UpperMedian(offsets[k][2]));
   }
   return head;
 }

@@ -7,6 +7,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/units.h"
 #include "geometry/rigid3.h"
 
@@ -159,9 +160,7 @@ double MedianSize(const std::vector<Coco19Pose>& poses) {
     const double size = SizeOf(pose);
     if (std::isfinite(size)) sizes.push_back(size);
   }
-  if (sizes.empty()) return 0;
-  std::nth_element(sizes.begin(), sizes.begin() + static_cast<long>(sizes.size() / 2), sizes.end());
-  return sizes[sizes.size() / 2];
+  return UpperMedian(std::move(sizes), 0);
 }
 
 std::vector<LiftSequence> LiftSequences(const dataset::PanopticDataset& data, const std::vector<int>& leave_out_frames) {

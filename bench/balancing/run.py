@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A real session of four cameras and one person, from videos to avatars: learned from three cameras, and from one video.
 
-run.py --data POSE2SIM --out FOLDER --pretrained RUN [--lift-from DATASET …] [--size 96] [--program FILE] [--only STEP,STEP]
+run.py --data POSE2SIM --out FOLDER --pretrained RUN --lift-from DATASET … [--size 96] [--program FILE] [--only STEP,STEP]
 
 Every step is a command that a user would type. A finished step is kept with its result in FOLDER/steps and not done again, so a run that
 was interrupted goes on where it stopped. Writes FOLDER/table.md; `mvstudio report FOLDER` shows the pictures.
@@ -29,7 +29,7 @@ def arguments():
     parser.add_argument("--lift-from", action="append", required=True)
     parser.add_argument("--size", type=int, default=96, help="px, of the fits to one video and of every score")
     parser.add_argument("--three-size", type=int, default=128, help="px, of the avatar of three cameras")
-    parser.add_argument("--steps", type=int, default=600, help="of the avatar of three cameras, after a third as many of initialisation")
+    parser.add_argument("--steps", type=int, default=600, help="training steps of the avatar of three cameras")
     parser.add_argument("--fit-steps", type=int, default=300, help="of each fit to one video")
     parser.add_argument("--lift-steps", type=int, default=3000)
     parser.add_argument("--threads", type=int, default=0)

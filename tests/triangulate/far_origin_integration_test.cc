@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <map>
 
+#include "core/median.h"
 #include "dataset/panoptic.h"
 #include "tests/support/test_data.h"
 #include "tests/triangulate/oracle.h"
@@ -33,11 +34,6 @@ geometry::Rig Moved(geometry::Rig rig, const Eigen::Vector3d& offset) {
     camera.cam_from_world.translation -= camera.cam_from_world.rotation * offset;
   }
   return rig;
-}
-
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
 }
 
 /// Median absolute error of every method in cm, by name; the batch's as "batch", "batch, float".
@@ -76,7 +72,7 @@ std::map<std::string, double> Errors(const geometry::Rig& rig, const Eigen::Vect
     }
   }
   std::map<std::string, double> medians;
-  for (const auto& [name, values] : errors) medians[name] = Median(values);
+  for (const auto& [name, values] : errors) medians[name] = UpperMedian(values);
   return medians;
 }
 
