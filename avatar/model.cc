@@ -42,21 +42,6 @@ std::string ToText(double value) {
   return text.str();
 }
 
-ModelOptions OptionsFrom(const TensorFile& file, const std::string& path) {
-  ModelOptions options;
-  for (const auto& [name, value] : FieldsAsText(options)) {
-    const auto found = file.metadata.find("model." + name);
-    if (found == file.metadata.end()) continue;
-    try {
-      SetFieldFromText(options, name, found->second);
-      Validate(options);
-    } catch (const UsageError& error) {
-      throw FormatError(path, "__metadata__.model." + name, error.what());
-    }
-  }
-  return options;
-}
-
 void CopyInto(at::Tensor target, const TensorFile& file, const std::string& name, const std::string& path) {
   const auto found = file.tensors.find(name);
   if (found == file.tensors.end()) throw FormatError(path, name, "is missing: the checkpoint does not fit its options");
@@ -177,15 +162,16 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
 
 at::Tensor CleanAlpha(const at::Tensor& mask_prob) { return ((mask_prob - 0.05) / 0.9).clamp(0, 1); }
 
-Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background, const at::Tensor& previous,
-                 const at::Tensor& template_maps) {
+Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background,
+                 const at::Tensor& previous) {
   torch::NoGradGuard no_grad;
   model.generator->eval();
   const at::Tensor like = model.generator->parameters()[0];
-  CheckPoses(joints_in_cam, valid, intrinsics);
-  const at::Tensor joints_px = ProjectPinhole(intrinsics, joints_in_cam);
-  const at::Tensor maps = NetworkInput(model, joints_in_cam, valid, joints_px, height, width, template_maps).to(like.device());
+  CheckPoses(poses.joints_in_cam, poses.joint_valid, poses.intrinsics);
+  const at::Tensor joints_px = ProjectPinhole(poses.intrinsics, poses.joints_in_cam);
+  const at::Tensor maps =
+      NetworkInput(model, poses.joints_in_cam, poses.joint_valid, joints_px, height, width, poses.template_maps)
+          .to(like.device());
   const at::Tensor before = PreviousOrBlack(model, previous, maps);
   const auto [first, second] = Predict(model, maps, before);
   const at::Tensor behind = Background(background, like);
@@ -220,6 +206,21 @@ TensorFile ModelToTensors(const AvatarModel& model) {
   return file;
 }
 
+ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path) {
+  ModelOptions options;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    const auto found = file.metadata.find("model." + name);
+    if (found == file.metadata.end()) continue;
+    try {
+      SetFieldFromText(options, name, found->second);
+      Validate(options);
+    } catch (const UsageError& error) {
+      throw FormatError(path, "__metadata__.model." + name, error.what());
+    }
+  }
+  return options;
+}
+
 AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
   const auto format = file.metadata.find("format");
   if (format == file.metadata.end() || format->second != kFormat) {
@@ -227,7 +228,7 @@ AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
   }
   const DepthRange depth = {NumberFrom(file, "depth_near_m", path), NumberFrom(file, "depth_far_m", path)};
   if (!(depth.far_m > depth.near_m)) throw FormatError(path, "__metadata__.depth_far_m", "is not behind depth_near_m");
-  AvatarModel model = MakeModel(OptionsFrom(file, path), static_cast<int>(NumberFrom(file, "size_px", path)), depth, 0);
+  AvatarModel model = MakeModel(ModelOptionsFrom(file, path), static_cast<int>(NumberFrom(file, "size_px", path)), depth, 0);
   model.step = static_cast<int64_t>(NumberFrom(file, "step", path));
   torch::NoGradGuard no_grad;
   for (auto& [name, tensor] : NetworkTensors(model)) CopyInto(tensor, file, name, path);

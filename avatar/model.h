@@ -9,6 +9,7 @@
 #include "avatar/bones.h"
 #include "avatar/generator.h"
 #include "avatar/options.h"
+#include "avatar/pack.h"
 #include "avatar/safetensors.h"
 
 namespace mvstudio::avatar {
@@ -62,14 +63,15 @@ at::Tensor CleanAlpha(const at::Tensor& mask_prob);
 /// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
 /// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
 /// and for poses that are not finite. `previous`: as in ComposeImage, of the same cameras' frames before; undefined: there were
-/// none. `template_maps`: as for NetworkInput.
-Rendering Render(AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics,
-                 int64_t height, int64_t width, const at::Tensor& background = {}, const at::Tensor& previous = {},
-                 const at::Tensor& template_maps = {});
+/// none.
+Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background = {},
+                 const at::Tensor& previous = {});
 
 /// A model as named tensors and metadata, and back. `path` is for messages.
 TensorFile ModelToTensors(const AvatarModel& model);
 AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path);
+/// Options of the network alone.
+ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path);
 
 /// Loads checkpoint.safetensors (or RUN/avatar's) for rendering. Throws IoError / FormatError.
 AvatarModel LoadModel(const std::string& path);

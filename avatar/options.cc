@@ -66,7 +66,10 @@ template std::vector<std::pair<std::string, std::string>> FieldsAsText(const Tra
 template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
-int InitSteps(const TrainOptions& options) { return options.init_steps >= 0 ? options.init_steps : options.steps / 3; }
+int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred) {
+  if (options.init_steps >= 0) return options.init_steps;
+  return transferred || model.prior == "template" ? 0 : options.steps / 3;
+}
 
 double KeepInit(const TrainOptions& options, const ModelOptions& model) {
   if (options.keep_init >= 0) return options.keep_init;

@@ -114,8 +114,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("steps", o.steps, "end-to-end steps, after the initialisation");
   visit("init-steps", o.init_steps,
         "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps, or none where "
-        "the "
-        "network knows them already (--prior template, --init-from)");
+        "the network knows them already (--prior template, --init-from)");
   visit("batch", o.batch, "pictures per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
@@ -127,16 +126,14 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-perceptual", o.weight_perceptual, "weight of the mean absolute difference of a fixed network's activations");
   visit("perceptual", o.perceptual,
         "that network: posenet (mvstudio models fetch), a TorchScript file that returns activations (VGG's first twelve "
-        "layers, the "
-        "paper's), none, or auto: posenet when it is installed");
+        "layers, the paper's), none, or auto: posenet when it is installed");
   visit("weight-mask", o.weight_mask, "weight of the negative log likelihood of the silhouette");
   visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
   visit("weight-uv", o.weight_uv,
         "initialisation: weight of the mean absolute difference to the template's texture coordinates");
   visit("keep-init", o.keep_init,
         "share of the two initialisation terms that stays on while training end to end; -1: 0.2, or 0 with --prior template, "
-        "which "
-        "they would only hold back");
+        "which they would only hold back");
   visit("weight-logit", o.weight_logit,
         "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
@@ -182,8 +179,9 @@ extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(co
 extern template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 extern template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
-/// Initialisation steps of a method: those asked for, or a third of `steps`.
-int InitSteps(const TrainOptions& options);
+/// Initialisation steps: those asked for; else a third of `steps`, or none when the network is `transferred` from another
+/// avatar or sees the template, which both tell it the parts.
+int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred);
 
 /// Share of the initialisation terms after the initialisation: that asked for, or what suits the network.
 double KeepInit(const TrainOptions& options, const ModelOptions& model);

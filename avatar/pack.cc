@@ -70,6 +70,10 @@ void RequireEach(const AvatarPack& pack, const at::Tensor& good, const char* wha
 
 }  // namespace
 
+PoseBatch PosesOf(const AvatarPack& pack) {
+  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics, pack.template_maps};
+}
+
 std::string PictureName(const AvatarPack& pack, int64_t i) {
   const int64_t camera = pack.camera_idx[i].item<int64_t>();
   const bool known = camera >= 0 && camera < static_cast<int64_t>(pack.cameras.size());

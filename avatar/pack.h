@@ -6,10 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "core/body_charts.h"
+
 namespace mvstudio::avatar {
 
-inline constexpr int64_t kNumJoints = 19;     ///< CMU Panoptic's joints
-inline constexpr int64_t kNumBodyParts = 24;  ///< charts of the atlas; 0 in a part map is background
+inline constexpr int64_t kNumJoints = 19;  ///< CMU Panoptic's joints
+inline constexpr int64_t kNumBodyParts = kNumBodyCharts;
 
 /// The training set of an avatar as dense tensors on the CPU: N square pictures of one person, undistorted (pinhole), cropped
 /// around the person. Row i of every tensor belongs to picture i.
@@ -31,6 +33,17 @@ struct AvatarPack {
 
   int64_t size() const { return images.defined() ? images.size(0) : 0; }
 };
+
+/// What a network is told of B pictures to make.
+struct PoseBatch {
+  at::Tensor joints_in_cam;  ///< (B, J, 3), as in AvatarPack
+  at::Tensor joint_valid;    ///< (B, J) bool
+  at::Tensor intrinsics;     ///< (B, 4)
+  at::Tensor template_maps;  ///< (B, 4, H, W) for networks with the template as their prior, else undefined
+};
+
+/// The poses of all pictures of a pack.
+PoseBatch PosesOf(const AvatarPack& pack);
 
 /// "camera 00_03, frame 17" of picture i, for messages.
 std::string PictureName(const AvatarPack& pack, int64_t i);

@@ -49,12 +49,11 @@ class Trainer {
   Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run,
           std::shared_ptr<const FeatureNet> perceptual = nullptr);
   /// Continues from a checkpoint's tensors; `options` may ask for more steps. The seed is the checkpoint's. Throws UsageError
-  /// when `perceptual` is not the net that it was trained with.
+  /// when `perceptual` is not the net that it was trained with; Run does when the ranks take not as many pictures a step.
   Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
           const RunContext& run, std::shared_ptr<const FeatureNet> perceptual = nullptr);
   /// Fresh start from another avatar's network (the paper's transfer to a new person): its weights and depth range are kept,
-  /// textures are averaged anew from `pack`, and there is no initialisation unless `init_steps` asks for one. `texture_px`:
-  /// their size, 0: as always.
+  /// textures are averaged anew from `pack`. `texture_px`: their size, 0: as always.
   Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options, const RunContext& run,
           std::shared_ptr<const FeatureNet> perceptual = nullptr);
   ~Trainer();
@@ -72,6 +71,8 @@ class Trainer {
 
   /// The model as it is trained: the last weights.
   AvatarModel& model();
+  /// Initialisation and end-to-end steps together.
+  int64_t total_steps() const;
   /// "cpu" or "cuda".
   const std::string& device() const;
   /// Calls `use` with the weights that a checkpoint hands out: the best with `patience`, the average with `ema`, else the last.
@@ -86,6 +87,9 @@ class Trainer {
 
 /// "auto" becomes cuda or cpu. Throws MissingToolError when a GPU is asked for and libtorch finds none.
 std::string ResolveDevice(const std::string& device);
+
+/// How many processes trained a checkpoint: its steps take `batch` pictures of each.
+int RanksFrom(const TensorFile& checkpoint, const std::string& path);
 
 /// Training options kept in a checkpoint.
 TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path);

@@ -82,6 +82,7 @@ Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std
   state_->model = ModelFromTensors(checkpoint, path);
   state_->Prepare(pack, run);
   state_->TakeUp(checkpoint, path);
+  state_->pictures_per_step = int64_t{TrainOptionsFrom(checkpoint, path).batch} * RanksFrom(checkpoint, path);
 }
 
 TensorFile Trainer::Checkpoint() const {
@@ -104,6 +105,7 @@ TensorFile Trainer::Checkpoint() const {
   file.metadata["perceptual"] = s.perceptual ? s.perceptual->name() : "none";
   for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
   file.metadata["train.device"] = s.asked_device;
+  if (s.world() > 1) file.metadata["train.ranks"] = std::to_string(s.world());
   file.metadata["initialised"] = s.initialised ? "1" : "0";
   if (s.options.amp) {
     file.metadata["loss_scale"] = std::to_string(static_cast<int64_t>(s.loss_scale));
@@ -113,6 +115,15 @@ TensorFile Trainer::Checkpoint() const {
   file.metadata["seed"] = std::to_string(s.seed);
   file.metadata["textures_ready"] = s.textures_ready ? "1" : "0";
   return file;
+}
+
+int RanksFrom(const TensorFile& checkpoint, const std::string& path) {
+  const auto found = checkpoint.metadata.find("train.ranks");
+  if (found == checkpoint.metadata.end()) return 1;
+  int ranks = 0;
+  if (!(std::istringstream(found->second) >> ranks) || ranks < 1)
+    throw FormatError(path, "__metadata__.train.ranks", "must be a whole number from 1");
+  return ranks;
 }
 
 TrainOptions TrainOptionsFrom(const TensorFile& checkpoint, const std::string& path) {

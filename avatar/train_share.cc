@@ -1,9 +1,12 @@
 #include <torch/torch.h>
 
+#include <array>
+
 #include "avatar/batch.h"
 #include "avatar/train_state.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/sha256.h"
 
 /// What several processes that train together tell each other.
 namespace mvstudio::avatar {
@@ -11,6 +14,41 @@ namespace {
 
 at::Tensor ValuesOf(const HistoryRow& row) {
   return at::tensor(at::ArrayRef<double>(row.values.data(), row.values.size()), at::kDouble);
+}
+
+/// What must be the same on all ranks.
+constexpr std::array<const char*, 5> kShared = {"pictures", "training options", "network options", "seed", "steps done"};
+
+/// 48 bits of a digest, exact in a double.
+double Digest(const std::string& bytes) {
+  return static_cast<double>(std::stoull(Sha256Hex(bytes.data(), bytes.size()).substr(0, 12), nullptr, 16));
+}
+
+template <class Options>
+double DigestOf(const Options& options) {
+  std::string text;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    if (name != "device") text += name + "=" + value + "\n";
+  }
+  return Digest(text);
+}
+
+double DigestOf(const AvatarPack& pack) {
+  std::string bytes;
+  const auto add = [&bytes](const at::Tensor& t) {
+    bytes.append(static_cast<const char*>(t.contiguous().data_ptr()), t.nbytes());
+  };
+  for (const at::Tensor& t : {pack.joints_in_cam, pack.joint_valid, pack.intrinsics, pack.camera_idx, pack.frame}) add(t);
+  for (const at::Tensor& t : {pack.images, pack.masks}) add(t.flatten(1).sum(1, false, at::kLong));
+  return Digest(bytes + std::to_string(pack.size_px));
+}
+
+/// A number for each of kShared.
+at::Tensor SharedOf(const AvatarPack& pack, const TrainOptions& options, const ModelOptions& model, uint64_t seed,
+                    int64_t step) {
+  return at::tensor({DigestOf(pack), DigestOf(options), DigestOf(model), static_cast<double>(seed % (uint64_t{1} << 52)),
+                     static_cast<double>(step)},
+                    at::kDouble);
 }
 
 void SetValues(const at::Tensor& values, HistoryRow* row) {
@@ -73,21 +111,26 @@ HistoryRow Trainer::State::Check(const AvatarPack& validation) {
   return row;
 }
 
+void Trainer::State::RequireSameBatches() const {
+  const int64_t now = options.batch * world();
+  if (pictures_per_step == 0 || pictures_per_step == now) return;
+  throw UsageError("training took " + std::to_string(pictures_per_step) + " pictures a step so far and would take " +
+                   std::to_string(now) + " now: go on with as many --ranks as before, " +
+                   std::to_string(pictures_per_step / options.batch));
+}
+
 void Trainer::Join(std::shared_ptr<const Ranks> ranks) {
   State& s = *state_;
-  const auto own = [&] {
-    return at::tensor(
-        {static_cast<double>(s.pack.size()), static_cast<double>(s.pack.size_px), static_cast<double>(s.options.batch),
-         static_cast<double>(s.seed % (uint64_t{1} << 52)), static_cast<double>(s.model.step),
-         static_cast<double>(s.total_steps()), static_cast<double>(NumParameters(s.model.options))},
-        at::kDouble);
-  };
-  at::Tensor first = own();
+  const at::Tensor own = SharedOf(s.pack, s.options, s.model.options, s.seed, s.model.step);
+  at::Tensor first = own.clone();
   ranks->Broadcast(first);
-  at::Tensor differs = first.ne(own()).any().to(at::kDouble);
+  at::Tensor differs = first.ne(own).to(at::kDouble);
   ranks->Sum(differs);
-  if (differs.item<double>() > 0)
-    throw UsageError("the ranks differ in pictures, size, batch, seed, steps or network: give all of them the same arguments");
+  std::string what;
+  for (size_t i = 0; i < kShared.size(); ++i) {
+    if (differs[static_cast<int64_t>(i)].item<double>() > 0) what += (what.empty() ? "" : ", ") + std::string(kShared[i]);
+  }
+  if (!what.empty()) throw UsageError("the ranks differ in " + what + ": give all of them the same arguments");
   s.ranks = std::move(ranks);
   for (auto& [name, tensor] : s.Tensors()) {
     at::Tensor values = tensor.detach();

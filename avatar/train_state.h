@@ -37,8 +37,8 @@ class RowMean {
 using NamedTensors = std::map<std::string, at::Tensor>;
 
 struct Trainer::State {
-  AvatarPack pack;  // labels fitted to the masks
-  TrainOptions options;
+  AvatarPack pack;       // labels fitted to the masks
+  TrainOptions options;  // every choice made
   AvatarModel model;
   Discriminator critic{nullptr};  // v2v alone
   Adam network, texels, critic_weights;
@@ -48,10 +48,11 @@ struct Trainer::State {
   std::shared_ptr<const Ranks> ranks;             // null: alone
   bool stop_wanted = false, stop_agreed = false;  // of several ranks: by this one; by any, told in the gradients
   bool textures_ready = false;
-  bool initialised = false;  // the network knew parts and coordinates before the textures were averaged
-  std::string asked_device;  // as in the options given; options.device is the one in use
-  NamedTensors average;      // running averages of weights and textures, with --ema
-  NamedTensors best;         // all tensors of the best check, with --patience
+  bool initialised = false;       // the network knew parts and coordinates before the textures were averaged
+  int64_t pictures_per_step = 0;  // of all ranks so far; 0: not begun
+  std::string asked_device;       // as in the options given; options.device is the one in use
+  NamedTensors average;           // running averages of weights and textures, with --ema
+  NamedTensors best;              // all tensors of the best check, with --patience
   int64_t best_step = -1, idle_checks = 0;
   double best_score = 0;
   double loss_scale = 1;          // with --amp
@@ -59,13 +60,13 @@ struct Trainer::State {
 
   bool v2v() const { return model.options.method == "v2v"; }
   bool tna() const { return model.options.method == "tna"; }
-  int64_t total_steps() const { return int64_t{InitSteps(options)} + options.steps; }
-  bool InInit() const { return tna() && model.step < InitSteps(options); }
+  int64_t total_steps() const { return int64_t{options.init_steps} + options.steps; }
+  bool InInit() const { return tna() && model.step < options.init_steps; }
   bool Exhausted() const { return options.patience > 0 && idle_checks >= options.patience; }
   LossContext Context() { return {perceptual.get(), v2v() ? &critic : nullptr, options.amp}; }
 
   /// Checks options against the pictures, moves everything to the device, makes the optimisers.
-  void Prepare(const AvatarPack& source, const RunContext& run);
+  void Prepare(const AvatarPack& source, const RunContext& run, bool transferred = false);
   void PrepareVideo(const at::Device& device);
 
   StepInput MakeInput(const AvatarPack& source, const std::vector<int64_t>& previous, const std::vector<int64_t>& rows,
@@ -78,6 +79,8 @@ struct Trainer::State {
   double CriticGradients(const StepInput& input, LossTerms* terms);
   /// Norms of all gradients together for the batch; NaN when the loss or one of them is not finite.
   double Gradients(const StepInput& input, LossTerms* terms);
+  /// Throws UsageError when the steps to come would take other pictures than those before.
+  void RequireSameBatches() const;
   int64_t world() const { return ranks ? ranks->size() : 1; }
   /// The rows of this rank in a step; `all`: of every rank.
   std::vector<int64_t> RowsOfStep(int64_t step, bool all) const;

@@ -45,17 +45,18 @@ std::string ResolveDevice(const std::string& device) {
   return device;
 }
 
-void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run) {
+void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run, bool transferred) {
   Validate(source);
   Validate(options);
-  options.init_steps = InitSteps(options);  // more --steps later must not move the end of the initialisation
+  options.init_steps =
+      InitSteps(options, model.options, transferred);  // more --steps later must not move the end of the initialisation
   CheckFit(source, model);
   asked_device = options.device;
   options.device = ResolveDevice(options.device);
   if (options.amp && options.device == "cpu")
     throw UsageError("--amp needs a GPU: half precision is slower than single on CPUs; leave it out or take --device cuda");
   loss_scale = options.amp ? kFirstLossScale : 1;
-  initialised = InitSteps(options) > 0 || NumTemplateChannels(model.options) > 0;
+  initialised = options.init_steps > 0 || NumTemplateChannels(model.options) > 0 || transferred;
   at::set_num_threads(ResolveThreads(run.num_threads));
   pack = source;
   if (tna()) FitLabelsToMasks(pack, ResolveThreads(run.num_threads));

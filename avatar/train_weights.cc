@@ -81,14 +81,14 @@ bool Trainer::State::CheckDue() const {
 
 std::string Trainer::State::WhyEndedEarly() const {
   return "ended at step " + std::to_string(model.step) + " of " + std::to_string(total_steps()) + ": " +
-         std::to_string(idle_checks) + " checks without a better score on the validation pictures; the weights of step " +
-         std::to_string(best_step) + " are kept";
+         std::to_string(idle_checks) + " checks without a better score on the validation pictures; " +
+         (best.empty() ? "no check had a finite one" : "the weights of step " + std::to_string(best_step) + " are kept");
 }
 
 void Trainer::State::Judge(const HistoryRow& row) {
   if (options.patience <= 0) return;
-  const double score = ScoreOf(row, options);
-  if (!best.empty() && !(score < best_score)) {
+  const double score = std::isfinite(row["total"]) ? ScoreOf(row, options) : std::nan("");
+  if (!std::isfinite(score) || (!best.empty() && !(score < best_score))) {
     ++idle_checks;
     return;
   }
@@ -103,11 +103,11 @@ void Trainer::State::SaveHanded(TensorFile* file) const {
     file->tensors["live." + name] = file->tensors.at(name);
     file->tensors[name] = value.to(at::kCPU).clone();
   }
+  file->metadata["idle_checks"] = std::to_string(idle_checks);
   if (best.empty()) return;
   for (const auto& [name, value] : average) file->tensors["average." + name] = value.to(at::kCPU).clone();
   file->metadata["best_step"] = std::to_string(best_step);
   file->metadata["best_score"] = ToText(best_score);
-  file->metadata["idle_checks"] = std::to_string(idle_checks);
 }
 
 void Trainer::State::TakeUpHanded(const TensorFile& file, const std::string& path) {
@@ -115,10 +115,11 @@ void Trainer::State::TakeUpHanded(const TensorFile& file, const std::string& pat
   NamedTensors handed;
   for (const auto& [name, value] : live) handed[name] = model_tensors.at(name).detach().clone();
   best_step = Number<int64_t>(file, "best_step", -1);
+  idle_checks = Number<int64_t>(file, "idle_checks", 0);
   if (best_step >= 0) {
     average = WithPrefix(file, "average.", model_tensors, path);
     if (options.patience > 0) best = handed;
-    best_score = Number<double>(file, "best_score", 0), idle_checks = Number<int64_t>(file, "idle_checks", 0);
+    best_score = Number<double>(file, "best_score", 0);
   } else {
     average = handed;
   }

@@ -13,7 +13,7 @@
 namespace mvstudio::cli {
 
 struct RankArguments {
-  int ranks = 1;  ///< processes to start here
+  int ranks = 1;  ///< processes to start here; 0 in `avatar resume`: as many as before
   int rank = 0, world_size = 1;
   std::string rendezvous;
 };

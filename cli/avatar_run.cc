@@ -9,6 +9,7 @@
 
 #include "avatar/bones.h"
 #include "avatar/camera_tensor.h"
+#include "avatar/io/evaluation_protocol.h"
 #include "avatar/io/strips.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -38,8 +39,7 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
   const int64_t count = std::min<int64_t>(pack.size(), 6);
   for (int64_t i = 0; i < count; ++i) rows.push_back((2 * i + 1) * pack.size() / (2 * count));
   const avatar::AvatarPack some = avatar::Select(pack, rows);
-  const avatar::Rendering r = avatar::Render(model, some.joints_in_cam, some.joint_valid, some.intrinsics, some.size_px,
-                                             some.size_px, {}, {}, some.template_maps);
+  const avatar::Rendering r = avatar::Render(model, PosesOf(some), some.size_px, some.size_px);
   const at::Tensor truth = some.images.to(at::kFloat) / 255 * (some.masks > 0).unsqueeze(1);
   const at::Tensor hue = r.part.to(at::kFloat).unsqueeze(1);
   const at::Tensor parts = at::cat({(hue * 7).remainder(25), (hue * 11).remainder(25), (hue * 17).remainder(25)}, 1) / 24;
@@ -50,16 +50,23 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
 
 }  // namespace
 
-void AvatarRun::Prepare(bool overwrite) const {
+void AvatarRun::RequireFree(bool overwrite) const {
   if (fs::exists(checkpoint_path()) && !overwrite) {
     throw UsageError("--out " + folder_ +
                      " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give --overwrite");
   }
+}
+
+void AvatarRun::Clear() const {
   for (const char* name :
-       {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "pictures", "eval"}) {
+       {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "pictures"})
     fs::remove_all(Path(name));
-  }
+  ForgetScores();
   MakeFolder(folder_);
+}
+
+void AvatarRun::ForgetScores() const {
+  for (const char* name : {"avatar_eval.result.json", avatar::kProtocolFile, "eval"}) fs::remove_all(Path(name));
 }
 
 double AvatarRun::TakeUpHistory(int64_t step) {
@@ -87,7 +94,9 @@ void AvatarRun::AddRow(const avatar::HistoryRow& row, double wall_s) {
     text += number;
   }
   std::snprintf(number, sizeof(number), ",%.2f", wall_s);
-  rows_.push_back(text + number);
+  // A check of the same step comes first, so that it is there when the step is saved, but stands behind it.
+  const bool after_check = !rows_.empty() && rows_.back().rfind(std::to_string(row.step) + ",validation", 0) == 0;
+  rows_.insert(rows_.end() - (after_check ? 1 : 0), text + number);
 }
 
 void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const {
@@ -113,8 +122,7 @@ void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& 
   const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
   MakeFolder(Path("pictures"));
   trainer.UseHanded([&](avatar::AvatarModel& model) {
-    const avatar::Rendering r = avatar::Render(model, one.joints_in_cam, one.joint_valid, one.intrinsics, one.size_px,
-                                               one.size_px, {}, {}, one.template_maps);
+    const avatar::Rendering r = avatar::Render(model, PosesOf(one), one.size_px, one.size_px);
     const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
     const at::Tensor maps = avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px,
                                                  one.template_maps)[0]

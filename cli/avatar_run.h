@@ -16,8 +16,12 @@ class AvatarRun {
 
   std::string Path(const std::string& name) const { return folder_ + "/" + name; }
   std::string checkpoint_path() const { return Path(avatar::kCheckpointFile); }
-  /// Throws UsageError when a run is there and `overwrite` is off; else removes what an older run left.
-  void Prepare(bool overwrite) const;
+  /// Throws UsageError when a run is there and `overwrite` is off.
+  void RequireFree(bool overwrite) const;
+  /// Makes the folder, without what an older run left.
+  void Clear() const;
+  /// Removes scores, which are of weights that are about to change.
+  void ForgetScores() const;
   /// Reads the rows up to `step` of an older history, to go on from there; returns the seconds it took.
   double TakeUpHistory(int64_t step);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "avatar/generator.h"
 #include "core/error.h"
 #include "dataset/split.h"
 
@@ -59,9 +60,23 @@ void TakeValidationCamera(const dataset::PanopticDataset& data, const std::strin
   cameras.erase(found);
 }
 
+/// About `count` of `frames`, spread evenly; for methods with memory runs of frames, each with a past but for its first ones.
+std::vector<int> SpreadFrames(const std::vector<int>& frames, size_t count, bool memory) {
+  const size_t length = std::min<size_t>(memory ? avatar::kNumPrevious + 1 : 1, frames.size());
+  const size_t runs = std::clamp<size_t>(count / length, 1, frames.size() / length);
+  std::vector<int> some;
+  for (size_t i = 0; i < runs; ++i) {
+    const size_t begin = std::min((2 * i + 1) * frames.size() / (2 * runs), frames.size() - length);
+    for (size_t k = 0; k < length; ++k) {
+      if (some.empty() || frames[begin + k] > some.back()) some.push_back(frames[begin + k]);
+    }
+  }
+  return some;
+}
+
 /// At most `count` pictures, spread over cameras and frames.
 std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
-                                              const RunContext& run) {
+                                              bool memory, const RunContext& run) {
   const avatar::DatasetSplit& split = config.split;
   const bool validation = !split.validation_cameras.empty();
   if (count == 0 || (!validation && split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
@@ -73,8 +88,7 @@ std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& da
                                    : split.holdout_frames.empty() ? split.train_frames
                                                                   : split.holdout_frames;
   const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
-  options.frames.clear();
-  for (size_t i = 0; i < wanted; ++i) options.frames.push_back(frames[(2 * i + 1) * frames.size() / (2 * wanted)]);
+  options.frames = SpreadFrames(frames, wanted, memory);
   try {
     return avatar::BuildPack(data, options, run).pack;
   } catch (const FormatError&) {
@@ -112,13 +126,12 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
   return split;
 }
 
-RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::TrainOptions& options, const RunContext& run,
-                    avatar::RunConfig* config) {
+RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
+                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config) {
   if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_pictures == 0))
     throw UsageError(
         "--patience needs --validate-camera or a --split with validation pictures, and --validate-pictures above 0: pictures "
-        "of "
-        "the final score must not choose the weights");
+        "of the final score must not choose the weights");
   config->pack.cameras = config->split.train_cameras;
   config->pack.frames = config->split.train_frames;
   const avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
@@ -127,7 +140,8 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::TrainOpt
   config->template_iou = built.template_iou;
   config->pack.person = built.person;
   config->pack.fit_shape = false;
-  return {built.pack, WatchedPack(data, *config, options.validate_pictures, run), built.skipped};
+  return {built.pack, WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run),
+          built.skipped};
 }
 
 }  // namespace mvstudio::cli

@@ -27,7 +27,7 @@ struct RunPacks {
 };
 
 /// Fixes crop and template shape in `config` from the training pictures.
-RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::TrainOptions& options, const RunContext& run,
-                    avatar::RunConfig* config);
+RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
+                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config);
 
 }  // namespace mvstudio::cli

@@ -1,9 +1,11 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include "avatar/io/pack_builder.h"
 #include "avatar/io/posenet_features.h"
@@ -30,9 +32,11 @@ struct TrainArguments {
   avatar::TrainOptions train;
   avatar::PackOptions pack;
   bool overwrite = false;
+  std::function<bool(const std::string&)> given;  ///< whether the command line has this option
 };
 
 struct ResumeArguments {
+  ResumeArguments() { ranks.ranks = 0; }  // as many as before
   std::string run, device;
   int steps = -1, patience = -1;
   RankArguments ranks;
@@ -45,9 +49,11 @@ avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, AvatarRun* files, con
   const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
   const AvatarPack* watched = packs.watched ? &*packs.watched : nullptr;
   const AvatarPack& samples = watched ? *watched : packs.train;
-  ProgressStage stage(context.run, "training", InitSteps(options) + int64_t{options.steps} - trainer.model().step);
+  ProgressStage stage(context.run, "training", trainer.total_steps() - trainer.model().step);
   bool stopped = false;
+  bool begun = false;
   const auto callback = [&](int64_t step, const avatar::HistoryRow* row) {
+    if (files && !std::exchange(begun, true)) files->ForgetScores();
     if (row && files) files->AddRow(*row, wall_s());
     if (row && row->phase == "validation") return true;
     if (files && step % options.save_every == 0) files->Save(trainer, samples);
@@ -86,17 +92,19 @@ CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& train
   result.outputs = files.Outputs();
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"AVA-NONFINITE", report.message, "resume with a smaller --learning-rate from the saved checkpoint"});
+    result.errors.push_back({"AVA-NONFINITE", report.message,
+                             "look at these pictures; train again without them or with a smaller --learning-rate"});
   }
   return result;
 }
 
-/// Joins the other ranks, trains, and says how it went.
+/// Joins the other ranks, trains, and says how it went. `begin`: called once nothing can be refused any more.
 CommandResult TrainHere(avatar::Trainer& trainer, AvatarRun& files, const RunPacks& packs, const avatar::TrainOptions& options,
-                        double earlier_s, RankProcesses& ranks, CommandContext& context) {
+                        double earlier_s, RankProcesses& ranks, CommandContext& context,
+                        const std::function<void()>& begin = {}) {
   const Clock::time_point start = Clock::now();
   if (const auto joined = ranks.Join()) trainer.Join(joined);
+  if (begin && ranks.first()) begin();
   const avatar::TrainReport report =
       TrainAndSave(trainer, ranks.first() ? &files : nullptr, packs, options, earlier_s, context);
   if (!ranks.first()) return {};
@@ -137,21 +145,21 @@ std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* op
   return net;
 }
 
-/// The network's options of the run that training starts from. What was asked for and does not fit is a usage error.
-void RequireFit(const avatar::ModelOptions& asked, const avatar::ModelOptions& from, const std::string& run) {
-  const auto defaults = FieldsAsText(TrainArguments().model), wanted = FieldsAsText(asked), has = FieldsAsText(from);
+/// What was asked for and the network that training starts from has not is a usage error.
+void RequireFit(const TrainArguments& arguments, const avatar::ModelOptions& from) {
+  const auto wanted = FieldsAsText(arguments.model), has = FieldsAsText(from);
   for (size_t i = 0; i < wanted.size(); ++i) {
     const auto& [name, value] = wanted[i];
-    if (name == "texture-px" || value == defaults[i].second || value == has[i].second) continue;
-    throw UsageError("--" + name + " " + value + ": the network of --init-from " + run + " has " + has[i].second +
-                     "; leave the option out");
+    if (name == "texture-px" || !arguments.given(name) || value == has[i].second || value == "auto") continue;
+    throw UsageError("--" + name + " " + value + ": the network of --init-from " + arguments.init_from + " has " +
+                     has[i].second + "; leave the option out");
   }
 }
 
 std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
   if (arguments.init_from.empty()) return std::nullopt;
   avatar::AvatarModel from = avatar::LoadModel(AvatarRun(arguments.init_from).checkpoint_path());
-  RequireFit(arguments.model, from.options, arguments.init_from);
+  RequireFit(arguments, from.options);
   return from;
 }
 
@@ -182,19 +190,27 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = SplitOf(data, config.pack.person, arguments.split);
   AvatarRun files(arguments.out);
-  if (arguments.ranks.rank == 0) files.Prepare(arguments.overwrite);
+  if (arguments.ranks.rank == 0) files.RequireFree(arguments.overwrite);
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
-  const RunPacks packs = BuildPacks(data, arguments.train, context.run, &config);
-  if (ranks.first()) WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
+  const RunPacks packs = BuildPacks(data, model, arguments.train, context.run, &config);
   avatar::TrainOptions options = arguments.train;
-  if ((from || model.prior == "template") && options.init_steps < 0) options.init_steps = 0;
   const auto net = PerceptualNet(&options);
   avatar::Trainer trainer = from ? avatar::Trainer(packs.train, *from, arguments.model.texture_px, options, context.run, net)
                                  : avatar::Trainer(packs.train, model, options, context.run, net);
-  CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context);
+  const auto replace_older = [&] {
+    files.Clear();
+    WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
+  };
+  CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
   return result;
+}
+
+RankArguments RanksOf(const ResumeArguments& arguments, const avatar::TensorFile& checkpoint, const std::string& path) {
+  RankArguments ranks = arguments.ranks;
+  if (ranks.ranks == 0) ranks.ranks = ranks.world_size > 1 || ranks.rank > 0 ? 1 : RanksFrom(checkpoint, path);
+  return ranks;
 }
 
 CommandResult RunResume(const ResumeArguments& arguments, CommandContext& context) {
@@ -207,9 +223,9 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   if (!arguments.device.empty()) options.device = arguments.device;
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
-  RankProcesses ranks(arguments.ranks, context, arguments.run);
+  RankProcesses ranks(RanksOf(arguments, checkpoint, files.checkpoint_path()), context, arguments.run);
   context.run.num_threads = ranks.threads();
-  const RunPacks packs = BuildPacks(data, options, context.run, &config);
+  const RunPacks packs = BuildPacks(data, ModelOptionsFrom(checkpoint, files.checkpoint_path()), options, context.run, &config);
   avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
   const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
@@ -259,6 +275,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOptions(sub, a->train);
   AddOptions(sub, a->pack);
   AddRankOptions(sub, a->ranks);
+  a->given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
   registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });
 }
 
@@ -275,6 +292,7 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
       ->capture_default_str();
   again->add_option("--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
   AddRankOptions(again, resume->ranks);
+  again->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");
   registry.Add(again, "avatar resume", [resume](CommandContext& context) { return RunResume(*resume, context); });
 
   auto options = std::make_shared<avatar::ModelOptions>(avatar::PaperModel());

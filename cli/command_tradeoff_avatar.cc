@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "avatar/io/pack_builder.h"
 #include "cli/tradeoff.h"
 #include "cli/tradeoff_avatar.h"
 #include "core/error.h"
@@ -40,10 +41,17 @@ std::vector<std::string> HeldOutCameras(const dataset::PanopticDataset& data, co
   return names;
 }
 
-/// The last quarter of the frames.
+/// The last quarter of the person's frames.
 std::string LastFrames(const dataset::PanopticDataset& data) {
-  if (data.frames.size() < 4) throw UsageError(data.root + ": has too few frames to hold some out");
-  return std::to_string(data.frames[data.frames.size() * 3 / 4]) + "-" + std::to_string(data.frames.back());
+  const int person = avatar::ChoosePerson(data, -1);
+  std::vector<int> frames;
+  for (const auto& [frame, people] : data.poses) {
+    if (people.count(person)) frames.push_back(frame);
+  }
+  if (frames.size() < 4) throw UsageError(data.root + ": has too few frames to hold some out");
+  std::string text;
+  for (size_t i = frames.size() * 3 / 4; i < frames.size(); ++i) text += (text.empty() ? "" : ",") + std::to_string(frames[i]);
+  return text;
 }
 
 /// The others, each next one farthest from those before it.

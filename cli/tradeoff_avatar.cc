@@ -41,7 +41,7 @@ Value Call(const std::vector<std::string>& words, const std::string& folder, con
   line.insert(line.end(), words.begin(), words.end());
   line.push_back("--json");
   const std::string out = folder + ".out", err = folder + ".err";
-  const int exit = RunProcess(line, out, err, poll);
+  const int exit = RunProcess(line, {out, err}, poll);
   const std::string text = ReadFile(out);
   if (exit != kExitOk && exit != kExitPartial) {
     std::string why;

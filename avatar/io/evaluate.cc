@@ -7,8 +7,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
+#include <set>
 #include <sstream>
 
+#include "avatar/generator.h"
 #include "avatar/io/baselines.h"
 #include "avatar/io/evaluate_groups.h"
 #include "avatar/io/posenet_features.h"
@@ -34,8 +37,8 @@ constexpr char kConvention[] =
     "Truth: the dataset's picture on black behind its mask. Render: on black behind its own predicted mask. Crops as in "
     "training, 8-bit sRGB, "
     "RGB in [0, 1]. Primary region: bounding box of the true mask grown by 5 %; also given: full (the whole crop) and masked "
-    "(pixels of the "
-    "true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid windows, mean of R, "
+    "(pixels of the true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid "
+    "windows, mean of R, "
     "G, B. PSNR: mean "
     "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
     "crops; it is called FID only with the Inception weights of 2015. LPIPS, where given: of full crops.";
@@ -87,7 +90,14 @@ void UseCameras(const dataset::PanopticDataset& data, const std::string& names, 
   }
 }
 
-void RequireFrames(const dataset::PanopticDataset& data, const RunConfig& config) {
+/// The frames of the split, and the training cameras, whose pictures the baselines are made of.
+void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config) {
+  for (const std::string& camera : config.split.train_cameras) {
+    if (data.rig.Find(camera) < 0) {
+      throw UsageError(data.root + " has no camera " + camera +
+                       ", which the run was trained on: the baselines need its pictures; give a dataset that has them");
+    }
+  }
   for (const auto* frames : {&config.split.train_frames, &config.split.holdout_frames}) {
     for (const int frame : *frames) {
       const auto found = data.poses.find(frame);
@@ -221,6 +231,35 @@ Selection Thinned(Selection selection, int limit) {
   return selection;
 }
 
+/// The frames of `some` and those that a method with memory has seen before each of them in `all`.
+Selection WithPast(Selection some, std::vector<int> all) {
+  std::sort(all.begin(), all.end());
+  std::set<int> frames;
+  for (const int frame : some.frames) {
+    const auto at = std::lower_bound(all.begin(), all.end(), frame);
+    frames.insert(at - std::min<int64_t>(at - all.begin(), kNumPrevious), at + 1);
+  }
+  some.frames.assign(frames.begin(), frames.end());
+  return some;
+}
+
+/// Rendered pictures of `pack`, whose frames are a part of `all`.
+Rendered RenderSome(AvatarModel& model, const AvatarPack& pack, const Selection& thinned, const std::vector<int>& all,
+                    const RunConfig& config, const Session& session) {
+  if (NumPreviousChannels(model.options) == 0) return RenderAll(model, pack, session);
+  const AvatarPack longer = Build(session, config, pack.size_px, WithPast(thinned, all)).pack;
+  std::map<std::pair<int64_t, int64_t>, int64_t> row_of;
+  const auto view = [](const AvatarPack& p, int64_t i) {
+    return std::pair(p.camera_idx[i].item<int64_t>(), p.frame[i].item<int64_t>());
+  };
+  for (int64_t i = 0; i < longer.size(); ++i) row_of[view(longer, i)] = i;
+  std::vector<int64_t> rows;
+  for (int64_t i = 0; i < pack.size(); ++i) rows.push_back(row_of.at(view(pack, i)));
+  const Rendered rendered = RenderAll(model, longer, session);
+  const at::Tensor index = at::tensor(rows, at::kLong);
+  return {rendered.images.index_select(0, index), rendered.masks.index_select(0, index)};
+}
+
 ProtocolSplit PicturesOf(const std::string& kind, const AvatarPack& pack) {
   ProtocolSplit split{kind, {}};
   for (int64_t i = 0; i < pack.size(); ++i) {
@@ -242,7 +281,7 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel&
       continue;
     const Selection thinned = Thinned(selection, session.options.other_pictures);
     const AvatarPack pack = Build(session, result->config, result->size_px, thinned).pack;
-    const Rendered rendered = RenderAll(model, pack, session);
+    const Rendered rendered = RenderSome(model, pack, thinned, selection.frames, result->config, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
     result->other_splits[selection.kind] = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
     scored.push_back(PicturesOf(selection.kind, pack));
@@ -306,7 +345,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.convention = kConvention;
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(result.config.dataset);
   UseCameras(data, options.cameras, &result.config);
-  RequireFrames(data, result.config);
+  RequireSplit(data, result.config);
   const Selection selection = Holdout(result.config.split, run_folder);
   const std::vector<MotionFrames> motions = ParseMotions(options.motions, selection.frames);
   result.holdout_kind = selection.kind;

@@ -12,7 +12,7 @@ namespace mvstudio::avatar {
 namespace {
 
 constexpr double kMinScore = 0.05;
-constexpr double kMaxReachM = 0.35;  // of a face from the nose, of a hand from the wrist
+constexpr double kMaxReachM = 0.35;  // of a face from the nose, of a hand from the wrist, of a foot from the ankle
 
 /// Names of a list's joints, OpenPose's.
 std::vector<std::string> NamesOf(int num_joints) {
@@ -32,11 +32,12 @@ int IndexOf(const std::vector<std::string>& names, const std::string& name) {
   return -1;
 }
 
-/// The joint of the body that a point of the face or a hand must be near; -1: none.
+/// The joint of the body that a point of the face, a hand or a foot must be near; -1: none.
 int AnchorOf(int joint, int num_joints) {
   const int body = NumBodyJoints(num_joints), extra = joint - body;
   const bool panoptic = body == 19;
-  if (extra < 0) return -1;
+  if (extra < 0 && (panoptic || joint < 19)) return -1;
+  if (extra < 0) return joint < 22 ? 14 : 11;  // BODY_25: toes and heel of the left foot, then of the right
   if (extra < kFaceJoints) return panoptic ? 1 : 0;
   const bool left = extra < kFaceJoints + kHandJoints;
   return panoptic ? (left ? 5 : 11) : (left ? 7 : 4);

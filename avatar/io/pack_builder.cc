@@ -264,7 +264,7 @@ void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry:
   MVS_CHECK(pack.joint_valid.size(1) == count, count << " joints for a pack of " << pack.joint_valid.size(1));
   for (int64_t j = 0; j < count; ++j) {
     const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j));
-    const bool valid = pose.valid[static_cast<size_t>(j)];
+    const bool valid = pose.valid[static_cast<size_t>(j)] && x.z() > 0;
     pack.joint_valid.data_ptr<bool>()[i * count + j] = valid;
     for (int k = 0; valid && k < 3; ++k)
       pack.joints_in_cam.data_ptr<float>()[(i * count + j) * 3 + k] = static_cast<float>(x[k]);

@@ -31,10 +31,6 @@ Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOpt
   return sizes;
 }
 
-struct Poses {
-  at::Tensor joints_in_cam, valid, intrinsics, template_maps;
-};
-
 at::Tensor TemplateMapsOf(const RenderPlan& plan, size_t begin, size_t end, int size_px, int num_threads) {
   if (!plan.body) return {};
   const auto n = static_cast<int64_t>(end - begin);
@@ -48,7 +44,7 @@ at::Tensor TemplateMapsOf(const RenderPlan& plan, size_t begin, size_t end, int 
   return maps;
 }
 
-Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px, int num_threads) {
+PoseBatch PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px, int num_threads) {
   const auto n = static_cast<int64_t>(end - begin);
   AvatarPack pack;
   const auto num_joints = static_cast<int64_t>(plan.joints.front().valid.size());
@@ -58,7 +54,8 @@ Poses PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px, 
   for (size_t i = begin; i < end; ++i)
     FillPose(pack, static_cast<int64_t>(i - begin), plan.joints[plan.jobs[i].pose],
              dataset::ResizedCrop(plan.jobs[i].crop, network_px));
-  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics, TemplateMapsOf(plan, begin, end, network_px, num_threads)};
+  pack.template_maps = TemplateMapsOf(plan, begin, end, network_px, num_threads);
+  return PosesOf(pack);
 }
 
 /// (B, 4, H, W) in [0, 1] to another size: the mean over footprints when shrinking, cubic when growing.
@@ -81,6 +78,15 @@ at::Tensor WithPast(const at::Tensor& picture, const at::Tensor& past) {
   return at::cat({picture, older}, 1);
 }
 
+/// Frames from one picture of a view to the next.
+int StepOf(const std::vector<RenderJob>& jobs) {
+  std::vector<int> frames;
+  for (const RenderJob& job : jobs) {
+    if (job.view == jobs.front().view) frames.push_back(job.frame);
+  }
+  return UsualStep(frames);
+}
+
 }  // namespace
 
 void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
@@ -90,13 +96,15 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
   const bool memory = NumPreviousChannels(model.options) > 0;
   const size_t batch = memory ? 1 : static_cast<size_t>(std::max(1, options.batch));
   ProgressStage stage(run, "rendering", static_cast<int64_t>(plan.jobs.size()));
+  const int step = StepOf(plan.jobs);
   at::Tensor past;
   for (size_t begin = 0; begin < plan.jobs.size(); begin += batch) {
     const size_t end = std::min(plan.jobs.size(), begin + batch);
-    if (begin > 0 && plan.jobs[begin].view != plan.jobs[begin - 1].view) past = at::Tensor();
-    const Poses poses = PosesOf(plan, begin, end, sizes.network_px, run.num_threads);
-    const Rendering r = Render(model, poses.joints_in_cam, poses.valid, poses.intrinsics, sizes.network_px, sizes.network_px,
-                               {}, past, poses.template_maps);
+    const RenderJob& next = plan.jobs[begin];
+    if (begin > 0 && (next.view != plan.jobs[begin - 1].view || next.frame - plan.jobs[begin - 1].frame != step))
+      past = at::Tensor();
+    const PoseBatch poses = PosesOf(plan, begin, end, sizes.network_px, run.num_threads);
+    const Rendering r = Render(model, poses, sizes.network_px, sizes.network_px, {}, past);
     if (memory) past = WithPast(r.image, past);
     const at::Tensor rgba = ToSize(at::cat({r.image, CleanAlpha(r.mask_prob).unsqueeze(1)}, 1), sizes.out_px);
     for (size_t i = begin; i < end; ++i) {

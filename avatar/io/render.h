@@ -51,15 +51,13 @@ void VisitFields(Visitor&& visit, RenderOptions& o) {
         "on: poses of --poses and --bvh get the trained person's bone lengths and steps; off: they stay as they are");
   visit("place", o.place,
         "where poses of --poses and --bvh stand: keep (as given), training (their middle where the trained person's was), or "
-        "auto: "
-        "training for --bvh, else keep");
+        "auto: training for --bvh, else keep");
   visit("turntable", o.turntable, "pictures of a camera that goes once round the person; 0: calibrated cameras instead");
   visit("elevation-deg", o.elevation_deg,
         "degrees; how far above the person's middle the turning camera stands; -1000: the median of the training cameras");
   visit("frame", o.frame,
         "crop: square pictures around the person as in training; camera: the whole picture of the calibrated camera, through "
-        "its "
-        "lens");
+        "its lens");
   visit("size", o.size_px, "edge of the square pictures, px; 0: as in training");
   visit("network-size", o.network_size_px,
         "edge at which the network runs before its pictures are resized, px, a multiple of 2^downs; 0: as in training");
@@ -93,7 +91,7 @@ struct RenderPlan {
 RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options);
 
 /// Renders the plan's pictures in order: RGBA, colours multiplied by alpha (what remains on black). Methods that look at
-/// their past begin each view without one.
+/// their past begin each view, and each run of frames at the usual distance, without one.
 void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
                     const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture);
 

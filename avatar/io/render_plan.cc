@@ -8,6 +8,7 @@
 #include "avatar/io/render.h"
 #include "avatar/io/template_view.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/units.h"
 #include "dataset/crop.h"
 
@@ -142,11 +143,6 @@ Eigen::Vector3d MiddleOf(const Coco19Pose& pose) {
   return (low + high) / 2;
 }
 
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<int64_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 /// Where the turning camera starts and how it stands, like the training cameras.
 struct Orbit {
   double azimuth_rad = 0, elevation_rad = 0, distance_m = 3;
@@ -162,8 +158,8 @@ Orbit OrbitLikeTraining(const RunConfig& config, const dataset::PanopticDataset&
     distances.push_back(from.norm());
     elevations.push_back(std::atan2(from.z(), std::hypot(from.x(), from.y())));
   }
-  orbit.distance_m = Median(distances);
-  orbit.elevation_rad = o.elevation_deg == -1000 ? Median(elevations) : DegToRad(o.elevation_deg);
+  orbit.distance_m = UpperMedian(distances);
+  orbit.elevation_rad = o.elevation_deg == -1000 ? UpperMedian(elevations) : DegToRad(o.elevation_deg);
   return orbit;
 }
 
@@ -208,7 +204,7 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
   TakeJoints(config, data, &plan);
   if (config.pack.template_input_px > 0)
     plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
-  plan.rate_hz = plan.track.rate_hz;
+  plan.rate_hz = plan.track.rate_hz / std::max(1, UsualStep(plan.track.frames));
   if (options.turntable > 0) {
     const bool moves = plan.track.poses.size() > 1;
     if (moves) plan.rate_hz *= static_cast<double>(options.turntable) / static_cast<double>(plan.track.poses.size());

@@ -10,6 +10,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/median.h"
 #include "dataset/crop.h"
 
 namespace mvstudio::avatar {
@@ -128,10 +129,16 @@ PoseTrack ReadPoseTrack(const std::string& path, int person) {
   return track;
 }
 
+int UsualStep(const std::vector<int>& frames) {
+  std::vector<int> steps;
+  for (size_t i = 1; i < frames.size(); ++i) steps.push_back(frames[i] - frames[i - 1]);
+  return UpperMedian(std::move(steps), 1);
+}
+
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step) {
   if (step < 1) throw UsageError("--every must be at least 1");
   const std::vector<int>& wanted = frames.empty() ? track.frames : frames;
-  PoseTrack some{track.source, {}, {}, track.rate_hz / step};
+  PoseTrack some{track.source, {}, {}, track.rate_hz};
   for (size_t i = 0; i < wanted.size(); i += static_cast<size_t>(step)) {
     const auto found = std::lower_bound(track.frames.begin(), track.frames.end(), wanted[i]);
     if (found == track.frames.end() || *found != wanted[i]) {

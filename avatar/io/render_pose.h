@@ -16,7 +16,7 @@ struct PoseTrack {
   std::string source;       ///< file or folder, for messages
   std::vector<int> frames;  ///< ascending
   std::vector<dataset::Coco19Pose> poses;
-  double rate_hz = 0;  ///< 0: unknown
+  double rate_hz = 0;  ///< frame numbers a second; 0: unknown
 };
 
 /// The person's poses in a dataset.
@@ -25,6 +25,9 @@ PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
 /// Poses from a Panoptic sequence or its folder of body3DScene files, one such file, or a folder with points.csv (`pose3d`).
 /// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
 PoseTrack ReadPoseTrack(const std::string& path, int person);
+
+/// Median distance of neighbouring frame numbers; 1 for fewer than two frames.
+int UsualStep(const std::vector<int>& frames);
 
 /// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a frame that is not there.
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);

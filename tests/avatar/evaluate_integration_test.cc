@@ -9,6 +9,8 @@
 #include "avatar/io/evaluate_groups.h"
 #include "avatar/io/strips.h"
 #include "avatar/model.h"
+#include "avatar/picture_scores.h"
+#include "avatar/sequence.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/script_nets.h"
@@ -111,6 +113,39 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
     EXPECT_THAT(ToJsonText(e), HasSubstr(key));
   }
   EXPECT_THAT(ToTable(e), HasSubstr("baseline: nearest pose"));
+}
+
+TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
+  ModelOptions model;
+  model.method = "v2v";
+  model.width = 4, model.downs = 2, model.encoder_blocks = model.decoder_blocks = 1;
+  AvatarModel avatar = MakeModel(model, 64, {-0.5, 0.5}, 1);
+  for (at::Tensor& parameter : avatar.generator->parameters()) parameter.data().mul_(3);  // flat before training
+  WriteTensorFile(ModelToTensors(avatar), run() + "/checkpoint.safetensors");
+  EvaluateOptions options;
+  options.pictures = 0, options.other_pictures = 2, options.features = "gabor";
+  const Evaluation e = Evaluate(run(), options, {});
+  PackOptions pack = config_.pack;
+  pack.template_maps = false;
+  pack.cameras = config_.split.holdout_cameras;
+  const auto ssim_of_frame_3 = [&](const std::vector<int>& frames) {
+    pack.frames = frames;
+    const AvatarPack some = BuildPack(data_, pack, {}).pack;
+    const RenderedPack rendered = RenderPack(avatar, some, 1);
+    double sum = 0;
+    for (int64_t i = 0; i < some.size(); ++i) {
+      if (some.frame[i].item<int64_t>() != 3) continue;
+      const auto one = [i](const at::Tensor& t) { return t.slice(0, i, i + 1); };
+      sum += ScorePictures(EightBit(one(OnBlack(some))), one(some.masks), EightBit(one(rendered.images)),
+                           one(rendered.masks).to(at::kDouble))[0]
+                 .bbox.ssim;
+    }
+    return sum / 2;
+  };
+  const double own = e.other_splits.at("held-out cameras in training frames").mean.bbox.ssim;
+  EXPECT_EQ(e.other_splits.at("held-out cameras in training frames").mean.n, 2) << "frame 3 of 0 to 5 of both cameras";
+  EXPECT_NEAR(own, ssim_of_frame_3({1, 2, 3}), 1e-9);
+  EXPECT_GT(std::abs(own - ssim_of_frame_3({3})), 1e-6) << "the past matters";
 }
 
 TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {

@@ -38,7 +38,7 @@ Quality Overfit(const char* method, int steps) {
   AvatarModel trained;
   const TrainReport report = TrainTna(pack, nullptr, model, options, run, nullptr, &trained);
   EXPECT_EQ(report.status, Status::kOk) << report.message;
-  const Rendering r = Render(trained, pack.joints_in_cam, pack.joint_valid, pack.intrinsics, pack.size_px, pack.size_px);
+  const Rendering r = Render(trained, PosesOf(pack), pack.size_px, pack.size_px);
   return Compare(r.image, pack);
 }
 

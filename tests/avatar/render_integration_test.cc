@@ -120,6 +120,20 @@ INSTANTIATE_TEST_SUITE_P(All, RenderMethods,
                                            MethodAndPrior("v2v", "none"), MethodAndPrior("tna", "template"),
                                            MethodAndPrior("v2v", "template")));
 
+TEST_F(RenderRun, AfterAGapAMethodWithMemoryBeginsAnew) {
+  AvatarModel model = Model("v2v");
+  RenderOptions options;
+  options.cameras = "00_00", options.frames = {1, 2, 4, 5};
+  const auto gap = RenderAll(model, options);
+  options.frames = {4, 5};
+  const auto fresh = RenderAll(model, options);
+  options.frames = {1, 2, 3, 4, 5};
+  const auto straight = RenderAll(model, options);
+  EXPECT_EQ(LargestDifference(gap.at("00_00 5"), fresh.at("00_00 5")), 0);
+  EXPECT_EQ(LargestDifference(gap.at("00_00 2"), straight.at("00_00 2")), 0);
+  EXPECT_GT(LargestDifference(straight.at("00_00 5"), fresh.at("00_00 5")), 1) << "the past matters";
+}
+
 TEST_F(RenderRun, APoseThatTheTemplateCannotTakeIsLeftOutWithTheReason) {
   config_.pack.template_input_px = 64;
   for (const int hip : {2, 6, 12}) data_.poses.at(4).at(0).valid[hip] = false;
@@ -143,7 +157,7 @@ TEST_F(RenderRun, BackdropsAreTheRenderersOwnBackground) {
   pose.intrinsics = at::zeros({1, 4});
   FillPose(pose, 0, plan.joints[0], plan.jobs[0].crop);
   const at::Tensor colour = at::tensor({10.0f / 255, 200.0f / 255, 30.0f / 255});
-  const Rendering r = Render(model, pose.joints_in_cam, pose.joint_valid, pose.intrinsics, 64, 64, colour);
+  const Rendering r = Render(model, PosesOf(pose), 64, 64, colour);
   EXPECT_LT(CleanAlpha(r.mask_prob).min().item<double>(), 0.9);
   EXPECT_GT(CleanAlpha(r.mask_prob).max().item<double>(), 0.1);
   const at::Tensor expected = (r.image[0] * 255).round().permute({1, 2, 0}).to(at::kByte).contiguous();

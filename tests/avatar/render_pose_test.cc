@@ -129,7 +129,10 @@ TEST(PoseTrack, ReadsScenesAndTheirRate) {
   EXPECT_EQ(ReadPoseTrack(folder.path(), 3).frames, track.frames) << "the sequence's root";
   EXPECT_EQ(ReadPoseTrack(scenes + "/body3DScene_00000010.json", 1).frames, std::vector<int>{10});
   EXPECT_EQ(SelectFrames(track, {}, 2).frames, (std::vector<int>{10, 14}));
-  EXPECT_NEAR(SelectFrames(track, {}, 2).rate_hz, 12.5, 1e-9);
+  EXPECT_NEAR(SelectFrames(track, {}, 2).rate_hz, 25, 1e-9) << "of frame numbers, whichever are taken";
+  EXPECT_EQ(UsualStep(track.frames), 2);
+  EXPECT_EQ(UsualStep({10, 11, 12, 40, 41}), 1);
+  EXPECT_EQ(UsualStep({7}), 1);
   EXPECT_THAT(MessageOf<UsageError>([&] { SelectFrames(track, {11}, 1); }),
               AllOf(HasSubstr("frame 11"), HasSubstr("10 to 16")));
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadPoseTrack(scenes, 7); }), HasSubstr("1, 3"));

@@ -57,9 +57,7 @@ TrainOptions Steps(int steps) {
 }
 
 Rendering RenderRow(AvatarModel& model, const AvatarPack& pack, int64_t row) {
-  const auto one = [row](const at::Tensor& t) { return t.slice(0, row, row + 1); };
-  return Render(model, one(pack.joints_in_cam), one(pack.joint_valid), one(pack.intrinsics), kSize, kSize, {}, {},
-                one(pack.template_maps));
+  return Render(model, PosesOf(Select(pack, {row})), kSize, kSize);
 }
 
 TEST(TemplateChannels, HoldCoverCoordinatesAndOneOfTheParts) {
@@ -223,7 +221,7 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   EXPECT_THAT(message(small, Tiny("tna")), HasSubstr("--prior template needs"));
   EXPECT_THAT(message(with, bones), HasSubstr("--prior none takes no"));
   AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
-  EXPECT_THROW(Render(model, with.joints_in_cam, with.joint_valid, with.intrinsics, kSize, kSize), ContractViolation);
+  EXPECT_THROW(Render(model, PosesOf(without), kSize, kSize), ContractViolation);
   bones.prior = "all";
   EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("--prior must be none or template"));
 }

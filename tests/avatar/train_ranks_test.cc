@@ -11,6 +11,7 @@
 #include "avatar/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/message_of.h"
 
 /// Several ranks are threads here; as processes they do the same (tests/cli).
 namespace mvstudio::avatar {
@@ -161,7 +162,7 @@ TEST(Ranks, OneThatFailsOrIsStoppedEndsAll) {
     const TrainReport report = trainer.Run(nullptr, nullptr);
     EXPECT_EQ(report.status, Status::kNonFiniteInput);
     EXPECT_EQ(report.steps_done, 0);
-    EXPECT_THAT(report.message, testing::HasSubstr("frame "));
+    EXPECT_THAT(report.message, ::testing::HasSubstr("frame "));
     EXPECT_TRUE(at::equal(trainer.model().generator->parameters()[2], before));
   });
 }
@@ -180,6 +181,40 @@ TEST(Ranks, ThoseThatDifferAndPlacesThatCannotBeAreRefused) {
     Trainer trainer(pack, TinyModel("tna"), TinyTraining(2 + ranks->rank()), OneThread());
     EXPECT_THROW(trainer.Join(ranks), UsageError);
   });
+  WithRanks(2, "rates", [&](const std::shared_ptr<const Ranks>& ranks) {
+    TrainOptions options = TinyTraining(2);
+    options.learning_rate *= 1 + ranks->rank();
+    Trainer trainer(pack, TinyModel("tna"), options, OneThread());
+    const std::string text = mvstudio::testing::MessageOf<UsageError>([&] { trainer.Join(ranks); });
+    EXPECT_THAT(text,
+                ::testing::AllOf(::testing::HasSubstr("training options"), ::testing::Not(::testing::HasSubstr("pictures"))));
+  });
+  AvatarPack other = pack;
+  other.images = pack.images.clone();
+  other.images[3][1][8][8] += 1;
+  WithRanks(2, "pictures", [&](const std::shared_ptr<const Ranks>& ranks) {
+    Trainer trainer(ranks->rank() == 0 ? pack : other, TinyModel("tna"), TinyTraining(2), OneThread());
+    EXPECT_THAT(mvstudio::testing::MessageOf<UsageError>([&] { trainer.Join(ranks); }),
+                ::testing::HasSubstr("differ in pictures:"));
+  });
+}
+
+TEST(Ranks, GoOnWithAsManyPicturesAStepAsBefore) {
+  const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
+  TensorFile file;
+  WithRanks(2, "before", [&](const std::shared_ptr<const Ranks>& ranks) {
+    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread());
+    trainer.Join(ranks);
+    trainer.Run(nullptr, nullptr, 5);
+    if (ranks->rank() == 0) file = trainer.Checkpoint();
+  });
+  EXPECT_EQ(RanksFrom(file, "x"), 2);
+  TrainOptions options = TrainOptionsFrom(file, "x");
+  Trainer alone(pack, file, "x", options, OneThread());
+  EXPECT_THAT(mvstudio::testing::MessageOf<UsageError>([&] { alone.Run(nullptr, nullptr); }),
+              ::testing::HasSubstr("--ranks as before, 2"));
+  options.batch = 4;
+  EXPECT_EQ(Trainer(pack, file, "x", options, OneThread()).Run(nullptr, nullptr).steps_done, 5) << "the same pictures";
 }
 
 }  // namespace

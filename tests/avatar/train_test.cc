@@ -111,7 +111,7 @@ TEST(Train, LearnsAFewPicturesByHeart) {
     const TrainReport report = TrainTna(pack, nullptr, model, options, OneThread(), nullptr, &trained);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     EXPECT_EQ(trained.step, 100);
-    const Rendering r = Render(trained, pack.joints_in_cam, pack.joint_valid, pack.intrinsics, 32, 32);
+    const Rendering r = Render(trained, PosesOf(pack), 32, 32);
     const at::Tensor truth = pack.images.to(at::kFloat) / 255, mask = pack.masks > 0;
     const double error = (r.image - truth).abs().mean().item<double>(), black = truth.mean().item<double>();
     EXPECT_LT(error, 0.35 * black) << method;
@@ -212,11 +212,11 @@ TEST(Model, CheckpointsThatDoNotFitAreRefused) {
 TEST(Model, RenderingRefusesPosesThatAreNotFinite) {
   AvatarModel model = MakeModel(TinyModel(), 32, {-1, 1}, 1);
   AvatarPack pack = MakeSyntheticPack(1, 32, 4);
-  const Rendering r = Render(model, pack.joints_in_cam, pack.joint_valid, pack.intrinsics, 32, 32, at::ones({3}));
+  const Rendering r = Render(model, PosesOf(pack), 32, 32, at::ones({3}));
   EXPECT_EQ(r.image.sizes(), at::IntArrayRef({1, 3, 32, 32}));
   EXPECT_EQ(r.uv.sizes(), at::IntArrayRef({1, 2, 32, 32}));
   pack.joints_in_cam[0][0][0] = std::nan("");
-  EXPECT_THROW(Render(model, pack.joints_in_cam, pack.joint_valid, pack.intrinsics, 32, 32), ContractViolation);
+  EXPECT_THROW(Render(model, PosesOf(pack), 32, 32), ContractViolation);
 }
 
 }  // namespace

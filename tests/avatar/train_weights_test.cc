@@ -124,6 +124,45 @@ TEST(Patience, EndsEarlyAndHandsOutTheWeightsOfTheBestCheck) {
   }
 }
 
+TEST(Patience, AScoreThatIsNotFiniteIsNeverTheBest) {
+  const AvatarPack pack = MakeSyntheticPack(6, 16, 4), validation = MakeSyntheticPack(2, 16, 9);
+  TrainOptions options = TinyTraining(0, 200);
+  options.patience = 3;
+  ModelOptions model = TinyModel("direct");
+  model.norm = "batch";
+  Trainer trainer(pack, model, options, OneThread());
+  const auto fill = [&](double value) {  // the running statistics, which training steps do not look at
+    torch::NoGradGuard no_grad;
+    for (const at::Tensor& buffer : trainer.model().generator->buffers()) {
+      if (buffer.is_floating_point()) at::Tensor(buffer).fill_(value);
+    }
+  };
+  const TrainReport report = trainer.Run(&validation, [&](int64_t, const HistoryRow*) {
+    fill(std::nan(""));
+    return true;
+  });
+  EXPECT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_TRUE(report.ended_early);
+  EXPECT_EQ(report.best_step, -1);
+  EXPECT_EQ(report.steps_done, 3 * options.save_every);
+  EXPECT_NE(report.message.find("no check had a finite one"), std::string::npos) << report.message;
+  fill(1);
+  const TensorFile file = trainer.Checkpoint();
+  EXPECT_TRUE(Trainer(pack, file, "x", TrainOptionsFrom(file, "x"), OneThread()).Run(&validation, nullptr).ended_early);
+}
+
+TEST(Textures, AreThereWhenTheInitialisationEnds) {
+  const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
+  Trainer trainer(pack, TinyModel(), TinyTraining(4, 6), OneThread());
+  std::vector<double> spread;
+  trainer.Run(nullptr, [&](int64_t, const HistoryRow*) {
+    spread.push_back(trainer.model().textures.detach().std().item<double>());
+    return true;
+  });
+  EXPECT_EQ(spread[2], 0) << "grey";
+  EXPECT_GT(spread[3], 0.05) << "a check or a checkpoint of this step has colours";
+}
+
 TEST(Freeze, TexelsThatNoPictureShowsKeepTheirBytes) {
   const AvatarPack pack = MakeSyntheticPack(4, 16, 4);
   TrainOptions options = TinyTraining(30, 20);

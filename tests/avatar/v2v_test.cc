@@ -59,13 +59,11 @@ TEST(Sequence, RendersFrameByFrameWhateverTheBatch) {
   EXPECT_TRUE(at::allclose(one.images, many.images, 0, 1e-6));
   at::Tensor past = at::zeros({1, 6, 16, 16});
   for (int64_t i = 0; i < 3; ++i) {  // camera 0 by hand
-    const Rendering r = Render(model, pack.joints_in_cam.slice(0, i, i + 1), pack.joint_valid.slice(0, i, i + 1),
-                               pack.intrinsics.slice(0, i, i + 1), 16, 16, {}, past);
+    const Rendering r = Render(model, PosesOf(Select(pack, {i})), 16, 16, {}, past);
     EXPECT_TRUE(at::allclose(r.image[0], one.images[i], 0, 1e-6)) << i;
     past = at::cat({r.image, past.slice(1, 0, 3)}, 1);
   }
-  const Rendering fresh =
-      Render(model, pack.joints_in_cam.slice(0, 2, 3), pack.joint_valid.slice(0, 2, 3), pack.intrinsics.slice(0, 2, 3), 16, 16);
+  const Rendering fresh = Render(model, PosesOf(Select(pack, {2})), 16, 16);
   EXPECT_FALSE(at::allclose(fresh.image[0], one.images[2], 0, 1e-4)) << "the past must matter";
 }
 

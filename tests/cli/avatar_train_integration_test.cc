@@ -56,8 +56,8 @@ TEST_F(AvatarTrain, TakesASplitFileAndNothingBesideIt) {
   ASSERT_EQ(run.exit, 0) << run.err;
   const auto metrics = run.Json()["metrics"];
   EXPECT_EQ(metrics["train"]["frames"], 4);
-  EXPECT_EQ(metrics["best_step"], 6) << "without learning the first check is the best";
-  EXPECT_EQ(metrics["steps"], 8);
+  EXPECT_EQ(metrics["best_step"], 4) << "without learning the first check, at the end of the initialisation, is the best";
+  EXPECT_EQ(metrics["steps"], 6);
   EXPECT_EQ(metrics["ended_early"], true);
   EXPECT_TRUE(fs::exists(out("split") + "/pictures/step_000006.png"));
   const auto config = nlohmann::json::parse(testing::Slurp(out("split") + "/config.json"))["split"];
@@ -101,6 +101,36 @@ TEST_F(AvatarTrain, BeginsWithAnotherAvatarsNetwork) {
   const CliRun refused = RunCli(wider);
   EXPECT_EQ(refused.exit, 2);
   EXPECT_THAT(refused.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--width 6"));
+  std::vector<std::string> usual = few;
+  usual.insert(usual.end(), {"--overwrite", "--width", "16"});
+  EXPECT_EQ(RunCli(usual).exit, 2) << "asked for, although it is the default";
+}
+
+TEST_F(AvatarTrain, AnOlderRunStaysUntilTheNewOneCanBeginAndItsScoresDoNotSurviveIt) {
+  const std::vector<std::string> held_out = {"--holdout-cameras", "00_02", "--holdout-frames", "6-7"};
+  const auto train = [&](const std::vector<std::string>& more) { return TrainTiny("again", Joined(held_out, more)); };
+  const auto score = [] {
+    ASSERT_EQ(RunCli({"avatar", "eval", out("again"), "--features", "gabor"}).exit, 0);
+    ASSERT_TRUE(fs::exists(out("again") + "/avatar_eval.result.json"));
+  };
+  const auto scores = [] {
+    return fs::exists(out("again") + "/avatar_eval.result.json") || fs::exists(out("again") + "/protocol.json") ||
+           fs::exists(out("again") + "/eval");
+  };
+  ASSERT_EQ(train({"--steps", "1"}).exit, 0);
+  score();
+  const std::string checkpoint = testing::Slurp(out("again") + "/checkpoint.safetensors");
+  for (const auto& impossible : {std::vector<std::string>{"--size", "34"}, {"--patience", "1"}, {"--amp", "--device", "cpu"}})
+    EXPECT_EQ(train(Joined({"--steps", "1", "--overwrite"}, impossible)).exit, 2) << impossible[0];
+  EXPECT_EQ(testing::Slurp(out("again") + "/checkpoint.safetensors"), checkpoint);
+  EXPECT_TRUE(scores());
+  EXPECT_EQ(RunCli({"avatar", "resume", out("again"), "--json"}).exit, 0);
+  EXPECT_TRUE(scores()) << "there was nothing to do";
+  ASSERT_EQ(RunCli({"avatar", "resume", out("again"), "--steps", "2", "--json"}).exit, 0);
+  EXPECT_FALSE(scores()) << "they were of other weights";
+  score();
+  ASSERT_EQ(train({"--steps", "0", "--overwrite"}).exit, 0);
+  EXPECT_FALSE(scores());
 }
 
 TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
@@ -142,9 +172,11 @@ TEST_F(AvatarTrain, SeveralProcessesTrainOneAvatar) {
   EXPECT_EQ(run.Json()["metrics"]["steps"], 12);
   for (const auto& entry : fs::directory_iterator(out("ranks")))
     EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
-  const CliRun more = RunCli({"avatar", "resume", out("ranks"), "--steps", "10", "--ranks", "2", "--json", "--threads", "2"});
+  const CliRun more = RunCli({"avatar", "resume", out("ranks"), "--steps", "10", "--json", "--threads", "2"});
   ASSERT_EQ(more.exit, 0) << more.err;
   EXPECT_EQ(more.Json()["metrics"]["steps"], 14);
+  EXPECT_EQ(more.Json()["metrics"]["ranks"], 2) << "as before";
+  EXPECT_EQ(RunCli({"avatar", "resume", out("ranks"), "--steps", "12", "--ranks", "1", "--json"}).exit, 2);
   EXPECT_EQ(Train("none", {"--ranks", "2", "--rank", "1"}).exit, 2);
   EXPECT_EQ(Train("none", {"--rank", "2", "--world-size", "2", "--rendezvous", out("meet")}).exit, 2);
 }
