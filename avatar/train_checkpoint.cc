@@ -24,6 +24,10 @@ void CheckNet(const TensorFile& checkpoint, const std::string& path, const Featu
   if (then != now)
     throw UsageError(path + ": was trained with the perceptual net '" + then + "', now it is '" + now +
                      "'; give the same --perceptual");
+  const auto digest = checkpoint.metadata.find("perceptual_sha256");  // older checkpoints have none
+  if (net && digest != checkpoint.metadata.end() && digest->second != net->sha256())
+    throw UsageError(path + ": was trained with another perceptual net of the name '" + then + "', of SHA-256 " +
+                     digest->second + "; give that file as --perceptual");
 }
 
 void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, const std::string& path) {
@@ -103,6 +107,7 @@ TensorFile Trainer::Checkpoint() const {
       file.tensors["critic." + slot.name] = slot.value.detach().to(at::kCPU).clone();
   }
   file.metadata["perceptual"] = s.perceptual ? s.perceptual->name() : "none";
+  if (s.perceptual) file.metadata["perceptual_sha256"] = s.perceptual->sha256();
   for (const auto& [name, value] : FieldsAsText(s.options)) file.metadata["train." + name] = value;
   file.metadata["train.device"] = s.asked_device;
   if (s.world() > 1) file.metadata["train.ranks"] = std::to_string(s.world());

@@ -16,7 +16,8 @@ using report::Value;
 constexpr char kScoreKeys[][12] = {"ssim", "psnr_db", "mask_iou", "boundary_f", "lpips", "flicker"};
 /// Options that change no number of a result.
 constexpr char kSilentOptions[][24] = {
-    "seed", "train.device", "train.save-every", "train.report-every", "train.validate-pictures", "model.method"};
+    "seed",        "train.device", "train.save-every", "train.report-every", "train.validate-pictures", "train.picture-every",
+    "model.method"};
 
 const std::map<std::string, std::string> kMethodNames = {{"tna", "TNA"}, {"direct", "Direct"}, {"v2v", "V2V-lite"}};
 

@@ -7,6 +7,7 @@
 #include "cli/avatar_scores.h"
 #include "cli/avatar_table.h"
 #include "cli/commands.h"
+#include "core/error.h"
 #include "core/files.h"
 #include "report/format.h"
 #include "report/study_tally.h"
@@ -49,14 +50,37 @@ ordered_json RowJson(const ComparisonRow& row) {
   return json;
 }
 
-CommandResult Run(const Arguments& arguments) {
+std::vector<ScoredRun> ReadRuns(const std::vector<std::string>& texts) {
   std::vector<ScoredRun> runs;
-  for (const std::string& text : arguments.runs) {
+  std::set<std::filesystem::path> folders;
+  for (const std::string& text : texts) {
     runs.push_back(ReadScoredRun(text));
     RequireSameProtocol(runs.back().protocol, runs.front().protocol);
+    if (!folders.insert(std::filesystem::weakly_canonical(runs.back().folder)).second)
+      throw UsageError(runs.back().folder + " is given twice: a run counts once in the spread of its row");
   }
+  return runs;
+}
+
+/// Runs of one seed in one row are no samples of what the seed changes.
+void WarnOfRepeatedSeeds(const Comparison& comparison, CommandResult* result) {
+  for (const ComparisonRow& row : comparison.rows) {
+    std::set<std::string> seeds;
+    for (const std::string& seed : row.seeds) {
+      if (seeds.insert(seed).second) continue;
+      result->warnings.push_back({"CMP-SEED",
+                                  "'" + row.name + "' has several runs of seed " + seed + ": its spread is too small",
+                                  "train with other --seed, or name what differs: NAME=RUN"});
+      break;
+    }
+  }
+}
+
+CommandResult Run(const Arguments& arguments) {
+  const std::vector<ScoredRun> runs = ReadRuns(arguments.runs);
   Comparison comparison = CompareRuns(runs, arguments.baselines);
   CommandResult result;
+  WarnOfRepeatedSeeds(comparison, &result);
   if (!arguments.study.empty()) {
     std::vector<report::StudyAnswers> answers;
     for (const std::string& path : arguments.study) answers.push_back(report::ReadStudyAnswers(path));

@@ -85,10 +85,11 @@ Json TrainingJson(const Evaluation& e) {
 
 std::string Row(const std::string& name, const Scored& scored) {
   char line[240];
-  const std::string fd = scored.fd ? std::to_string(scored.fd->fd).substr(0, 6) : "-";
+  char fd[32] = "-";
+  if (scored.fd) std::snprintf(fd, sizeof fd, "%.4g", scored.fd->fd);
   std::snprintf(line, sizeof line, "  %-38s %5lld  %.4f  %6.2f  %.4f  %.4f  %6.2f  %s\n", name.c_str(),
                 static_cast<long long>(scored.mean.n), scored.mean.bbox.ssim, scored.mean.bbox.psnr_db, scored.mean.mask_iou,
-                scored.mean.full.ssim, scored.mean.full.psnr_db, fd.c_str());
+                scored.mean.full.ssim, scored.mean.full.psnr_db, fd);
   return line;
 }
 

@@ -158,8 +158,13 @@ TEST(Train, NoLearningRateLeavesEveryByte) {
 /// Levels of known value: the picture, and its squares at half the size.
 class SquareNet : public FeatureNet {
  public:
+  explicit SquareNet(std::string sha256 = "") : sha256_(std::move(sha256)) {}
   std::string name() const override { return "square"; }
+  std::string sha256() const override { return sha256_; }
   std::vector<at::Tensor> Levels(const at::Tensor& rgb) const override { return {rgb, at::avg_pool2d(rgb, 2).square()}; }
+
+ private:
+  std::string sha256_;
 };
 
 TEST(Perceptual, IsTheMeanOverLevelsAndHasAGradientOnOneSideOnly) {
@@ -181,6 +186,8 @@ TEST(Perceptual, ARunGoesOnWithItsOwnNet) {
   const TensorFile file = trainer.Checkpoint();
   EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread()), UsageError);
   EXPECT_NO_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(), std::make_shared<SquareNet>()));
+  EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(), std::make_shared<SquareNet>("other weights")),
+               UsageError);
 }
 
 TEST(Perceptual, FilesThatAreNoNetsAreRefused) {

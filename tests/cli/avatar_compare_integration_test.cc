@@ -102,6 +102,16 @@ TEST_F(AvatarCompare, SeedsOfAMethodShareARowBesideTheBaselines) {
   EXPECT_THAT(two.out, HasSubstr("spread is not known")) << "one seed each";
 }
 
+TEST_F(AvatarCompare, ARunIsNoSampleTwice) {
+  const std::string a = Make("a", Run("tna", 1, 0.7)), b = Make("b", Run("tna", 1, 0.71));
+  const CliRun twice = RunCli({"avatar", "compare", a, a + "/../a/"});
+  EXPECT_EQ(twice.exit, 2);
+  EXPECT_THAT(twice.err, HasSubstr("given twice"));
+  const CliRun same_seed = RunCli({"avatar", "compare", a, b, "--json"});
+  ASSERT_EQ(same_seed.exit, 0) << same_seed.err;
+  EXPECT_EQ(same_seed.Json()["warnings"][0]["code"], "CMP-SEED");
+}
+
 TEST_F(AvatarCompare, WhatTellsRowsApartIsInTheirNames) {
   FakeRun few = Run("tna", 1, 0.6), wide = Run("tna", 1, 0.75);
   few.cameras = {"00_00"}, few.motion_pictures = "bb";
