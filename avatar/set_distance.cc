@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "avatar/features.h"
+#include "avatar/nuclear_norm.h"
 #include "core/check.h"
 #include "core/random.h"
 
@@ -43,9 +44,9 @@ double CrossTerm(const at::Tensor& x, const at::Tensor& y, FrechetForm form) {
     const at::Tensor product = root.matmul(y.t().matmul(y)).matmul(root);
     return at::linalg_eigvalsh((product + product.t()) / 2).clamp_min(0).sqrt().sum().item<double>();
   }
-  if (form == FrechetForm::kNuclear) return at::linalg_svdvals(x.matmul(y.t())).sum().item<double>();
+  if (form == FrechetForm::kNuclear) return NuclearNorm(x.matmul(y.t()));
   const at::Tensor rx = std::get<1>(at::linalg_qr(x, "r")), ry = std::get<1>(at::linalg_qr(y, "r"));
-  return at::linalg_svdvals(rx.matmul(ry.t())).sum().item<double>();
+  return NuclearNorm(rx.matmul(ry.t()));
 }
 
 double SumOffDiagonal(const at::Tensor& k) { return (k.sum() - k.diagonal().sum()).item<double>(); }

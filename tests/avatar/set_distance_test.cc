@@ -85,6 +85,7 @@ TEST(Frechet, RefusesTooFewSamplesAndNan) {
   at::Tensor bad = x.clone();
   bad[2][1] = std::numeric_limits<double>::infinity();
   EXPECT_THROW(FrechetDistance(x, bad), ContractViolation);
+  EXPECT_THROW(FrechetDistance(x * 1e200, x * 1e200), ContractViolation) << "not 0";
   EXPECT_THROW(FrechetSplitHalfFloor(x.slice(0, 0, 3)), ContractViolation);
   EXPECT_THROW(KernelInceptionDistance(x, x.slice(0, 0, 2)), ContractViolation);
 }
