@@ -9,12 +9,12 @@
 #include <tuple>
 
 #include "calib/calibrate_steps.h"
-#include "calib/frame_offset.h"
 #include "calib/mrcal_engine.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -106,18 +106,35 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
   work->state.rig_from_board.resize(input.boards.size());
 }
 
+std::vector<std::string> NamesOf(const std::vector<geometry::Camera>& cameras) {
+  std::vector<std::string> names;
+  for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
+  return names;
+}
+
 /// Frames of different cameras that do not belong together are refused, or shifted unless `--time-offset none`.
 bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
-  std::vector<std::string> names;
-  for (const geometry::Camera& camera : work->state.cameras) names.push_back(camera.name);
-  const FrameOffsets offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, names);
+  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, NamesOf(work->state.cameras));
+  const FrameOffsets& offsets = work->offsets;
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
   report->frame_shift = offsets.shift;
   if (options.time_offset != "none") work->shift = offsets.shift;
   Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
   return false;
+}
+
+/// A doubt of the cameras by themselves stands unless the rig explains the boards about as well as each camera does alone.
+void ReconsiderFrames(const Work& work, CalibrateReport* report) {
+  constexpr double kWorse = 2, kSlackPx = 0.05;
+  if (work.offsets.kind != FrameOffsets::Kind::kInconsistent) return;
+  std::vector<double> alone;
+  for (const MonoSolution& mono : work.monos) alone.push_back(mono.bundle.rms_px);
+  FrameOffsets offsets = work.offsets;
+  if (report->rms_px <= kWorse * UpperMedian(alone) + kSlackPx)
+    Reconsider(work.views, work.prior, NamesOf(work.state.cameras), &offsets);
+  report->frames_doubt = offsets.text;
 }
 
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
@@ -195,7 +212,8 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
             CalibrateReport* report) {
   work->bundle.num_threads = ResolveThreads(run.num_threads);
   if (!Keep(Solve(input, options, work), report)) return false;
-  if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason)) return true;
+  if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason))
+    return true;
   return Keep(internal::SolveWithTimeOffsets(work), report);
 }
 
@@ -296,6 +314,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   stage.Advance(1, "adjustment");
   internal::FillReport(input, work, GaugeText(input, options, world, work), report);
+  ReconsiderFrames(work, report);
   AddCovariance(work, report);
   AddUncertainty(input, options, work, report);
   stage.Advance(1, "covariance");
@@ -313,7 +332,8 @@ std::vector<int> ByName(const CalibrateInput& input) {
 CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& order) {
   CalibrateInput sorted = input;
   std::vector<int> position(order.size());
-  for (size_t i = 0; i < order.size(); ++i) sorted.cameras[i] = input.cameras[order[i]], position[order[i]] = static_cast<int>(i);
+  for (size_t i = 0; i < order.size(); ++i)
+    sorted.cameras[i] = input.cameras[order[i]], position[order[i]] = static_cast<int>(i);
   for (Detection& d : sorted.detections) d.camera_idx = position[d.camera_idx];
   std::stable_sort(sorted.detections.begin(), sorted.detections.end(), [](const Detection& a, const Detection& b) {
     return std::tie(a.camera_idx, a.frame_idx, a.board_idx) < std::tie(b.camera_idx, b.frame_idx, b.board_idx);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
+#include "calib/frame_offset.h"
 #include "calib/intrinsics.h"
 #include "calib/lens_pool.h"
 #include "calib/model_selection.h"
@@ -30,6 +31,7 @@ struct Work {
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
   BundleOptions bundle;                   // of the last adjustment
+  FrameOffsets offsets;                   // as the cameras by themselves say
   std::vector<int64_t> shift;             // per camera: what its frame numbers lack; the run has to start again with them
 };
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <queue>
 #include <set>
+#include <tuple>
 
 #include "core/check.h"
 
@@ -341,6 +342,31 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
   if (out.kind != FrameOffsets::Kind::kShifted) std::fill(out.shift.begin(), out.shift.end(), 0);
   Describe(camera_names, &out);
   return out;
+}
+
+void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
+                const std::vector<std::string>& camera_names, FrameOffsets* offsets) {
+  if (offsets->kind != FrameOffsets::Kind::kInconsistent) return;
+  constexpr double kMostLost = 0.05;
+  std::map<std::tuple<int, int, int>, bool> lost;  // by camera, frame and board
+  for (size_t v = 0; v < views.size(); ++v) {
+    const Eigen::Index given = (prior[v].array() > 0).count(), kept = (views[v].weights.array() > 0).count();
+    if (given > 0) lost[{views[v].camera_idx, views[v].frame, views[v].board}] = 2 * kept < given;
+  }
+  for (FramePair& pair : offsets->pairs) {
+    if (pair.kind != FramePair::Kind::kInconsistent) continue;
+    int shared = 0, broken = 0;
+    for (const auto& [view, lost_in_a] : lost) {
+      const auto& [camera, frame, board] = view;
+      const auto other = camera == pair.a ? lost.find({pair.b, frame, board}) : lost.end();
+      if (other == lost.end()) continue;
+      ++shared, broken += lost_in_a || other->second;
+    }
+    if (shared > 0 && broken <= kMostLost * shared) pair.kind = FramePair::Kind::kConsistent;
+  }
+  offsets->kind = Conclude(*offsets);
+  offsets->text = offsets->hint = "";
+  Describe(camera_names, offsets);
 }
 
 void ApplyFrameOffsets(const FrameOffsets& offsets, std::vector<Detection>* detections) {

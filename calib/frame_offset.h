@@ -50,6 +50,12 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
                               const std::vector<int64_t>& frames, const std::vector<std::string>& camera_names,
                               const FrameOffsetOptions& options = {});
 
+/// What a joint adjustment leaves of kInconsistent: lenses of a few views of one camera each may be too poor for the measure
+/// above. A pair agrees after all when neither camera has lost more than half of a board (weight 0 in `views`, more in `prior`)
+/// in nineteen of twenty that both see in a frame.
+void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
+                const std::vector<std::string>& camera_names, FrameOffsets* offsets);
+
 /// Adds the shifts to the frame numbers.
 void ApplyFrameOffsets(const FrameOffsets& offsets, std::vector<Detection>* detections);
 

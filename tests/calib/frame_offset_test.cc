@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/calibrate.h"
 #include "calib/corner_files.h"
 #include "calib/formats.h"
 #include "calib/resection.h"
@@ -87,16 +88,60 @@ TEST(FrameOffset, EachCameraItsOwn) {
   EXPECT_EQ(offsets.shift[2] - offsets.shift[0], 7);
 }
 
-TEST(FrameOffset, ScrambledFramesAreInconsistent) {
+/// Camera 2's frames from `first` on in any order.
+testing::Scene ScrambledScene(int first = 0) {
   testing::Scene scene = MovingScene(0.3, 0.2);
   Rng rng(5);
   std::vector<int64_t> order(60);
   for (int i = 0; i < 60; ++i) order[i] = i;
-  for (int i = 59; i > 0; --i) std::swap(order[i], order[rng.Index(i + 1)]);
+  for (int i = 59; i > first; --i) std::swap(order[i], order[first + rng.Index(i + 1 - first)]);
   for (Detection& d : scene.detections) d.frame_idx = d.camera_idx == 2 ? order[d.frame_idx] : d.frame_idx;
+  return scene;
+}
+
+TEST(FrameOffset, ScrambledFramesAreInconsistent) {
+  const testing::Scene scene = ScrambledScene();
   const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, scene.detections);
   EXPECT_EQ(offsets.kind, Kind::kInconsistent);
   EXPECT_NE(offsets.text.find("cam2"), std::string::npos) << offsets.text;
+}
+
+TEST(FrameOffset, ADoubtThatTheRigBearsOutStands) {
+  CalibrateOptions options;
+  options.model = "pinhole";
+  for (const int first : {0, 30, 45}) {
+    const CalibrateReport report = Calibrate(testing::ToInput(ScrambledScene(first)), options, RunContext());
+    EXPECT_NE(report.frames_doubt.find("cam2"), std::string::npos) << first << ": " << report.message;
+  }
+}
+
+TEST(FrameOffset, ADoubtThatTheRigDispelsIsDropped) {
+  FrameOffsets offsets;
+  offsets.kind = Kind::kInconsistent;
+  FramePair pair;
+  pair.kind = FramePair::Kind::kInconsistent, pair.a = 0, pair.b = 1;
+  offsets.pairs = {pair};
+  const auto views_with = [](int num_lost) {
+    std::vector<View> views;
+    for (int f = 0; f < 20; ++f) {
+      for (int c = 0; c < 2; ++c) {
+        View view;
+        view.camera_idx = c, view.frame = f;
+        view.weights = Eigen::VectorXd::Constant(10, 1.0);
+        if (c == 1 && f < num_lost) view.weights.head(6).setZero();
+        views.push_back(view);
+      }
+    }
+    return views;
+  };
+  const std::vector<Eigen::VectorXd> prior(40, Eigen::VectorXd::Constant(10, 1.0));
+  FrameOffsets kept = offsets;
+  Reconsider(views_with(2), prior, {"left", "right"}, &kept);
+  EXPECT_EQ(kept.kind, Kind::kInconsistent);
+  EXPECT_NE(kept.text.find("left and right"), std::string::npos) << kept.text;
+  Reconsider(views_with(1), prior, {"left", "right"}, &offsets);
+  EXPECT_EQ(offsets.kind, Kind::kConsistent);
+  EXPECT_EQ(offsets.text, "");
 }
 
 TEST(FrameOffset, StillBoardAndFewFramesAreUndecided) {
