@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "report/format.h"
@@ -37,8 +38,20 @@ std::string SelectionTable(const Value& rows) {
   return DetailsHtml("Lenses that were compared", table.Html());
 }
 
+/// What the darkest shade of all cameras' maps stands for, px: a round number above all that they hold, at most 1.
+double MapScale(const Value& cameras) {
+  double largest = 0;
+  for (const Value& camera : cameras.items()) {
+    for (const auto& row : ReadRows(camera["uncertainty_map_px"])) {
+      for (const double value : row) largest = std::isfinite(value) ? std::max(largest, value) : largest;
+    }
+  }
+  return largest > 0 ? std::min(1.0, NiceBelow(2.5 * largest)) : 1;
+}
+
 std::string CameraMaps(const Value& metrics) {
   std::vector<std::string> figures;
+  const double scale = MapScale(metrics["cameras"]);
   for (const Value& camera : metrics["cameras"].items()) {
     CellGridSpec spec;
     spec.title = camera["name"].Text("?") + ": corners over the image";
@@ -48,11 +61,14 @@ std::string CameraMaps(const Value& metrics) {
     CellGridSpec map;
     map.title = camera["name"].Text("?") + ": uncertainty over the image (px)";
     map.rows = ReadRows(camera["uncertainty_map_px"]);
-    map.decimals = 2;
-    map.full = 1;
+    map.decimals = scale < 0.5 ? 3 : 2;
+    map.full = scale;
+    map.width = map.decimals > 2 ? 520 : 440;
     if (!map.rows.empty()) {
-      figures.push_back(FigureHtml(CellGrid(map), "Standard deviation of a projection along its worst direction, at the median "
-                                                  "distance of the boards; darkest: 1 px and more."));
+      figures.push_back(FigureHtml(CellGrid(map),
+                                   "Standard deviation of a projection along its worst direction, at the median "
+                                   "distance of the boards; darkest: " +
+                                       FormatNumber(scale) + " px" + (scale < 1 ? "." : " and more.")));
     }
   }
   return figures.empty() ? "" : "<h3>Over the image</h3>\n" + GridHtml(figures);
@@ -68,7 +84,8 @@ std::string Covisibility(const Value& metrics) {
   spec.zero_is_missing = true;
   spec.aspect = 0.4;
   spec.width = 760;
-  return FigureHtml(CellGrid(spec), "On the diagonal, the instants of one camera alone. The rig holds together along the pairs with many.");
+  return FigureHtml(CellGrid(spec),
+                    "On the diagonal, the instants of one camera alone. The rig holds together along the pairs with many.");
 }
 
 std::string FilmNext(const Value& hints) {
@@ -81,7 +98,8 @@ std::string FilmNext(const Value& hints) {
 }  // namespace
 
 std::string CalibrationMaps(const Value& metrics) {
-  return FilmNext(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) + Covisibility(metrics);
+  return FilmNext(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) +
+         Covisibility(metrics);
 }
 
 }  // namespace mvstudio::report
