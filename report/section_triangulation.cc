@@ -113,8 +113,9 @@ std::string Presence(const TableFile& table, const std::vector<JointStats>& join
   for (size_t row = 0; row < table.rows.size(); ++row) {
     if (!std::isfinite(frames[row])) continue;
     const size_t r = index[table.rows[row][joint]];
-    const size_t c =
-        std::min(columns - 1, static_cast<size_t>((frames[row] - first) / (last - first + 1) * static_cast<double>(columns)));
+    // Multiplied first: 29 / 100 * 100 is below 29.
+    const double column = (frames[row] - first) * static_cast<double>(columns) / (last - first + 1);
+    const size_t c = std::min(columns - 1, static_cast<size_t>(column));
     ++all[r][c];
     if (table.rows[row][status] == "Ok") ++ok[r][c];
   }
@@ -172,7 +173,8 @@ std::string ReferenceChart(const Value& reference) {
 }
 
 /// Bars of one number of every entry of a list of objects.
-std::string ListChart(const std::string& title, const std::string& label, const Value& list, const char* name, const char* key) {
+std::string ListChart(const std::string& title, const std::string& label, const Value& list, const char* name,
+                      const char* key) {
   BarChartSpec spec;
   spec.title = title;
   spec.value.label = label;

@@ -277,6 +277,21 @@ TEST_F(ReportTest, HostileNamesAreEscapedEverywhere) {
   for (const std::string& figure : Figures(report.html)) EXPECT_EQ(CheckMarkup(figure), "");
 }
 
+TEST_F(ReportTest, AJointThatIsAlwaysThereHasNoGaps) {
+  for (const int frames : {100, 193, 240, 700}) {
+    std::string csv = "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n";
+    for (int f = 0; f < frames; ++f) csv += std::to_string(f) + ",0,Nose,Ok,1,2,3,2,1,0.001\n";
+    SaveText("points.csv", csv);
+    const Report report = Build();
+    const size_t begin = report.html.find("Joints over time"), end = report.html.find("</svg>", begin);
+    ASSERT_NE(begin, std::string::npos);
+    const std::string figure = report.html.substr(begin, end - begin);
+    size_t runs = 0;
+    for (size_t at = figure.find("class=\"h4\""); at != std::string::npos; at = figure.find("class=\"h4\"", at + 1)) ++runs;
+    EXPECT_EQ(runs, 1u) << frames << " frames";
+  }
+}
+
 TEST_F(ReportTest, BrokenFilesBecomeWarningsThatNameThem) {
   SaveCalibrate();
   SaveText("a/broken.result.json", "{\"schema\": \"mvstudio.result/1\", \"met");
