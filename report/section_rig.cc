@@ -126,10 +126,12 @@ Value CalibrationSummary(const Value& calibration) {
   Value cameras = Value::Array();
   for (const Value& camera : calibration["cameras"].items()) {
     const ViewCamera view = ReadCamera(camera);
-    const double variance = camera["intrinsics_covariance"].At(0).At(0).Number();
+    const double fx = camera.Path("intrinsics.fx").Number(), fy = camera.Path("intrinsics.fy").Number();
+    const Value& covariance = camera["intrinsics_covariance"];
+    const double variance = (covariance.At(0).At(0).Number() + covariance.At(1).At(1).Number()) / 2;
     Value summary = Value::Object();
     summary.Set("name", view.name).Set("model", camera["model"]).Set("size_px", camera["size_px"]);
-    summary.Set("focal_px", camera.Path("intrinsics.fx")).Set("focal_sigma_px", std::sqrt(variance));
+    summary.Set("focal_px", (fx + fy) / 2).Set("focal_sigma_px", std::sqrt(variance));
     summary.Set("center_in_world_m", Triple(view.center_in_world));
     cameras.Append(std::move(summary));
   }

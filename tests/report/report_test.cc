@@ -193,8 +193,8 @@ TEST_F(ReportTest, NumbersInJsonAreThoseOfTheInputs) {
   EXPECT_EQ(StageOf("calibrate")["metrics"]["baseline_mm"].get<double>(), 83.12345678901234);
   EXPECT_EQ(StageOf("calibrate")["metrics"]["cameras"][1]["rms_px"], nullptr);
   EXPECT_EQ(StageOf("avatar eval")["metrics"]["holdout"]["fd"]["value"], 3.5);
-  EXPECT_EQ(json_["calibration"]["cameras"][0]["focal_px"], 530.25);
-  EXPECT_DOUBLE_EQ(json_["calibration"]["cameras"][0]["focal_sigma_px"].get<double>(), 0.2);
+  EXPECT_EQ(json_["calibration"]["cameras"][0]["focal_px"], 530.625) << "the mean of fx and fy";
+  EXPECT_DOUBLE_EQ(json_["calibration"]["cameras"][0]["focal_sigma_px"].get<double>(), std::sqrt(0.04 / 2));
   EXPECT_DOUBLE_EQ(json_["calibration"]["cameras"][1]["center_in_world_m"][0].get<double>(), 0.083);
   const Json& joints = json_["triangulation"][0]["joints"];
   EXPECT_EQ(joints[0]["joint"], "MidHip");
