@@ -53,4 +53,16 @@ std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
   return {numbers.begin(), numbers.end()};
 }
 
+std::string RangesText(const std::vector<int>& numbers) {
+  std::string text;
+  for (size_t i = 0; i < numbers.size();) {
+    size_t end = i + 1;
+    while (end < numbers.size() && numbers[end] == numbers[end - 1] + 1) ++end;
+    text += (text.empty() ? "" : ",") + std::to_string(numbers[i]);
+    if (end - i > 1) text += "-" + std::to_string(numbers[end - 1]);
+    i = end;
+  }
+  return text;
+}
+
 }  // namespace mvstudio::cli

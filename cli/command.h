@@ -96,5 +96,7 @@ std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const
 
 /// Parses "80-99" or "1,4,7-9" into sorted numbers; throws UsageError.
 std::vector<int> ParseRanges(const std::string& flag, const std::string& text);
+/// The shortest text that ParseRanges turns into these sorted numbers: "1,4,7-9".
+std::string RangesText(const std::vector<int>& numbers);
 
 }  // namespace mvstudio::cli

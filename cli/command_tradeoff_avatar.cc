@@ -49,9 +49,7 @@ std::string LastFrames(const dataset::PanopticDataset& data) {
     if (people.count(person)) frames.push_back(frame);
   }
   if (frames.size() < 4) throw UsageError(data.root + ": has too few frames to hold some out");
-  std::string text;
-  for (size_t i = frames.size() * 3 / 4; i < frames.size(); ++i) text += (text.empty() ? "" : ",") + std::to_string(frames[i]);
-  return text;
+  return RangesText({frames.begin() + static_cast<std::ptrdiff_t>(frames.size() * 3 / 4), frames.end()});
 }
 
 /// The others, each next one farthest from those before it.

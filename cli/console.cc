@@ -54,8 +54,11 @@ class ConsoleProgress : public ProgressSink {
     const double elapsed = std::chrono::duration<double>(last_ - start_).count();
     const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0;
     const double eta = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0;
-    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %.1f/s  ETA %.0f s  %s" : "%s %lld/%lld  %.1f/s  ETA %.0f s  %s\n",
-                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), rate, eta, note.c_str());
+    char speed[32];
+    std::snprintf(speed, sizeof speed, rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s",
+                  rate > 0 && rate < 0.5 ? 1 / rate : rate);
+    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s  ETA %.0f s  %s" : "%s %lld/%lld  %s  ETA %.0f s  %s\n",
+                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed, eta, note.c_str());
     std::fflush(stderr);
     shown_ = true;
   }

@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/process.h"
+#include "report/format.h"
 #include "report/value.h"
 
 namespace mvstudio::cli {
@@ -115,6 +116,9 @@ Value TrainAndScore(const AvatarTradeoffOptions& options, const CommandContext& 
   keep();
   return record;
 }
+
+/// One byte a column, other than the page's dash.
+std::string Shown(double value, int decimals) { return std::isfinite(value) ? report::FormatFixed(value, decimals) : "-"; }
 
 }  // namespace
 
@@ -228,9 +232,10 @@ std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string
                 distance.c_str());
   std::string text = line;
   for (const AvatarTrial& t : trials) {
-    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6.4f  %12.3f  %10.1f  %6.3f  %8.2f  %10.0f %s%s\n",
-                  t.cameras.size(), t.size_px, t.width, t.steps, t.loss.c_str(), t.ssim, t.fd, t.train_s, t.s_per_step,
-                  t.ms_per_frame, t.parameters, t.train_front ? "*" : "", t.render_front ? "+" : "");
+    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10.0f %s%s\n", t.cameras.size(),
+                  t.size_px, t.width, t.steps, t.loss.c_str(), Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(),
+                  Shown(t.train_s, 1).c_str(), Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(), t.parameters,
+                  t.train_front ? "*" : "", t.render_front ? "+" : "");
     text += line;
   }
   return text + "Among trials with as many cameras no other is both better and faster to train (*), to render (+).\n";

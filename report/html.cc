@@ -132,7 +132,7 @@ std::string PageHtml(const std::string& title, const std::string& header_html, c
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>" +
       EscapeHtml(title) + "</title>\n<style>\n" + std::string(PageStyle()) + "</style>\n</head>\n<body>\n<header>" +
-      header_html + "</header>\n<nav aria-label=\"Sections\">";
+      (header_html.empty() ? "<h1>" + EscapeHtml(title) + "</h1>\n" : header_html) + "</header>\n<nav aria-label=\"Sections\">";
   for (const Section& section : sections) {
     html += "<a href=\"#" + EscapeHtml(section.id) + "\">" + EscapeHtml(section.title) + "</a>";
   }

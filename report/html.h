@@ -61,7 +61,8 @@ struct Section {
   std::string body_html;
 };
 
-/// The whole document: no script, no link to anything outside, a content policy that forbids both.
+/// The whole document, its title as heading where there is no `header_html`: no script, no link to anything outside, a content
+/// policy that forbids both.
 std::string PageHtml(const std::string& title, const std::string& header_html, const std::vector<Section>& sections,
                      const std::string& footer);
 

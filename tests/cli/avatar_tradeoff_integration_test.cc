@@ -1,0 +1,94 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <set>
+
+#include "core/files.h"
+#include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/run_cli.h"
+
+/// `tradeoff avatar` as a program, on a grid of networks that take a second each.
+namespace mvstudio {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::CliRun;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::RunCli;
+
+TEST(AvatarTradeoff, MeasuresAGridMarksItsFrontsAndKeepsFinishedRuns) {
+  const testing::TempDir folder;
+  avatar::WriteMannequinDataset(folder / "data", 4, 12, 96);
+  const std::vector<std::string> words = {
+      "tradeoff",
+      "avatar",
+      folder / "data",
+      "--out",
+      folder / "out",
+      "--widths",
+      "4",
+      "--sizes",
+      "32",
+      "--steps",
+      "0",
+      "3",
+      "--losses",
+      "l1+ssim",
+      "--cameras",
+      "2",
+      "3",
+      "--features",
+      "gabor",
+      "--holdout-cameras",
+      "00_03",
+      "--train",
+      "--downs 2 --encoder-blocks 1 --decoder-blocks 1 --no-fit-shape --validate-pictures 0"};
+  std::vector<std::string> as_json = words;
+  as_json.emplace_back("--json");
+  const CliRun run = RunCli(as_json);
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const nlohmann::json metrics = run.Json()["metrics"];
+  EXPECT_EQ(metrics["holdout_frames"], "9-11");
+  ASSERT_EQ(metrics["trials"].size(), 4u);
+  std::set<int> with_front;
+  for (const nlohmann::json& trial : metrics["trials"]) {
+    EXPECT_TRUE(trial["ssim"].is_number()) << trial;
+    EXPECT_EQ(trial["s_per_step"].is_null(), trial["steps"] == 0) << trial;
+    EXPECT_GT(trial["ms_per_frame"].get<double>(), 0) << trial;
+    if (trial["on_front"]) with_front.insert(trial["cameras"].get<int>());
+  }
+  EXPECT_EQ(with_front, (std::set<int>{2, 3})) << "fronts are of trials with as many cameras";
+  const std::string page = testing::Slurp(folder / "out/tradeoff-avatar.html");
+  EXPECT_THAT(page, HasSubstr("<h1>mvstudio tradeoff avatar</h1>"));
+  EXPECT_THAT(page, HasSubstr("frames 9-11"));
+
+  std::vector<fs::path> checkpoints;
+  for (const auto& entry : fs::recursive_directory_iterator(std::string(folder / "out")))
+    if (entry.path().filename() == "checkpoint.safetensors") checkpoints.push_back(entry.path());
+  ASSERT_EQ(checkpoints.size(), 4u);
+  std::vector<fs::file_time_type> written;
+  for (const fs::path& path : checkpoints) written.push_back(fs::last_write_time(path));
+  const CliRun again = RunCli(words);
+  ASSERT_EQ(again.exit, 0) << again.err;
+  EXPECT_THAT(again.out, Not(HasSubstr("nan")));
+  for (size_t i = 0; i < checkpoints.size(); ++i) EXPECT_EQ(fs::last_write_time(checkpoints[i]), written[i]) << checkpoints[i];
+}
+
+TEST(AvatarTradeoff, RefusesWhatCannotBeMeasured) {
+  const testing::TempDir folder;
+  avatar::WriteMannequinDataset(folder / "data", 4, 8, 48);
+  const auto refused = [&](const std::string& flag, const std::string& value) {
+    const CliRun run = RunCli({"tradeoff", "avatar", folder / "data", "--out", folder / "out", flag, value});
+    EXPECT_EQ(run.exit, 2) << flag << ": " << run.err;
+    return run.err;
+  };
+  EXPECT_THAT(refused("--losses", "l3"), HasSubstr("l3"));
+  EXPECT_THAT(refused("--holdout-cameras", "00_09"), HasSubstr("00_09"));
+  refused("--holdout-cameras", "00_00,00_01,00_02,00_03");
+  EXPECT_FALSE(fs::exists(std::string(folder / "out")) && !fs::is_empty(std::string(folder / "out")));
+}
+
+}  // namespace
+}  // namespace mvstudio
