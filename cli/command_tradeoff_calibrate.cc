@@ -121,15 +121,18 @@ std::string ToText(const std::vector<Trial>& trials) {
   char line[300];
   std::string text = "detector  boards  model       chosen       engine     seconds  held-out px  edge mm\n";
   for (const Trial& t : trials) {
-    std::snprintf(line, sizeof line, "%-8s  %6s  %-10s  %-11s  %-8s  %8.2f  %11.4f  %7.4f %s\n", t.detector.c_str(),
-                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(), t.seconds,
-                  t.holdout_px, t.edge_mm, t.on_front ? "*" : "");
+    std::snprintf(line, sizeof line, "%-8s  %6s  %-10s  %-11s  %-8s  %8s  %11s  %7s %s\n", t.detector.c_str(),
+                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(), Shown(t.seconds, 2).c_str(),
+                  Shown(t.holdout_px, 4).c_str(), Shown(t.edge_mm, 4).c_str(), t.on_front ? "*" : "");
     text += line;
   }
   return text + "*: no other way is both faster and better\n";
 }
 
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
+  for (const int views : arguments.views) {
+    if (views < 0) throw UsageError("--views " + std::to_string(views) + ": a number of instants, or 0 for all");
+  }
   CommandResult result;
   std::vector<Trial> trials;
   const std::vector<Source> sources = Sources(arguments, context, &result);

@@ -4,6 +4,7 @@
 
 #include "cli/commands.h"
 #include "core/files.h"
+#include "report/format.h"
 #include "report/html.h"
 #include "report/svg.h"
 
@@ -20,6 +21,8 @@ std::vector<bool> ParetoFront(const std::vector<TradeoffPoint>& points) {
   }
   return on_front;
 }
+
+std::string Shown(double value, int decimals) { return std::isfinite(value) ? report::FormatFixed(value, decimals) : "-"; }
 
 void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
                        CommandResult* result) {

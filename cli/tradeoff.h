@@ -16,6 +16,9 @@ struct TradeoffPoint {
 /// True where no other way is at least as cheap and as good, and better in one of the two.
 std::vector<bool> ParetoFront(const std::vector<TradeoffPoint>& points);
 
+/// A figure of a text table, "-" where there is none: one byte a column, other than the pages' dash.
+std::string Shown(double value, int decimals);
+
 struct TradeoffPage {
   std::string command;  ///< "calibrate": names the file tradeoff-calibrate.html
   std::string heading;  ///< of the section

@@ -12,7 +12,6 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/process.h"
-#include "report/format.h"
 #include "report/value.h"
 
 namespace mvstudio::cli {
@@ -116,9 +115,6 @@ Value TrainAndScore(const AvatarTradeoffOptions& options, const CommandContext& 
   keep();
   return record;
 }
-
-/// One byte a column, other than the page's dash.
-std::string Shown(double value, int decimals) { return std::isfinite(value) ? report::FormatFixed(value, decimals) : "-"; }
 
 }  // namespace
 

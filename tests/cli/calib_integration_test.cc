@@ -120,6 +120,34 @@ std::string WriteCorners(const TempDir& folder, const Scene& scene) {
   return folder / "corners.csv";
 }
 
+TEST(TradeoffCalibrate, MeasuresEveryWayAndMarksTheFront) {
+  const TempDir folder;
+  const std::string corners = WriteCorners(folder, MakeRig(4));
+  const std::vector<std::string> words = {"tradeoff",        "calibrate", "--corners", corners, "--models",
+                                          "brown5,nonsense", "--views",   "0,8,2",     "--out", folder / "out"};
+  std::vector<std::string> as_json = words;
+  as_json.emplace_back("--json");
+  const CliRun run = RunCli(as_json);
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const nlohmann::json trials = run.Json()["metrics"]["trials"];
+  ASSERT_EQ(trials.size(), 6u);
+  int on_front = 0;
+  for (const nlohmann::json& trial : trials) {
+    if (trial["model"] == "nonsense") {
+      EXPECT_TRUE(trial["holdout_px"].is_null()) << trial;
+      EXPECT_THAT(trial["status"].get<std::string>(), HasSubstr("nonsense"));
+      EXPECT_FALSE(trial["on_front"].get<bool>());
+    } else if (trial["views"] != 2) {
+      EXPECT_LT(trial["holdout_px"].get<double>(), 1) << trial;
+    }
+    on_front += trial["on_front"].get<bool>();
+  }
+  EXPECT_GE(on_front, 1);
+  EXPECT_THAT(Slurp(folder / "out/tradeoff-calibrate.html"), HasSubstr("<h1>mvstudio tradeoff calibrate</h1>"));
+  EXPECT_THAT(RunCli(words).out, ::testing::Not(HasSubstr("nan")));
+  EXPECT_EQ(RunCli({"tradeoff", "calibrate", "--corners", corners, "--views", "-3"}).exit, 2);
+}
+
 TEST(CalibEval, NamesTheBumpedCameraAndRepairs) {
   const TempDir folder;
   const Scene scene = MakeRig(4);
