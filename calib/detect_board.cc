@@ -68,6 +68,51 @@ void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess
   }
 }
 
+/// Takes out the corners for which `loose[i]` holds.
+void Erase(const std::vector<bool>& loose, Located* located) {
+  Located kept = *located;
+  kept.ids.clear(), kept.px.clear(), kept.sigma_px.clear(), kept.square_px.clear();
+  for (size_t i = 0; i < loose.size(); ++i) {
+    if (loose[i]) continue;
+    kept.ids.push_back(located->ids[i]), kept.px.push_back(located->px[i]);
+    kept.sigma_px.push_back(located->sigma_px[i]), kept.square_px.push_back(located->square_px[i]);
+  }
+  *located = std::move(kept);
+}
+
+/// The corners of the outermost row (axis 1) or column (axis 0) on one side that lie where the others do not expect them. Up to
+/// three there bend the smooth image of the plane to themselves and fit it wherever they are.
+std::vector<bool> LooseOutside(const Located& located, int axis, bool high) {
+  constexpr int kFewInLine = 3, kEnoughOthers = 8;
+  constexpr double kMaxOffSquares = 0.25;
+  const Eigen::Matrix2Xd on_board = located.OnBoard(), px = located.Px();
+  const Eigen::Index n = on_board.cols();
+  const double end = high ? on_board.row(axis).maxCoeff() : on_board.row(axis).minCoeff();
+  std::vector<Eigen::Index> line, others;
+  for (Eigen::Index i = 0; i < n; ++i) (std::abs(on_board(axis, i) - end) < 0.01 ? line : others).push_back(i);
+  std::vector<bool> loose(static_cast<size_t>(n), false);
+  if (line.size() > kFewInLine || others.size() < kEnoughOthers) return loose;
+  const auto plane = PlaneToImage::Fit(on_board(Eigen::all, others), px(Eigen::all, others));
+  if (!plane) return loose;
+  for (const Eigen::Index i : line) {
+    const double off = ((*plane)(on_board.col(i)) - px.col(i)).norm();
+    loose[static_cast<size_t>(i)] = !(off <= kMaxOffSquares * located.square_px[static_cast<size_t>(i)]);
+  }
+  return loose;
+}
+
+/// From outside to inside, until every side is held by what lies within.
+void DropLoose(Located* located) {
+  for (bool dropped = true; dropped && located->ids.size() > 4;) {
+    dropped = false;
+    for (int side = 0; side < 4 && !dropped; ++side) {
+      const std::vector<bool> loose = LooseOutside(*located, side / 2, side % 2 == 1);
+      dropped = std::find(loose.begin(), loose.end(), true) != loose.end();
+      if (dropped) Erase(loose, located);
+    }
+  }
+}
+
 /// Guesses of the corners not located yet, where the located ones say they should be.
 std::vector<CornerGuess> GuessMissing(const Image& grey, const Located& located, const PlaneToImage& plane) {
   std::vector<CornerGuess> guesses;
@@ -263,11 +308,13 @@ BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vec
   Locate(board, grey, guesses, refine, &located);
   size_t before = 0;
   for (int round = 0; round < (board.has_tags() ? kGrowRounds : 1); ++round) {
+    DropLoose(&located);
     if (located.ids.size() < 6 || located.ids.size() == before) break;
     before = located.ids.size();
     const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
     if (plane) Locate(board, grey, GuessMissing(grey, located, *plane), refine, &located);
   }
+  DropLoose(&located);
   const int needed = NeededCorners(board, options);
   if (static_cast<int>(located.ids.size()) < needed) {
     return Failed(Status::kOutlier,

@@ -89,6 +89,35 @@ TEST(DetectBoard, AprilGridsOfTheNewerFamilies) {
   ExpectAccurate("aprilgrid:4x3:100mm:0.8:Standard41h12", {0.3, -0.4, 0.3}, 1.4);
 }
 
+// As a search that slips leaves them: two columns in place, and up to three beside them a square off. Nothing but
+// themselves says where the third column lies.
+TEST(LocateBoard, CornersThatNothingHoldsDoNotBendTheBoard) {
+  const Board board = ParseBoard("chessboard:4x7:60mm");
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kBrown5, 620);
+  const geometry::Rigid3 pose = Pose(board, {0.3, -0.2, 0.4}, 1.2);
+  const Image image = RenderBoard(board, camera, pose, 5);
+  const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  const auto px = [&](double x, double y) {
+    return geometry::Project(camera, pose * Eigen::Vector3d(corners.col(0) + board.square_m * Eigen::Vector3d(x, y, 0))).px;
+  };
+  const auto guess = [&](int x, int y, double at_x, double at_y) {
+    return CornerGuess{x + 4 * y, px(at_x, at_y), px(at_x + 0.5, at_y) - px(at_x - 0.5, at_y),
+                       px(at_x, at_y + 0.5) - px(at_x, at_y - 0.5)};
+  };
+  for (const int num_wrong : {1, 2, 3}) {
+    std::vector<CornerGuess> guesses;
+    for (int y = 0; y < 7; ++y) guesses.push_back(guess(2, y, 2, y)), guesses.push_back(guess(3, y, 3, y));
+    for (int y = 0; y < num_wrong; ++y) guesses.push_back(guess(1, y, 0, y + 1));  // a corner of the same colours
+    const BoardDetection found = LocateBoard(board, image, guesses);
+    ASSERT_EQ(found.status, Status::kOk) << found.reason;
+    EXPECT_GE(found.detection.num_corners(), 21) << "the others are found once those are gone";
+    for (int i = 0; i < found.detection.num_corners(); ++i) {
+      const int id = found.detection.corner_ids[i];
+      EXPECT_LT((px(id % 4, id / 4) - found.detection.points_px.col(i)).norm(), 0.15) << num_wrong << " wrong, corner " << id;
+    }
+  }
+}
+
 TEST(DetectBoard, PartOfAnAprilGrid) {
   const Board board = ParseBoard("aprilgrid:6x6:88mm:0.3");
   const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kPinhole, 620);
