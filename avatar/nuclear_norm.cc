@@ -41,7 +41,7 @@ class Reduction {
   explicit Reduction(const at::Tensor& m)
       : rows_(m.size(0)),
         columns_(m.size(1)),
-        stride_(rows_ / kAlign * kAlign + 3 * kAlign),  // never a power of two: columns would share the cache's sets
+        stride_(((rows_ + kAlign - 1) / kAlign | 1) * kAlign),  // odd cache lines, or columns would share the cache's sets
         matrix_(at::zeros({columns_, stride_}, at::kDouble)),
         left_(at::zeros({2 * kPanel, stride_}, at::kDouble)),
         right_(at::zeros({2 * kPanel, columns_}, at::kDouble)),
@@ -98,8 +98,8 @@ class Reduction {
     return row.value;
   }
 
-  /// One pass over the columns right of j, for the pair (v, y) and the vector x to come: y = scale (y + A^T v), r -= y, x = -A
-  /// r.
+  /// One pass over the columns right of j, for the pair (v, y) and the vector x to come:
+  /// y = scale (y + A^T v), r -= y, x = -A r.
   void MultiplyBoth(int64_t j, double scale) {
     const int64_t first = j + 1, tasks = (columns_ - first + kColumnsATask - 1) / kColumnsATask;
     const int64_t top = j / kAlign * kAlign, m = rows_ - top;  // v is zero above row j, and nobody reads x there
