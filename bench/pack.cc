@@ -9,6 +9,7 @@
 #include "cli/pack_speed.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "dataset/crop.h"
@@ -162,7 +163,8 @@ int Main(int argc, char** argv) {
   const int frames = argc > 4 ? std::max(1, std::atoi(argv[4])) : 6;
   const TempFolder folder;
   cli::PackSpeedOptions options;
-  options.frames = frames, options.work = folder.path + "/work";
+  const ScratchFolder work(folder.path);
+  options.frames = frames, options.work = work.path();
   options.codecs = {"raw", "png", "jpeg:90", "jpeg:95", "jpeg:98"}, options.crops = {128, 256};
   nlohmann::ordered_json all{{"seed", seed}, {"runs", nlohmann::ordered_json::array()}};
   MakeStudio(folder.path + "/jpeg", folder.path + "/png", frames, seed);

@@ -373,6 +373,8 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
 
 CalibrateReport Calibrate(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CheckInput(input);
+  if (options.engine != "mvstudio" && options.engine != "mrcal")
+    throw UsageError("--engine " + options.engine + ": expected mvstudio or mrcal");
   CalibrateOptions named = options;
   if (named.world == "camera") named.world += ":" + input.cameras[0].name;
   const std::vector<int> order = ByName(input);

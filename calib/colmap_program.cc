@@ -14,6 +14,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "core/process.h"
 
@@ -143,9 +144,7 @@ void ExtractFeatures(const std::vector<SceneImage>& images, const Work& work, co
   std::map<std::pair<int, int>, std::pair<const SceneImage*, std::vector<std::string>>> unknown;
   for (const SceneImage& image : images) {
     const std::string name = image.camera + fs::path(image.path).extension().string();
-    std::error_code error;
-    fs::create_symlink(fs::absolute(image.path), work.folder + "/images/" + name, error);
-    if (error) throw IoError(work.folder + "/images/" + name, "cannot be linked: " + error.message());
+    MakeSymbolicLink(fs::absolute(image.path).string(), work.folder + "/images/" + name);
     if (image.lens_known) {
       ExtractFrom({name}, image, work, options, stage);
     } else {
@@ -253,6 +252,12 @@ std::map<uint64_t, int> ReadPoints(const std::string& path, Eigen::Matrix3Xd* po
   return index;
 }
 
+std::vector<std::string> PathsOf(const std::vector<SceneImage>& images) {
+  std::vector<std::string> paths;
+  for (const SceneImage& image : images) paths.push_back(image.path);
+  return paths;
+}
+
 }  // namespace
 
 bool ColmapCanCarry(LensModel model) {
@@ -292,16 +297,17 @@ ColmapScene ReadColmapScene(const std::string& folder) {
 
 ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& work_folder, const ColmapOptions& options,
                       const RunContext& run) {
-  Work work{work_folder, FindProgram(options.program), work_folder + "/database.db", work_folder + "/colmap.log",
-            ResolveThreads(run.num_threads)};
-  std::error_code ignored;
-  fs::remove_all(work_folder, ignored);
-  MakeFolder(work_folder);
+  const std::string program = FindProgram(options.program);
+  AtomicFolder output(work_folder, true, PathsOf(images));
+  const Work work{output.work_path(), program, output.work_path() + "/database.db", output.work_path() + "/colmap.log",
+                  ResolveThreads(run.num_threads)};
   ProgressStage stage(run, "colmap", static_cast<int64_t>(images.size()) + 2);
   ExtractFeatures(images, work, options, &stage);
   Map(images, work, &stage);
-  if (!fs::exists(work_folder + "/model/0/images.bin")) return {};
-  return ReadColmapScene(work_folder + "/model/0");
+  const std::string model = work.folder + "/model/0";
+  ColmapScene scene = fs::exists(model + "/images.bin") ? ReadColmapScene(model) : ColmapScene();
+  output.Commit();
+  return scene;
 }
 
 }  // namespace mvstudio::calib

@@ -10,6 +10,7 @@
 #include "core/fields.h"
 #include "core/files.h"
 #include "core/log.h"
+#include "core/paths.h"
 #include "core/sha256.h"
 
 namespace mvstudio::calib {
@@ -125,6 +126,7 @@ BoardDetection GetDetection(Reader* in) {
   if (points.size() != 2 * static_cast<Eigen::Index>(d.detection.corner_ids.size())) throw Damaged();
   d.detection.points_px = Eigen::Map<const Eigen::Matrix2Xd>(points.data(), 2, points.size() / 2);
   d.detection.sigmas_px = in->Values();
+  if (d.detection.sigmas_px.size() > 0 && d.detection.sigmas_px.size() != points.size() / 2) throw Damaged();
   return d;
 }
 
@@ -203,7 +205,7 @@ std::optional<std::string> ContentDigest(const std::string& path_or_pattern) {
   if (fs::is_regular_file(path_or_pattern, ignored)) {
     files = {path_or_pattern};
   } else {
-    for (const std::string& path : Glob(path_or_pattern)) {
+    for (const std::string& path : FilesMatching(path_or_pattern)) {
       if (fs::is_regular_file(path, ignored)) files.push_back(path);
     }
   }

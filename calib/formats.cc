@@ -6,6 +6,8 @@
 #include "calib/formats_internal.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/label.h"
+#include "core/paths.h"
 #include "geometry/rig_io.h"
 
 namespace mvstudio::calib {
@@ -29,7 +31,7 @@ Format DetectFolder(const std::string& path) {
   if (has("cameras.txt") && has("images.txt")) return Format::kColmapText;
   if (has("intri.yml")) return Format::kEasyMocap;
   if (has("transforms.json")) return Format::kNerfstudio;
-  if (!Glob(path + "/*.cameramodel").empty()) return Format::kMrcal;
+  if (!FilesNamed(path, "", ".cameramodel").empty()) return Format::kMrcal;
   Unknown(path);
 }
 
@@ -41,11 +43,50 @@ std::vector<std::string> FilesOf(const std::vector<std::string>& paths, const st
       files.push_back(path);
       continue;
     }
-    const std::vector<std::string> inside = Glob(path + "/*" + extension);
+    const std::vector<std::string> inside = FilesNamed(path, "", extension);
     if (inside.empty()) throw FormatError(path, "", "there is no *" + extension + " in this folder");
     files.insert(files.end(), inside.begin(), inside.end());
   }
   return files;
+}
+
+/// Names stand in tables, on terminals and in names of files: no format's reader lets through what could not be written again.
+void CheckNames(const geometry::Rig& rig, const std::string& path) {
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const std::string& name = rig.cameras[i].camera.name;
+    const std::string why = WhyNotALabel(name);
+    if (why.empty()) continue;
+    const std::string shown = internal::Printable(name.substr(0, 60)) + (name.size() > 60 ? "…" : "");
+    throw FormatError(path, "camera " + std::to_string(i + 1), "the name '" + shown + "' " + why + "; give the camera another");
+  }
+}
+
+ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
+  switch (format) {
+    case Format::kToml:
+    case Format::kCaliscope:
+      return ReadToml(paths[0], options);
+    case Format::kQca:
+      return ReadQca(paths[0], options);
+    case Format::kOpenCvYaml:
+      return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
+    case Format::kMrcal:
+      return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
+    case Format::kColmap:
+    case Format::kColmapText:
+      return ReadColmap(paths[0], options);
+    case Format::kNerfstudio:
+      return ReadNerfstudio(paths[0], options);
+    case Format::kKalibr:
+      return ReadKalibr(paths[0], options);
+    case Format::kEasyMocap:
+      return ReadEasyMocap(paths, options);
+    case Format::kMvstudio:
+    case Format::kPanoptic:
+      break;
+  }
+  if (format == Format::kPanoptic) throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic.h");
+  return {geometry::ReadRig(paths[0]), {}};
 }
 
 }  // namespace
@@ -91,31 +132,9 @@ ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::str
   if (paths.size() > 1 && !several) {
     throw UsageError(paths[1] + ": only opencv, mrcal and easymocap calibrations may be spread over several files");
   }
-  switch (format) {
-    case Format::kToml:
-    case Format::kCaliscope:
-      return ReadToml(paths[0], options);
-    case Format::kQca:
-      return ReadQca(paths[0], options);
-    case Format::kOpenCvYaml:
-      return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
-    case Format::kMrcal:
-      return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
-    case Format::kColmap:
-    case Format::kColmapText:
-      return ReadColmap(paths[0], options);
-    case Format::kNerfstudio:
-      return ReadNerfstudio(paths[0], options);
-    case Format::kKalibr:
-      return ReadKalibr(paths[0], options);
-    case Format::kEasyMocap:
-      return ReadEasyMocap(paths, options);
-    case Format::kMvstudio:
-    case Format::kPanoptic:
-      break;
-  }
-  if (format == Format::kPanoptic) throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic.h");
-  return {geometry::ReadRig(paths[0]), {}};
+  ImportedRig imported = ReadAs(format, paths, options);
+  CheckNames(imported.rig, paths[0]);
+  return imported;
 }
 
 }  // namespace mvstudio::calib

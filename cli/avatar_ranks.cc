@@ -11,7 +11,9 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
+#include "core/process.h"
 
 extern char** environ;
 
@@ -72,9 +74,8 @@ RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& conte
     if (place_.one_machine) place_.rendezvous = a.rendezvous.substr(6);
     return;
   }
-  MakeFolder(folder);
-  place_ = {0, a.ranks, folder + "/.ranks." + std::to_string(getpid()), true, {}};
-  RemoveFile(place_.rendezvous);
+  meeting_ = std::make_unique<ScratchFolder>(folder);
+  place_ = {0, a.ranks, meeting_->path() + "/ranks", true, {}};
   threads_ = std::max(1, ResolveThreads(context.run.num_threads) / a.ranks);
   const std::vector<std::string> words = Without(context.argv, {"--ranks", "--threads", "--progress"});
   try {
@@ -94,19 +95,20 @@ void RankProcesses::StartOthers(const std::vector<std::string>& words, int ranks
           std::string("--progress"), std::string("none")})
       child.push_back(word);
     children_.push_back(Start(child));
+    AddChild(children_.back(), false);
   }
 }
 
 void RankProcesses::EndOthers() {
   for (const pid_t child : children_) kill(child, SIGTERM);
-  for (const pid_t child : children_) waitpid(child, nullptr, 0);
+  for (const pid_t child : children_) {
+    waitpid(child, nullptr, 0);
+    RemoveChild(child);
+  }
   children_.clear();
 }
 
-RankProcesses::~RankProcesses() {
-  EndOthers();
-  if (place_.one_machine && first()) unlink(place_.rendezvous.c_str());
-}
+RankProcesses::~RankProcesses() { EndOthers(); }
 
 std::shared_ptr<const avatar::Ranks> RankProcesses::Join() const {
   if (place_.size == 1) return nullptr;
@@ -127,6 +129,7 @@ void RankProcesses::Finish() {
   for (const pid_t child : children_) {
     int status = 0;
     waitpid(child, &status, 0);
+    RemoveChild(child);
     failed += !WIFEXITED(status) || WEXITSTATUS(status) != 0;
   }
   children_.clear();

@@ -8,6 +8,7 @@
 
 #include "avatar/train_ranks.h"
 #include "cli/command.h"
+#include "core/output.h"
 
 /// Several processes of this program that train one avatar together.
 namespace mvstudio::cli {
@@ -43,6 +44,7 @@ class RankProcesses {
   void EndOthers();
 
   const ProgressSink* progress_;
+  std::unique_ptr<ScratchFolder> meeting_;  ///< where they find each other
   avatar::RankPlace place_;
   int threads_;
   std::vector<pid_t> children_;

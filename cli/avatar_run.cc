@@ -13,6 +13,9 @@
 #include "avatar/io/strips.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/manifest.h"
+#include "core/output.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 
 namespace mvstudio::cli {
@@ -50,6 +53,11 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
 
 }  // namespace
 
+std::vector<std::string> AvatarRun::Names() {
+  return {avatar::kCheckpointFile,   avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "pictures",
+          "avatar_eval.result.json", avatar::kProtocolFile,  "eval"};
+}
+
 void AvatarRun::RequireFree(bool overwrite) const {
   if (fs::exists(checkpoint_path()) && !overwrite) {
     throw UsageError("--out " + folder_ +
@@ -58,15 +66,14 @@ void AvatarRun::RequireFree(bool overwrite) const {
 }
 
 void AvatarRun::Clear() const {
-  for (const char* name :
-       {avatar::kCheckpointFile, avatar::kRunConfigFile, "history.csv", "textures.png", "samples", "pictures"})
-    fs::remove_all(Path(name));
-  ForgetScores();
+  std::vector<std::string> paths;
+  for (const std::string& name : Names()) paths.push_back(Path(name));
+  RemoveOurs(paths);
   MakeFolder(folder_);
 }
 
 void AvatarRun::ForgetScores() const {
-  for (const char* name : {"avatar_eval.result.json", avatar::kProtocolFile, "eval"}) fs::remove_all(Path(name));
+  RemoveOurs({Path("avatar_eval.result.json"), Path(avatar::kProtocolFile), Path("eval")});
 }
 
 double AvatarRun::TakeUpHistory(int64_t step) {
@@ -100,15 +107,17 @@ void AvatarRun::AddRow(const avatar::HistoryRow& row, double wall_s) {
 }
 
 void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const {
-  avatar::WriteTensorFile(trainer.Checkpoint(), checkpoint_path());
+  FilesTogether together;
   std::string history = HistoryHeader() + "\n";
   for (const std::string& row : rows_) history += row + "\n";
   WriteFileAtomic(Path("history.csv"), history);
   trainer.UseHanded([&](avatar::AvatarModel& model) {
     if (model.textures.defined()) dataset::WriteImage(ToImage(avatar::TextureSheet(model)), Path("textures.png"));
-    MakeFolder(Path("samples"));
     dataset::WriteImage(ToImage(SampleSheet(model, sample_pack)), StepPath("samples", model.step));
   });
+  // Last: a run goes on from its checkpoint, and rows of later steps are then left out.
+  avatar::WriteTensorFile(trainer.Checkpoint(), checkpoint_path());
+  together.Commit();
 }
 
 std::string AvatarRun::StepPath(const std::string& folder, int64_t step) const {
@@ -120,7 +129,6 @@ std::string AvatarRun::StepPath(const std::string& folder, int64_t step) const {
 void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const {
   const avatar::AvatarPack one = avatar::Select(pack, {pack.size() / 2});
   const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
-  MakeFolder(Path("pictures"));
   trainer.UseHanded([&](avatar::AvatarModel& model) {
     const avatar::Rendering r = avatar::Render(model, PosesOf(one), one.size_px, one.size_px);
     const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
@@ -141,7 +149,7 @@ std::vector<CommandResult::Output> AvatarRun::Outputs() const {
       {checkpoint_path(), "checkpoint"}, {Path(avatar::kRunConfigFile), "configuration"}, {Path("history.csv"), "history"}};
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});
   for (const char* folder : {"samples", "pictures"}) {
-    const std::vector<std::string> samples = Glob(Path(std::string(folder) + "/step_*.png"));
+    const std::vector<std::string> samples = FilesNamed(Path(folder), "step_", ".png");
     if (!samples.empty()) outputs.push_back({samples.back(), "sample-picture"});
   }
   return outputs;

@@ -16,6 +16,8 @@ class AvatarRun {
 
   std::string Path(const std::string& name) const { return folder_ + "/" + name; }
   std::string checkpoint_path() const { return Path(avatar::kCheckpointFile); }
+  /// What a run consists of, scores included; only these are ever replaced or removed.
+  static std::vector<std::string> Names();
   /// Throws UsageError when a run is there and `overwrite` is off.
   void RequireFree(bool overwrite) const;
   /// Makes the folder, without what an older run left.

@@ -7,6 +7,7 @@
 #include "cli/avatar_scores.h"
 #include "cli/avatar_table.h"
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "report/format.h"
@@ -107,6 +108,7 @@ CommandResult Run(const Arguments& arguments) {
   result.text = TextTable(comparison);
   result.inputs = {};
   if (!arguments.out.empty()) {
+    const OutputFiles place({arguments.out}, {});
     WriteFileAtomic(arguments.out, MarkdownTable(comparison));
     result.outputs.push_back({arguments.out, "table"});
   }

@@ -7,6 +7,7 @@
 #include "avatar/io/lift_take.h"
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "dataset/panoptic.h"
@@ -122,6 +123,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (!(arguments.holdout_share >= 0 && arguments.holdout_share <= 0.9)) throw UsageError("--holdout-share must be 0 to 0.9");
   if (!(arguments.holdout_noise_px >= 0)) throw UsageError("--holdout-noise-px must be 0 or more");
   CommandResult result;
+  const OutputFiles place({arguments.out}, arguments.datasets);
   const TrainingData data = ReadTrainingData(arguments, &result);
   avatar::Lifter lifter = avatar::MakeLifter(arguments.net, context.run.seed);
   lifter.size_m = MeanSize(data.sequences);
@@ -237,6 +239,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const double size_m = SizeFor(arguments, lifter);
   CommandResult result;
   result.inputs = {arguments.pose2d, arguments.lifter, arguments.calib};
+  const OutputFolder place(arguments.out, result.inputs, {"points.csv", "covariance.csv", "pose3d.json"});
   std::optional<Eigen::Vector3d> up;
   if (arguments.level) up = camera.cam_from_world.rotation * Eigen::Vector3d::UnitZ();
   const auto inputs = avatar::LiftInputs(ReadViews(arguments, camera.camera), arguments.stride, up);

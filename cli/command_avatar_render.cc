@@ -10,6 +10,7 @@
 #include "cli/commands.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "dataset/image_io.h"
 #include "dataset/video_io.h"
 
@@ -42,7 +43,10 @@ class PictureSink {
     }
     folder_path_ = !arguments.out.empty() ? arguments.out : video_.empty() ? arguments.run_folder + "/render" : "";
     const bool own_folder = arguments.out.empty();
-    if (!folder_path_.empty()) folder_ = std::make_unique<AtomicFolder>(folder_path_, arguments.overwrite || own_folder);
+    if (!folder_path_.empty())
+      // Files of the run, not its folder: RUN/render is a usual place, RUN itself is none.
+      folder_ = std::make_unique<AtomicFolder>(folder_path_, arguments.overwrite || own_folder,
+                                               std::vector<std::string>{arguments.run_folder + "/" + avatar::kCheckpointFile});
   }
 
   void Add(const RenderJob& job, const Image& premultiplied) {

@@ -13,8 +13,10 @@
 #include "cli/avatar_run.h"
 #include "cli/avatar_train_data.h"
 #include "cli/commands.h"
+#include "cli/redact.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -37,7 +39,7 @@ struct TrainArguments {
 
 struct ResumeArguments {
   ResumeArguments() { ranks.ranks = 0; }  // as many as before
-  std::string run, device;
+  std::string run, device, perceptual;
   int steps = -1, patience = -1;
   RankArguments ranks;
 };
@@ -174,6 +176,15 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
   return model;
 }
 
+/// Where files lie says who works where; relative to the run they can be found as well.
+RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
+  for (std::string* path : {&config.dataset, &config.pack.pose3d, &config.pack.iuv}) {
+    if (!path->empty())
+      *path = std::filesystem::path(*path).lexically_relative(std::filesystem::absolute(run).lexically_normal()).string();
+  }
+  return config;
+}
+
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   Validate(arguments.train);
   const std::optional<avatar::AvatarModel> from = StartOf(arguments);
@@ -190,7 +201,13 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = SplitOf(data, config.pack.person, arguments.split);
   AvatarRun files(arguments.out);
-  if (arguments.ranks.rank == 0) files.RequireFree(arguments.overwrite);
+  std::optional<OutputFolder> place;
+  if (arguments.ranks.rank == 0) {
+    place.emplace(arguments.out,
+                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d, arguments.init_from},
+                  AvatarRun::Names());
+    files.RequireFree(arguments.overwrite);
+  }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
   const RunPacks packs = BuildPacks(data, model, arguments.train, context.run, &config);
@@ -200,11 +217,23 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
                                  : avatar::Trainer(packs.train, model, options, context.run, net);
   const auto replace_older = [&] {
     files.Clear();
-    WriteRunConfig(config, files.Path(avatar::kRunConfigFile));
+    WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
   };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
   return result;
+}
+
+/// A checkpoint from elsewhere must not choose code that is run: a TorchScript file is named on the command line.
+void SettlePerceptual(const ResumeArguments& arguments, const std::string& path, avatar::TrainOptions* options) {
+  const std::string& then = options->perceptual;
+  const bool file = then != "none" && then != "auto" && then != "posenet" && options->weight_perceptual != 0;
+  if (!arguments.perceptual.empty()) {
+    options->perceptual = arguments.perceptual;
+  } else if (file) {
+    throw UsageError(path + ": was trained with the TorchScript file '" + then +
+                     "', and such a file is a program: give it as --perceptual FILE");
+  }
 }
 
 RankArguments RanksOf(const ResumeArguments& arguments, const avatar::TensorFile& checkpoint, const std::string& path) {
@@ -221,7 +250,10 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   if (arguments.steps >= 0) options.steps = arguments.steps;
   if (arguments.patience >= 0) options.patience = arguments.patience;
   if (!arguments.device.empty()) options.device = arguments.device;
+  SettlePerceptual(arguments, files.checkpoint_path(), &options);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
+  std::optional<OutputFolder> place;
+  if (arguments.ranks.rank == 0) place.emplace(arguments.run, std::vector<std::string>{config.dataset}, AvatarRun::Names());
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
   RankProcesses ranks(RanksOf(arguments, checkpoint, files.checkpoint_path()), context, arguments.run);
   context.run.num_threads = ranks.threads();
@@ -290,6 +322,9 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
                     "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
   again->add_option("--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
       ->capture_default_str();
+  again->add_option(
+      "--perceptual", resume->perceptual,
+      "the TorchScript file of the perceptual loss, where one was used: it is run, so a checkpoint alone cannot name it");
   again->add_option("--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
   AddRankOptions(again, resume->ranks);
   again->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");

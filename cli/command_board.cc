@@ -6,6 +6,7 @@
 #include "calib/board_check.h"
 #include "calib/board_draw.h"
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "dataset/frames.h"
 
@@ -34,6 +35,7 @@ std::string Format(const char* format, Values... values) {
 
 CommandResult RunDraw(const DrawArguments& arguments) {
   const calib::Board board = calib::ParseBoard(arguments.board);
+  const OutputFiles place({arguments.out}, {});
   calib::WriteBoardPage(board, arguments.out, arguments.options);
   const calib::BoardPage page = calib::LayOutBoard(board, arguments.options);
   CommandResult result;

@@ -4,6 +4,7 @@
 #include "calib/formats.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "dataset/panoptic.h"
@@ -116,10 +117,16 @@ CommandResult Convert(const Arguments& arguments) {
   AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
   const auto format = calib::CalibrationFormatFromString(arguments.to);
+  const bool folder = std::filesystem::is_directory(arguments.out);
+  const auto in_folder =
+      folder ? std::make_unique<OutputFolder>(arguments.out, arguments.in, std::vector<std::string>()) : nullptr;
+  const auto as_file = folder ? nullptr : std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in);
+  FilesTogether together;
   for (const std::string& file :
        format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
     result.outputs.push_back({file, "calibration"});
   }
+  together.Commit();
   AddCameraMetrics(imported.rig, &result);
   result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
   const bool is_folder = std::filesystem::is_directory(arguments.out);

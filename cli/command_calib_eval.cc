@@ -6,6 +6,7 @@
 #include "cli/calibrate_result.h"
 #include "cli/command_calib.h"
 #include "cli/corner_input.h"
+#include "cli/output_guard.h"
 #include "core/units.h"
 #include "geometry/rig_io.h"
 
@@ -105,6 +106,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
   if (check.verdict.status == "fail") result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) {
+    const OutputFiles place({arguments.repair}, result.inputs);
     geometry::WriteRig(check.repaired, arguments.repair);
     result.outputs.push_back({arguments.repair, "calibration"});
     result.text += "wrote " + arguments.repair + "\n";

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cli/calib_read.h"
+#include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -182,6 +183,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   PoseArguments pose;
   pose.calib = calib_path, pose.skeleton = arguments.skeleton, pose.pose2d = arguments.pose2d;
+  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path}), {"calibration.json"});
   const PoseInput input = ReadPoseInput(pose, &result);
   const Posed posed = PosedCameras(input);
   const calib::KeypointRefineReport report =
@@ -196,7 +198,6 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), &result);
   result.folder = out;
-  MakeFolder(out);
   const std::string path = out + "/calibration.json";
   geometry::WriteRig(report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig), path);
   result.outputs.push_back({path, "calibration"});

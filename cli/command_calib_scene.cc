@@ -8,7 +8,7 @@
 #include "calib/detect_board.h"
 #include "cli/calib_read.h"
 #include "core/error.h"
-#include "core/files.h"
+#include "core/paths.h"
 #include "core/units.h"
 #include "dataset/image_io.h"
 #include "geometry/rig_io.h"
@@ -28,7 +28,6 @@ geometry::Rig ReadStart(const std::string& start, CommandResult* result) {
 
 void WriteCalibration(const geometry::Rig& rig, const std::string& out, CommandResult* result) {
   result->folder = out;
-  MakeFolder(out);
   const std::string path = out + "/calibration.json";
   geometry::WriteRig(rig, path);
   result->outputs.push_back({path, "calibration"});
@@ -104,7 +103,7 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const std::string&
 std::vector<calib::SceneImage> FindImages(const SceneArguments& arguments, const geometry::Rig& lenses, CommandResult* result) {
   std::vector<calib::SceneImage> images;
   std::set<std::string> names;
-  for (const std::string& path : Glob(arguments.from_scene)) {
+  for (const std::string& path : FilesMatching(arguments.from_scene)) {
     const std::filesystem::path file(path);
     std::string extension = file.extension().string();
     for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -174,7 +173,6 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
   const geometry::Rig lenses = ReadStart(start, &result);
   const std::vector<calib::SceneImage> images = FindImages(arguments, lenses, &result);
   const calib::SceneScale scale = FindScale(arguments, boards, images, &result);
-  MakeFolder(out);
   const calib::ColmapScene scene = calib::RunColmap(images, out + "/colmap", arguments.scene.colmap, context.run);
   const calib::FromSceneReport report = calib::AdjustScene(scene, images, scale, arguments.scene, context.run);
   if (report.status != Status::kOk) return Failed(std::move(result), report.status, report.message);

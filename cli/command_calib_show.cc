@@ -3,6 +3,7 @@
 
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/console.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {
@@ -25,9 +26,9 @@ std::string Table(const Rig& rig) {
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     const Eigen::Vector3d fov = FieldOfViewDeg(c);
     const CameraSigmas sigmas = SigmasOf(camera);
-    text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %4.0f %4.0f %4.0f  %8.3f %8.3f %8.3f", c.name.c_str(),
-                   std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(),
-                   fov[0], fov[1], fov[2], at[0], at[1], at[2]);
+    text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %4.0f %4.0f %4.0f  %8.3f %8.3f %8.3f",
+                   OneLine(c.name).c_str(), std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(),
+                   c.fy(), c.cx(), c.cy(), fov[0], fov[1], fov[2], at[0], at[1], at[2]);
     text += std::isfinite(sigmas.focal_px) ? Format(" %9.3f", sigmas.focal_px) : std::string("         -");
     text += std::isfinite(sigmas.position_m) ? Format(" %8.3f\n", 1e3 * sigmas.position_m) : std::string("        -\n");
     const std::vector<std::string> names = geometry::ParamNames(c);
@@ -57,9 +58,9 @@ std::string BaselineTable(const Rig& rig, const Eigen::MatrixXd& baselines) {
   constexpr size_t kMax = 12;
   std::string text = "distances between cameras, m\n               ";
   const size_t count = std::min(rig.cameras.size(), kMax);
-  for (size_t j = 0; j < count; ++j) text += Format(" %8.8s", rig.cameras[j].camera.name.c_str());
+  for (size_t j = 0; j < count; ++j) text += Format(" %8.8s", OneLine(rig.cameras[j].camera.name).c_str());
   for (size_t i = 0; i < count; ++i) {
-    text += Format("\n%-15.15s", rig.cameras[i].camera.name.c_str());
+    text += Format("\n%-15.15s", OneLine(rig.cameras[i].camera.name).c_str());
     for (size_t j = 0; j < count; ++j)
       text += Format(" %8.4f", baselines(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
   }
@@ -81,7 +82,7 @@ CommandResult Show(const Arguments& arguments) {
   }
   result.text = Table(rig);
   if (rig.cameras.size() > 1) result.text += BaselineTable(rig, baselines);
-  result.text += "world frame fixed by: " + (rig.gauge.empty() ? "(not said)" : rig.gauge);
+  result.text += "world frame fixed by: " + (rig.gauge.empty() ? "(not said)" : OneLine(rig.gauge));
   return result;
 }
 

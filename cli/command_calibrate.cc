@@ -11,6 +11,7 @@
 #include "cli/command_calib_scene.h"
 #include "cli/commands.h"
 #include "cli/corner_input.h"
+#include "cli/output_guard.h"
 #include "cli/session_input.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -40,6 +41,7 @@ void SaveCorners(const CornerInput& corners, const std::string& path, CommandRes
   file.cameras = corners.input.cameras;
   file.boards = corners.input.boards;
   file.detections = corners.input.detections;
+  const OutputFiles place({path}, result->inputs);
   calib::WriteCornerFile(file, path);
   result->outputs.push_back({path, "corners"});
 }
@@ -55,9 +57,16 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   return result;
 }
 
+std::vector<std::string> InputsOf(const Arguments& arguments) {
+  return Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners, arguments.start, arguments.scene.from_scene});
+}
+
 CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
+  std::vector<std::string> names = {"calibration.json"};
+  if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
+  const OutputFolder place(arguments.out, InputsOf(arguments), names);
   if (UsesScene(arguments.scene))
     return RunScene(arguments.scene, arguments.start, arguments.corners.boards, arguments.out, context);
   CommandResult result;
@@ -81,7 +90,6 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   }
   result.folder = arguments.out;
   const std::string path = arguments.out + "/calibration.json";
-  MakeFolder(arguments.out);
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
   FillCalibrateMetrics(report, corners.found, &result.metrics);

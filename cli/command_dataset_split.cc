@@ -1,6 +1,7 @@
 #include <cstdio>
 
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "dataset/panoptic.h"
 #include "dataset/split.h"
@@ -88,6 +89,7 @@ CommandResult Run(Arguments& arguments) {
   const dataset::Split split = Make(arguments, data, &result);
   const dataset::SplitReport report = dataset::DescribeSplit(data, split);
   if (!arguments.out.empty()) {
+    const OutputFiles place({arguments.out}, Joined(result.inputs, {arguments.from}));
     dataset::WriteSplit(split, arguments.out);
     result.outputs.push_back({arguments.out, "split"});
   }

@@ -5,11 +5,14 @@
 #include <tuple>
 
 #include "cli/commands.h"
+#include "cli/redact.h"
 #include "cli/run_line.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/log.h"
+#include "core/manifest.h"
 #include "core/median.h"
+#include "core/output.h"
 #include "core/units.h"
 #include "dataset/pose3d.h"
 #include "geometry/alignment.h"
@@ -167,16 +170,16 @@ class Demo {
     eval_ = Stage({"avatar", "eval", o_.out + "/avatar"});
     CommandResult result = Summary();
     // The report reads saved results, so the demo's own must be there before it.
-    WriteFileAtomic(o_.out + "/demo.result.json", Json{{"schema", "mvstudio.result/1"},
-                                                       {"command", "demo"},
-                                                       {"version", MVSTUDIO_VERSION},
-                                                       {"status", result.exit == 0 ? "ok" : "fail"},
-                                                       {"exit", result.exit},
-                                                       {"metrics", result.metrics},
-                                                       {"outputs", Json::array()},
-                                                       {"warnings", Json::array()},
-                                                       {"errors", Json::array()},
-                                                       {"argv", context_.argv}}
+    WriteFileAtomic(o_.out + "/demo.result.json", RedactedJson(Json{{"schema", "mvstudio.result/1"},
+                                                                    {"command", "demo"},
+                                                                    {"version", MVSTUDIO_VERSION},
+                                                                    {"status", result.exit == 0 ? "ok" : "fail"},
+                                                                    {"exit", result.exit},
+                                                                    {"metrics", result.metrics},
+                                                                    {"outputs", Json::array()},
+                                                                    {"warnings", Json::array()},
+                                                                    {"errors", Json::array()},
+                                                                    {"argv", context_.argv}})
                                                       .dump(1));
     Stage({"report", o_.out, "--out", o_.out + "/report.html"});
     return result;
@@ -295,12 +298,11 @@ class Demo {
 CommandResult RunDemo(DemoOptions options, CommandContext& context) {
   namespace fs = std::filesystem;
   if (options.quick) Shrink(options);
+  RequireSafeOutput(options.out, {}, true);
+  const OutputLock lock(options.out);
   if (fs::exists(options.out) && !fs::is_empty(options.out)) {
     if (!options.overwrite) throw UsageError(options.out + ": exists already; choose another --out or pass --overwrite");
-    if (!fs::exists(options.out + "/session/truth")) {
-      throw UsageError(options.out + ": is not the folder of an earlier demo, so --overwrite will not touch it");
-    }
-    fs::remove_all(options.out);
+    RemoveOurs({options.out});
   }
   MakeFolder(options.out);
   try {

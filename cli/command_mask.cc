@@ -5,8 +5,10 @@
 
 #include "cli/commands.h"
 #include "cli/mask_input.h"
+#include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "dataset/image_io.h"
 
 namespace mvstudio::cli {
@@ -206,7 +208,7 @@ CommandResult RunMask(MaskArguments arguments, CommandContext& context) {
   CommandResult result;
   const TakeInput take = ReadTakeInput(arguments.take, &result);
   FillFromSession(take, &arguments);
-  AtomicFolder folder(arguments.out, arguments.run.overwrite);
+  AtomicFolder folder(arguments.out, arguments.run.overwrite, Joined(PathsOf(take.footage), {arguments.pose3d}));
   const std::vector<MaskBackend> backends = MaskBackends(arguments, &result);
   const MaskJob job = ReadMaskJob(arguments, take, &result, context.run);
   size_t chosen = 0;

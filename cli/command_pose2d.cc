@@ -5,11 +5,13 @@
 
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "cli/pose2d_detect.h"
 #include "cli/pose2d_existing.h"
 #include "cli/pose2d_quality.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "dataset/image_io.h"
 
 namespace mvstudio::cli {
@@ -123,8 +125,7 @@ std::string OverlayPath(const std::string& out, const CameraPoses& camera, int f
   return out + "/overlay/" + camera.track.camera + name;
 }
 
-void Write(const Arguments& arguments, const std::string& out, const Detected& detected) {
-  AtomicFolder folder(out, arguments.overwrite);
+void Write(const Detected& detected, AtomicFolder& folder) {
   for (const CameraPoses& camera : detected.cameras) {
     if (camera.track.frames.empty()) continue;
     const std::string path = folder.work_path() + "/" + camera.track.camera;
@@ -179,6 +180,7 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   const geometry::Rig rig = ReadRig(arguments.calib.empty() ? take.calibration : arguments.calib, &result);
   const std::string out = arguments.out.empty() ? take.Folder("pose2d") : arguments.out;
   if (out.empty()) throw UsageError("--out is needed without --session");
+  AtomicFolder folder(out, arguments.overwrite, PathsOf(take.footage));
   Detected detected;
   if (existing) {
     detected.backend = arguments.backend;
@@ -195,7 +197,7 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   CheckSizes(detected.cameras, rig, &result);
   detected.agreement = MeasureAgreement(TracksOf(detected.cameras), detected.skeleton, rig, arguments.options.max_persons, run);
   if (!detected.agreement.json.empty()) result.metrics["agreement"] = detected.agreement.json;
-  Write(arguments, out, detected);
+  Write(detected, folder);
   result.folder = out;
   for (const CameraPoses& camera : detected.cameras) {
     if (!camera.track.frames.empty()) result.outputs.push_back({out + "/" + camera.track.camera, "pose2d"});

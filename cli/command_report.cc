@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/output_guard.h"
+#include "cli/redact.h"
 #include "cli/study.h"
 #include "core/error.h"
 #include "report/report.h"
@@ -17,11 +20,26 @@ std::string UtcNow() {
   return text;
 }
 
+/// Every text of a page, but not the pictures inside it.
+std::string RedactedPage(const std::string& html) {
+  constexpr char kData[] = "data:";
+  std::string page;
+  for (size_t at = 0; at < html.size();) {
+    const size_t picture = std::min(html.find(kData, at), html.size());
+    const size_t end = std::min(html.find_first_of("\"')", picture), html.size());
+    page += Redacted(html.substr(at, picture - at)) + html.substr(picture, end - picture);
+    at = end;
+  }
+  return page;
+}
+
 CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out) {
   options.generated_at = UtcNow();
   options.version = MVSTUDIO_VERSION;
   const std::string html_path = out.empty() ? run + "/report.html" : out;
-  const report::Report page = report::BuildReport(run, options);
+  const OutputFiles place({html_path, report::NumbersPath(html_path)}, {});
+  report::Report page = report::BuildReport(run, options);
+  if (Redacting()) page.html = RedactedPage(page.html), page.json = Redacted(page.json);
   const std::string json_path = report::WriteReport(page, html_path);
   CommandResult result;
   result.metrics["verdict"] = std::string(report::ToString(page.verdict));

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <sstream>
 
@@ -7,6 +8,8 @@
 #include "cli/session_table.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/manifest.h"
+#include "core/output.h"
 #include "dataset/session_scan.h"
 #include "dataset/timeline_source.h"
 
@@ -33,45 +36,71 @@ struct TimelineArguments {
   dataset::TakeTimelineOptions options;
 };
 
-/// "4" is cam_01 to cam_04; else names with commas between them.
-std::vector<dataset::SessionCamera> NamedCameras(const std::string& text) {
+std::vector<dataset::SessionCamera> CountedCameras(const std::string& text) {
+  int count = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), count);
+  if (error != std::errc() || count < 1 || count > 1000)
+    throw UsageError("--cameras " + text + ": a number of cameras is between 1 and 1000");
   std::vector<dataset::SessionCamera> cameras;
-  const bool number = !text.empty() && text.size() <= 4 && text.find_first_not_of("0123456789") == std::string::npos;
-  const int count = number ? std::stoi(text) : 0;
-  if (number && (count < 1 || count > 1000)) throw UsageError("--cameras " + text + ": between 1 and 1000 cameras");
   for (int i = 1; i <= count; ++i) {
     char name[16];
     std::snprintf(name, sizeof(name), "cam_%02d", i);
     cameras.push_back({name, "", "", 0, 0});
   }
-  std::stringstream names(number ? "" : text);
+  return cameras;
+}
+
+/// "4" is cam_01 to cam_04; else names with commas between them. What looks like a number is never a name.
+std::vector<dataset::SessionCamera> NamedCameras(const std::string& text) {
+  if (text.empty()) return {};
+  const size_t digits = text.find_first_not_of("+-");
+  if (digits == std::string::npos || text.find_first_not_of("0123456789", digits) == std::string::npos)
+    return CountedCameras(text);
+  std::vector<dataset::SessionCamera> cameras;
+  std::stringstream names(text);
   for (std::string name; std::getline(names, name, ',');) {
     const std::string why = dataset::WhyNotAName(name);
     if (!why.empty()) throw UsageError("--cameras: '" + name + "' " + why);
+    for (const dataset::SessionCamera& other : cameras) {
+      if (other.name == name) throw UsageError("--cameras: '" + name + "' is there twice");
+    }
     cameras.push_back({name, "", "", 0, 0});
   }
   return cameras;
 }
 
-/// Footage that lies elsewhere is not copied: raw/ becomes a link to it.
-void LinkRaw(const InitArguments& arguments, Session* session, CommandResult* result) {
-  const fs::path raw = fs::path(arguments.folder) / "raw";
-  if (!fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
-  std::error_code error;
-  if (fs::equivalent(raw, arguments.scan, error)) return;
-  if (fs::exists(raw) && !fs::is_empty(raw)) {
-    throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " holds other footage already");
+/// Takes back the link that raw/ became, unless the session was made.
+struct LinkBack {
+  ~LinkBack() {
+    if (raw.empty()) return;
+    try {
+      RemoveOurs({raw});
+      if (was_folder) MakeFolder(raw);
+    } catch (const std::exception&) {  // on a disk that fails; the next try says what is in the way
+    }
   }
-  fs::remove(raw, error);
-  fs::create_directory_symlink(fs::absolute(arguments.scan), raw, error);
-  if (error) throw IoError(raw.string(), "cannot link to " + arguments.scan + ": " + error.message());
-  session->follow_symlinks = true;
+  std::string raw;
+  bool was_folder = false;
+};
+
+/// Footage that lies elsewhere is not copied: raw/ becomes a link to it.
+void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* result) {
+  const fs::path raw = fs::path(arguments.folder) / "raw";
+  std::error_code error;
+  if (!fs::equivalent(raw, arguments.scan, error)) {
+    const fs::file_status there = fs::symlink_status(raw);
+    if (fs::exists(there) && !(fs::is_directory(there) && fs::is_empty(raw)))
+      throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " is there already: footage, or a link to it");
+    back->raw = raw.string(), back->was_folder = fs::exists(there);
+    PlaceLink(fs::absolute(arguments.scan).string(), raw.string());
+  }
+  if (!fs::is_symlink(raw)) return;
   result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan,
-                              "mvstudio.toml says follow_symlinks = true; copy the footage to make the session whole"});
+                              "commands on this session need --allow-outside; copy the footage to make it whole"});
 }
 
-void TakeScan(const InitArguments& arguments, Session* session, CommandResult* result) {
-  if (!arguments.scan.empty()) LinkRaw(arguments, session, result);
+void TakeScan(const InitArguments& arguments, LinkBack* back, Session* session, CommandResult* result) {
+  if (!arguments.scan.empty()) LinkRaw(arguments, back, result);
   const dataset::ScannedSession scanned = dataset::ScanSession(arguments.folder);
   for (const std::string& line : scanned.skipped)
     result->warnings.push_back({"SES-SKIPPED", line, "it is not part of the session"});
@@ -103,12 +132,15 @@ CommandResult RunInit(const InitArguments& arguments) {
   if (!session.board.empty()) calib::ParseBoard(session.board);  // refused now rather than when it is filmed
   if (arguments.fps > 0) session.fps_hz = arguments.fps;
   session.cameras = NamedCameras(arguments.cameras);
+  if (!arguments.scan.empty() && !fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
   for (const char* name : {"sync", "calib", "pose2d", "masks", "pose3d", "dataset", "avatar"}) {
     MakeFolder((fs::path(arguments.folder) / name).string());
   }
   if (arguments.scan.empty()) MakeFolder((fs::path(arguments.folder) / "raw").string());
-  TakeScan(arguments, &session, &result);
+  LinkBack back;
+  TakeScan(arguments, &back, &session, &result);
   dataset::WriteSession(session, true);
+  back.raw.clear();
   dataset::ReadSession(arguments.folder);  // what was written can be read
   result.outputs.push_back({file.string(), "session"});
   result.metrics = {{"cameras", session.cameras.size()}, {"takes", session.takes.size()}};
@@ -123,7 +155,7 @@ CommandResult RunInit(const InitArguments& arguments) {
 
 CommandResult RunShow(const ShowArguments& arguments, CommandContext& context) {
   CommandResult result;
-  const Session session = dataset::ReadSession(arguments.folder);
+  const Session session = dataset::ReadSession(arguments.folder, arguments.options.allow_outside);
   const dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
   result.inputs = {arguments.folder};
   result.metrics = {{"units", session.units}, {"board", session.board}, {"cameras", ordered_json::array()}};
@@ -138,7 +170,7 @@ CommandResult RunShow(const ShowArguments& arguments, CommandContext& context) {
 
 CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& context) {
   CommandResult result;
-  const Session session = dataset::ReadSession(arguments.folder);
+  const Session session = dataset::ReadSession(arguments.folder, arguments.options.allow_outside);
   const dataset::SessionTake& take = dataset::TakeOf(session, arguments.take);
   const dataset::TakeTimeline made = dataset::BuildTakeTimeline(session, take, arguments.options, context.run);
   for (const std::string& warning : session.warnings) result.warnings.push_back({"SES-KEY", warning, ""});

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "cli/session_input.h"
 #include "cli/triangulate_take.h"
@@ -257,6 +258,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
   const std::optional<FoundTake> found = FillFromSession(&arguments, &result);
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
+  const OutputFolder place(
+      arguments.out, Joined(PathsIn(arguments.pose.pose2d), {arguments.pose.points2d, arguments.pose.calib}), {"sync.json"});
   result.folder = arguments.out;
   if (arguments.from == "poses") return RunPoses(arguments, found, context, std::move(result));
   if (!found) throw UsageError("--from " + arguments.from + " needs --session");

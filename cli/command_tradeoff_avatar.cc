@@ -8,6 +8,7 @@
 #include "cli/tradeoff_avatar.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "dataset/panoptic.h"
 
 namespace mvstudio::cli {
@@ -106,6 +107,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   if (options.score_size_px == 0) options.score_size_px = *std::max_element(grid.sizes.begin(), grid.sizes.end());
   for (const std::string& loss : grid.losses) LossFlags(loss);
   std::vector<AvatarTrial> trials = MakeTrials(grid, SpreadOut(data, options.holdout_cameras));
+  const OutputFolder place(options.out, {options.dataset}, {"tradeoff-avatar.html"});
   MakeFolder(options.out);
   CommandResult result;
   RunAll(options, context, &trials, &result);

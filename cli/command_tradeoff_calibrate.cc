@@ -135,6 +135,8 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   }
   CommandResult result;
   std::vector<Trial> trials;
+  const std::unique_ptr<OutputFolder> place =
+      TradeoffPlace(arguments.out, "calibrate", Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners}));
   const std::vector<Source> sources = Sources(arguments, context, &result);
   ProgressStage stage(context.run, "tradeoff",
                       static_cast<int64_t>(sources.size() * arguments.views.size() * arguments.models.size() * arguments.engines.size()));

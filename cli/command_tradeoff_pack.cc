@@ -6,6 +6,8 @@
 #include "cli/tradeoff.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
+#include "dataset/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -14,27 +16,6 @@ struct Arguments {
   std::string folder, out;
   std::vector<std::string> crops{"96", "128", "256", "full"};
   PackSpeedOptions options;
-};
-
-/// A folder for the packs, removed at the end.
-class WorkFolder {
- public:
-  explicit WorkFolder(const std::string& beside) {
-    std::filesystem::create_directories(beside);
-    std::string pattern = beside + "/.tradeoff-pack-XXXXXX";
-    if (!mkdtemp(pattern.data())) throw IoError(beside, "cannot make a folder for the packs there");
-    path_ = pattern;
-  }
-  ~WorkFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  WorkFolder(const WorkFolder&) = delete;
-  WorkFolder& operator=(const WorkFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
 };
 
 std::vector<int> CropSizes(const std::vector<std::string>& texts) {
@@ -67,7 +48,8 @@ CommandResult Run(Arguments& arguments, const CommandContext& context) {
   CommandResult result;
   result.inputs = {arguments.folder};
   arguments.options.crops = CropSizes(arguments.crops);
-  const WorkFolder work(arguments.out);
+  dataset::OpenPanopticDataset(arguments.folder);  // refused before a folder is made
+  const ScratchFolder work(arguments.out);
   arguments.options.work = work.path();
   const PackSpeedReport report = MeasurePackSpeed(arguments.folder, arguments.options, context.run);
   const std::vector<bool> on_front = FrontOfEach(report.trials);

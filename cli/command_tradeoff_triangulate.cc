@@ -243,6 +243,8 @@ std::vector<Trial> Trials(const Arguments& arguments) {
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   std::vector<Trial> trials = Trials(arguments);
+  const std::unique_ptr<OutputFolder> place = TradeoffPlace(
+      arguments.out, "triangulate", Joined(PathsIn(arguments.pose.pose2d), {arguments.pose.calib, arguments.truth}));
   const PoseInput input = ReadPoseInput(arguments.pose, &result);
   const triangulate::TakeProblem problem =
       PrepareTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.take, context.run);

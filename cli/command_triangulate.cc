@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "cli/pose_truth.h"
 #include "cli/session_input.h"
@@ -216,6 +217,10 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   CheckArguments(arguments);
+  const auto& pose = arguments.pose;
+  const OutputFolder place(arguments.out,
+                           Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
+                           {"points.csv", "covariance.csv", "pose3d.json"});
   result.folder = arguments.out;
   if (arguments.chunk_frames > 0) {
     const PoseParts parts(arguments.pose, &result);

@@ -1,17 +1,20 @@
 #include "cli/console.h"
 
+#include <poll.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
+#include <cerrno>
 #include <chrono>
-#include <csignal>
+#include <cstring>
 #include <mutex>
 
+#include "cli/interrupt.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/temporary.h"
 #include "core/utf8.h"
 
 namespace mvstudio::cli {
@@ -19,19 +22,13 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-std::atomic<int> received_signal{0};
-
-void OnSignal(int signal) {
-  if (received_signal.exchange(signal) != 0) _exit(128 + signal);  // a second one ends at once
-}
-
 class ConsoleProgress : public ProgressSink {
  public:
   explicit ConsoleProgress(bool bar) : bar_(bar) {}
 
   void Begin(const std::string& stage, int64_t total) override {
     std::lock_guard<std::mutex> lock(mutex_);
-    stage_ = stage, total_ = total, done_ = 0;
+    stage_ = OneLine(stage), total_ = total, done_ = 0;
     start_ = last_ = Clock::now();
     shown_ = false;
   }
@@ -47,7 +44,7 @@ class ConsoleProgress : public ProgressSink {
     std::lock_guard<std::mutex> lock(mutex_);
     if (bar_ && shown_) std::fputs("\r\033[K", stderr);
   }
-  bool Cancelled() const override { return received_signal != 0; }
+  bool Cancelled() const override { return ReceivedSignal() != 0; }
 
  private:
   void Show(const std::string& note) {
@@ -58,7 +55,8 @@ class ConsoleProgress : public ProgressSink {
     std::snprintf(speed, sizeof speed, rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s",
                   rate > 0 && rate < 0.5 ? 1 / rate : rate);
     std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s  ETA %.0f s  %s" : "%s %lld/%lld  %s  ETA %.0f s  %s\n",
-                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed, eta, note.c_str());
+                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed, eta,
+                 OneLine(note).c_str());
     std::fflush(stderr);
     shown_ = true;
   }
@@ -74,33 +72,62 @@ class ConsoleProgress : public ProgressSink {
 /// Silent, but still asks to stop on a signal.
 class SilentProgress : public ProgressSink {
  public:
-  bool Cancelled() const override { return received_signal != 0; }
+  bool Cancelled() const override { return ReceivedSignal() != 0; }
 };
 
-}  // namespace
+/// C1 controls, line separators, and the marks that turn the direction of writing.
+bool IsHiddenControl(const std::string& character) {
+  const auto between = [&](const char* first, const char* last) { return first <= character && character <= last; };
+  return between("\u0080", "\u009f") || between("\u200e", "\u200f") || between("\u2028", "\u202e") ||
+         between("\u2066", "\u2069");
+}
 
-std::string OneLine(const std::string& text) {
-  constexpr size_t kMaxBytes = 4000;
+/// What would move the cursor, colour the terminal or turn the direction of writing becomes '?', and so do bytes that are no
+/// UTF-8.
+std::string Harmless(const std::string& text, bool keep_lines) {
   std::string line;
   for (size_t at = 0; at < text.size();) {
     const size_t length = Utf8Length(text, at);
     const auto lead = static_cast<unsigned char>(text[at]);
-    const bool c1_control = lead == 0xc2 && length == 2 && static_cast<unsigned char>(text[at + 1]) < 0xa0;
     if (lead == '\n' || lead == '\t') {
-      line += ' ';
-    } else if (length == 0 || lead < 0x20 || lead == 0x7f || c1_control) {
+      line += lead == '\n' && keep_lines ? '\n' : ' ';
+    } else if (length == 0 || lead < 0x20 || lead == 0x7f || IsHiddenControl(text.substr(at, length))) {
       line += '?';
     } else {
       line.append(text, at, length);
     }
     at += std::max<size_t>(length, 1);
   }
+  return line;
+}
+
+}  // namespace
+
+std::string OneLine(const std::string& text) {
+  constexpr size_t kMaxBytes = 4000;
+  std::string line = Harmless(text, false);
   while (!line.empty() && line.back() == ' ') line.pop_back();
   if (line.size() <= kMaxBytes) return line;
   size_t head = kMaxBytes / 2, tail = line.size() - kMaxBytes / 2;
   while (static_cast<unsigned char>(line[head]) >> 6 == 2) --head;
   while (tail < line.size() && static_cast<unsigned char>(line[tail]) >> 6 == 2) ++tail;
   return line.substr(0, head) + " [...] " + line.substr(tail);
+}
+
+std::string ManyLines(const std::string& text) { return Harmless(text, true); }
+
+void PrintOut(const std::string& text) {
+  for (size_t at = 0; at < text.size();) {
+    const ssize_t written = write(STDOUT_FILENO, text.data() + at, text.size() - at);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0 && errno == EAGAIN) {  // a terminal or pipe that somebody made so
+      pollfd free = {STDOUT_FILENO, POLLOUT, 0};
+      poll(&free, 1, 1000);
+      continue;
+    }
+    if (written < 0) throw ResourceError(std::string("stdout: cannot write: ") + std::strerror(errno));
+    at += static_cast<size_t>(written);
+  }
 }
 
 void InstallLog(const std::string& level) {
@@ -110,17 +137,9 @@ void InstallLog(const std::string& level) {
   SetLogSink([logger](LogLevel severity, const std::string& message) {
     static constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
                                                             spdlog::level::err};
-    logger->log(kLevels[static_cast<int>(severity)], "{}", OneLine(message));
+    logger->log(kLevels[static_cast<int>(severity)], "{}", OneLine(FinalNames(message)));
   });
 }
-
-void InstallSignalHandlers() {
-  std::signal(SIGINT, OnSignal);
-  std::signal(SIGTERM, OnSignal);
-  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error like a full disk, and nothing is left behind
-}
-
-int ReceivedSignal() { return received_signal; }
 
 std::unique_ptr<ProgressSink> MakeProgress(const std::string& mode) {
   if (mode == "none") return std::make_unique<SilentProgress>();

@@ -11,12 +11,14 @@ namespace mvstudio::cli {
 /// sequences or bytes that are no UTF-8; those become spaces and '?'. Longer than 4000 bytes, the middle is left out.
 std::string OneLine(const std::string& text);
 
+/// The same for text of many lines, whole: its line breaks stay.
+std::string ManyLines(const std::string& text);
+
+/// Writes to stdout, at once. Throws ResourceError when that is not possible: a full disk, a pipe that is closed.
+void PrintOut(const std::string& text);
+
 /// Sends core/log to stderr through spdlog. `level`: debug, info, warning, error, off.
 void InstallLog(const std::string& level);
-
-/// SIGINT and SIGTERM ask the running command to stop; returns the signal received so far, or 0.
-void InstallSignalHandlers();
-int ReceivedSignal();
 
 /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere; silent when `mode` is "none". Modes: auto, bar, plain,
 /// none.

@@ -1,12 +1,16 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <iostream>
 
 #include "cli/console.h"
+#include "cli/interrupt.h"
+#include "cli/redact.h"
+#include "cli/result.h"
 #include "cli/run_line.h"
+#include "core/error.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -34,49 +38,77 @@ void RestartWithShortSpins(char** argv) {
 
 std::string WithHint(const Notice& notice) { return notice.text + (notice.hint.empty() ? "" : " (" + notice.hint + ")"); }
 
-void PrintForPerson(const CommandResult& result) {
-  if (!result.text.empty()) std::cout << result.text << (result.text.back() == '\n' ? "" : "\n");
-  for (const Notice& notice : result.warnings) {
-    std::cerr << OneLine("warning " + notice.code + ": " + WithHint(notice)) << "\n";
-  }
-  for (const auto& output : result.outputs) {
-    if (output.role != "heldout-picture") std::cout << "Wrote " << output.path << "\n";
-  }
+/// Text of the program's own, one line, past all buffers.
+void PrintNotice(const std::string& text) {
+  const std::string line = OneLine(text) + "\n";
+  (void)!write(STDERR_FILENO, line.data(), line.size());
 }
 
 void PrintErrors(const CommandResult& result) {
-  for (const Notice& notice : result.errors) {
-    std::cerr << OneLine("error: " + WithHint(notice)) << "\n";
+  for (const Notice& notice : result.errors) PrintNotice("error: " + WithHint(notice));
+}
+
+void PrintForPerson(const CommandResult& result) {
+  if (!result.text.empty()) PrintOut(ManyLines(result.text) + (result.text.back() == '\n' ? "" : "\n"));
+  for (const Notice& notice : result.warnings) PrintNotice("warning " + notice.code + ": " + WithHint(notice));
+  std::string written;
+  for (const auto& output : result.outputs) {
+    if (output.role != "heldout-picture") written += OneLine("Wrote " + output.path) + "\n";
   }
+  PrintOut(written);
+}
+
+/// The exit code: that of the command, unless its outcome could not be printed.
+int Print(const LineOutcome& outcome, bool json) {
+  PrintErrors(outcome.result);
+  try {
+    if (!outcome.help.empty()) {
+      PrintOut(outcome.help);
+    } else if (json) {
+      PrintOut(JsonText(RedactedJson(outcome.json)));
+    } else {
+      PrintForPerson(outcome.result);
+    }
+    return outcome.result.exit;
+  } catch (const Error&) {
+    const CommandResult failure = ResultOfCurrentException();
+    PrintErrors(failure);
+    return failure.exit;
+  }
+}
+
+/// What a command that was ended from outside would have said itself.
+std::function<void(int)> LastWords(const std::string& command, bool json, const std::vector<std::string>& argv) {
+  const auto start = std::chrono::steady_clock::now();
+  return [=](int signal) {
+    LineOutcome outcome;
+    outcome.command = command;
+    outcome.result = InterruptedResult(signal);
+    const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    outcome.json = ResultToJson(command, outcome.result, wall_s, argv);
+    Print(outcome, json);
+  };
 }
 
 int Main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   GlobalOptions global;
-  const LineOutcome outcome = RunLine(words, global, [&](const RunCommand& command) {
+  const LineOutcome outcome = RunLine(words, global, [&](const Registry::Entry& entry) {
     InstallLog(global.log_level);
-    InstallSignalHandlers();
+    InstallSignalHandlers(LastWords(entry.name, global.json, {argv, argv + argc}));
     const std::unique_ptr<ProgressSink> progress = MakeProgress(global.progress);
     CommandContext context{{progress.get(), global.threads, global.seed}, {argv, argv + argc}};
-    return command(context);
+    return entry.run(context);
   });
-  if (!outcome.help.empty()) {
-    std::cout << outcome.help;
-    return kExitOk;
-  }
-  PrintErrors(outcome.result);
-  if (global.json) {
-    std::cout << outcome.json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << std::endl;
-  } else {
-    PrintForPerson(outcome.result);
-  }
-  return outcome.result.exit;
+  ClaimOutput();
+  return Print(outcome, global.json);
 }
 
 }  // namespace
 }  // namespace mvstudio::cli
 
 int main(int argc, char** argv) {
+  mvstudio::cli::PrepareProcess();
   if (mvstudio::cli::Trains(argv)) {
     mvstudio::cli::RestartWithShortSpins(argv);
     mvstudio::cli::KeepFreedMemory();

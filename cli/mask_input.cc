@@ -5,8 +5,8 @@
 #include <set>
 
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
+#include "core/paths.h"
 #include "dataset/frames.h"
 #include "dataset/image_io.h"
 #include "dataset/panoptic.h"
@@ -28,7 +28,7 @@ std::map<int, People> ReadPoses(const std::string& folder) {
   std::map<int, People> poses;
   const fs::path dataset_poses = fs::path(folder) / "hdPose3d_stage1_coco19";
   const fs::path files = fs::exists(dataset_poses) ? dataset_poses : fs::path(folder);
-  for (const std::string& path : Glob((files / "body3DScene_*.json").string()))
+  for (const std::string& path : FilesNamed(files.string(), "body3DScene_", ".json"))
     poses[NumberOfName(path)] = dataset::ReadBody3dScene(path);
   if (poses.empty()) throw IoError(folder, "holds neither points.csv nor body3DScene_*.json");
   return poses;
@@ -168,7 +168,7 @@ std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandRes
 TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera) {
   TruthScore score;
   std::map<int, std::string> exact;
-  for (const std::string& path : Glob(truth)) exact[NumberOfName(path)] = path;
+  for (const std::string& path : FilesMatching(truth)) exact[NumberOfName(path)] = path;
   if (exact.empty()) throw IoError(truth, "no exact mask is there");
   for (const auto& [frame, path] : exact) {
     const std::string own = MaskPath(folder, camera, frame);

@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "dataset/image_io.h"
 #include "dataset/mask_sheet.h"
@@ -252,10 +253,9 @@ MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std
   TakePass pass = SegmentAll(job, backend, models, folder, "", run);
   const bool together = job.has_calibration() && job.cameras.size() > 1;
   if (job.run.hull && together) {
-    const std::string room = folder + "/.room";
-    WriteRoom(job, folder, room, pass.instants, run);
-    pass = SegmentAll(job, backend, models, folder, room, run);
-    fs::remove_all(room);
+    const ScratchFolder room(folder);
+    WriteRoom(job, folder, room.path(), pass.instants, run);
+    pass = SegmentAll(job, backend, models, folder, room.path(), run);
   }
   MaskRunResult result;
   result.cameras = std::move(pass.cameras);

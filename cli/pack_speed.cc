@@ -150,7 +150,7 @@ class Measurement {
       MeasureFolder(task, pack, "as it is", false);
     }
     for (const std::string& codec : options_.codecs) MeasurePack(task, codec, codec == "raw" ? raw : Build(codec, crop_px));
-    std::filesystem::remove_all(raw);
+    RemoveFromWork(raw);
   }
 
   PackSpeedReport report;
@@ -226,7 +226,7 @@ class Measurement {
       const auto read = [&](size_t i) { return pack.ReadImage(i); };
       AddTrials(trial, Compare(task.truth, task.stride, read), pack.samples().size(), [&](size_t i) { read(i); });
     }
-    if (codec != "raw") std::filesystem::remove_all(path);
+    if (codec != "raw") RemoveFromWork(path);
   }
 
   const PackSpeedOptions& options_;

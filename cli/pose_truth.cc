@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "core/files.h"
+#include "core/paths.h"
 #include "dataset/panoptic.h"
 
 namespace mvstudio::cli {
@@ -28,7 +28,7 @@ std::map<int, std::map<int, dataset::Coco19Pose>> ReadScenes(const std::vector<s
 dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align) {
   namespace fs = std::filesystem;
   const fs::path path(truth);
-  const std::vector<std::string> scenes = Glob((path / "body3DScene_*.json").string());
+  const std::vector<std::string> scenes = FilesNamed(truth, "body3DScene_", ".json");
   if (!scenes.empty()) return ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align);
   const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
   if (!fs::exists(table))

@@ -8,18 +8,19 @@
 #include <filesystem>
 #include <new>
 
-#include "cli/console.h"
+#include "cli/fingerprint.h"
+#include "cli/interrupt.h"
+#include "cli/redact.h"
 #include "core/error.h"
 #include "core/files.h"
-#include "core/sha256.h"
+#include "core/lock.h"
+#include "core/temporary.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr uintmax_t kMaxHashedBytes = 2ull << 30;
 
 std::string StatusName(const CommandResult& result) {
   switch (result.exit) {
@@ -50,36 +51,6 @@ double PeakRssMb() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
-std::vector<std::string> FilesBelow(const std::string& path) {
-  if (!fs::is_directory(path)) return fs::exists(path) ? std::vector<std::string>{path} : Glob(path);
-  std::vector<std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(path)) {
-    if (entry.is_regular_file()) files.push_back(entry.path().string());
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
-/// Digest of a file, or of the list of digests of a folder's files; too much data is described by its size alone.
-Json Fingerprint(const std::string& path) {
-  const std::vector<std::string> files = FilesBelow(path);
-  uintmax_t bytes = 0;
-  for (const std::string& file : files) bytes += fs::file_size(file);
-  Json item = {{"path", path}, {"files", files.size()}, {"bytes", bytes}};
-  if (files.empty() || bytes > kMaxHashedBytes) return item;
-  if (files.size() == 1) {
-    item["sha256"] = Sha256File(files.front());
-    return item;
-  }
-  Sha256 all;
-  for (const std::string& file : files) {
-    const std::string line = Sha256File(file) + " " + file.substr(std::min(path.size(), file.size())) + "\n";
-    all.Update(line.data(), line.size());
-  }
-  item["sha256_of_list"] = all.HexDigest();
-  return item;
-}
-
 std::string UtcNow() {
   const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   char text[32];
@@ -87,10 +58,15 @@ std::string UtcNow() {
   return text;
 }
 
+/// Messages name the user's files: not the hidden ones that stand for them while they are written, and something at least.
+std::string WithoutEmptyPath(const std::string& text) {
+  return FinalNames(text.compare(0, 2, ": ") == 0 ? "a file or folder" + text : text);
+}
+
 CommandResult ErrorResult(int exit, const std::string& code, const std::string& text, const std::string& hint = {}) {
   CommandResult result;
   result.exit = exit;
-  result.errors.push_back({code, text, hint});
+  result.errors.push_back({code, WithoutEmptyPath(text), hint});
   return result;
 }
 
@@ -117,29 +93,74 @@ Json ResultToJson(const std::string& command, const CommandResult& result, doubl
           {"argv", argv}};
 }
 
-void KeepResult(const std::string& command, const CommandResult& result, const Json& json,
-                const std::vector<std::string>& argv) {
-  if (result.folder.empty()) return;
-  std::string name = command;
-  std::replace(name.begin(), name.end(), ' ', '_');
-  const std::string path = result.folder + "/" + name + ".result.json";
+namespace {
+
+Json ProvenanceLine(const std::string& command, const CommandResult& result, const Json& json,
+                    const std::vector<std::string>& argv) {
   Json line = {{"time", UtcNow()}, {"command", command}, {"version", MVSTUDIO_VERSION}, {"argv", argv}, {"exit", result.exit}};
   line["inputs"] = Json::array();
   line["outputs"] = Json::array();
   for (const std::string& input : result.inputs) line["inputs"].push_back(Fingerprint(input));
   for (const auto& output : result.outputs) line["outputs"].push_back(Fingerprint(output.path));
   line["wall_s"] = json["timing"]["wall_s"];
-  AppendLine(result.folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
-  WriteFileAtomic(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  return line;
+}
+
+/// A failure to record a result: the result itself stays what it is, but for a full disk, or where the record is all that there is.
+void NoteUnrecorded(CommandResult* result) {
+  const CommandResult failure = ResultOfCurrentException();
+  const Notice& why = failure.errors.front();
+  if (failure.exit == kExitResources) {
+    result->exit = kExitResources;
+    result->errors.push_back({why.code, "the outputs are complete, but not the record of them: " + why.text, why.hint});
+  } else if (result->outputs.empty()) {
+    result->exit = failure.exit;
+    result->errors.push_back(why);
+  } else {
+    result->warnings.push_back({"CLI-PROVENANCE", "the result is not recorded in its folder: " + why.text, why.hint});
+  }
+}
+
+CommandResult FilesystemErrorResult(const fs::filesystem_error& e) {
+  const bool full = e.code() == std::errc::no_space_on_device;
+  return ErrorResult(full ? kExitResources : kExitBadInput, full ? "RESOURCES" : "INPUT-IO",
+                     e.path1().string() + ": " + e.code().message());
+}
+
+}  // namespace
+
+std::string JsonText(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+void KeepResult(const std::string& command, CommandResult* result, const Json& json, const std::vector<std::string>& argv) {
+  if (result->folder.empty()) return;
+  std::string name = command;
+  std::replace(name.begin(), name.end(), ' ', '_');
+  try {
+    const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv));
+    AppendLine(result->folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
+  } catch (...) {
+    NoteUnrecorded(result);
+  }
+  try {
+    WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json)));
+  } catch (...) {
+    NoteUnrecorded(result);
+  }
+}
+
+CommandResult InterruptedResult(int signal, const std::string& text) {
+  return ErrorResult(signal > 0 ? 128 + signal : kExitInterrupted, "CLI-INTERRUPTED", text);
 }
 
 CommandResult ResultOfCurrentException() {
   try {
     throw;
   } catch (const CancelledError& e) {
-    return ErrorResult(ReceivedSignal() ? 128 + ReceivedSignal() : kExitInterrupted, "CLI-INTERRUPTED", e.what());
+    return InterruptedResult(ReceivedSignal(), e.what());
   } catch (const UsageError& e) {
     return ErrorResult(kExitUsage, "CLI-USAGE", e.what());
+  } catch (const LockedError& e) {
+    return ErrorResult(kExitTryAgain, "CLI-LOCKED", e.what());
   } catch (const IoError& e) {
     return ErrorResult(kExitBadInput, "INPUT-IO", e.what());
   } catch (const FormatError& e) {
@@ -151,9 +172,7 @@ CommandResult ResultOfCurrentException() {
   } catch (const MissingToolError& e) {
     return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
   } catch (const fs::filesystem_error& e) {  // a path that cannot even be looked at: a loop of links, a name too long, no right
-    const bool full = e.code() == std::errc::no_space_on_device;
-    return ErrorResult(full ? kExitResources : kExitBadInput, full ? "RESOURCES" : "INPUT-IO",
-                       e.path1().string() + ": " + e.code().message());
+    return FilesystemErrorResult(e);
   } catch (const std::exception& e) {
     return ErrorResult(kExitInternal, "INTERNAL", e.what(),
                        "this is a defect of mvstudio: please report it with the command line");

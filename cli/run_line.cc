@@ -1,9 +1,14 @@
 #include "cli/run_line.h"
 
+#include <algorithm>
 #include <chrono>
+#include <filesystem>
 
-#include "cli/commands.h"
+#include "cli/arguments.h"
+#include "cli/redact.h"
 #include "cli/result.h"
+#include "core/check.h"
+#include "core/manifest.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -14,8 +19,14 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
   app.add_flag("--json", global.json, "print exactly one JSON object on stdout");
   app.add_option("--threads", global.threads, "threads; 0: as many as the machine has")->capture_default_str();
   app.add_option("--seed", global.seed, "seed of everything random")->capture_default_str();
-  app.add_option("--log-level", global.log_level, "debug, info, warning, error or off")->capture_default_str();
-  app.add_option("--progress", global.progress, "auto, bar, plain or none")->capture_default_str();
+  app.add_option("--log-level", global.log_level, "debug, info, warning, error or off")
+      ->capture_default_str()
+      ->check(OneOf({"debug", "info", "warning", "error", "off"}));
+  app.add_option("--progress", global.progress, "auto, bar, plain or none")
+      ->capture_default_str()
+      ->check(OneOf({"auto", "bar", "plain", "none"}));
+  app.add_flag("--redact", global.redact,
+               "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
 }
 
 const Registry::Entry* Chosen(const Registry& registry) {
@@ -25,50 +36,76 @@ const Registry::Entry* Chosen(const Registry& registry) {
   return nullptr;
 }
 
-CommandResult UsageResult(const std::string& text) {
+CommandResult UsageResult(const Notice& notice) {
   CommandResult result;
   result.exit = kExitUsage;
-  result.errors.push_back({"CLI-USAGE", text, "see mvstudio --help"});
+  result.errors.push_back(notice);
   return result;
 }
 
-void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
-  outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
-  try {
-    KeepResult(outcome.command, outcome.result, outcome.json, argv);
-  } catch (...) {
-    outcome.result = ResultOfCurrentException();
-    outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
+/// CLI11 takes the words last first. What looks like one of its lists and is a file is not to be taken apart.
+std::vector<std::string> WordsForParser(const std::vector<std::string>& words) {
+  std::vector<std::string> reversed(words.rbegin(), words.rend());
+  for (std::string& word : reversed) {
+    std::error_code ignored;
+    const bool list = word.size() > 1 && word.front() == '[' && word.back() == ']';
+    if (list && std::filesystem::exists(std::filesystem::symlink_status(word, ignored))) word.insert(0, "./");
   }
+  return reversed;
+}
+
+/// Files that are written name the command that writes them, a stage of a longer one its own.
+struct WriterScope {
+  explicit WriterScope(const std::string& command) : before(WriterName()) { SetWriterName(command, MVSTUDIO_VERSION); }
+  ~WriterScope() { SetWriterName(before.first, before.second); }
+  WriterScope(const WriterScope&) = delete;
+  WriterScope& operator=(const WriterScope&) = delete;
+  const std::pair<std::string, std::string> before;
+};
+
+bool Has(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
+  const WriterScope writer(outcome.command);
+  outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
+  KeepResult(outcome.command, &outcome.result, outcome.json, argv);
+  outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
 }
 
 }  // namespace
 
 LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
-                    const std::function<CommandResult(const RunCommand&)>& run) {
+                    const std::function<CommandResult(const Registry::Entry&)>& run) {
   CLI::App app{"mvstudio: multi-view capture, from footage to scored avatars", "mvstudio"};
   app.fallthrough();
   app.require_subcommand(1);
   AddGlobalOptions(app, global);
   Registry registry;
   RegisterAll(app, registry);
+  CheckValues(app);
 
   std::vector<std::string> argv = {"mvstudio"};
   argv.insert(argv.end(), words.begin(), words.end());
   LineOutcome outcome;
   const auto start = Clock::now();
   try {
-    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // CLI11 takes the words last first
+    app.parse(WordsForParser(words));
+    if (global.redact) StartRedacting(argv);
     const Registry::Entry* entry = Chosen(registry);
-    if (entry) outcome.command = entry->name;
-    outcome.result = entry ? run(entry->run) : UsageResult("no command given");
+    MVS_CHECK(entry, "a command that runs nothing");
+    outcome.command = entry->name;
+    const WriterScope writer(entry->name);
+    outcome.result = run(*entry);
   } catch (const CLI::CallForHelp&) {
     outcome.help = app.help();
   } catch (const CLI::CallForAllHelp&) {
     outcome.help = app.help("", CLI::AppFormatMode::All);
   } catch (const CLI::ParseError& e) {
-    for (const std::string& word : words) global.json = global.json || word == "--json";
-    outcome.result = UsageResult(e.what());
+    global.json = global.json || Has(words, "--json");
+    if (Has(words, "--redact")) StartRedacting(argv);
+    outcome.result = UsageResult(ParseNotice(app, e));
   } catch (...) {
     outcome.result = ResultOfCurrentException();
   }
@@ -82,9 +119,9 @@ LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext
   global.seed = context.run.seed;
   std::vector<std::string> argv = {"mvstudio"};
   argv.insert(argv.end(), words.begin(), words.end());
-  return RunLine(words, global, [&](const RunCommand& command) {
+  return RunLine(words, global, [&](const Registry::Entry& entry) {
     CommandContext stage{{context.run.progress, global.threads, global.seed}, argv};
-    return command(stage);
+    return entry.run(stage);
   });
 }
 

@@ -14,6 +14,7 @@ struct GlobalOptions {
   uint64_t seed = 1;
   std::string log_level = "warning";
   std::string progress = "auto";
+  bool redact = false;
 };
 
 /// The outcome of one command line: what was run, its result, and the JSON object of the contract.
@@ -25,9 +26,9 @@ struct LineOutcome {
 };
 
 /// Parses `words` (without the program's name) and fills `global`; the chosen command is then called by `run`, which is given
-/// the function and returns its result. Never throws: whatever goes wrong is in the result. The result is kept in its folder.
+/// its entry and returns its result. Never throws: whatever goes wrong is in the result. The result is kept in its folder.
 LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
-                    const std::function<CommandResult(const RunCommand&)>& run);
+                    const std::function<CommandResult(const Registry::Entry&)>& run);
 
 /// Runs one stage of a longer command in the same process: as `mvstudio WORDS…` would, with the progress and threads of
 /// `context`.

@@ -55,7 +55,7 @@ void AddSessionArguments(CLI::App* sub, SessionArguments& arguments, const std::
 std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("--take needs --session");
   if (arguments.session.empty()) return std::nullopt;
-  FoundTake found{dataset::ReadSession(arguments.session), {}};
+  FoundTake found{dataset::ReadSession(arguments.session, arguments.allow_outside), {}};
   found.take = dataset::TakeOf(found.session, arguments.take);
   AddWarnings(found.session, result);
   return found;
@@ -79,7 +79,7 @@ void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseAr
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("--take needs --session");
   if (arguments.session.empty()) return;
-  const dataset::Session session = dataset::ReadSession(arguments.session);
+  const dataset::Session session = dataset::ReadSession(arguments.session, arguments.allow_outside);
   AddWarnings(session, result);
   if (corners->boards.empty()) {
     if (session.board.empty())

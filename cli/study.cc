@@ -6,6 +6,7 @@
 #include "cli/avatar_scores.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "report/format.h"
 #include "report/study.h"
 #include "report/study_tally.h"
@@ -75,8 +76,11 @@ CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, 
   if (study.html.size() > kMaxPageBytes)
     throw UsageError("the page would have " + std::to_string(study.html.size() >> 20) + " MB; ask less with --study-pictures");
   const std::string key = fs::path(out).replace_extension(".key.json").string();
-  WriteFileAtomic(out, study.html);
+  const OutputFiles place({out, key}, {});
+  FilesTogether together;
   WriteFileAtomic(key, study.json);
+  WriteFileAtomic(out, study.html);
+  together.Commit();
   CommandResult result;
   result.metrics = {{"study", study.sha256},
                     {"methods", {a.name, b.name}},

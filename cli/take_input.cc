@@ -38,7 +38,7 @@ void WarnIfOlder(const dataset::Session& session, const dataset::SessionTake& ta
 }
 
 void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, CommandResult* result) {
-  input->session = dataset::ReadSession(arguments.session);
+  input->session = dataset::ReadSession(arguments.session, arguments.allow_outside);
   const dataset::Session& session = *input->session;
   for (const std::string& warning : session.warnings) {
     result->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});

@@ -24,6 +24,12 @@ std::vector<bool> ParetoFront(const std::vector<TradeoffPoint>& points) {
 
 std::string Shown(double value, int decimals) { return std::isfinite(value) ? report::FormatFixed(value, decimals) : "-"; }
 
+std::unique_ptr<OutputFolder> TradeoffPlace(const std::string& folder, const std::string& command,
+                                            const std::vector<std::string>& inputs) {
+  if (folder.empty()) return nullptr;
+  return std::make_unique<OutputFolder>(folder, inputs, std::vector<std::string>{"tradeoff-" + command + ".html"});
+}
+
 void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
                        CommandResult* result) {
   report::ParetoChartSpec spec;
@@ -36,7 +42,6 @@ void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint
     const TradeoffPoint& p = points[i];
     if (std::isfinite(p.cost) && std::isfinite(p.error)) spec.points.push_back({p.name, p.cost, p.error, on_front[i]});
   }
-  MakeFolder(folder);
   const std::string path = folder + "/tradeoff-" + page.command + ".html";
   const report::Section section{
       "tradeoff", page.heading,

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "cli/command.h"
+#include "cli/output_guard.h"
 
 namespace mvstudio::cli {
 
@@ -25,6 +27,10 @@ struct TradeoffPage {
   std::string title;    ///< of the figure
   std::string cost_label, error_label;
 };
+
+/// The right to write the page of `command` to `folder`; nothing when no folder is named.
+std::unique_ptr<OutputFolder> TradeoffPlace(const std::string& folder, const std::string& command,
+                                            const std::vector<std::string>& inputs);
 
 /// Writes the figure to `folder` (made when missing) and lists it in the result.
 void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,

@@ -11,6 +11,8 @@
 #include "cli/tradeoff.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/manifest.h"
+#include "core/output.h"
 #include "core/process.h"
 #include "report/value.h"
 
@@ -37,20 +39,19 @@ std::vector<std::string> Words(const std::string& text, char between = ' ') {
 
 /// The result object of a command of this program.
 Value Call(const std::vector<std::string>& words, const std::string& folder, const std::function<void()>& poll) {
+  const ScratchFolder scratch(folder);
   std::vector<std::string> line = {"/proc/self/exe"};
   line.insert(line.end(), words.begin(), words.end());
   line.push_back("--json");
-  const std::string out = folder + ".out", err = folder + ".err";
+  const std::string out = scratch.path() + "/out", err = scratch.path() + "/err";
   const int exit = RunProcess(line, {out, err}, poll);
   const std::string text = ReadFile(out);
   if (exit != kExitOk && exit != kExitPartial) {
     std::string why;
     if (!text.empty()) why = Value::Parse(text, out)["errors"].At(0)["text"].Text();
-    throw IoError(err, "`mvstudio " + Joined(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
+    throw IoError(folder, "`mvstudio " + Joined(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
   }
-  const Value result = Value::Parse(text, out);
-  RemoveFile(out), RemoveFile(err);
-  return result;
+  return Value::Parse(text, out);
 }
 
 std::vector<std::string> TrainWords(const AvatarTradeoffOptions& options, const CommandContext& context,
@@ -101,7 +102,7 @@ Value TrainAndScore(const AvatarTradeoffOptions& options, const CommandContext& 
   const auto keep = [&] { WriteFileAtomic(kept, record.Dump(1) + "\n"); };
   if (!record["train"].IsObject()) {
     const bool resume = same && std::filesystem::exists(folder + "/checkpoint.safetensors");
-    if (!resume && std::filesystem::exists(folder)) std::filesystem::remove_all(folder);
+    if (!resume) RemoveOurs({folder});
     MakeFolder(folder);
     keep();
     const Value result =

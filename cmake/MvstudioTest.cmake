@@ -1,3 +1,17 @@
+# What the tests of a sanitizer build need: options of its runtime, and more time.
+set(MVSTUDIO_TEST_ENVIRONMENT "MVSTUDIO_BIN=${CMAKE_BINARY_DIR}/bin/mvstudio;MVSTUDIO_SOURCE=${CMAKE_SOURCE_DIR};MVSTUDIO_CACHE=off;GOMP_SPINCOUNT=1000")
+set(MVSTUDIO_TEST_PATIENCE 1)
+if(MVSTUDIO_SANITIZE MATCHES address)
+  set(MVSTUDIO_TEST_PATIENCE 5)
+  list(APPEND MVSTUDIO_TEST_ENVIRONMENT "LSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/cmake/sanitizers/lsan.txt:print_suppressions=0"
+    "UBSAN_OPTIONS=print_stacktrace=1")
+elseif(MVSTUDIO_SANITIZE MATCHES thread)
+  set(MVSTUDIO_TEST_PATIENCE 15)
+  # Packs are checked in a process that is forked while other threads may run.
+  list(APPEND MVSTUDIO_TEST_ENVIRONMENT
+    "TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/cmake/sanitizers/tsan.txt:die_after_fork=0:second_deadlock_stack=1")
+endif()
+
 # mvstudio_add_tests(MODULE DEPS...): one program and one ctest entry MODULE/unit for every MODULE/*_test.cc of the current folder.
 # A file ending in _slow_test.cc gets the label `slow`, _integration_test.cc `integration`, any other `unit`.
 function(mvstudio_add_tests module)
@@ -17,13 +31,38 @@ function(mvstudio_add_tests module)
       set(label integration)
       set(timeout 300)
     endif()
+    math(EXPR timeout "${timeout} * ${MVSTUDIO_TEST_PATIENCE}")
     string(REPLACE "/" "_" target "test_${module}_${unit}")
     add_executable(${target} ${source})
+    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # a third less to compile; what is tested keeps its own flags
     target_link_libraries(${target} PRIVATE ${ARGN} mvstudio_test_support GTest::gmock GTest::gtest_main mvstudio_warnings)
     set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
     add_test(NAME ${module}/${unit} COMMAND ${target})
-    set_tests_properties(${module}/${unit} PROPERTIES LABELS ${label} TIMEOUT ${timeout})
-    set_property(TEST ${module}/${unit} PROPERTY ENVIRONMENT
-      "MVSTUDIO_BIN=${CMAKE_BINARY_DIR}/bin/mvstudio;MVSTUDIO_SOURCE=${CMAKE_SOURCE_DIR};MVSTUDIO_CACHE=off;GOMP_SPINCOUNT=1000")
+    set_tests_properties(${module}/${unit} PROPERTIES LABELS ${label} TIMEOUT ${timeout} ENVIRONMENT "${MVSTUDIO_TEST_ENVIRONMENT}")
+  endforeach()
+endfunction()
+
+# mvstudio_plan_tests(FILE): what a run of all tests should know of the long ones. Lines "NAME SECONDS [nightly] [threads] [alone]":
+# long tests start first; `nightly` ones are left to `scripts/test nightly`; those with `threads` keep all processors busy and those that
+# need the machine `alone` run by themselves.
+function(mvstudio_plan_tests file)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+  file(STRINGS ${file} lines REGEX "^[^#]")
+  foreach(line ${lines})
+    separate_arguments(words UNIX_COMMAND "${line}")
+    list(POP_FRONT words name seconds)
+    if(NOT TEST ${name})
+      continue()  # not in this configuration
+    endif()
+    set_tests_properties(${name} PROPERTIES COST ${seconds})
+    if(nightly IN_LIST words)
+      set_property(TEST ${name} APPEND PROPERTY LABELS nightly)
+    endif()
+    if(threads IN_LIST words)
+      set_tests_properties(${name} PROPERTIES PROCESSORS 2)
+    endif()
+    if(alone IN_LIST words)
+      set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
+    endif()
   endforeach()
 endfunction()

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -35,7 +36,12 @@ void ParallelFor(int64_t count, int num_threads, const std::function<void(int64_
     }
   };
   std::vector<std::thread> pool;
-  for (int t = 0; t < threads; ++t) pool.emplace_back(work);
+  pool.reserve(static_cast<size_t>(threads));
+  try {
+    while (static_cast<int>(pool.size()) < threads) pool.emplace_back(work);
+  } catch (const std::system_error&) {  // no more memory or processes for this user: fewer do the same, this thread among them
+    work();
+  }
   for (std::thread& thread : pool) thread.join();
   if (failure) std::rethrow_exception(failure);
 }

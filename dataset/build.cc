@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/median.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "core/sha256.h"
 #include "dataset/build_internal.h"
@@ -194,6 +195,12 @@ void AddGaps(const CameraResult& r, BuildReport* report) {
                               "the camera dropped frames, or they are damaged; see the timeline"});
 }
 
+std::vector<std::string> InputsOf(const BuildInputs& inputs) {
+  std::vector<std::string> paths = {inputs.calibration, inputs.pose3d};
+  for (const CameraFootage& footage : inputs.footage) paths.insert(paths.end(), {footage.path, footage.plate});
+  return paths;
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
@@ -203,7 +210,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const Pose3d pose = ReadPose3d(inputs.pose3d);
   const std::map<int, People> poses = ToCoco19(pose);
   if (poses.empty()) throw FormatError(inputs.pose3d, "points.csv", "holds no frame");
-  AtomicFolder folder(out, options.overwrite);
+  AtomicFolder folder(out, options.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 

@@ -9,7 +9,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/files.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 #include "dataset/video_io.h"
 
@@ -192,9 +192,9 @@ std::optional<int64_t> NumberInName(const std::string& path) {
 FootageFiles ListFootage(const std::string& path_or_pattern) {
   const std::string& path = path_or_pattern;
   FootageFiles files;
-  const bool is_folder = fs::is_directory(path), is_pattern = path.find_first_of("*?") != std::string::npos;
+  const bool is_folder = fs::is_directory(path), is_pattern = IsPattern(path);
   if (!is_folder && fs::exists(path)) return {!HasImageExtension(path), {path}};
-  if (is_folder || is_pattern) files.paths = Glob(path);
+  if (is_folder || is_pattern) files.paths = FilesMatching(path);
   if (files.paths.empty() && !is_folder) {
     throw IoError(path, is_pattern ? "no file matches the pattern" : "no such file or folder");
   }

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/paths.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -156,6 +157,7 @@ std::string ReadStart(const std::string& path, size_t most) {
 }
 
 void CheckFileSize(const std::string& path) {
+  RequireRegularFile(path);
   std::error_code error;
   const uintmax_t size = std::filesystem::file_size(path, error);
   if (error) return;  // reading says why
@@ -201,7 +203,7 @@ Image ReadImage(const std::string& path, bool grey) {
   return FromMat(mat);
 }
 
-void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
+std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality) {
   const bool has_alpha = image.channels == 4;
   MVS_CHECK(image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3 || has_alpha),
             path << ": picture of " << image.width << "x" << image.height << "x" << image.channels);
@@ -224,7 +226,11 @@ void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
   } catch (const cv::Exception& error) {
     throw IoError(path, "cannot encode the picture: " + error.err);
   }
-  WriteFileAtomic(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  return std::string(bytes.begin(), bytes.end());
+}
+
+void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
+  WriteFileAtomic(path, EncodeImage(image, path, jpeg_quality));
 }
 
 }  // namespace mvstudio::dataset

@@ -25,5 +25,7 @@ Image ReadImage(const std::string& path, bool grey = false);
 /// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not multiplied: PNG
 /// only.
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 95);
+/// What WriteImage would write there.
+std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality = 95);
 
 }  // namespace mvstudio::dataset

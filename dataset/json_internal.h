@@ -32,6 +32,8 @@ class JsonView {
 
   JsonView operator[](const char* key) const;
   JsonView operator[](size_t idx) const;
+  /// An entry met on the way through the object: looking it up again takes a time that grows with their number.
+  JsonView Entry(const std::string& key, const Json& value) const;
   bool Has(const char* key) const { return value_->is_object() && value_->contains(key); }
   size_t ArraySize() const;
   double Number() const;  ///< finite
@@ -48,6 +50,9 @@ class JsonView {
   const Json* value_;
   std::string where_;
 };
+
+/// A text that can be a camera's name (core/label.h).
+std::string CameraName(const JsonView& json);
 
 /// Shortest text that reads back as the same double.
 std::string NumberText(double value);

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "core/files.h"
+#include "core/paths.h"
 #include "dataset/panoptic_internal.h"
 #include "dataset/panoptic_sequence.h"
 
@@ -67,7 +67,7 @@ std::string PanopticDataset::MaskPath(const std::string& camera, int frame) cons
 
 std::string FindPanopticCalibration(const std::string& root) {
   if (!fs::is_directory(root)) throw IoError(root, "no such folder");
-  const std::vector<std::string> found = Glob(root + "/calibration_*.json");
+  const std::vector<std::string> found = FilesNamed(root, "calibration_", ".json");
   if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
   if (found.size() > 1) {
     throw FormatError(root, "",
@@ -80,7 +80,7 @@ std::string FindPanopticCalibration(const std::string& root) {
 std::map<int, std::string> ListBody3dScenes(const std::string& root) {
   std::map<int, std::string> files;
   const std::string prefix = "body3DScene_";
-  for (const std::string& path : Glob(root + "/" + kPoseFolder + "/" + prefix + "*.json")) {
+  for (const std::string& path : FilesNamed(root + "/" + kPoseFolder, prefix, ".json")) {
     const std::string digits = fs::path(path).stem().string().substr(prefix.size());
     if (digits.size() != 8 || digits.find_first_not_of("0123456789") != std::string::npos) continue;
     files[std::stoi(digits)] = path;

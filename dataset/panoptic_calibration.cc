@@ -52,13 +52,7 @@ Eigen::Vector3d ReadVector3(const JsonView& json) {
 }
 
 /// Cameras' names become names of folders and files.
-bool IsFolderName(const std::string& name) {
-  if (name.empty() || name.size() > 200 || name[0] == '.') return false;
-  for (const char c : name) {
-    if (c == '/' || c == '\\' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return false;
-  }
-  return true;
-}
+bool IsFolderName(const std::string& name) { return name[0] != '.' && name.find_first_of("/\\") == std::string::npos; }
 
 void ReadSize(const JsonView& size, PanopticCamera* camera) {
   if (size.ArraySize() != 2) size.Fail("must be [width, height]");
@@ -158,7 +152,7 @@ std::string CameraText(const PanopticCamera& c) {
 PanopticCamera internal::ReadPanopticCameraFields(const JsonView& json) {
   internal::RequireObject(json);
   PanopticCamera camera;
-  camera.name = json["name"].Text();
+  camera.name = CameraName(json["name"]);
   if (!IsFolderName(camera.name)) json["name"].Fail(Quoted(camera.name) + " cannot be a folder's name");
   camera.type = OptionalText(json, "type");
   ReadSize(json["resolution"], &camera);
@@ -199,8 +193,9 @@ bool ParsePanopticName(const std::string& name, int* panel, int* node) {
   return true;
 }
 
-PanopticCalibrationFile ParsePanopticCalibration(std::string_view text, const std::string& path) {
-  const Json json = internal::ParseJson(text, path);
+namespace {
+
+PanopticCalibrationFile FromJson(const Json& json, const std::string& path) {
   const JsonView file(path, json);
   internal::RequireObject(file);
   PanopticCalibrationFile calibration;
@@ -211,6 +206,12 @@ PanopticCalibrationFile ParsePanopticCalibration(std::string_view text, const st
     calibration.cameras.push_back(internal::ReadPanopticCameraFields(cameras[i]));
   calibration.extras = internal::ExtrasOf(file, {"calibDataSource", "cameras"});
   return calibration;
+}
+
+}  // namespace
+
+PanopticCalibrationFile ParsePanopticCalibration(std::string_view text, const std::string& path) {
+  return FromJson(internal::ParseJson(text, path), path);
 }
 
 PanopticCalibrationFile ReadPanopticCalibrationFile(const std::string& path) {
@@ -264,7 +265,11 @@ void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path,
 geometry::Rig ReadAnyCalibration(const std::string& path) {
   const std::string text = internal::ReadTextFile(path, internal::kMaxJsonBytes);
   const Json json = internal::ParseJson(text, path);
-  return json.is_object() && json.contains("schema") ? geometry::ReadRig(path) : ReadPanopticCalibration(path);
+  const bool ours = json.is_object() && json.contains("schema");
+  if (ours) return geometry::RigFromJsonText(text, path);
+  if (static_cast<int64_t>(text.size()) > internal::kMaxCalibrationBytes)
+    throw FormatError(path, "", "is larger than any calibration in Panoptic layout");
+  return ToRig(FromJson(json, path), path);
 }
 
 }  // namespace mvstudio::dataset

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "dataset/panoptic.h"
 #include "dataset/panoptic_import_internal.h"
@@ -198,7 +199,6 @@ void WriteSessionFile(const ImportJob& job, std::vector<SessionTake> takes) {
   session.units = "m";
   session.source = "CMU Panoptic sequence " + job.sequence.name;
   session.calibration = "calib/calibration.json";
-  session.follow_symlinks = job.options.pictures == "link" && !takes.empty();
   for (const auto& c : job.rig.cameras) {
     SessionCamera camera;
     camera.name = c.camera.name;
@@ -310,7 +310,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   CheckOptions(root, options);
   PanopticImportReport report;
   ImportJob job = MakeJob(root, options, run, &report);
-  AtomicFolder folder(session_folder, false);
+  AtomicFolder folder(session_folder, false, {root});
   job.work = folder.work_path();
   const bool without_hd = HasFootageWithoutHd(job);
   const std::map<int, double> scene_times = ImportHdJoints(&job, without_hd, &report);
@@ -331,6 +331,11 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   KeepFile(job, job.sequence.calibration, internal::kMaxCalibrationBytes);
   KeepFile(job, job.sequence.sync, internal::kMaxSyncBytes);
   KeepFile(job, job.sequence.kinect_sync, internal::kMaxSyncBytes);
+  if (options.pictures == "link" && !session_takes.empty()) {
+    job.findings.Warning("DAT-OUTSIDE", session_folder,
+                         "its footage is symbolic links to " + root +
+                             ": commands on this session need --allow-outside; --pictures copy makes it whole");
+  }
   WriteSessionFile(job, std::move(session_takes));
   folder.Commit();
   report.findings = job.findings.list();

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 #include "dataset/panoptic.h"
 #include "dataset/panoptic_import_internal.h"
@@ -21,19 +22,14 @@ void CheckSize(const geometry::Camera& camera, int64_t width, int64_t height, co
                     "is " + SizeText(width, height) + ", the calibration says " + SizeText(camera.width_px, camera.height_px));
 }
 
-void CopyOne(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::copy_file(from, to, error);
-  if (error == std::errc::no_space_on_device) throw ResourceError(to.string() + ": no space left on the device");
-  if (error) throw IoError(from.string(), "cannot be copied to " + to.string() + ": " + error.message());
-}
+void CopyOne(const fs::path& from, const fs::path& to) { CopyFile(from.string(), to.string()); }
 
 void Link(const fs::path& from, const fs::path& to) {
   std::error_code error;
   MakeFolder(to.parent_path().string());
   const fs::path target = fs::canonical(from, error);
-  if (!error) fs::create_symlink(target, to, error);
-  if (error) throw IoError(to.string(), "cannot be made a link to " + from.string() + ": " + error.message());
+  if (error) throw IoError(from.string(), "cannot be linked: " + error.message());
+  MakeSymbolicLink(target.string(), to.string());
 }
 
 std::string PictureName(const std::string& camera, int64_t frame) {
@@ -117,7 +113,7 @@ void ImportMasks(const ImportJob& job, const std::string& camera, const std::str
     return;
   if (job.options.pictures == "link") return Link(from, to);
   MakeFolder(to.string());
-  for (const std::string& path : Glob(from.string())) {
+  for (const std::string& path : FilesIn(from.string())) {
     const std::string stem = fs::path(path).stem().string();
     const bool named = fs::path(path).extension() == ".png" && stem.size() == camera.size() + 9 &&
                        stem.find_first_not_of("0123456789", camera.size() + 1) == std::string::npos;

@@ -70,11 +70,12 @@ class Scanner {
     return follow_links_;
   }
 
+  /// Without hidden ones, such as the list of what mvstudio wrote there.
   std::vector<fs::directory_entry> List(const std::string& folder) {
     std::vector<fs::directory_entry> entries;
     std::error_code error;
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      if (Inside(*it)) entries.push_back(*it);
+      if (it->path().filename().string()[0] != '.' && Inside(*it)) entries.push_back(*it);
     }
     std::sort(entries.begin(), entries.end());
     return entries;

@@ -8,6 +8,8 @@ using internal::Json;
 using internal::JsonView;
 using Place = std::vector<std::string>;
 
+constexpr size_t kMaxKeyBytes = 200;  // every track keeps the keys above it
+
 bool IsTrack(const JsonView& json) { return json.Has("univ_time") && json["univ_time"].value().is_array(); }
 
 PanopticSyncTrack ReadTrack(const JsonView& json, const Place& place) {
@@ -28,8 +30,9 @@ PanopticSyncTrack ReadTrack(const JsonView& json, const Place& place) {
 /// Objects down to the tracks; the parser has limited the depth.
 void Walk(const JsonView& json, Place* place, PanopticSyncTables* tables) {
   for (const auto& [key, value] : json.value().items()) {
+    if (key.size() > kMaxKeyBytes) json.Fail("the key " + internal::Quoted(key) + " is too long for a table's name");
     place->push_back(key);
-    const JsonView child = json[key.c_str()];
+    const JsonView child = json.Entry(key, value);
     if (IsTrack(child)) {
       tables->tracks.push_back(ReadTrack(child, *place));
     } else if (value.is_object() && !value.empty()) {

@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/files.h"
+#include "core/json_tree.h"
 #include "dataset/pose2d_internal.h"
 
 namespace mvstudio::dataset {
@@ -31,21 +32,16 @@ std::optional<int> FrameNumber(const std::string& file_name) {
 }
 
 json ParsePoseJson(const std::string& text, const PoseFile& file) {
-  constexpr int kMaxDepth = 16;
-  const auto cap_depth = [&file](int depth, json::parse_event_t, json&) {
-    if (depth > kMaxDepth) file.Fail("", "JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    return true;
-  };
-  try {
-    return json::parse(text, cap_depth);
-  } catch (const json::exception& error) {
-    const auto* parse_error = dynamic_cast<const json::parse_error*>(&error);
-    const size_t byte = parse_error ? parse_error->byte : 0;
-    const bool truncated = byte >= text.size();
-    file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
-                      std::to_string(std::min(byte, text.size())) + " of " + std::to_string(text.size()) +
-                      "; detect this picture's key points again or remove the file");
-  }
+  constexpr size_t kMaxDepth = 16;
+  json parsed;
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &parsed);
+  if (problem.kind == JsonProblem::Kind::kNone) return parsed;
+  if (problem.kind == JsonProblem::Kind::kDepth)
+    file.Fail("", "JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
+  const bool truncated = problem.byte >= text.size();
+  file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
+                    std::to_string(std::min(problem.byte, text.size())) + " of " + std::to_string(text.size()) +
+                    "; detect this picture's key points again or remove the file");
 }
 
 std::string FittingSkeletons(size_t num_joints) {
@@ -78,6 +74,8 @@ void Tolerant::Try(const std::function<void()>& read) {
     ++num_failed_;
     if (!first_) first_ = error;
     skipped_->push_back(error.what());
+    constexpr int64_t kHopeless = 10000;  // and nearly all: not worth a line each for millions
+    if (num_failed_ >= kHopeless && 100 * num_failed_ > 99 * num_tried_) throw FormatError(*first_);
   }
 }
 
@@ -237,8 +235,8 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
 
 Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton) {
   std::error_code error;
-  return fs::is_regular_file(path, error) ? ReadPoseResults(path, camera, skeleton)
-                                          : ReadOpenPoseFolder(path, camera, skeleton);
+  const bool is_file = fs::exists(path, error) && !fs::is_directory(path, error);
+  return is_file ? ReadPoseResults(path, camera, skeleton) : ReadOpenPoseFolder(path, camera, skeleton);
 }
 
 void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton) {

@@ -9,7 +9,7 @@
 
 #include "core/check.h"
 #include "core/files.h"
-#include "core/utf8.h"
+#include "core/label.h"
 #include "dataset/pose2d_internal.h"
 
 namespace mvstudio::dataset {
@@ -32,10 +32,7 @@ std::vector<std::string_view> Split(std::string_view line) {
   return fields;
 }
 
-bool IsName(std::string_view text) {
-  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7f'; };
-  return !text.empty() && IsUtf8(text) && std::none_of(text.begin(), text.end(), is_control);
-}
+bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
 
 struct Row {
   int camera = 0, frame = 0, person = 0, joint = 0;

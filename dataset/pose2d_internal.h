@@ -32,7 +32,7 @@ nlohmann::json ParsePoseJson(const std::string& text, const PoseFile& file);
 void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std::string& where, const PoseFile& file,
                      Person2d* person);
 
-/// Runs `read`; a FormatError becomes a line of `skipped`.
+/// Runs `read`; a FormatError becomes a line of `skipped`, unless there are tens of thousands and hardly anything else.
 class Tolerant {
  public:
   explicit Tolerant(std::vector<std::string>* skipped) : skipped_(skipped) {}

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "dataset/json_internal.h"
 
 namespace mvstudio::dataset {
@@ -69,11 +70,6 @@ std::string CovarianceText(const std::vector<JointRow>& rows) {
     text += '\n';
   }
   return text;
-}
-
-/// Text that ends in a newline, or nothing.
-void AppendText(const std::string& path, std::string_view text) {
-  if (!text.empty()) AppendLine(path, text.substr(0, text.size() - 1));
 }
 
 /// Walks over a CSV file with a fixed header and says where it went wrong.
@@ -216,22 +212,20 @@ void WritePose3d(const Pose3d& pose, const std::string& folder) {
 
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder) {
-  MakeFolder(folder);
-  WriteFileAtomic(InFolder(folder, "points.csv"), [&](const std::string& points) {
-    WriteFileAtomic(InFolder(folder, "covariance.csv"), [&](const std::string& covariance) {
-      AppendText(points, std::string(kPointsHeader) + '\n');
-      AppendText(covariance, std::string(kCovarianceHeader) + '\n');
-      std::vector<JointRow> rows;
-      while (next(&rows)) {
-        AppendText(points, PointsText(rows));
-        AppendText(covariance, CovarianceText(rows));
-      }
-    });
-  });
+  AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
+      head(InFolder(folder, "pose3d.json"));
+  WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
+  WriteFile(covariance.temporary(), std::string(kCovarianceHeader) + '\n');
+  std::vector<JointRow> rows;
+  while (next(&rows)) {
+    AppendToFile(points.temporary(), PointsText(rows));
+    AppendToFile(covariance.temporary(), CovarianceText(rows));
+  }
   const nlohmann::ordered_json header = {
       {"schema", kSchema}, {"skeleton", skeleton},         {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", "right-handed, z up"}};
-  WriteFileAtomic(InFolder(folder, "pose3d.json"), header.dump(1) + "\n");
+  WriteFile(head.temporary(), header.dump(1) + "\n");
+  CommitTogether({&points, &covariance, &head});
 }
 
 std::vector<JointRow> ReadPointsCsv(const std::string& path) {

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "core/error.h"
-#include "core/files.h"
+#include "core/paths.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -28,14 +28,31 @@ bool IsWithin(const fs::path& real, const fs::path& real_folder) {
                     how + "; footage must lie in the session: copy it there, or allow it with --allow-outside");
 }
 
-/// The folder without trailing slashes and `*` parts, with which a pattern begins.
+/// What a pattern begins with, up to the first part that is not there by its very name.
 fs::path FixedPart(const fs::path& pattern) {
   fs::path fixed;
   for (const fs::path& part : pattern) {
-    if (part.string().find_first_of("*?") != std::string::npos) break;
+    if (IsPattern((fixed / part).string())) break;
     fixed /= part;
   }
   return fixed;
+}
+
+/// `relative` in the session's folder. Also a link to what is not there yet leads out.
+std::string PlaceInSession(const Session& session, const fs::path& relative) {
+  fs::path at = session.folder;
+  if (session.allow_outside) return (at / relative).string();
+  const fs::path real_folder = Real(session.folder);
+  for (const fs::path& part : relative) {
+    at /= part;
+    std::error_code error;
+    if (!fs::is_symlink(fs::symlink_status(at, error))) continue;
+    if (fs::exists(at, error) && IsWithin(Real(at), real_folder)) continue;
+    throw FormatError(at.string(), "",
+                      "is a symbolic link out of the session; make it a folder, allow it with --allow-outside, or name another "
+                      "place with --out");
+  }
+  return at.string();
 }
 
 void CheckLink(const Session& session, const std::string& path, const fs::path& at, const fs::path& real_folder) {
@@ -44,9 +61,9 @@ void CheckLink(const Session& session, const std::string& path, const fs::path& 
 
 /// The pictures of a folder or pattern are reached one by one.
 void CheckPictures(const Session& session, const std::string& path, const std::string& joined, const fs::path& real_folder) {
-  const bool pattern = joined.find_first_of("*?") != std::string::npos && !fs::exists(joined);
+  const bool pattern = IsPattern(joined);
   if (!pattern && !fs::is_directory(joined)) return;
-  for (const std::string& file : Glob(joined)) {
+  for (const std::string& file : FilesMatching(joined)) {
     if (pattern || fs::is_symlink(file)) CheckLink(session, path, file, real_folder);
   }
 }
@@ -85,6 +102,7 @@ std::string ResolveInSession(const Session& session, const std::string& path, bo
   const fs::path joined = (fs::path(session.folder) / path).lexically_normal();
   const fs::path fixed = FixedPart(joined);
   std::error_code error;
+  allow_outside = allow_outside || session.allow_outside;
   if (path.empty() || path.find('\0') != std::string::npos) Leaves(session, path, "is not a path");
   if (!allow_outside) {
     if (fs::path(path).is_absolute()) Leaves(session, path, "is an absolute path");
@@ -92,7 +110,7 @@ std::string ResolveInSession(const Session& session, const std::string& path, bo
     if (!relative.empty() && *relative.begin() == "..") Leaves(session, path, "leaves the session");
   }
   if (!fs::exists(fixed, error)) throw IoError(joined.string(), "no such file or folder (named in mvstudio.toml)");
-  if (!allow_outside && !session.follow_symlinks) {
+  if (!allow_outside) {
     const fs::path real_folder = Real(session.folder);
     CheckLink(session, path, fixed, real_folder);
     CheckPictures(session, path, joined.string(), real_folder);
@@ -109,13 +127,13 @@ std::string CalibrationOf(const Session& session, bool allow_outside) {
 }
 
 std::string TakeFolder(const Session& session, const std::string& kind, const std::string& take, const std::string& camera) {
-  fs::path folder = fs::path(session.folder) / kind / Slug(take);
+  fs::path folder = fs::path(kind) / Slug(take);
   if (!camera.empty()) folder /= Slug(camera);
-  return folder.string();
+  return PlaceInSession(session, folder);
 }
 
 std::string TimelinePath(const Session& session, const std::string& take) {
-  return (fs::path(session.folder) / "sync" / (Slug(take) + ".timeline.json")).string();
+  return PlaceInSession(session, fs::path("sync") / (Slug(take) + ".timeline.json"));
 }
 
 }  // namespace mvstudio::dataset

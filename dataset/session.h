@@ -38,7 +38,7 @@ struct Session {
   std::string board;             ///< as `--board` takes it; may be empty
   std::string calibration;       ///< relative path; empty: calib/calibration.json where it is there
   std::optional<double> fps_hz;  ///< of all footage that does not say it itself
-  bool follow_symlinks = false;  ///< symbolic links that its owner made may lead out of it; absolute paths and `..` may not
+  bool allow_outside = false;    ///< whoever runs the command lets it leave its folder; a session cannot say so itself
   std::vector<SessionCamera> cameras;
   std::vector<SessionTake> takes;
   std::vector<std::string> warnings;  ///< one line each, with the place in the file: unknown keys and the like
@@ -49,7 +49,7 @@ struct Session {
 
 /// Reads FOLDER/mvstudio.toml (or that file itself). Throws IoError, FormatError with line and column: syntax, a missing or
 /// unknown unit, names that cannot name files, a camera or take twice, footage of a camera that is not listed.
-Session ReadSession(const std::string& folder_or_file);
+Session ReadSession(const std::string& folder_or_file, bool allow_outside = false);
 
 /// The text of mvstudio.toml; read again it gives the same session. With `comments`, what each key means and those left out.
 std::string SessionText(const Session& session, bool comments = false);
@@ -61,17 +61,19 @@ void WriteSession(const Session& session, bool comments = false);
 const SessionTake& TakeOf(const Session& session, const std::string& name);
 
 /// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session, by
-/// `..`, an absolute path or a symbolic link, also of a single picture in a folder, unless `allow_outside`.
+/// `..`, an absolute path or a symbolic link, also of a single picture in a folder, unless `allow_outside` or the session's.
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside = false);
 
 /// The calibration that the session names, or calib/calibration.json; empty when there is none.
 std::string CalibrationOf(const Session& session, bool allow_outside = false);
 
-/// SESSION/pose2d/TAKE/CAMERA and its siblings: `kind` is "pose2d", "masks"; without camera the take's folder.
+/// SESSION/pose2d/TAKE/CAMERA and its siblings: `kind` is "pose2d", "masks"; without camera the take's folder. It need not be
+/// there. Throws FormatError when a symbolic link on the way leads out of the session, unless the session's `allow_outside`:
+/// results are written there.
 std::string TakeFolder(const Session& session, const std::string& kind, const std::string& take,
                        const std::string& camera = "");
 
-/// SESSION/sync/TAKE.timeline.json
+/// SESSION/sync/TAKE.timeline.json; links as above.
 std::string TimelinePath(const Session& session, const std::string& take);
 
 /// A board's text in which every length has a unit: those without get `units`.

@@ -271,8 +271,10 @@ int SessionReport::num_errors() const {
   return static_cast<int>(std::count_if(findings.begin(), findings.end(), [](const SessionFinding& f) { return f.error; }));
 }
 
-SessionReport InspectSession(const Session& session, const InspectOptions& options, const RunContext& run) {
+SessionReport InspectSession(const Session& asked, const InspectOptions& options, const RunContext& run) {
   SessionReport report;
+  Session session = asked;
+  session.allow_outside = asked.allow_outside || options.allow_outside;
   for (const std::string& warning : session.warnings) report.findings.push_back({false, "SES-KEY", warning, ""});
   for (const SessionTake& take : session.takes) {
     for (const SessionFootage& f : take.footage) {

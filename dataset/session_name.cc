@@ -1,8 +1,7 @@
 #include <filesystem>
 
-#include "core/error.h"
+#include "core/label.h"
 #include "core/sha256.h"
-#include "core/utf8.h"
 #include "dataset/session.h"
 
 namespace mvstudio::dataset {
@@ -17,20 +16,11 @@ bool IsPlain(unsigned char c) {
 }  // namespace
 
 std::string WhyNotAName(const std::string& name) {
-  if (name.empty()) return "is empty";
-  if (name.size() > kMaxNameBytes) return "is longer than " + std::to_string(kMaxNameBytes) + " bytes";
+  const std::string why = WhyNotALabel(name, kMaxNameBytes);
+  if (!why.empty()) return why;
   if (name == "." || name == "..") return "is a folder's own name";
-  for (size_t at = 0; at < name.size();) {
-    const size_t length = Utf8Length(name, at);
-    if (length == 0) return "is not UTF-8";
-    const unsigned char c = static_cast<unsigned char>(name[at]);
-    if (c < 0x20 || c == 0x7f || (c == 0xc2 && static_cast<unsigned char>(name[at + 1]) < 0xa0)) {
-      return "holds a control character";
-    }
-    if (c == '/' || c == '\\' || c == '=') return std::string("holds '") + name[at] + "'";
-    at += length;
-  }
-  return "";
+  const size_t at = name.find_first_of("/\\=");
+  return at == std::string::npos ? "" : std::string("holds '") + name[at] + "'";
 }
 
 std::string Slug(const std::string& name) {

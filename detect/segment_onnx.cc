@@ -46,8 +46,6 @@ cv::Mat ChannelProbability(const std::vector<cv::Mat>& channels, int person) {
 class Onnx : public internal::CropSegmenter {
  public:
   Onnx(const std::string& path, const OnnxSegmenterOptions& options) : path_(path), options_(options) {
-    if (options.width < 1 || options.height < 1 || options.width > kMostSide || options.height > kMostSide)
-      throw UsageError("--onnx-width and --onnx-height must be in 1.." + std::to_string(kMostSide));
     if (!std::filesystem::is_regular_file(path)) throw IoError(path, "there is no such file");
     try {
       net_ = cv::dnn::readNetFromONNX(path);
@@ -55,6 +53,8 @@ class Onnx : public internal::CropSegmenter {
       throw FormatError(path, "", "OpenCV cannot read this net: " + error.err);
     }
     if (net_.empty()) throw FormatError(path, "", "holds no net");
+    if (options.width < 1 || options.height < 1 || options.width > kMostSide || options.height > kMostSide)
+      throw UsageError("--onnx-width and --onnx-height must be in 1.." + std::to_string(kMostSide));
   }
 
  protected:

@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "exports/writers.h"
 
 namespace mvstudio::exports {
@@ -131,7 +132,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   ExportReport report;
   report.format = format;
   const Take take = PrepareTake(dataset, writer.info, options, &report);
-  AtomicFolder folder(out, options.overwrite);
+  AtomicFolder folder(out, options.overwrite, {dataset.root});
   Pictures pictures(take, options, folder.work_path());
   const Job job{take, pictures, options, run, folder.work_path(), &report};
   writer.write(job);

@@ -13,7 +13,7 @@
 namespace mvstudio::exports {
 
 struct ExportOptions {
-  std::string pictures = "link";
+  std::string pictures = "copy";
   std::string undistort = "auto";
   std::string undistort_view = "inside";
   std::string names = "dataset";

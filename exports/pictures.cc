@@ -19,10 +19,8 @@ namespace {
 
 /// True when the file is linked: it takes no space.
 bool LinkOrCopy(const std::string& from, const std::string& to, bool link) {
-  std::error_code code;
-  if (link && !fs::is_symlink(from)) fs::create_hard_link(from, to, code);
-  if (link && !code && fs::exists(to)) return true;
-  WriteFile(to, ReadFile(from));  // std::filesystem::copy_file calls a full disk an input/output error
+  if (link && !fs::is_symlink(from) && HardLink(from, to)) return true;
+  CopyFile(from, to);
   return false;
 }
 
@@ -116,11 +114,7 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
   }
   ++contained_pictures_;
   if (!take_.views[view].info.undistorted) return ReadFile(from);
-  const std::string scratch = folder_ + "/.scratch.jpg";
-  dataset::WriteImage(LoadPicture(view, frame), scratch, options_.jpeg_quality);
-  const std::string bytes = ReadFile(scratch);
-  fs::remove(scratch);
-  return bytes;
+  return dataset::EncodeImage(LoadPicture(view, frame), "picture.jpg", options_.jpeg_quality);
 }
 
 std::string Pictures::EncodedMask(size_t view, int frame) {
@@ -131,11 +125,7 @@ std::string Pictures::EncodedMask(size_t view, int frame) {
   }
   ++contained_masks_;
   if (!take_.views[view].info.undistorted) return ReadFile(from);
-  const std::string scratch = folder_ + "/.scratch.png";
-  dataset::WriteImage(LoadMask(view, frame), scratch);
-  const std::string bytes = ReadFile(scratch);
-  fs::remove(scratch);
-  return bytes;
+  return dataset::EncodeImage(LoadMask(view, frame), "mask.png");
 }
 
 bool Pictures::Make(const Task& task) const {

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Writes the valid files that the fuzz targets start from: fuzz/make_seeds.py [FOLDER]. Standard library only.
 
-Files called crash-* in the same folders are inputs that once broke a reader; they are kept by hand. The video is a file of our own
-writer and is kept, too."""
+Files called crash-* in the same folders are inputs that once broke a reader; they are kept by hand. The video, a
+file of our own writer, and the HDF5 file, made by h5py, are kept, too."""
+import hashlib
 import io
 import json
 import os
@@ -327,6 +328,114 @@ def seed_pack():
                                               "shards": [shard(0), shard(1)]}, indent=1))
 
 
+def seed_motion():
+    joint = "JOINT Spine\n  {\n    OFFSET 0 10 0\n    CHANNELS 3 Zrotation Xrotation Yrotation\n    End Site\n    {\n      OFFSET 0 5 0\n    }\n  }\n"
+    put("bvh", "two.bvh", "HIERARCHY\nROOT Hips\n{\n  OFFSET 0.0 0.0 0.0\n  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n  " +
+        joint + "}\nMOTION\nFrames: 2\nFrame Time: 0.0333333\n0 90 0 1 2 3 4 5 6\n0.5 90.5 -1e1 1 2 3 4 5 6\n")
+
+    def npy(version, descr, fortran, shape, data):
+        header = f"{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}"
+        size = 2 if version == 1 else 4
+        header = header.ljust(-(8 + size + len(header) + 1) % 64 + len(header)) + "\n"
+        return b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(size, "little") + header.encode() + data
+
+    put("npy", "doubles.npy", npy(1, "<f8", False, "(2, 3)", struct.pack("<6d", 1, 2.5, -3, 1e300, 5, 6)))
+    put("npy", "fortran.npy", npy(2, "<i4", True, "(3, 1, 2)", struct.pack("<6i", *range(6))))
+    put("npy", "halves.npy", npy(3, "<f2", False, "(2,)", struct.pack("<2e", 0.5, -2)))
+    put("npy", "bytes.npy", npy(1, "|u1", False, "()", b"\x07"))
+
+
+def seed_runs():
+    """What commands keep for later ones."""
+    config = {"schema": "mvstudio.avatar-run/1", "dataset": "/data/take", "crop": {
+        "size_px": 128, "fill": 0.97, "half_extent_m": 1.1, "person": 0, "joints": 19, "pose3d": ""}, "split": {
+        "train_cameras": ["00_00", "00_01"], "train_frames": [1, 2, 3], "holdout_cameras": ["00_02"], "holdout_frames": [4],
+        "validation_cameras": [], "validation_frames": []}, "template": {
+        "girth": {"trunk": 1, "head": 1.1, "arms": 0.9, "legs": 1}, "input_px": 0, "iou": 0.8, "iuv": ""}}
+    put("run_config", "one.json", json.dumps(config, indent=1))
+    net = json.dumps({"weightsManifest": [{"paths": ["posenet.bin"], "weights": [{"name": "w", "shape": [1], "dtype": "float32"}]}]})
+    put("model_manifest", "one.txt", json.dumps({"schema": "mvstudio.models/1", "package": "p", "version": "3.0.4", "files": {
+        "posenet.json": "@net", "posenet.bin": "@weights"}}) + CUT + net + CUT + "abcd")
+
+    def text(value):
+        return struct.pack("<Q", len(value)) + value
+
+    def detection(status, corners):
+        points = struct.pack(f"<{2 * corners}d", *[1.5 * i for i in range(2 * corners)])
+        return (struct.pack("<i", status) + text(b"why") + struct.pack("<idiBBd", corners, 0.1, 4, 1, 0, 0.5) +
+                struct.pack(f"<Q{corners}i", corners, *range(corners)) + struct.pack("<Q", 2 * corners) + points +
+                struct.pack(f"<Q{corners}d", corners, *[0.1] * corners))
+
+    put("detection_cache", "one.bin", text(b"mvstudio detections 3") + struct.pack("<iiQ", 640, 480, 1) + struct.pack("<qQ", 7, 2) +
+        detection(0, 3) + detection(1, 0))
+
+
+def seed_scenes():
+    put("scene_points", "one.csv", "camera,point,x_px,y_px,x,y,z\na,door,10.5,20,0,1,2\nb,door,11,21,0,1,2\nb,\"lamp, left\",5,6,1,1,1\n")
+    put("scene_points", "two.csv", "camera,point,x_px,y_px\na,door,10.5,20\n# by hand\nb,door,11,21\n" + CUT + "point,x,y,z\ndoor,0,1,2\n")
+    with open(os.path.join(ROOT, "colmap_binary", "two.bin"), "rb") as file:
+        cameras, images = file.read().split(CUT.encode())
+    images = images.replace(struct.pack("<QddQ", 1, 1.0, 2.0, 2**64 - 1), struct.pack("<QddQ", 1, 1.0, 2.0, 9))
+    points = struct.pack("<Q", 1) + struct.pack("<Q3d3BdQ", 9, 0.5, 0.25, 3, 255, 0, 0, 0.7, 1) + struct.pack("<II", 1, 0)
+    put("colmap_scene", "two.bin", cameras + CUT.encode() + images + CUT.encode() + points)
+
+
+def result(command, metrics, outputs=()):
+    return {"schema": "mvstudio.result/1", "command": command, "version": "0.1.0", "status": "ok", "exit": 0, "metrics": metrics,
+            "outputs": list(outputs), "warnings": [{"code": "CAL-X", "text": "<b>", "hint": "\u00e9"}], "errors": [],
+            "timing": {"wall_s": 1.5, "peak_rss_mb": 10}, "argv": ["mvstudio", command], "time": "2026-01-01T00:00:00Z"}
+
+
+def seed_report():
+    put("report_json", "result.json", json.dumps(result("triangulate", {"rms_px": 0.5, "big": 2**63, "list": [1, [2.5, None, True]]})))
+    put("report_csv", "history.csv", "step,phase,loss,wall_s\n10,\"train, early\",0.5,1.25\n20,validation,,2\n")
+    cameras = [{"name": "a", "rms_px": 0.3, "views": 12, "residuals": [[1, 2, 0.1, -0.1]], "intrinsics": {"fx": 500}}, {"name": "b"}]
+    calibrate = result("calibrate", {"rms_px": 0.3, "cameras": cameras, "checks": [{"name": "c", "value": 1, "limit": 2, "pass": False}],
+                                     "holdout": {"rms_px": 0.4}, "film_next": [{"camera": "a", "text": "left"}]},
+                       [{"path": "calibration.json", "kind": "calibration"}])
+    evaluation = result("avatar eval", {"holdout": {"ssim": {"value": 0.9, "low": 0.8, "high": 0.95}, "fd": {"value": 3}}},
+                        [{"path": "eval/a.png", "kind": "picture"}])
+    parts = [json.dumps(calibrate), json.dumps(result("triangulate", {"points": 10, "status": {"Ok": 9, "TooFewViews": 1}})),
+             json.dumps(evaluation), json.dumps(calibration([("pinhole", {}), ("pinhole", {})])),
+             "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n0,0,Nose,Ok,0.1,0.2,1.7,3,0.5,0.002\n",
+             "step,phase,loss,wall_s\n10,train,0.5,1.25\n20,validation,0.4,2\n",
+             json.dumps({"time": "2026-01-01", "argv": ["mvstudio", "calibrate"], "inputs": [{"path": "a", "sha256": "00"}]}) + "\n{}\n"]
+    put("report_run", "all.txt", CUT.join(parts))
+    study, methods = hashlib.sha256(b"study").hexdigest(), ["ours", "theirs"]
+
+    def seal(picture, left):
+        return hashlib.sha256(f"{study}\n{picture}\n{left}".encode()).hexdigest()[:24]
+
+    answers = [{"picture": f"p{i}", "seal": seal(f"p{i}", methods[i % 2]), "choice": "left" if i < 2 else "right", "seconds": 1.5} for i in range(3)]
+    head = {"schema": "mvstudio.study-answers/1", "study": study, "methods": methods}
+    put("study_answers", "two.txt", json.dumps(dict(head, rater="one", answers=answers)) + CUT +
+        json.dumps(dict(head, rater="two", answers=answers[:1])))
+
+
+def seed_manifest():
+    digest = hashlib.sha256(b"").hexdigest()
+    put("manifest", "three.json", """{"schema": "mvstudio.manifest/1",
+ "state": "whole",
+ "command": "mask",
+ "version": "0.1.0",
+ "files": [
+  {"path": "a b.csv", "size": 12, "sha256": "%s"},
+  {"path": "sub/"},
+  {"path": "sub/\\udcff\\u000a\\".png", "size": 0, "sha256": "%s", "before": {"size": 3, "sha256": "%s"}}
+ ]}
+""" % (digest, digest, digest))
+
+
+def seed_shard():
+    rig = json.dumps(calibration([("pinhole", {})]))
+    plan = json.dumps({"schema": "mvstudio.pack-plan/1", "sequence": "take", "view": "crop", "codec": "raw", "mask_codec": "png", "shards": 1})
+    put("shard_tables", "plain.txt", CUT + plan + CUT + rig)
+    edits = "samples/frame 0 7\nposes/frame 0 7\nsamples/K 0 1e3\nsamples/part 0 3\nsamples/univ_time_ms 0 -1\n"
+    put("shard_tables", "edits.txt", edits + CUT + plan + CUT + rig)
+    put("shard_tables", "cut.txt", "samples/frame cut 0\nposes/valid 19 1\nsamples/image_offset 0 99999999999\n" + CUT +
+        plan.replace("crop", "full") + CUT + rig)
+
+
 HOSTILE = ["1e400", "-1e-400", "NaN", "Infinity", "null", "true", "{}", "[]", "\"\"", "-1", "0", "1e9", "99999999999999999999", "../", "\\u0000"]
 
 
@@ -339,7 +448,7 @@ def write_dictionaries():
         for name in sorted(os.listdir(os.path.join(ROOT, target))):
             with open(os.path.join(ROOT, target, name), "rb") as file:
                 text = file.read()
-            if not name.startswith("crash") and target not in ("picture", "video", "model_archive"):
+            if not name.startswith("crash") and target not in ("picture", "video", "model_archive", "shard_bytes"):
                 words.update(word.decode() for word in re.findall(rb"[A-Za-z_!%#<][A-Za-z0-9_!:.-]{2,31}", text))
         lines = [json.dumps(word) for word in HOSTILE + sorted(words)[:150]]
         with open(os.path.join(folder, target + ".dict"), "w", encoding="ascii") as file:
@@ -348,7 +457,8 @@ def write_dictionaries():
 
 def main():
     for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
-                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack]:
+                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion,
+                 seed_runs, seed_scenes, seed_report, seed_manifest, seed_shard]:
         seed()
     write_dictionaries()
 

@@ -10,20 +10,52 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/json_tree.h"
+#include "core/label.h"
 #include "core/log.h"
 
 namespace mvstudio::geometry {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr int kMaxDepth = 16;
+constexpr size_t kMaxDepth = 16;
 constexpr int kMaxSizePx = 1 << 20;
+
+/// Foreign text on one line, at most 60 bytes of it.
+std::string Escaped(const std::string& text) {
+  constexpr size_t kMaxBytes = 60;
+  const std::string shown = Json(text.substr(0, kMaxBytes)).dump(-1, ' ', true, Json::error_handler_t::replace);
+  return shown.substr(1, shown.size() - 2) + (text.size() > kMaxBytes ? "…" : "");
+}
+
+std::string Shown(const std::string& text) { return "'" + Escaped(text) + "'"; }
+
+/// Keys that nobody asks for: the first few are named, the others counted.
+class UnknownKeys {
+ public:
+  explicit UnknownKeys(const std::string& path) : path_(path) {}
+
+  void Add(const std::string& where, const std::string& key) {
+    if (++count_ > kMostNamed) return;
+    Log(LogLevel::kWarning, path_ + ": " + (where.empty() ? "" : where + ".") + Escaped(key) + ": unknown key, ignored");
+  }
+  void Finish() const {
+    if (count_ <= kMostNamed) return;
+    Log(LogLevel::kWarning, path_ + ": and " + std::to_string(count_ - kMostNamed) + " more unknown keys, ignored");
+  }
+
+ private:
+  static constexpr size_t kMostNamed = 8;
+  const std::string& path_;
+  size_t count_ = 0;
+};
 
 /// A value of the document and the place it stands at, for messages.
 struct Node {
   const Json* value;
   const std::string* path;
   std::string where;
+  UnknownKeys* unknown;
 
   [[noreturn]] void Fail(const std::string& what) const { throw FormatError(*path, where, what); }
 
@@ -34,18 +66,16 @@ struct Node {
   Node At(const std::string& key) const {
     const Json* found = Find(key);
     if (!found) Fail("key '" + key + "' is missing");
-    return {found, path, where.empty() ? key : where + "." + key};
+    return {found, path, where.empty() ? key : where + "." + key, unknown};
   }
-  Node At(size_t index) const { return {&(*value)[index], path, where + "[" + std::to_string(index) + "]"}; }
+  Node At(size_t index) const { return {&(*value)[index], path, where + "[" + std::to_string(index) + "]", unknown}; }
 
   void RequireObject(std::initializer_list<const char*> known) const {
     if (!value->is_object()) Fail(std::string("an object was expected, this is ") + value->type_name());
     for (const auto& [key, ignored] : value->items()) {
       bool is_known = false;
       for (const char* name : known) is_known |= key == name;
-      if (!is_known) {
-        Log(LogLevel::kWarning, *path + ": " + (where.empty() ? "" : where + ".") + key + ": unknown key, ignored");
-      }
+      if (!is_known) unknown->Add(where, key);
     }
   }
   void RequireArray(size_t size) const {
@@ -94,27 +124,25 @@ struct Node {
   }
 };
 
-/// Parses with a depth limit (the library's own recursion elsewhere has none) and refuses keys given twice.
-Json ParseChecked(const std::string& text, const std::string& path) {
-  std::vector<std::set<std::string>> keys;
-  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    if (depth > kMaxDepth) throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end) keys.pop_back();
-    if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second) {
-      throw FormatError(path, parsed.dump(), "this key stands twice in one object");
-    }
-    return true;
-  };
-  try {
-    return Json::parse(text, check);
-  } catch (const Json::parse_error& error) {
-    const bool truncated = error.byte > text.size();
-    throw FormatError(path, "byte " + std::to_string(error.byte),
-                      truncated ? "the JSON ends too early; is the file truncated?" : "this is not valid JSON");
-  } catch (const Json::exception&) {
-    throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
+[[noreturn]] void Refuse(const JsonProblem& problem, const std::string& path, size_t size) {
+  switch (problem.kind) {
+    case JsonProblem::Kind::kDepth:
+      throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels");
+    case JsonProblem::Kind::kTwice:
+      throw FormatError(path, problem.where, "the key " + Shown(problem.key) + " stands twice in one object");
+    case JsonProblem::Kind::kNumber:
+      throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
+    default:
+      throw FormatError(path, "byte " + std::to_string(problem.byte),
+                        problem.byte > size ? "the JSON ends too early; is the file truncated?" : "this is not valid JSON");
   }
+}
+
+Json ParseChecked(const std::string& text, const std::string& path) {
+  Json json;
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, true}, &json);
+  if (problem.kind != JsonProblem::Kind::kNone) Refuse(problem, path, text.size());
+  return json;
 }
 
 Eigen::Quaterniond ReadRotation(const Node& node) {
@@ -152,7 +180,7 @@ void ReadIntrinsics(const Node& node, Camera* camera) {
   if (splined) camera->params.tail(camera->params.size() - 4) = node.At("control_points").Vector(camera->params.size() - 4);
   for (const auto& [key, ignored] : node.value->items()) {
     if (std::find(names.begin(), names.end(), key) == names.end() && !(splined && key == "control_points")) {
-      node.Fail("'" + key + "' is no parameter of the model " + std::string(ToString(camera->model)));
+      node.Fail(Shown(key) + " is no parameter of the model " + std::string(ToString(camera->model)));
     }
   }
   for (const char* focal : {"fx", "fy"}) {
@@ -165,7 +193,7 @@ void ReadIntrinsics(const Node& node, Camera* camera) {
 void ReadLens(const Node& node, Camera* camera) {
   const std::string name = node.At("model").Text();
   const std::optional<LensModel> model = LensModelFromString(name);
-  if (!model) node.At("model").Fail("unknown lens model '" + name + "'; known are " + LensModelNames());
+  if (!model) node.At("model").Fail("unknown lens model " + Shown(name) + "; known are " + LensModelNames());
   camera->model = *model;
   if (*model == LensModel::kSplined) {
     camera->spline = ReadSplineGrid(node.At("spline"));
@@ -182,7 +210,8 @@ RigCamera ReadCamera(const Node& node) {
                       "cam_from_world_covariance"});
   RigCamera camera;
   camera.camera.name = node.At("name").Text();
-  if (camera.camera.name.empty()) node.At("name").Fail("a camera needs a name");
+  const std::string why = WhyNotALabel(camera.camera.name);
+  if (!why.empty()) node.At("name").Fail(Shown(camera.camera.name) + " " + why + ": it cannot be a camera's name");
   const Node size = node.At("size_px");
   size.RequireArray(2);
   camera.camera.width_px = size.At(0).SizePx();
@@ -273,6 +302,9 @@ void ValidateForWriting(const Rig& rig) {
     const std::string who = "camera '" + camera.camera.name + "': ";
     Validate(camera.camera);
     MVS_CHECK(!camera.camera.name.empty() && names.insert(camera.camera.name).second, who << "the name is empty or used twice");
+    const std::string why = WhyNotALabel(camera.camera.name);
+    if (!why.empty())
+      throw UsageError("camera " + Shown(camera.camera.name) + " " + why + ": no calibration can hold that name");
     MVS_CHECK(camera.cam_from_world.translation.allFinite(), who << "the translation is not finite");
     MVS_CHECK(std::abs(camera.cam_from_world.rotation.norm() - 1) < 1e-9, who << "the rotation is not a unit quaternion");
     const auto& params = camera.params_covariance;
@@ -288,20 +320,23 @@ void ValidateForWriting(const Rig& rig) {
 
 Rig RigFromJsonText(const std::string& text, const std::string& path_for_messages) {
   const Json json = ParseChecked(text, path_for_messages);
-  const Node root{&json, &path_for_messages, ""};
+  UnknownKeys unknown(path_for_messages);
+  const Node root{&json, &path_for_messages, "", &unknown};
   root.RequireObject({"schema", "unit", "gauge", "cameras", "joint_covariance_lower"});
   const std::string schema = root.At("schema").Text();
-  if (schema != kCalibrationSchema) root.At("schema").Fail("'" + schema + "', this version reads " + kCalibrationSchema);
-  if (root.At("unit").Text() != "m") root.At("unit").Fail("'" + root.At("unit").Text() + "', this schema is in \"m\"");
+  if (schema != kCalibrationSchema) root.At("schema").Fail(Shown(schema) + ", this version reads " + kCalibrationSchema);
+  if (root.At("unit").Text() != "m") root.At("unit").Fail(Shown(root.At("unit").Text()) + ", this schema is in \"m\"");
   Rig rig;
   if (root.Find("gauge")) rig.gauge = root.At("gauge").Text();
   const Node cameras = root.At("cameras");
   if (!cameras.value->is_array() || cameras.value->empty()) cameras.Fail("a list of at least one camera was expected");
+  std::set<std::string> names;
   for (size_t i = 0; i < cameras.value->size(); ++i) {
     RigCamera camera = ReadCamera(cameras.At(i));
-    if (rig.Find(camera.camera.name) >= 0) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
+    if (!names.insert(camera.camera.name).second) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
     rig.cameras.push_back(std::move(camera));
   }
+  unknown.Finish();
   if (root.Find("joint_covariance_lower")) rig.joint_covariance = ReadJointCovariance(root.At("joint_covariance_lower"), rig);
   return rig;
 }

@@ -5,6 +5,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "report/format.h"
 #include "report/sections.h"
 
@@ -82,12 +83,19 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   return report;
 }
 
-std::string WriteReport(const Report& report, const std::string& html_path) {
+std::string NumbersPath(const std::string& html_path) {
   const std::string json_path = fs::path(html_path).replace_extension(".json").string();
   if (json_path == html_path)
     throw UsageError("--out " + html_path + ": the page must not end in .json, that name is for its numbers");
+  return json_path;
+}
+
+std::string WriteReport(const Report& report, const std::string& html_path) {
+  const std::string json_path = NumbersPath(html_path);
+  FilesTogether files;
   WriteFileAtomic(json_path, report.json);
   WriteFileAtomic(html_path, report.html);
+  files.Commit();
   return json_path;
 }
 

@@ -43,6 +43,9 @@ struct Report {
 /// Throws IoError when the folder is missing or holds nothing to report.
 Report BuildReport(const std::string& run_folder, const ReportOptions& options = {});
 
+/// Where the numbers of a page go: beside it, with the extension .json. Throws UsageError when that is the page itself.
+std::string NumbersPath(const std::string& html_path);
+
 /// Writes `html_path` and, beside it with the extension .json, the same numbers; returns the path of the latter.
 std::string WriteReport(const Report& report, const std::string& html_path);
 

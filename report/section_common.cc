@@ -48,6 +48,8 @@ struct ColumnOfKey {
   bool numeric = false;
 };
 
+constexpr size_t kMostColumns = 60;  // what a page can show
+
 std::vector<ColumnOfKey> ColumnsOf(const Value& array, const std::vector<std::string>& skip) {
   std::vector<ColumnOfKey> columns;
   for (const Value& item : array.items()) {
@@ -55,6 +57,7 @@ std::vector<ColumnOfKey> ColumnsOf(const Value& array, const std::vector<std::st
       if (std::find(skip.begin(), skip.end(), key) != skip.end()) continue;
       if (!IsScalar(value) && !IsShortNumbers(value)) continue;
       auto found = std::find_if(columns.begin(), columns.end(), [&k = key](const ColumnOfKey& c) { return c.key == k; });
+      if (found == columns.end() && columns.size() == kMostColumns) continue;
       if (found == columns.end()) found = columns.insert(columns.end(), {key, false});
       found->numeric |= value.IsNumber() || value.IsArray();
     }

@@ -5,31 +5,24 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/json_tree.h"
 
 namespace mvstudio::report {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr int kMaxDepth = 64;
+constexpr size_t kMaxDepth = 64, kFewFields = 32;
 
-/// Deepest nesting of brackets outside strings: the parser and the destructor of the tree recurse that far.
-int NestingDepth(const std::string& text) {
-  int depth = 0, deepest = 0;
-  bool in_string = false;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (in_string) {
-      if (c == '\\') ++i;
-      if (c == '"') in_string = false;
-    } else if (c == '"') {
-      in_string = true;
-    } else if (c == '[' || c == '{') {
-      deepest = std::max(deepest, ++depth);
-    } else if (c == ']' || c == '}') {
-      --depth;
-    }
+[[noreturn]] void Refuse(const JsonProblem& problem, const std::string& path, bool empty) {
+  switch (problem.kind) {
+    case JsonProblem::Kind::kDepth:
+      throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
+    case JsonProblem::Kind::kNumber:
+      throw FormatError(path, "", "not valid JSON");
+    default:
+      throw FormatError(path, "byte " + std::to_string(problem.byte),
+                        empty ? "the file is empty" : "not valid JSON, perhaps truncated");
   }
-  return deepest;
 }
 
 Value FromJson(const Json& json) {
@@ -79,7 +72,8 @@ Json ToJson(const Value& value) {
     }
     case Value::Kind::kObject: {
       Json object = Json::object();
-      for (const auto& [key, item] : value.fields()) object[key] = ToJson(item);
+      auto& fields = object.get_ref<Json::object_t&>();  // whose keys differ: looking for them again is quadratic
+      for (const auto& [key, item] : value.fields()) fields.Json::object_t::Container::emplace_back(key, ToJson(item));
       return object;
     }
     default:
@@ -90,26 +84,27 @@ Json ToJson(const Value& value) {
 }  // namespace
 
 Value Value::Parse(const std::string& json_text, const std::string& path_for_messages) {
-  if (NestingDepth(json_text) > kMaxDepth) {
-    throw FormatError(path_for_messages, "",
-                      "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
-  }
-  try {
-    return FromJson(Json::parse(json_text));
-  } catch (const Json::parse_error& error) {
-    throw FormatError(path_for_messages, "byte " + std::to_string(error.byte),
-                      json_text.empty() ? "the file is empty" : "not valid JSON, perhaps truncated");
-  } catch (const Json::exception&) {
-    throw FormatError(path_for_messages, "", "not valid JSON");
-  }
+  Json json;
+  const JsonProblem problem = ParseJsonTree(json_text, {kMaxDepth, false}, &json);
+  if (problem.kind != JsonProblem::Kind::kNone) Refuse(problem, path_for_messages, json_text.empty());
+  return FromJson(json);
 }
 
 std::string Value::Dump(int indent) const { return ToJson(*this).dump(indent, ' ', false, Json::error_handler_t::replace); }
 
+size_t Value::IndexOf(const std::string& key) const {
+  if (index_) {
+    const auto found = index_->find(key);
+    return found == index_->end() ? fields_.size() : found->second;
+  }
+  const auto found = std::find_if(fields_.begin(), fields_.end(), [&](const auto& field) { return field.first == key; });
+  return static_cast<size_t>(found - fields_.begin());
+}
+
 const Value& Value::operator[](const std::string& key) const {
   static const Value null;
-  const auto found = std::find_if(fields_.begin(), fields_.end(), [&](const auto& field) { return field.first == key; });
-  return found == fields_.end() ? null : found->second;
+  const size_t index = IndexOf(key);
+  return index == fields_.size() ? null : fields_[index].second;
 }
 
 const Value& Value::Path(const std::string& dotted) const {
@@ -142,11 +137,18 @@ double Value::FirstNumber(const std::vector<std::string>& keys) const {
 
 Value& Value::Set(const std::string& key, Value value) {
   if (kind_ == Kind::kNull) kind_ = Kind::kObject;
-  const auto found = std::find_if(fields_.begin(), fields_.end(), [&](const auto& field) { return field.first == key; });
-  if (found == fields_.end()) {
-    fields_.emplace_back(key, std::move(value));
+  const size_t index = IndexOf(key);
+  if (index < fields_.size()) {
+    fields_[index].second = std::move(value);
+    return *this;
+  }
+  fields_.emplace_back(key, std::move(value));
+  if (fields_.size() <= kFewFields) return *this;
+  if (!index_ || index_.use_count() > 1) {
+    index_ = std::make_shared<std::map<std::string, size_t>>();
+    for (size_t i = 0; i < fields_.size(); ++i) index_->emplace(fields_[i].first, i);
   } else {
-    found->second = std::move(value);
+    index_->emplace(key, index);
   }
   return *this;
 }

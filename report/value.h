@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <limits>
+#include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -67,12 +69,15 @@ class Value {
     return value;
   }
 
+  size_t IndexOf(const std::string& key) const;  ///< number of fields: none
+
   Kind kind_ = Kind::kNull;
   int64_t integer_ = 0;
   double number_ = 0;
   std::string text_;
   Items items_;
   Fields fields_;
+  std::shared_ptr<std::map<std::string, size_t>> index_;  ///< of objects with many fields; copies share it
 };
 
 }  // namespace mvstudio::report

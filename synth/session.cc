@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "dataset/image_io.h"
 #include "geometry/rig_io.h"

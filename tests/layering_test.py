@@ -36,8 +36,8 @@ STANDARD = set(
     map memory memory_resource mutex new numeric optional ostream queue random ratio regex scoped_allocator set shared_mutex sstream
     stack stdexcept streambuf string string_view system_error thread tuple type_traits typeindex typeinfo unordered_map unordered_set
     utility valarray variant vector""".split())
-# System headers, allowed in .cc files.
-POSIX = re.compile(r"^(sys/[a-z]+|fcntl|unistd|glob|dirent|signal|spawn|poll|pthread|sched|errno|malloc|fenv)\.h$")
+# Headers of the system and the processor, allowed in .cc files.
+POSIX = re.compile(r"^(sys/[a-z]+|fcntl|unistd|pwd|dirent|signal|spawn|poll|pthread|sched|errno|malloc|fenv|cpuid|immintrin)\.h$")
 # Third-party headers by folder; the core knows the standard library alone.
 EIGEN = re.compile(r"^Eigen/")
 TORCH = re.compile(r"^(torch|ATen|c10)/")

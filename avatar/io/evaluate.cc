@@ -23,6 +23,7 @@
 #include "avatar/template_maps.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "dataset/image_io.h"
 

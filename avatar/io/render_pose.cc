@@ -9,8 +9,8 @@
 #include "avatar/bone_lists.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/median.h"
+#include "core/paths.h"
 #include "dataset/crop.h"
 
 namespace mvstudio::avatar {
@@ -102,7 +102,7 @@ int FrameInName(const std::string& file) {
 std::map<int, std::string> ScenesAt(const std::string& path) {
   std::map<int, std::string> scenes;
   if (!fs::is_directory(path)) return {{FrameInName(path), path}};
-  for (const std::string& file : Glob(path + "/body3DScene_*.json")) scenes[FrameInName(file)] = file;
+  for (const std::string& file : FilesNamed(path, "body3DScene_", ".json")) scenes[FrameInName(file)] = file;
   return scenes.empty() ? dataset::ListBody3dScenes(path) : scenes;
 }
 

@@ -6,10 +6,12 @@
 #include <memory>
 
 #include "core/files.h"
+#include "core/lock.h"
+#include "core/manifest.h"
+#include "core/output.h"
 #include "core/parallel.h"
 #include "core/sha256.h"
 #include "dataset/pack/done_internal.h"
-#include "dataset/pack/lock_internal.h"
 #include "dataset/pack/make_shard_internal.h"
 #include "dataset/pack/shard_internal.h"
 
@@ -23,10 +25,6 @@ using Clock = std::chrono::steady_clock;
 constexpr uint64_t kMaxSingleBytes = uint64_t{8} << 30;
 
 double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-bool IsOfPack(const std::string& name) {
-  return name.rfind("shard-", 0) == 0 || name.rfind(".shard-", 0) == 0 || name == kIndexName || name.rfind(".INDEX.", 0) == 0;
-}
 
 std::vector<PackUndistortion> StateUndistortion(const PackPlan& plan) {
   std::vector<PackUndistortion> list;
@@ -48,12 +46,17 @@ std::optional<DoneMarker> UsableDone(const std::string& path) {
   }
 }
 
-// The folder is new, empty, or holds a pack of this very plan.
+// The folder is new, empty, or holds a pack of this very plan. Several processes may fill it together, so each shard has its
+// own lock.
 void RequireFolderFor(const PackPlan& plan, const std::string& out) {
+  RequireSafeOutput(out, {plan.dataset.root}, true);
   if (!fs::exists(out)) return MakeFolder(out);
+  RemoveLeftovers(out);
   if (!fs::is_directory(out)) throw UsageError(out + ": is a file; --out names a folder");
-  bool pack = fs::is_empty(out);
-  for (const auto& entry : fs::directory_iterator(out)) pack = pack || IsOfPack(entry.path().filename().string());
+  const auto is_record = [](const auto& entry) { return entry.path().filename().string().rfind(".mvstudio", 0) == 0; };
+  const fs::directory_iterator entries(out);
+  const bool pack = std::all_of(fs::begin(entries), fs::end(entries), is_record) || !FilesNamed(out, "shard-", "").empty() ||
+                    fs::exists(out + "/" + kIndexName) || fs::exists(out + "/" + kManifestName);
   if (!pack) throw UsageError(out + ": is not empty and holds no pack; choose another --out");
   for (const std::string& path : FilesNamed(out, "shard-", ".done.json")) {
     const std::optional<DoneMarker> done = UsableDone(path);
@@ -61,12 +64,6 @@ void RequireFolderFor(const PackPlan& plan, const std::string& out) {
       throw UsageError(out +
                        ": holds a pack made with other options or from another dataset; choose another --out or remove it");
     }
-  }
-}
-
-void RemoveLeftovers(const std::string& folder, const std::string& stem) {
-  for (const std::string& path : FilesNamed(folder, "." + stem + ".", "")) {
-    if (path.find(".tmp-", folder.size()) != std::string::npos) RemoveFile(path);
   }
 }
 
@@ -102,7 +99,6 @@ DoneMarker WriteShard(const std::string& path, const Shard& shard, PackTimes* ti
     RequireSame(temporary, image, shard);
     verify_s = SecondsSince(verify_start);
   });
-  FlushToDisk(fs::path(path).parent_path().empty() ? "." : fs::path(path).parent_path().string());
   DoneMarker done;
   done.file = fs::path(path).filename().string();
   done.number = shard.number, done.num_shards = shard.num_shards;
@@ -130,17 +126,17 @@ class Builder {
 
   // False when someone else is at it.
   bool Make(int number) {
-    const FileLock lock(out_ + "/." + ShardStem(number) + ".lock");
+    const FileLock lock(out_ + "/.mvstudio." + ShardStem(number) + ".lock");
     if (!lock.owned()) {
       report_.busy_owner = lock.owner();
       return false;
     }
-    RemoveLeftovers(out_, ShardStem(number));
     DoneMarker done;
     const std::string why = WhyUnfinished(plan_, out_, number, run_, &done);
     if (why.empty()) {
       report_.kept.push_back(number);
     } else {
+      RequireOurs({ShardPath(out_, number), DonePath(out_, number)});
       if (why != "new") report_.notes.push_back(ShardStem(number) + " " + why + "; made again");
       done = Write(number);
       report_.built.push_back(number);
@@ -176,7 +172,6 @@ class Builder {
     done.inputs_sha256 = made.inputs_sha256;
     done.skipped = made.skipped;
     WriteFileAtomic(DonePath(out_, number), DoneToJsonText(done));
-    FlushToDisk(out_);
     return done;
   }
 
@@ -235,13 +230,11 @@ void WriteIndex(const std::string& out, const std::vector<DoneMarker>& shards) {
   index.plan_sha256 = shards[0].plan_sha256;
   index.plan = ParseJson(ReadShard(ShardPath(out, 0), ShardPart::kTables).shard.plan, ShardPath(out, 0));
   index.shards = shards;
-  const FileLock lock(out + "/.INDEX.lock");
+  const FileLock lock(out + "/.mvstudio.INDEX.lock");
   if (!lock.owned()) return;  // someone else found all shards finished as well and writes the same
   const std::string path = out + "/" + kIndexName, text = IndexToJsonText(index);
-  RemoveLeftovers(out, "INDEX");
   if (fs::exists(path) && ReadFile(path) == text) return;
   WriteFileAtomic(path, text);
-  FlushToDisk(out);
 }
 
 }  // namespace

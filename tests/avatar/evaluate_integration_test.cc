@@ -12,6 +12,7 @@
 #include "avatar/picture_scores.h"
 #include "avatar/sequence.h"
 #include "core/error.h"
+#include "core/paths.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"
@@ -167,9 +168,9 @@ TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {
   const std::string json = ToJsonText(e);
   for (const char* key : {"\"lpips\"", "\"lpips_ci95\"", "FD (detector.pt)", "\"early\"", "\"protocol_sha256\""})
     EXPECT_THAT(json, HasSubstr(key));
-  EXPECT_EQ(Glob(run() + "/eval/render/*.png").size(), 4u);
-  EXPECT_EQ(Glob(run() + "/eval/truth/*.png").size(), 4u);
-  const Image truth = dataset::ReadImage(Glob(run() + "/eval/truth/*.png")[0]);
+  EXPECT_EQ(FilesMatching(run() + "/eval/render/*.png").size(), 4u);
+  EXPECT_EQ(FilesMatching(run() + "/eval/truth/*.png").size(), 4u);
+  const Image truth = dataset::ReadImage(FilesMatching(run() + "/eval/truth/*.png")[0]);
   EXPECT_EQ(truth.width, 64);
   options.motions = "never=20-30";
   EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("never=20-30"));
@@ -181,7 +182,7 @@ TEST_F(EvaluateRun, ScoresOfOneSizeMeetTheSameTruth) {
   const Evaluation own = Evaluate(run(), options, {});
   options.score_size = 96;
   const Evaluation larger = Evaluate(run(), options, {});
-  EXPECT_EQ(dataset::ReadImage(Glob(run() + "/eval/render/*.png")[0]).width, 96);
+  EXPECT_EQ(dataset::ReadImage(FilesMatching(run() + "/eval/render/*.png")[0]).width, 96);
   EXPECT_EQ(larger.size_px, 96);
   // The crops show the same: masks agree as well as at the avatar's own size, but for rounding of the outlines.
   EXPECT_NEAR(larger.nearest_pose.mean.mask_iou, own.nearest_pose.mean.mask_iou, 0.03);

@@ -9,6 +9,7 @@
 #include "calib/detection_cache.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/paths.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -222,7 +223,7 @@ TEST_F(CachedFootage, DependsOnContentBoardAndOptions) {
 TEST_F(CachedFootage, DamagedEntriesAreMadeAnew) {
   WriteVideo("one");
   const auto first = Detect("charuco:7x6:120mm:90mm:4x4_250");
-  const std::vector<std::string> entries = Glob(folder_ / "cache/detections/*.detections");
+  const std::vector<std::string> entries = FilesMatching(folder_ / "cache/detections/*.detections");
   ASSERT_EQ(entries.size(), 1u);
   const std::string good = ReadFile(entries[0]);
   std::string flipped = good;

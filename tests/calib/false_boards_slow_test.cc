@@ -6,6 +6,7 @@
 #include "calib/detect_board.h"
 #include "core/files.h"
 #include "core/parallel.h"
+#include "core/paths.h"
 #include "dataset/image_io.h"
 #include "tests/support/test_data.h"
 
@@ -47,7 +48,7 @@ Found Search(const Board& board, const Image& grey) {
 /// OpenCV's sector-based search finds wrong boards with success in some of these photos; none may be accepted.
 TEST(FalseBoards, OfTheSectorSearchAreRefused) {
   MVS_NEEDS_DATA("pose2sim");
-  const auto paths = Glob(DataRoot() + "/pose2sim/calibration/intrinsics/int_cam0*_img/*.jpg");
+  const auto paths = FilesMatching(DataRoot() + "/pose2sim/calibration/intrinsics/int_cam0*_img/*.jpg");
   ASSERT_EQ(paths.size(), 28u);
   std::vector<Found> found(paths.size());
   ParallelFor(static_cast<int64_t>(paths.size()), 0,

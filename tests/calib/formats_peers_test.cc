@@ -13,6 +13,7 @@ extern "C" {
 #include "calib/formats.h"
 #include "core/error.h"
 #include "core/files.h"
+#include "core/paths.h"
 #include "tests/calib/format_samples.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -103,7 +104,7 @@ TEST(Mrcal, RealModelsProjectAlike) {
   MVS_NEEDS_DATA("mrcal_figueroa");
   int num_splined = 0;
   for (const char* where : {"/mrcal_figueroa/test/data/", "/mrcal_figueroa/doc/data/figueroa-overpass-looking-S/"}) {
-    for (const std::string& path : Glob(DataRoot() + where + "*.cameramodel")) {
+    for (const std::string& path : FilesMatching(DataRoot() + where + "*.cameramodel")) {
       EXPECT_EQ(DetectFormat(path), Format::kMrcal);
       const Rig rig = ReadMrcal({path}).rig;
       ASSERT_EQ(rig.cameras.size(), 1u);

@@ -8,6 +8,7 @@
 #include "calib/board_check.h"
 #include "calib/detect_board.h"
 #include "core/files.h"
+#include "core/paths.h"
 #include "dataset/frames.h"
 #include "dataset/image_io.h"
 #include "tests/support/test_data.h"
@@ -45,7 +46,7 @@ TEST(AprilTagPhotos, AllTagsWhereTheLibraryPutsThem) {
   MVS_NEEDS_DATA("apriltag");
   int num_expected = 0, num_found = 0, num_corners_near = 0;
   double worst = 0;
-  for (const std::string& path : Glob(DataRoot() + "/apriltag/*.jpg")) {
+  for (const std::string& path : FilesMatching(DataRoot() + "/apriltag/*.jpg")) {
     const std::vector<Tag> tags = FindTags(*FindTagFamily("36h11"), TagBorder::kNarrow, dataset::ReadImage(path, true));
     const auto expected_tags = ReadExpected(path.substr(0, path.size() - 4) + ".txt");
     EXPECT_EQ(tags.size(), expected_tags.size()) << path;

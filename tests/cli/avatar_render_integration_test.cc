@@ -55,7 +55,8 @@ class AvatarRender : public ::testing::Test {
   }
   static size_t CountFiles(const std::string& folder) {
     size_t count = 0;
-    for (const auto& entry : fs::recursive_directory_iterator(folder)) count += entry.is_regular_file();
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      count += entry.is_regular_file() && entry.path().filename() != ".mvstudio.json";
     return count;
   }
 

@@ -55,7 +55,7 @@ class BadInput : public ::testing::Test {
     EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
     EXPECT_FALSE(fs::exists(output)) << output;
     for (const auto& entry : fs::directory_iterator(work_.path())) {
-      EXPECT_THAT(entry.path().string(), ::testing::Not(HasSubstr(".tmp-")));
+      EXPECT_THAT(entry.path().string(), ::testing::Not(HasSubstr(".mvstudio-")));
     }
   }
 
@@ -138,21 +138,60 @@ TEST_F(BadInput, BoardNeverSeen) {
   ExpectFailure(words, 3, {"cam_01", "board"}, work_ / "run/calibration.json");
 }
 
+/// Runs a command in a mount namespace of its own, in which `mount` was run before; what is left below `disk` is its stdout.
+CliRun RunMounted(const std::vector<std::string>& words, const std::string& mount, const std::string& disk) {
+  const TempDir folder;
+  std::string line;
+  for (const std::string& word : words) line += " " + ShellQuote(word);
+  const std::string script =
+      mount + " && " + ShellQuote(CliPath()) + line + " >/dev/null; code=$?; ls -A " + disk + "; exit $code";
+  const int status =
+      std::system(("unshare -m sh -c " + ShellQuote(script) + " >" + (folder / "out") + " 2>" + (folder / "err")).c_str());
+  return {WEXITSTATUS(status), Slurp(folder / "out"), Slurp(folder / "err")};
+}
+
+bool MayMount() { return std::system("unshare -m true 2>/dev/null") == 0; }
+
 TEST_F(BadInput, NoSpaceLeftOnTheDevice) {
   const std::string disk = work_ / "disk";
   fs::create_directory(disk);
-  if (std::system("unshare -m true 2>/dev/null") != 0) GTEST_SKIP() << "needs the right to mount a small file system";
+  if (!MayMount()) GTEST_SKIP() << "needs the right to mount a small file system";
   auto words = Build();
   *std::find(words.begin(), words.end(), work_ / "dataset") = disk + "/dataset";
-  std::string line;
-  for (const std::string& word : words) line += " " + ShellQuote(word);
-  const std::string script = "mount -t tmpfs -o size=100k none " + disk + " && " + ShellQuote(CliPath()) + line +
-                             "; code=$?; ls -A " + disk + "; exit $code";
-  const std::string err = work_ / "err", out = work_ / "out";
-  const int status = std::system(("unshare -m sh -c " + ShellQuote(script) + " >" + out + " 2>" + err).c_str());
-  EXPECT_EQ(WEXITSTATUS(status), 7) << Slurp(err);
-  EXPECT_THAT(Slurp(err), HasSubstr("No space left"));
-  EXPECT_EQ(Slurp(out), "");  // nothing was left on the full disk
+  const CliRun run = RunMounted(words, "mount -t tmpfs -o size=100k none " + disk, disk);
+  EXPECT_EQ(run.exit, 7) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("No space left"));
+  EXPECT_THAT(run.err, HasSubstr(disk + "/dataset"));
+  EXPECT_THAT(run.err, ::testing::Not(HasSubstr(".mvstudio-"))) << "names the hidden file that stands for it";
+  EXPECT_EQ(run.out, "");  // nothing was left on the full disk
+}
+
+TEST_F(BadInput, AReadOnlyDisk) {
+  const std::string disk = work_ / "disk";
+  fs::create_directory(disk);
+  if (!MayMount()) GTEST_SKIP() << "needs the right to mount a small file system";
+  const std::string mount = "mount -t tmpfs -o size=1m,ro none " + disk;
+  auto words = Build();
+  *std::find(words.begin(), words.end(), work_ / "dataset") = disk + "/dataset";
+  const std::vector<std::string> convert = {"calib", "convert", session_ + "/truth/calibration.json", "--out",
+                                            disk + "/copy.json"};
+  for (const auto& [line, output] : {std::pair(words, disk + "/dataset"), std::pair(convert, disk + "/copy.json")}) {
+    const CliRun run = RunMounted(line, mount, disk);
+    EXPECT_EQ(run.exit, 3) << run.err;
+    EXPECT_THAT(run.err, HasSubstr(output));
+    EXPECT_THAT(run.err, HasSubstr("Read-only file system"));
+    EXPECT_THAT(run.err, ::testing::Not(HasSubstr(".mvstudio-")));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+  }
+}
+
+TEST_F(BadInput, AnOutputWithANameThatIsTooLong) {
+  const std::string name = work_ / std::string(300, 'n');
+  const CliRun run = RunCli({"calib", "convert", session_ + "/truth/calibration.json", "--out", name + ".json"});
+  EXPECT_EQ(run.exit, 3) << run.err;
+  EXPECT_THAT(run.err, HasSubstr(name));
+  EXPECT_THAT(run.err, HasSubstr("File name too long"));
+  EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
 }
 
 }  // namespace

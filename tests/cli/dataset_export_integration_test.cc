@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/paths.h"
 #include "geometry/rig_io.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/memory_folder.h"
@@ -31,7 +32,7 @@ TEST(DatasetExport, WritesTheFolderAndKeepsTheResultBesideIt) {
   EXPECT_TRUE(fs::exists(folder / "out/annots.npy"));
   EXPECT_TRUE(fs::exists(folder / "out/export.json"));
   EXPECT_TRUE(fs::exists(folder / "out/provenance.jsonl"));
-  EXPECT_FALSE(Glob(folder / "out/*.result.json").empty());
+  EXPECT_FALSE(FilesMatching(folder / "out/*.result.json").empty());
 }
 
 TEST(DatasetExport, CamerasAndJointsNeedNoPictures) {

@@ -177,7 +177,8 @@ TEST(ImportPanoptic, WithoutHdFootageJointsAreCountedByVgaFrames) {
   ASSERT_EQ(joints.size(), 4u);
   EXPECT_NEAR(joints.at(3).at(0).x_in_world(0, 0), dataset::StandingPerson(0.3).x_in_world(0, 0), 1e-12);
   const CliRun build =
-      RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks", "--json"});
+      RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks",
+                               "--allow-outside", "--json"});
   ASSERT_EQ(build.exit, 0) << build.out << build.err;
   EXPECT_EQ(build.Json()["metrics"]["images"], 4);
 }
@@ -190,8 +191,10 @@ TEST(ImportPanoptic, LinksCopiesAndSelections) {
   EXPECT_EQ(linked.Json()["metrics"]["cameras"], 2);
   EXPECT_TRUE(fs::is_symlink(sequence.Out() + "/raw/seq/00_02.mp4"));
   const dataset::Session session = dataset::ReadSession(sequence.Out());
-  EXPECT_TRUE(session.follow_symlinks);
   EXPECT_TRUE(session.warnings.empty());
+  EXPECT_THAT(linked.out, HasSubstr("DAT-OUTSIDE"));
+  EXPECT_EQ(RunCli({"session", "timeline", sequence.Out()}).exit, 3) << "a session cannot let itself out";
+  EXPECT_EQ(RunCli({"session", "timeline", sequence.Out(), "--allow-outside"}).exit, 0);
   EXPECT_EQ(geometry::ReadRig(sequence.Out() + "/calib/calibration.json").cameras.size(), 2u);
 
   EXPECT_EQ(sequence.Import().exit, 2) << "the session is there";
@@ -275,7 +278,8 @@ TEST(ImportPanoptic, PersonA) {
   TempDir folder;
   const CliRun run = RunCli({"dataset", "import", "panoptic", person, "--out", folder / "s", "--json"});
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
-  EXPECT_EQ(run.Json()["warnings"].size(), 0u) << run.out;
+  EXPECT_EQ(run.Json()["warnings"].size(), 1u) << run.out;
+  EXPECT_THAT(run.out, HasSubstr("--allow-outside"));
   EXPECT_EQ(run.Json()["metrics"]["cameras_with_footage"], 10);
   const auto joints = JointsOf(folder / "s", "person_a");
   ASSERT_EQ(joints.size(), 120u);
@@ -291,7 +295,7 @@ TEST(ImportPanoptic, PersonA) {
   }
   const dataset::Session session = dataset::ReadSession(folder / "s");
   dataset::TakeTimelineOptions options;
-  options.allow_outside = session.follow_symlinks;
+  options.allow_outside = true;
   const auto take = dataset::BuildTakeTimeline(session, dataset::TakeOf(session, ""), options);
   EXPECT_EQ(take.timeline.num_instants, 120);
   EXPECT_NEAR(take.timeline.fps_hz, 15, 1e-3);

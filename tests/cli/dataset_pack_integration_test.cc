@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 std::map<std::string, std::string> Content(const std::string& folder) {
   std::map<std::string, std::string> content;
   for (const auto& entry : fs::directory_iterator(folder))
-    content[entry.path().filename().string()] = Slurp(entry.path().string());
+    if (entry.path().filename() != ".mvstudio.json") content[entry.path().filename().string()] = Slurp(entry.path().string());
   return content;
 }
 
@@ -103,7 +103,7 @@ TEST(DatasetPack, TradeoffComparesPacksWithTheFolder) {
   EXPECT_THAT(page, HasSubstr("<svg"));
   EXPECT_THAT(page, HasSubstr("pack jpeg:90"));
   for (const auto& entry : fs::directory_iterator(folder / "out")) {
-    EXPECT_EQ(entry.path().filename().string().find(".tradeoff"), std::string::npos) << "the packs are removed";
+    EXPECT_EQ(entry.path().filename().string().find(".mvstudio-"), std::string::npos) << "the packs are removed";
   }
   EXPECT_EQ(RunCli({"tradeoff", "pack", DataRoot() + "/person_a", "--crops", "3", "--out", folder / "x"}).exit, 2);
   EXPECT_EQ(RunCli({"tradeoff", "pack", DataRoot() + "/person_a", "--codecs", "webp", "--out", folder / "x"}).exit, 2);
@@ -138,7 +138,7 @@ TEST(DatasetPack, ASecondWriterIsToldToTryAgain) {
   MVS_NEEDS_DATA("person_a");
   const TempDir folder;
   fs::create_directory(folder / "pack");
-  const std::string lock = ShellQuote(folder / "pack/.shard-00001.lock");
+  const std::string lock = ShellQuote(folder / "pack/.mvstudio.shard-00001.lock");
   const CliRun second = RunCli(Pack(folder / "pack", {}), "flock " + lock + " ");
   EXPECT_EQ(second.exit, 75) << second.err;
   EXPECT_THAT(second.err, HasSubstr("made by someone else: 1"));

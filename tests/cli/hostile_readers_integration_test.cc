@@ -1,11 +1,14 @@
-#include <gtest/gtest.h>
-
-#include <fstream>
-#include <functional>
+#include <filesystem>
 
 #include "calib/corner_files.h"
+#include "calib/detection_cache.h"
 #include "calib/formats.h"
+#include "calib/scene_points.h"
 #include "core/error.h"
+#include "core/files.h"
+#include "core/manifest.h"
+#include "core/npy.h"
+#include "core/sha256.h"
 #include "dataset/panoptic.h"
 #include "dataset/pose2d.h"
 #include "dataset/pose3d.h"
@@ -13,27 +16,15 @@
 #include "dataset/session.h"
 #include "dataset/sync_file.h"
 #include "geometry/rig_io.h"
-#include "tests/support/hostile_files.h"
-#include "tests/support/memory_folder.h"
-#include "tests/support/run_cli.h"
+#include "tests/support/hostile_readers.h"
 
-/// Every reader that the command line opens files with, called directly: cut at every byte, and every kind of damage. A reader
-/// may accept or throw one of our errors about files; anything else, a crash included, fails. libFuzzer goes on where this ends
-/// (docs/fuzzing.md) and starts from the same files.
+/// The readers that the command line opens files with, but for those of report/, detect/ and avatar/io/ (beside their tests).
 namespace mvstudio::testing {
 namespace {
 
-[[maybe_unused]] const bool kInMemory = TempFoldersInMemory();
-
 namespace fs = std::filesystem;
 
-struct Reader {
-  std::string name;
-  std::string seed;  ///< below fuzz/seeds
-  std::string file;  ///< name that the reader expects
-  bool json = false;
-  std::function<void(const std::string& path)> read;
-};
+using Reader = HostileReader;
 
 calib::ReadOptions SizeOptions() {
   calib::ReadOptions options;
@@ -52,6 +43,22 @@ Reader Corners(const std::string& seed, const std::string& format) {
             if (format == "vnl") options.board = calib::ParseBoard("grid:2x2:10mm");
             calib::ReadCornerFile(path, options);
           }};
+}
+
+/// With a right digest at the end, otherwise nothing behind it is read.
+void ReadDetections(const std::string& path) {
+  const std::string bytes = ReadFile(path), folder = fs::path(path).parent_path().string();
+  fs::create_directory(folder + "/detections");
+  std::ofstream(folder + "/detections/key.detections", std::ios::binary | std::ios::trunc)
+      << bytes << Sha256Hex(bytes.data(), bytes.size());
+  const auto footage = calib::DetectionCache(folder).Load("key");
+  if (!footage) throw FormatError(path, "", "is damaged");
+  for (const auto& picture : footage->pictures) {
+    for (const calib::BoardDetection& board : picture.layouts) {
+      const Eigen::Index corners = board.detection.num_corners(), sigmas = board.detection.sigmas_px.size();
+      EXPECT_TRUE(board.detection.points_px.cols() == corners && (sigmas == 0 || sigmas == corners));
+    }
+  }
 }
 
 std::vector<Reader> Readers() {
@@ -87,85 +94,15 @@ std::vector<Reader> Readers() {
           {"any", "panoptic_calibration/flat.json", "calibration_a.json", true,
            [](const std::string& path) { dataset::ReadAnyCalibration(path); }},
           {"scene", "body3d_scene/two.json", "body3DScene_00000001.json", true,
-           [](const std::string& path) { dataset::ReadBody3dSceneFile(path); }}};
+           [](const std::string& path) { dataset::ReadBody3dSceneFile(path); }},
+          {"marks", "scene_points/one.csv", "a.csv", false, [](const std::string& path) { calib::ReadScenePoints({path}); }},
+          {"detections", "detection_cache/one.bin", "a.bin", false, ReadDetections},
+          {"npy", "npy/doubles.npy", "a.npy", false, [](const std::string& path) { ReadNpy(path); }},
+          {"manifest", "manifest/three.json", "a.json", true,
+           [](const std::string& path) { ManifestFromJsonText(ReadFile(path), path); }}};
 }
 
-class HostileReaders : public ::testing::TestWithParam<Reader> {
- protected:
-  static std::string SeedPath() {
-    const char* source = std::getenv("MVSTUDIO_SOURCE");
-    return std::string(source ? source : ".") + "/fuzz/seeds/" + GetParam().seed;
-  }
-  static std::string Seed() { return Slurp(SeedPath()); }
-
-  /// True when it is accepted. Errors about files and usage are fine, all else is a failure that names `what`.
-  bool Accepts(const std::string& text, const std::string& what) {
-    const std::string path = folder_ / GetParam().file;
-    std::ofstream(path, std::ios::binary | std::ios::trunc) << text;
-    try {
-      GetParam().read(path);
-      return true;
-    } catch (const FormatError&) {
-    } catch (const IoError&) {
-    } catch (const UsageError&) {
-    } catch (const std::exception& error) {
-      ADD_FAILURE() << GetParam().name << ", " << what << ": " << error.what();
-    }
-    return false;
-  }
-
-  TempDir folder_;
-};
-
-TEST_P(HostileReaders, AcceptsItsSeed) {
-  const std::string seed = Seed();
-  ASSERT_FALSE(seed.empty()) << GetParam().seed;
-  EXPECT_TRUE(Accepts(seed, "the seed itself"));
-}
-
-/// The other seeds of the format, among them inputs that once broke the reader.
-TEST_P(HostileReaders, EverySeedOfItsFormat) {
-  for (const auto& entry : fs::directory_iterator(fs::path(SeedPath()).parent_path())) {
-    Accepts(Slurp(entry.path().string()), entry.path().string());
-  }
-}
-
-TEST_P(HostileReaders, CutAtEveryByte) {
-  const std::string seed = Seed();
-  const size_t whole = seed.find_last_not_of(" \r\n") + 1;
-  for (size_t size = 0; size < whole; ++size) {
-    const bool accepted = Accepts(seed.substr(0, size), "cut at byte " + std::to_string(size));
-    EXPECT_FALSE(accepted && GetParam().json) << GetParam().name << " accepts what is cut at byte " << size;
-  }
-}
-
-TEST_P(HostileReaders, EveryByteReplaced) {
-  const std::string seed = Seed();
-  for (const char byte : {'\0', '\xff', '{', '"', '9', '-', '\n'}) {
-    for (size_t at = 0; at < seed.size(); at += seed.size() / 100 + 1) {
-      std::string text = seed;
-      text[at] = byte;
-      Accepts(text, "byte " + std::to_string(at) + " replaced by " + std::to_string(byte));
-    }
-  }
-}
-
-TEST_P(HostileReaders, EveryKindOfDamage) {
-  for (const auto& [name, text] : HostileJson(Seed())) {
-    const bool accepted = Accepts(text, name);
-    EXPECT_FALSE(accepted && GetParam().json) << GetParam().name << " accepts " << name;
-  }
-}
-
-TEST_P(HostileReaders, ByteOrderMark) { Accepts("\xef\xbb\xbf" + Seed(), "byte-order mark"); }
-
-std::string TestName(const ::testing::TestParamInfo<Reader>& test) {
-  std::string name = test.param.name;
-  for (char& c : name) c = std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
-  return name;
-}
-
-INSTANTIATE_TEST_SUITE_P(All, HostileReaders, ::testing::ValuesIn(Readers()), TestName);
+INSTANTIATE_TEST_SUITE_P(All, HostileReaders, ::testing::ValuesIn(Readers()), HostileReaderName);
 
 }  // namespace
 }  // namespace mvstudio::testing

@@ -7,9 +7,11 @@
 #include <set>
 
 #include "core/files.h"
+#include "core/paths.h"
 #include "tests/support/hostile_files.h"
 #include "tests/support/memory_folder.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/sanitized.h"
 
 /// Hostile files and names at the command line: the right exit code, one clear line, nothing written outside the output,
 /// bounded memory and time. What a reader does with thousands of damaged files is in hostile_readers_integration_test.cc.
@@ -24,7 +26,7 @@ using ::testing::Eq;
 using ::testing::HasSubstr;
 
 /// Bounds of every command here: address space (libtorch alone maps 2 GB) and time.
-constexpr char kBounds[] = "ulimit -v 6000000; ulimit -c 0; timeout -s KILL 20 ";
+const std::string kBounds = MemoryBound(6000) + "ulimit -c 0; timeout -s KILL " + (kSanitized ? "200 " : "20 ");
 
 /// Every path below a folder with its size, links not followed.
 std::set<std::string> Listing(const std::string& folder) {
@@ -307,7 +309,7 @@ TEST_F(Hostile, DatasetsOfEveryKindOfDamage) {
     EXPECT_EQ(run.exit, 6) << name << ": " << run.err;
     EXPECT_THAT(run.out, HasSubstr("00_01_00000001.jpg")) << name;
   }
-  std::ofstream(Glob(Out() + "/calibration_*.json").at(0), std::ios::binary) << std::string(100000, '[');
+  std::ofstream(FilesMatching(Out() + "/calibration_*.json").at(0), std::ios::binary) << std::string(100000, '[');
   EXPECT_EQ(RunCli({"dataset", "verify", Out()}, kBounds).exit, 3);
 }
 

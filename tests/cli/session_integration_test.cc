@@ -174,6 +174,63 @@ TEST_F(SessionTest, HostileSessionsAreRefused) {
   EXPECT_FALSE(fs::exists(Path("sync/walk.timeline.json")));
 }
 
+TEST_F(SessionTest, ItsFileGivesNoPermission) {
+  ASSERT_EQ(Init().exit, 0);
+  fs::create_directories(folder_ / "private");
+  const std::string video = Path("raw/walk/" + Name(0) + ".mkv");
+  fs::rename(video, folder_ / "private/a.mkv");
+  fs::create_symlink(folder_ / "private/a.mkv", video);
+  std::string toml = Slurp(Path("mvstudio.toml"));
+  toml.insert(toml.find("units"), "follow_symlinks = true\n");
+  std::ofstream(Path("mvstudio.toml")) << toml;
+  const CliRun run = RunCli({"session", "timeline", Path(""), "--json"});
+  EXPECT_EQ(run.exit, 3) << run.out << run.err;
+  EXPECT_THAT(run.err, HasSubstr("--allow-outside"));
+  const CliRun allowed = RunCli({"session", "timeline", Path(""), "--allow-outside", "--json"});
+  EXPECT_EQ(allowed.exit, 0) << allowed.out << allowed.err;
+  EXPECT_THAT(allowed.out, HasSubstr("follow_symlinks is not used any more"));
+}
+
+TEST_F(SessionTest, ResultsStayInTheSession) {
+  ASSERT_EQ(Init().exit, 0);
+  fs::create_directories(folder_ / "elsewhere");
+  for (const char* kind : {"pose3d", "sync"}) {
+    fs::remove_all(Path(kind));
+    fs::create_directory_symlink("../elsewhere", Path(kind));
+  }
+  const std::vector<std::vector<std::string>> commands = {{"triangulate", "--session", Path("")},
+                                                          {"sync", "--session", Path(""), "--fps", "30"},
+                                                          {"session", "timeline", Path("")}};
+  for (std::vector<std::string> words : commands) {
+    const CliRun refused = RunCli(words);
+    EXPECT_EQ(refused.exit, 3) << words[0] << refused.out << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr("is a symbolic link out of the session"));
+    EXPECT_TRUE(fs::is_empty(folder_ / "elsewhere")) << words[0];
+  }
+  for (std::vector<std::string> words : commands) {
+    words.push_back("--allow-outside");
+    const CliRun allowed = RunCli(words);
+    EXPECT_EQ(allowed.exit, 0) << words[0] << allowed.out << allowed.err;
+  }
+  EXPECT_TRUE(fs::exists(folder_ / "elsewhere/walk/points.csv"));
+  EXPECT_TRUE(fs::exists(folder_ / "elsewhere/walk/sync.json"));
+  EXPECT_TRUE(fs::exists(folder_ / "elsewhere/walk.timeline.json"));
+}
+
+TEST_F(SessionTest, FootageElsewhereIsLinkedAndAskedForByTheCommand) {
+  fs::create_directories(folder_ / "n");
+  const CliRun init = RunCli({"session", "init", folder_ / "n", "--units", "m", "--scan", Path("raw"), "--json"});
+  ASSERT_EQ(init.exit, 0) << init.out << init.err;
+  EXPECT_THAT(init.out, HasSubstr("SES-OUTSIDE"));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "n/raw"));
+  EXPECT_EQ(RunCli({"session", "timeline", folder_ / "n"}).exit, 3);
+  EXPECT_EQ(RunCli({"session", "timeline", folder_ / "n", "--allow-outside"}).exit, 0);
+  fs::create_directories(folder_ / "other/t");
+  EXPECT_EQ(RunCli({"session", "init", folder_ / "n", "--units", "m", "--scan", folder_ / "other", "--overwrite"}).exit, 2)
+      << "the link that is there is not thrown away";
+  EXPECT_EQ(fs::read_symlink(folder_ / "n/raw"), fs::absolute(Path("raw")));
+}
+
 TEST_F(SessionTest, TimelineAndSyncByEachRoad) {
   ASSERT_EQ(Init().exit, 0);
   dataset::Session session = Read();

@@ -1,8 +1,12 @@
 #include "core/parallel.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -52,6 +56,28 @@ TEST(ParallelFor, RethrowsTheFirstExceptionAfterAllStopped) {
     }
     EXPECT_EQ(running, 0);
   }
+}
+
+/// The limit holds for a whole process, so a copy of this one works under it. Address space for a thread or two is left.
+int SumWithLittleAddressSpace(int threads) {
+  const pid_t copy = fork();
+  if (copy == 0) {
+    uint64_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    const rlim_t limit = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE)) + (24 << 20);
+    const rlimit both = {limit, limit};
+    setrlimit(RLIMIT_AS, &both);
+    std::atomic<int64_t> sum{0};
+    ParallelFor(1000, threads, [&](int64_t i) { sum += i; });
+    _exit(sum == 499500 ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(copy, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+}
+
+TEST(ParallelFor, GoesOnWithFewerThreadsWhereThereAreNoMore) {
+  for (const int threads : {2, 16, 400}) EXPECT_EQ(SumWithLittleAddressSpace(threads), 0) << threads;
 }
 
 TEST(ParallelFor, MayBeNested) {

@@ -1,6 +1,15 @@
 #include "core/process.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <thread>
 
 #include "core/error.h"
 #include "core/files.h"
@@ -46,6 +55,86 @@ TEST(RunProcess, AThrowingPollEndsTheProgram) {
                           {folder / "out", folder / "err"}, poll),
                CancelledError);
   EXPECT_EQ(ReadFile(folder / "out"), "saved\n") << "it may save before it ends";
+}
+
+/// Whether a process does anything any more; one that has ended and is not awaited yet does not.
+bool Runs(const std::string& pid) {
+  std::ifstream in("/proc/" + pid + "/stat");
+  std::string number, name, state;
+  return static_cast<bool>(in >> number >> name >> state) && state != "Z";
+}
+
+/// A script that starts another process and waits for it; both do not care about SIGTERM. Their numbers are in `two`.
+const char* const kStubborn = "trap '' TERM; sleep 60 & echo $$ $! > two.part; mv two.part two; wait; sleep 60";
+
+TEST(RunProcess, AThrowingPollEndsWhatTheProgramStartedToo) {
+  const TempDir folder;
+  const auto poll = [&] {
+    if (std::filesystem::exists(folder / "two")) throw CancelledError("enough");
+  };
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THROW(RunProcess({"sh", "-c", kStubborn}, {folder / "log", "", false, folder.path()}, poll), CancelledError);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+  std::ifstream in(folder / "two");
+  std::string parent, child;
+  in >> parent >> child;
+  EXPECT_FALSE(child.empty());
+  EXPECT_FALSE(Runs(parent));
+  EXPECT_FALSE(Runs(child));
+}
+
+TEST(RunProcess, AnIgnoredChildSignalIsAnErrorAndNotASuccess) {
+  const TempDir folder;
+  const auto before = signal(SIGCHLD, SIG_IGN);
+  EXPECT_THROW(RunProcess({"sh", "-c", "exit 7"}, {folder / "out", folder / "err"}), IoError);
+  signal(SIGCHLD, before);
+}
+
+TEST(RunProcess, TheProgramGetsTheUsualSignals) {
+  const TempDir folder;
+  const auto before = signal(SIGPIPE, SIG_IGN);
+  EXPECT_EQ(RunProcess({"sh", "-c", "kill -PIPE $$; exit 3"}, {folder / "out", folder / "err"}), 128 + SIGPIPE);
+  signal(SIGPIPE, before);
+}
+
+/// Ends the test's own process, so it runs in a copy of it. Exit status 0: as it should be.
+int EndChildrenInACopy(const TempDir& folder) {
+  const pid_t copy = fork();
+  if (copy == 0) {
+    pid_t other = 0;
+    const char* const words[] = {"sleep", "60", nullptr};
+    if (posix_spawnp(&other, "sleep", nullptr, nullptr, const_cast<char**>(words), environ) != 0) _exit(10);
+    AddChild(other, false);
+    std::thread runner([&] {
+      try {
+        RunProcess({"sh", "-c", kStubborn}, {folder / "log", "", false, folder.path()});
+      } catch (const Error&) {
+      }
+    });
+    while (!std::filesystem::exists(folder / "two")) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    EndChildren();
+    std::ifstream in(folder / "two");
+    std::string first, second;
+    in >> first >> second;
+    const auto any = [&] { return Runs(first) || Runs(second) || Runs(std::to_string(other)); };
+    // What was killed may take a moment to be gone on a busy machine; the scripts would run for a minute.
+    for (int i = 0; i < 500 && any(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (any()) _exit(11);
+    try {
+      RunProcess({"true"}, {folder / "log"});
+      _exit(12);
+    } catch (const CancelledError&) {
+      _exit(0);
+    }
+  }
+  int status = 0;
+  waitpid(copy, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST(EndChildren, EndsThemAllWithTheirGroupsAndLetsNoneBegin) {
+  const TempDir folder;
+  EXPECT_EQ(EndChildrenInACopy(folder), 0);
 }
 
 TEST(RunProcess, AProgramThatIsNotThereIsNamed) {

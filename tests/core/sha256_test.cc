@@ -7,6 +7,8 @@
 
 #include "core/error.h"
 #include "core/files.h"
+#include "core/random.h"
+#include "core/sha256_blocks.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {
@@ -36,6 +38,44 @@ TEST(Sha256, PiecesOfAnySizeGiveTheSame) {
       ASSERT_EQ(hash.HexDigest(), expected) << length << " in pieces of " << piece;
     }
   }
+}
+
+/// FIPS 180-4's example of one block, "abc" with its padding, through either function.
+TEST(Sha256, BothCompressionFunctionsKnowTheExample) {
+  std::array<uint8_t, 64> block = {'a', 'b', 'c', 0x80};
+  block[63] = 24;
+  const internal::Sha256State start = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                                       0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+  const internal::Sha256State expected = {0xba7816bf, 0x8f01cfea, 0x414140de, 0x5dae2223,
+                                          0xb00361a3, 0x96177a9c, 0xb410ff61, 0xf20015ad};
+  internal::Sha256State state = start;
+  internal::CompressPortable(state, block.data(), 1);
+  EXPECT_EQ(state, expected);
+  if (!internal::HasShaInstructions()) GTEST_SKIP() << "this machine has no instructions for SHA-256";
+  state = start;
+  internal::CompressWithInstructions(state, block.data(), 1);
+  EXPECT_EQ(state, expected);
+}
+
+TEST(Sha256, BothCompressionFunctionsAgreeOnRandomBlocksAtAnyAddress) {
+  if (!internal::HasShaInstructions()) GTEST_SKIP() << "this machine has no instructions for SHA-256";
+  Rng rng(7);
+  for (int round = 0; round < 300; ++round) {
+    const size_t count = static_cast<size_t>(rng.Index(9)), shift = static_cast<size_t>(rng.Index(16));
+    std::vector<uint8_t> bytes(64 * count + shift);
+    for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(rng.Next());
+    internal::Sha256State portable, hardware;
+    for (uint32_t& word : portable) word = static_cast<uint32_t>(rng.Next());
+    hardware = portable;
+    internal::CompressPortable(portable, bytes.data() + shift, count);
+    internal::CompressWithInstructions(hardware, bytes.data() + shift, count);
+    ASSERT_EQ(portable, hardware) << count << " blocks";
+  }
+}
+
+TEST(Sha256, AFolderHasNoDigest) {
+  const testing::TempDir folder;
+  EXPECT_THROW(Sha256File(folder.path()), IoError);
 }
 
 TEST(Sha256, FileMatchesMemory) {

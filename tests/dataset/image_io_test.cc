@@ -38,7 +38,7 @@ TEST(ImageIo, EveryTruncationIsAFormatError) {
     }
     const std::string all = ReadFile(folder / name);
     for (const size_t keep : {all.size() - 1, all.size() - 2, all.size() - 5}) {
-      WriteFileAtomic(folder / "cut", std::string_view(all).substr(0, keep));
+      std::ofstream(folder / "cut", std::ios::binary) << all.substr(0, keep);
       EXPECT_THROW(ReadImage(folder / "cut"), FormatError) << name << " " << keep << " of " << all.size();
     }
   }

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "core/paths.h"
 #include "dataset/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
@@ -21,7 +22,7 @@ using nlohmann::json;
 std::vector<std::string> RealScenes() {
   std::vector<std::string> paths;
   for (const char* band : {"160906_band1", "160906_band2"}) {
-    for (const std::string& path : Glob(DataFolder(std::string("panoptic/") + band + "/hdPose3d_stage1_coco19")))
+    for (const std::string& path : FilesMatching(DataFolder(std::string("panoptic/") + band + "/hdPose3d_stage1_coco19")))
       paths.push_back(path);
   }
   return paths;

@@ -5,6 +5,7 @@
 #include <regex>
 
 #include "core/error.h"
+#include "core/paths.h"
 #include "dataset/panoptic_sequence.h"
 #include "dataset/panoptic_time.h"
 #include "tests/dataset/dataset_test_util.h"
@@ -76,7 +77,7 @@ TEST(Panoptic, BodySceneOfCmuReadsAndRoundTrips) {
   MVS_NEEDS_DATA(kBand2Poses);
   const std::string poses = DataFolder(kBand2Poses);
   mvstudio::testing::TempDir folder;
-  for (const std::string& path : Glob(poses)) {
+  for (const std::string& path : FilesMatching(poses)) {
     const Body3dScene scene = ReadBody3dSceneFile(path);
     EXPECT_EQ(scene.people.size(), 3u);
     EXPECT_EQ(scene.fps_type, "hd_29_97");
@@ -91,7 +92,7 @@ TEST(Panoptic, BodySceneHasTheByteFormOfCmu) {
   MVS_NEEDS_DATA(kBand2Poses);
   const std::string poses = DataFolder(kBand2Poses);
   mvstudio::testing::TempDir folder;
-  const std::string path = Glob(poses)[0];
+  const std::string path = FilesMatching(poses)[0];
   const Body3dScene scene = ReadBody3dSceneFile(path);
   WriteBody3dScene(scene.people, scene.univ_time_ms, folder / "copy.json");
   const auto form = [](const std::string& file) {

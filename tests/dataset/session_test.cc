@@ -1,10 +1,13 @@
 #include "dataset/session.h"
 
+#include <sys/stat.h>
+
 #include <filesystem>
 #include <fstream>
 #include <set>
 
 #include "core/error.h"
+#include "dataset/frames.h"
 #include "dataset/image_io.h"
 #include "dataset/motion_sync.h"
 #include "dataset/session_check.h"
@@ -192,9 +195,77 @@ TEST(Session, FootageStaysInside) {
   for (const std::string path : {"raw/t/link.mp4", "raw/all", "raw/mixed"})
     EXPECT_NO_THROW(ResolveInSession(session, path, true));
   EXPECT_NO_THROW(ResolveInSession(session, outside / "b.mp4", true));
-  session.follow_symlinks = true;
+  session.allow_outside = true;
   EXPECT_NO_THROW(ResolveInSession(session, "raw/all/b.mp4"));
-  EXPECT_THROW(ResolveInSession(session, "/etc/passwd"), FormatError);
+  EXPECT_NO_THROW(ResolveInSession(session, "/etc/passwd"));
+}
+
+// Sessions come from other people, too: what one says of itself gives it no rights.
+TEST(Session, CannotLetItselfOut) {
+  const TempDir folder, outside;
+  Put(outside / "b.mp4", "x");
+  Put(folder / "raw/t/a.mp4", "x");
+  fs::create_symlink(outside / "b.mp4", folder / "raw/t/link.mp4");
+  const Session session = Read(folder, std::string(kHead) + "follow_symlinks = true\n");
+  ASSERT_EQ(session.warnings.size(), 1u);
+  EXPECT_NE(session.warnings[0].find("follow_symlinks is not used any more"), std::string::npos) << session.warnings[0];
+  EXPECT_THROW(ResolveInSession(session, "raw/t/link.mp4"), FormatError);
+  EXPECT_EQ(SessionText(session, true).find("follow_symlinks"), std::string::npos);
+  EXPECT_NO_THROW(ResolveInSession(ReadSession(folder.path(), true), "raw/t/link.mp4"));
+  EXPECT_TRUE(Read(folder, std::string(kHead) + "follow_symlinks = false\n").warnings.empty());
+}
+
+TEST(Session, ResultsStayInside) {
+  const TempDir folder, outside;
+  fs::create_directories(outside / "real");
+  fs::create_directories(folder / "elsewhere");
+  Session session = Read(folder, kHead);
+  EXPECT_EQ(TakeFolder(session, "masks", "t", "c"), folder / "masks/t/c");
+  EXPECT_EQ(TimelinePath(session, "t"), folder / "sync/t.timeline.json");
+  fs::create_directory_symlink(outside / "real", folder / "masks");
+  fs::create_directory_symlink(outside / "not there yet", folder / "pose3d");
+  fs::create_directory_symlink(folder / "elsewhere", folder / "pose2d");
+  fs::create_directories(folder / "sync");
+  fs::create_symlink(outside / "victim", folder / "sync/t.timeline.json");
+  for (const char* kind : {"masks", "pose3d"}) {
+    const std::string said = MessageOf<FormatError>([&] { TakeFolder(session, kind, "t"); });
+    EXPECT_EQ(said.rfind(folder / kind + ": is a symbolic link out of the session", 0), 0u) << said;
+    EXPECT_NE(said.find("--allow-outside"), std::string::npos);
+  }
+  EXPECT_EQ(TakeFolder(session, "pose2d", "t"), folder / "pose2d/t") << "a link inside";
+  EXPECT_THROW(TimelinePath(session, "t"), FormatError);
+  EXPECT_EQ(TimelinePath(session, "u"), folder / "sync/u.timeline.json");
+  session.allow_outside = true;
+  EXPECT_EQ(TakeFolder(session, "masks", "t"), folder / "masks/t");
+  EXPECT_EQ(TimelinePath(session, "t"), folder / "sync/t.timeline.json");
+}
+
+TEST(Session, BracketsInItsNameAndInItsFootage) {
+  const TempDir root, outside;
+  Put(root / "day[1]/mvstudio.toml", kHead);
+  Put(root / "day[1]/raw/t[a]/p_1.png", "x");
+  Put(root / "day1/raw/ta/p_2.png", "x");
+  const Session session = ReadSession(root / "day[1]");
+  EXPECT_EQ(ListFootage(ResolveInSession(session, "raw/t[a]")).paths,
+            (std::vector<std::string>{root / "day[1]/raw/t[a]/p_1.png"}));
+  EXPECT_EQ(ListFootage(ResolveInSession(session, "raw/t[a]/*.png")).paths,
+            (std::vector<std::string>{root / "day[1]/raw/t[a]/p_1.png"}));
+  fs::create_symlink(outside / "p.png", root / "day[1]/raw/t[a]/p_3.png");
+  Put(outside / "p.png", "x");
+  EXPECT_THROW(ResolveInSession(session, "raw/t[a]"), FormatError);
+  EXPECT_THROW(ResolveInSession(session, "raw/t[a]/*.png"), FormatError);
+}
+
+TEST(Session, PipesAreNamedNotWaitedFor) {
+  const TempDir folder;
+  fs::create_directories(folder / "raw/t");
+  ASSERT_EQ(mkfifo((folder / "raw/t/a.mp4").c_str(), 0600), 0);
+  const SessionReport report = InspectSession(Read(folder, std::string(kHead) + "cameras = [\"a\"]\ntakes = [\"t\"]\n"), {});
+  ASSERT_EQ(report.num_errors(), 1);
+  EXPECT_NE(report.findings[0].text.find("is a named pipe"), std::string::npos) << report.findings[0].text;
+  fs::remove(folder / "mvstudio.toml");
+  ASSERT_EQ(mkfifo((folder / "mvstudio.toml").c_str(), 0600), 0);
+  EXPECT_THROW(ReadSession(folder.path()), IoError);
 }
 
 TEST(SessionScan, FindsTakesByTheirFolders) {

@@ -291,7 +291,7 @@ TEST(TimelineFile, ThereAndBackAndDamaged) {
   const TempDir folder;
   const Faults faults{0.05, 0.02, 0.001, 0};
   Timeline timeline =
-      BuildTimeline(TimesOf({Film("a", 3, kPeriod, 200, faults, 1), Film("b\"\n", 3.1, kPeriod, 200, faults, 2)}),
+      BuildTimeline(TimesOf({Film("a", 3, kPeriod, 200, faults, 1), Film("b\"é", 3.1, kPeriod, 200, faults, 2)}),
                     TimelineClock::kCommon, nullptr);
   timeline.take = "take 1";
   const std::string path = folder / "t.timeline.json";

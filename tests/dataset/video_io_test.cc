@@ -1,6 +1,9 @@
 #include "dataset/video_io.h"
 
+#include <sys/stat.h>
+
 #include <filesystem>
+#include <fstream>
 
 #include "core/error.h"
 #include "core/random.h"
@@ -107,6 +110,65 @@ TEST(VideoIo, ContractAndMissingFile) {
   EXPECT_THROW(VideoReader(folder.path()), IoError);
   EXPECT_THROW(VideoWriter(folder / "a.mp4", 63, 48, 25), ContractViolation);
   EXPECT_THROW(VideoWriter(folder / "a.mp4", 64, 48, 25, 60), ContractViolation);
+}
+
+/// A file of `text` called like a video; the message with which it is refused.
+std::string RefusedAs(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+  return mvstudio::testing::MessageOf<FormatError>([&] { VideoReader reader(path); });
+}
+
+// A playlist's parts may lie anywhere, and be fetched from anywhere.
+TEST(VideoIo, PlaylistsAndDescriptionsAreNoVideos) {
+  const TempDir folder;
+  const std::string video = folder / "private.mp4";
+  WriteClip(video, Regular(8));
+  ASSERT_EQ(VideoReader(video).info().num_frames, 8);
+  const std::string hls = "#EXTM3U\n#EXT-X-VERSION:3\n#EXT-X-TARGETDURATION:1\n#EXTINF:1.0,\nprivate.mp4\n#EXT-X-ENDLIST\n";
+  const std::pair<const char*, std::string> lists[] = {
+      {"hls", hls},
+      {"concat", "ffconcat version 1.0\nfile private.mp4\n"},
+      {"sdp", "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n"}};
+  for (const auto& [kind, text] : lists) {
+    for (const char* name : {"cam_01.mp4", "cam_01.m3u8", "cam_01"}) {
+      const std::string said = RefusedAs(folder / name, text);
+      EXPECT_NE(said.find(std::string("is of the kind '") + kind + "'"), std::string::npos) << said;
+      EXPECT_EQ(said.rfind(folder / name, 0), 0u) << said;
+      EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+    }
+  }
+  WriteImage(Image(16, 16, 3), folder / "p_1.png");
+  std::filesystem::rename(folder / "p_1.png", folder / "cam_%d.mp4");
+  EXPECT_THROW(VideoReader(folder / "cam_%d.mp4"), FormatError) << "a pattern of pictures";
+  EXPECT_NE(RefusedAs(folder / "text.mp4", "no video at all\n").find("is not a video that can be opened"), std::string::npos);
+}
+
+TEST(VideoIo, WhatCamerasWriteIsRead) {
+  const TempDir folder;
+  for (const std::string extension : {"mp4", "mov", "mkv", "avi", "ts", "m2ts", "flv", "h264", "mxf", "nut"}) {
+    ClipOptions options;
+    if (extension == "mxf") options.time_base = {1, 25};
+    const std::string path = folder / ("a." + extension);
+    WriteClip(path, Regular(8, extension == "mxf" ? 1 : 3000), options);
+    VideoReader reader(path);
+    ASSERT_TRUE(reader.Next()) << extension;
+    EXPECT_EQ(reader.info().codec, "h264") << extension;
+  }
+}
+
+TEST(VideoIo, PipesAndDevicesAreRefused) {
+  const TempDir folder;
+  ASSERT_EQ(mkfifo((folder / "a.mp4").c_str(), 0600), 0);
+  ASSERT_EQ(mkfifo((folder / "a.png").c_str(), 0600), 0);
+  const auto said = [](const std::string& path) {
+    return mvstudio::testing::MessageOf<IoError>([&] { OpenFrames(path)->Advance(); });
+  };
+  for (const std::string& path : {folder / "a.mp4", folder / "a.png", folder / "*.png"})
+    EXPECT_NE(said(path).find("is a named pipe, a regular file was expected"), std::string::npos) << said(path);
+  EXPECT_NE(said("/dev/zero").find("is a device"), std::string::npos);
+  EXPECT_THROW(ReadImage(folder / "a.png"), IoError);
+  EXPECT_THROW(ReadImageHeader(folder / "a.png"), IoError);
+  EXPECT_THROW(ReadVideoTimes(folder / "a.mp4"), IoError);
 }
 
 TEST(VideoIo, RealH264AndVp9DecodeToTheirLastFrame) {

@@ -74,7 +74,7 @@ TEST(Segment, WrongFilesAndSizesAreErrors) {
   EXPECT_THROW(OnnxSegmenter(path), FormatError);
   OnnxSegmenterOptions options;
   options.width = 0;
-  EXPECT_THROW(OnnxSegmenter(path, options), UsageError);
+  EXPECT_THROW(OnnxSegmenter(path, options), FormatError) << "a bad file is not hidden by a bad size";
   EXPECT_THROW(SelfieSegmenter(folder.path() + "/nothing"), MissingToolError);
 }
 

@@ -3,6 +3,7 @@
 
 #include <regex>
 
+#include "core/paths.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/test_data.h"
 
@@ -65,7 +66,7 @@ TEST(ColmapProgram, AgreesWithEveryTrackOfADistortedRig) {
   // Its undistortion takes the FULL_OPENCV lenses.
   Colmap("image_undistorter",
          {{"image_path", folder / "out/images"}, {"input_path", folder / "out/sparse/0"}, {"output_path", folder / "flat"}});
-  EXPECT_EQ(Glob(folder / "flat/images/*.jpg").size(), 5u);
+  EXPECT_EQ(FilesMatching(folder / "flat/images/*.jpg").size(), 5u);
   EXPECT_GT(fs::file_size(folder / "flat/images/00_00.jpg"), 100u);
 }
 
@@ -115,7 +116,7 @@ TEST(ColmapProgram, TriangulatesItsOwnFeaturesWithTheExportedCameras) {
   EXPECT_GE(points, 45) << log;
   EXPECT_LT(error_px, 1.4) << log;
   Colmap("image_undistorter", {{"image_path", images}, {"input_path", folder / "points"}, {"output_path", folder / "flat"}});
-  EXPECT_EQ(Glob(folder / "flat/images/*.jpg").size(), 10u);
+  EXPECT_EQ(FilesMatching(folder / "flat/images/*.jpg").size(), 10u);
   // The same matches with every pose at the wrong camera: what agrees by chance.
   const std::vector<geometry::RigCamera> right = dataset.rig.cameras;
   for (size_t i = 0; i < right.size(); ++i) {

@@ -11,6 +11,7 @@
 #include "core/log.h"
 #include "core/random.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/cpu_time.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::geometry {
@@ -228,11 +229,70 @@ TEST(RigIo, RefusesToWriteNonsense) {
   };
   expect_refused([](Rig& r) { r.cameras.clear(); });
   expect_refused([](Rig& r) { r.cameras[1].camera.name = r.cameras[0].camera.name; });
-  expect_refused([](Rig& r) { r.cameras[1].camera.name = "\xff\xfe"; });
   expect_refused([](Rig& r) { r.cameras[1].camera.params[0] = std::nan(""); });
   expect_refused([](Rig& r) { r.cameras[1].cam_from_world.rotation.coeffs() *= 2; });
   expect_refused([](Rig& r) { r.cameras[1].cam_from_world.translation[0] = std::numeric_limits<double>::infinity(); });
   expect_refused([](Rig& r) { r.cameras[1].params_covariance = Eigen::MatrixXd::Zero(3, 3); });
+}
+
+TEST(RigIo, NamesThatNoLineCanHold) {
+  for (const std::string& name : {std::string("a\x1b[2J"), std::string("a\nb"), std::string("\x7f"), std::string(201, 'x')}) {
+    const std::string complaint = Complaint(Edited([&](auto& j) { j["cameras"][2]["name"] = name; }));
+    EXPECT_EQ(complaint.rfind("calib.json: cameras[2].name: ", 0), 0u) << complaint;
+    EXPECT_EQ(complaint.find_first_of("\x1b\n\x7f"), std::string::npos) << complaint;
+    EXPECT_LT(complaint.size(), 200u);
+    Rig rig = SampleRig();
+    rig.cameras[1].camera.name = name;
+    EXPECT_THROW(RigToJsonText(rig), UsageError);
+  }
+  EXPECT_EQ(Complaint(Edited([](auto& j) { j["cameras"][2]["name"] = std::string(200, 'x'); })), "accepted");
+  Rig rig = SampleRig();
+  rig.cameras[1].camera.name = "\xff\xfe";
+  EXPECT_THROW(RigToJsonText(rig), UsageError);
+}
+
+TEST(RigIo, ManyUnknownKeysAreCounted) {
+  std::vector<std::string> logged;
+  const LogSink before = SetLogSink([&](LogLevel, const std::string& line) { logged.push_back(line); });
+  const std::string text = Edited([](auto& j) {
+    for (int i = 0; i < 100; ++i) j["key" + std::to_string(i)] = i;
+    j["cameras"][1]["a\nb"] = 0;
+  });
+  EXPECT_EQ(Complaint(text), "accepted");
+  SetLogSink(before);
+  ASSERT_EQ(logged.size(), 9u);
+  EXPECT_EQ(logged.back(), "calib.json: and 93 more unknown keys, ignored");
+}
+
+/// `head`, as many items as 10 MB hold, and `tail`.
+template <class Item>
+std::string TenMegabytes(const std::string& head, const Item& item, const std::string& tail) {
+  std::string text = head;
+  for (int i = 0; text.size() < (10u << 20); ++i) text += (i ? "," : "") + item(i);
+  return text + tail;
+}
+
+// Quadratic reading of any of these takes many minutes.
+TEST(RigIo, TenMegabytesAreAnsweredAtOnce) {
+  const double start = mvstudio::testing::CpuSeconds();
+  const std::string rig = RigToJsonText(SmallRig()), head = "{\"schema\": \"mvstudio.calibration/1\", \"unit\": \"m\", ";
+  const auto key = [](int i) { return "\"k" + std::to_string(i) + "\": 0"; };
+  const auto empty = [](int) { return std::string("{}"); };
+  EXPECT_EQ(Complaint(TenMegabytes("{", key, "," + rig.substr(1))), "accepted");
+  EXPECT_EQ(Complaint(TenMegabytes("{\"gauge2\": [", empty, "]," + rig.substr(1))), "accepted");
+  EXPECT_NE(Complaint(TenMegabytes(head + "\"cameras\": [", empty, "]}")), "accepted");
+  EXPECT_NE(Complaint(TenMegabytes("[", empty, "]")), "accepted");
+  EXPECT_NE(Complaint(TenMegabytes(
+                "", [](int) { return std::string("[[[[]]]]"); }, "")),
+            "accepted");
+  const RigCamera plain = SampleRig().cameras[0];
+  Rig many;
+  for (int i = 0; i < 20000; ++i) {
+    many.cameras.push_back(plain);
+    many.cameras.back().camera.name = "camera with a name that is not short " + std::to_string(i);
+  }
+  EXPECT_EQ(Complaint(RigToJsonText(many)), "accepted");
+  EXPECT_LT(mvstudio::testing::CpuSeconds() - start, 20);
 }
 
 TEST(RigIo, MissingFileIsAnIoError) {

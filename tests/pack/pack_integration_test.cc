@@ -2,11 +2,11 @@
 
 #include <fstream>
 
+#include "core/lock.h"
 #include "core/parallel.h"
 #include "dataset/crop.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/codec_internal.h"
-#include "dataset/pack/lock_internal.h"
 #include "dataset/pack/pack.h"
 #include "dataset/split.h"
 #include "tests/pack/pack_test_util.h"
@@ -125,12 +125,16 @@ TEST(BuildPack, KeepsWhatIsFinishedAndMakesAgainWhatIsNot) {
   damaged[damaged.size() / 2] ^= 16;
   std::ofstream(folder / "pack/shard-00001.h5", std::ios::binary) << damaged;
   std::ofstream(folder / "pack/shard-00002.done.json") << "{\"schema\":";
-  std::ofstream(folder / "pack/.shard-00000.tmp-999999.h5") << "left by a killed run";
-  std::ofstream(folder / "pack/.shard-00000.lock") << "process 999999 on elsewhere";
+  std::ofstream(folder / ("pack/.mvstudio-" + std::string(32, '7') + ".h5")) << "left by a killed run";
+  std::ofstream(folder / "pack/.mvstudio.shard-00000.lock") << "mvstudio lock: process 999999 on elsewhere";
   EXPECT_THAT(MessageOf<FormatError>([&] { MergePack(folder / "pack"); }), HasSubstr("shard-00002.done.json"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "pack", options); }), HasSubstr("shard-00001.h5"))
+      << "it may be somebody else's file by now";
+  fs::remove(folder / "pack/shard-00001.h5");
+  fs::remove(folder / "pack/shard-00002.done.json");
   const PackBuildReport again = BuildPack(folder / "data", folder / "pack", options);
   EXPECT_THAT(again.built, ElementsAre(1, 2));
-  EXPECT_THAT(again.notes, ElementsAre(HasSubstr("damaged"), HasSubstr("no done-marker")));
+  EXPECT_THAT(again.notes, ElementsAre(HasSubstr("is missing"), HasSubstr("no done-marker")));
   EXPECT_EQ(expected, FolderContent(folder / "pack"));
 }
 
@@ -153,7 +157,7 @@ TEST(BuildPack, RefusesAFolderOfAnotherPack) {
   PackOptions other = SmallPack();
   other.codec = "raw";
   EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "pack", other); }), HasSubstr("other options"));
-  EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "data", other); }), HasSubstr("holds no pack"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "data", other); }), HasSubstr("input"));
   EXPECT_EQ(before, FolderContent(folder / "pack"));
 }
 
@@ -163,7 +167,7 @@ TEST(BuildPack, LeavesAShardToWhoeverHasIt) {
   fs::create_directory(folder / "pack");
   PackBuildReport report;
   {
-    const internal::FileLock other(folder / "pack/.shard-00001.lock");
+    const FileLock other(folder / "pack/.mvstudio.shard-00001.lock");
     ASSERT_TRUE(other.owned());
     report = BuildPack(folder / "data", folder / "pack", SmallPack());
   }

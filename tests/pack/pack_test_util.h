@@ -74,6 +74,7 @@ inline void WriteStudio(const std::string& root, int cameras, int frames, int pe
 inline std::map<std::string, std::string> FolderContent(const std::string& folder) {
   std::map<std::string, std::string> content;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().filename() == ".mvstudio.json") continue;
     content[entry.path().filename().string()] = ReadFile(entry.path().string());
   }
   return content;

@@ -57,6 +57,25 @@ inline std::vector<NamedText> HostileJson(const std::string& good) {
           {"trailing", good + "}"}};
 }
 
+/// About 1 MB each: the last line, the first object's keys or all the text repeated.
+inline std::vector<NamedText> LargeFiles(const std::string& good, bool json) {
+  constexpr size_t kBytes = 1 << 20;
+  if (json) {
+    const size_t brace = good.find('{');
+    std::string keys;
+    for (size_t i = 0; keys.size() < kBytes; ++i) keys += "\"key" + std::to_string(i) + "\":0,";
+    const auto inside = [&](const std::string& text) { return good.substr(0, brace + 1) + text + good.substr(brace + 1); };
+    return {{"many keys", inside(keys)},
+            {"many items", inside("\"more\":[0" + Repeated(",{}", kBytes / 3) + "],")},
+            {"a long key", inside("\"" + std::string(kBytes, 'k') + "\":0,")}};
+  }
+  const size_t end = good.find_last_not_of("\r\n") + 1, begin = good.find_last_of('\n', end - 1) + 1;
+  const std::string line = good.substr(begin, end - begin) + "\n";
+  return {{"many lines", good.substr(0, begin) + Repeated(line, kBytes / line.size())},
+          {"many times", Repeated(good + "\n", kBytes / (good.size() + 1))},
+          {"a long line", good.substr(0, end) + std::string(kBytes, ' ') + good.substr(end)}};
+}
+
 /// Stored (not compressed) DEFLATE needs as many bytes as it makes; a run of one byte by fixed codes makes 258 bytes of 13
 /// bits.
 class ZeroDeflate {

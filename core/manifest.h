@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace mvstudio {
+
+/// Says which files of a folder mvstudio wrote, and what is in them: only those may be replaced or removed, and only while they
+/// are unchanged. Stands in the folder itself.
+inline constexpr char kManifestName[] = ".mvstudio.json";
+
+/// What is known of a file: its bytes, or where a symbolic link points to.
+struct FileDigest {
+  uint64_t size = 0;
+  std::string sha256;  ///< hexadecimal; of the target's name for a symbolic link
+  bool operator==(const FileDigest& other) const { return size == other.size && sha256 == other.sha256; }
+};
+
+struct ManifestEntry {
+  FileDigest now;
+  /// Of the file that `now` replaces: the manifest is written first, so after a crash either may be there.
+  std::optional<FileDigest> before = {};
+  std::string by = {};  ///< the command that wrote it, where that is not the manifest's
+};
+
+struct Manifest {
+  bool whole = true;  ///< false: a work folder that is still being filled
+  std::string command, version;
+  std::map<std::string, ManifestEntry> files;  ///< by path relative to the folder; folders end in a slash and have no digest
+};
+
+/// Which command of which version writes, for manifests and lock files. Set once by the program.
+void SetWriterName(const std::string& command, const std::string& version);
+std::pair<std::string, std::string> WriterName();
+
+std::string ManifestToJsonText(const Manifest& manifest);
+/// Reads what the function above writes and nothing else. Throws FormatError.
+Manifest ManifestFromJsonText(std::string_view text, const std::string& path);
+/// The manifest of a folder; nothing when it has none.
+std::optional<Manifest> ReadManifest(const std::string& folder);
+
+/// The command that wrote a file, as the manifests say; empty when none knows it.
+std::string WriterOf(const std::string& path);
+
+/// Digest of a file or of a symbolic link.
+FileDigest DigestOf(const std::string& path);
+/// The same; a file that this process has read or written, and that was not written to since, is not read again.
+FileDigest KnownDigest(const std::string& path);
+
+/// Everything at or below `path` that mvstudio did not write, or that was changed since: what must not be touched. Sorted.
+std::vector<std::string> FilesInTheWay(const std::string& path);
+
+/// Throws UsageError with the list of what is in the way.
+void RequireOurs(const std::vector<std::string>& paths);
+
+/// Removes files and folders that are ours; throws UsageError, before anything is removed, when something is not.
+void RemoveOurs(const std::vector<std::string>& paths);
+
+}  // namespace mvstudio

@@ -1,0 +1,134 @@
+#include "core/paths.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio {
+namespace {
+
+namespace fs = std::filesystem;
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
+using Paths = std::vector<std::string>;
+
+void Put(const std::string& path) {
+  fs::create_directories(fs::path(path).parent_path());
+  std::ofstream(path) << "x";
+}
+
+TEST(FilesIn, OrdinaryFilesSorted) {
+  const TempDir folder;
+  for (const char* name : {"b.png", "a.png", ".hidden", "sub/c.png"}) Put(folder / name);
+  ASSERT_EQ(mkfifo((folder / "pipe.png").c_str(), 0600), 0);
+  fs::create_symlink(folder / "sub/c.png", folder / "link.png");
+  fs::create_symlink(folder / "nowhere", folder / "broken.png");
+  EXPECT_EQ(FilesIn(folder.path()), (Paths{folder / "a.png", folder / "b.png", folder / "link.png"}));
+  EXPECT_TRUE(FilesIn(folder / "none").empty());
+  EXPECT_TRUE(FilesIn(folder / "a.png").empty());
+}
+
+TEST(FilesIn, SaysWhenAFolderCannotBeListed) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may list everything";
+  const TempDir folder;
+  Put(folder / "shut/a.png");
+  fs::permissions(folder / "shut", fs::perms::none);
+  EXPECT_THROW(FilesIn(folder / "shut"), IoError);
+  fs::permissions(folder / "shut", fs::perms::owner_all);
+}
+
+TEST(FilesNamed, ByBothEnds) {
+  const TempDir folder;
+  for (const char* name : {"shard-0.h5", "shard-1.h5", "shard-.h", "x-shard-2.h5", ".shard-3.h5", "shard-h5/x"})
+    Put(folder / name);
+  EXPECT_EQ(FilesNamed(folder.path(), "shard-", ".h5"), (Paths{folder / "shard-0.h5", folder / "shard-1.h5"}));
+  EXPECT_EQ(FilesNamed(folder.path(), ".shard-", ""), (Paths{folder / ".shard-3.h5"}));
+  EXPECT_TRUE(FilesNamed(folder.path(), "shard-0.h", "h5").empty()) << "begin and end do not overlap";
+}
+
+// The folder that a path names, whatever characters it has: a neighbour whose name fits as a pattern is another one.
+TEST(FilesNamed, BracketsOfAFolderAreNoPattern) {
+  const TempDir root;
+  for (const std::string name : {"take[1]", "take?", "take*"}) {
+    Put(root / (name + "/right.json"));
+  }
+  Put(root / "take1/wrong.json");
+  for (const std::string name : {"take[1]", "take?", "take*"}) {
+    const Paths right = {root / (name + "/right.json")};
+    EXPECT_EQ(FilesNamed(root / name, "", ".json"), right);
+    EXPECT_EQ(FilesIn(root / name), right);
+    EXPECT_EQ(FilesMatching(root / name), right);
+    EXPECT_EQ(FilesMatching(root / (name + "/*.json")), right);
+    EXPECT_EQ(FilesMatching(root / (name + "/right.json")), right);
+  }
+}
+
+TEST(FilesMatching, SortsAndFindsNothingQuietly) {
+  const TempDir folder;
+  for (const char* name : {"cam2/b.png", "cam1/b.png", "cam1/a.png", "cam1/a.txt", "other/a.png"}) Put(folder / name);
+  EXPECT_EQ(FilesMatching(folder / "cam?/*.png"), (Paths{folder / "cam1/a.png", folder / "cam1/b.png", folder / "cam2/b.png"}));
+  EXPECT_TRUE(FilesMatching(folder / "*.jpg").empty());
+  EXPECT_EQ(FilesMatching(folder / "cam1"), (Paths{folder / "cam1/a.png", folder / "cam1/a.txt", folder / "cam1/b.png"}));
+  EXPECT_TRUE(FilesMatching(folder.path()).empty()) << "folders are not files";
+  EXPECT_TRUE(FilesMatching(folder / "*").empty());
+  EXPECT_EQ(FilesMatching(folder / "cam1/a.txt"), (Paths{folder / "cam1/a.txt"}));
+  EXPECT_TRUE(FilesMatching("").empty());
+  EXPECT_TRUE(FilesMatching(folder / "none/*.png").empty());
+  EXPECT_TRUE(FilesMatching(folder / "cam1/a.txt/*").empty());
+}
+
+TEST(FilesMatching, WhatExistsIsTakenByItsName) {
+  const TempDir folder;
+  for (const char* name : {"a*.png", "ab.png", "d?/x.png", "de/x.png", "[ab].png"}) Put(folder / name);
+  EXPECT_EQ(FilesMatching(folder / "a*.png"), (Paths{folder / "a*.png"}));
+  EXPECT_EQ(FilesMatching(folder / "d?/*.png"), (Paths{folder / "d?/x.png"}));
+  EXPECT_EQ(FilesMatching(folder / "d*/x.png"), (Paths{folder / "d?/x.png", folder / "de/x.png"}));
+  EXPECT_EQ(FilesMatching(folder / "[ab].png"), (Paths{folder / "[ab].png"}));
+  EXPECT_EQ(FilesMatching(folder / "[ab].*"), (Paths{folder / "[ab].png"}));
+  EXPECT_TRUE(FilesMatching(folder / "[a]b.png").empty()) << "no set of characters";
+  EXPECT_FALSE(IsPattern(folder / "a*.png"));
+  EXPECT_TRUE(IsPattern(folder / "z*.png"));
+  EXPECT_FALSE(IsPattern(folder / "[ab].png"));
+}
+
+TEST(FilesMatching, StarsCharactersAndHiddenNames) {
+  const TempDir folder;
+  for (const char* name : {"aXbXc", "abc", "ac", "é", ".a", "..b"}) Put(folder / name);
+  EXPECT_EQ(FilesMatching(folder / "a*b*c"), (Paths{folder / "aXbXc", folder / "abc"}));
+  EXPECT_EQ(FilesMatching(folder / "a**c"), (Paths{folder / "aXbXc", folder / "abc", folder / "ac"}));
+  EXPECT_EQ(FilesMatching(folder / "?"), (Paths{folder / "é"})) << "one character of two bytes";
+  EXPECT_EQ(FilesMatching(folder / ".*"), (Paths{folder / "..b", folder / ".a"}));
+  std::string hard, name(200, 'a');
+  for (int i = 0; i < 60; ++i) hard += "*a";
+  Put(folder / name);
+  EXPECT_TRUE(FilesMatching(folder / (hard + "*b")).empty());
+  EXPECT_EQ(FilesMatching(folder / (hard + "*")), (Paths{folder / name}));
+}
+
+TEST(RequireRegularFile, RefusesWhatWouldHang) {
+  const TempDir folder;
+  Put(folder / "file");
+  ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
+  fs::create_symlink(folder / "pipe", folder / "link");
+  fs::create_symlink(folder / "loop", folder / "loop");
+  fs::create_symlink(folder / "file", folder / "good");
+  EXPECT_NO_THROW(RequireRegularFile(folder / "file"));
+  EXPECT_NO_THROW(RequireRegularFile(folder / "good"));
+  const auto said = [&](const std::string& path) { return MessageOf<IoError>([&] { RequireRegularFile(path); }); };
+  EXPECT_EQ(said(folder / "pipe"), folder / "pipe: is a named pipe, a regular file was expected");
+  EXPECT_NE(said(folder / "link").find("named pipe"), std::string::npos);
+  EXPECT_EQ(said("/dev/zero"), "/dev/zero: is a device, a regular file was expected");
+  EXPECT_NE(said(folder.path()).find("is a folder"), std::string::npos);
+  EXPECT_NE(said(folder / "none").find("no such file"), std::string::npos);
+  EXPECT_NE(said(folder / "loop").find("cannot open"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace mvstudio
