@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <limits>
 
+#include "cli/options.h"
+
 namespace mvstudio::cli {
 namespace {
 

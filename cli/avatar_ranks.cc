@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/output.h"
@@ -52,14 +53,14 @@ pid_t Start(std::vector<std::string> words) {
 }  // namespace
 
 void AddRankOptions(CLI::App* sub, RankArguments& a) {
-  sub->add_option("--ranks", a.ranks,
-                  "processes on this machine that take --batch pictures each and share their gradients; as one process with a "
-                  "batch as many times as large")
+  AddOption(sub, "--ranks", a.ranks,
+            "processes on this machine that take --batch pictures each and share their gradients; as one process with a "
+            "batch as many times as large")
       ->capture_default_str();
-  sub->add_option("--rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)")
+  AddOption(sub, "--rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)")
       ->capture_default_str();
-  sub->add_option("--world-size", a.world_size, "how many processes you start")->capture_default_str();
-  sub->add_option("--rendezvous", a.rendezvous, "a new file that all of them can see");
+  AddOption(sub, "--world-size", a.world_size, "how many processes you start")->capture_default_str();
+  AddOption(sub, "--rendezvous", a.rendezvous, "a new file that all of them can see");
 }
 
 RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& context, const std::string& folder)

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "avatar/generator.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "dataset/split.h"
 
@@ -100,15 +101,15 @@ std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& da
 }  // namespace
 
 void AddSplitOptions(CLI::App* sub, SplitArguments& a) {
-  sub->add_option("--train-cameras", a.train_cameras,
-                  "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
-  sub->add_option("--holdout-cameras", a.holdout_cameras,
-                  "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
-  sub->add_option("--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
-  sub->add_option("--split", a.split,
-                  "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
-  sub->add_option("--validate-camera", a.validate_camera,
-                  "a training camera that is not trained on but scored at each checkpoint, for --patience");
+  AddOption(sub, "--train-cameras", a.train_cameras,
+            "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
+  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
+            "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
+  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
+  AddOption(sub, "--split", a.split,
+            "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
+  AddOption(sub, "--validate-camera", a.validate_camera,
+            "a training camera that is not trained on but scored at each checkpoint, for --patience");
 }
 
 avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& a) {

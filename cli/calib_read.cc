@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "dataset/panoptic.h"
@@ -29,16 +30,16 @@ std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
 }
 
 void AddReadOptions(CLI::App* sub, CalibReadOptions& options) {
-  sub->add_option("--from", options.from, "format of the input: auto, " + CalibrationFormatNames())
+  AddOption(sub, "--from", options.from, "format of the input: auto, " + CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(CalibrationFormatChoices(true)).description(""));
-  sub->add_option("--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
-  sub->add_option("--unit", options.unit, "unit of length of files that name none")
+  AddOption(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
+  AddOption(sub, "--unit", options.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
-  sub->add_option("--qca-distortion-divisor", options.qca_distortion_divisor,
-                  "qca: the distortion is divided by this (64: as Pose2Sim does; 1: coefficients as they stand)")
+  AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
+            "qca: the distortion is divided by this (64: as Pose2Sim does; 1: coefficients as they stand)")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -8,6 +7,10 @@
 #include <vector>
 
 #include "core/progress.h"
+
+namespace CLI {
+class App;
+}
 
 namespace mvstudio::cli {
 
@@ -72,21 +75,6 @@ class Registry {
 
 /// One line each in commands.cc; defined in command_<name>.cc.
 void RegisterAll(CLI::App& app, Registry& registry);
-
-/// Binds every field of an options struct (see core/fields.h) to a flag `--<name>`, with its default shown.
-template <class Options>
-void AddOptions(CLI::App* sub, Options& options) {
-  VisitFields(
-      [sub](const std::string& name, auto& value, const std::string& help) {
-        using Value = std::decay_t<decltype(value)>;
-        if constexpr (std::is_same_v<Value, bool>) {
-          sub->add_flag("--" + name + ",!--no-" + name, value, help)->capture_default_str();
-        } else {
-          sub->add_option("--" + name, value, help)->capture_default_str();
-        }
-      },
-      options);
-}
 
 /// JSON has no NaN and no infinity: null where the value is not finite.
 nlohmann::ordered_json FiniteOrNull(double value);

@@ -7,6 +7,7 @@
 #include "cli/avatar_scores.h"
 #include "cli/avatar_table.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -121,11 +122,11 @@ void RegisterAvatarCompare(CLI::App& avatar, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = avatar.add_subcommand(
       "compare", "Table of scored runs, methods x splits, as in Table 1 of the paper; runs of one method are its seeds");
-  sub->add_option("run", arguments->runs, "folders of runs that `avatar eval` has scored; NAME=RUN gives the row's name")
+  AddOption(sub, "run", arguments->runs, "folders of runs that `avatar eval` has scored; NAME=RUN gives the row's name")
       ->required();
-  sub->add_option("--study", arguments->study, "answers to user studies between rows (mvstudio report --study)");
-  sub->add_option("--out", arguments->out, "also write the table as Markdown");
-  sub->add_flag("--baselines,!--no-baselines", arguments->baselines, "rows of the mean image and of the nearest view");
+  AddOption(sub, "--study", arguments->study, "answers to user studies between rows (mvstudio report --study)");
+  AddOption(sub, "--out", arguments->out, "also write the table as Markdown");
+  AddFlag(sub, "--baselines,!--no-baselines", arguments->baselines, "rows of the mean image and of the nearest view");
   registry.Add(sub, "avatar compare", [arguments](CommandContext&) { return Run(*arguments); });
 }
 

@@ -4,6 +4,7 @@
 
 #include "avatar/io/evaluate.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -76,7 +77,7 @@ void RegisterAvatarEval(CLI::App& avatar, Registry& registry) {
   auto arguments = std::make_shared<AvatarEvalArguments>();
   CLI::App* sub =
       avatar.add_subcommand("eval", "Score a trained avatar on the cameras and frames it never saw, beside plain baselines");
-  sub->add_option("run", arguments->run_folder, "folder of the training run (--out of `avatar train`)")->required();
+  AddOption(sub, "run", arguments->run_folder, "folder of the training run (--out of `avatar train`)")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "avatar eval", [arguments](CommandContext& context) { return RunAvatarEval(*arguments, context); });
 }

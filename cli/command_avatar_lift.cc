@@ -7,6 +7,7 @@
 #include "avatar/io/lift_take.h"
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -263,13 +264,13 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
 void RegisterTrain(CLI::App& lift, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = lift.add_subcommand("train", "Learn to lift from the 3D poses of datasets");
-  sub->add_option("datasets", a->datasets, "dataset folders in Panoptic layout; pictures are not needed")->required();
-  sub->add_option("--out", a->out, "file for the lifter, .safetensors")->required();
-  sub->add_option("--holdout-share", a->holdout_share,
-                  "share of each dataset's frames, its last ones, that is scored in all its cameras and not learned")
+  AddOption(sub, "datasets", a->datasets, "dataset folders in Panoptic layout; pictures are not needed")->required();
+  AddOption(sub, "--out", a->out, "file for the lifter, .safetensors")->required();
+  AddOption(sub, "--holdout-share", a->holdout_share,
+            "share of each dataset's frames, its last ones, that is scored in all its cameras and not learned")
       ->capture_default_str();
-  sub->add_option("--holdout-noise-px", a->holdout_noise_px, "px; noise of the held-out 2D joints")->capture_default_str();
-  sub->add_option("--baseline-poses", a->baseline_poses, "known poses in random views that the nearest neighbour is taken from")
+  AddOption(sub, "--holdout-noise-px", a->holdout_noise_px, "px; noise of the held-out 2D joints")->capture_default_str();
+  AddOption(sub, "--baseline-poses", a->baseline_poses, "known poses in random views that the nearest neighbour is taken from")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
   AddOptions(sub, a->net);
@@ -280,23 +281,22 @@ void RegisterTrain(CLI::App& lift, Registry& registry) {
 void RegisterApply(CLI::App& lift, Registry& registry) {
   auto a = std::make_shared<ApplyArguments>();
   CLI::App* sub = lift.add_subcommand("apply", "2D joints of one camera -> 3D joints");
-  sub->add_option("pose2d", a->pose2d, "folder of OpenPose JSON files, or a file with the results of a whole video")
-      ->required();
-  sub->add_option("--lifter", a->lifter, "file of `avatar lift train`")->required();
-  sub->add_option("--calib", a->calib, "calibration; its lens and place of the camera are used")->required();
-  sub->add_option("--camera", a->camera, "name of the camera in --calib")->required();
-  sub->add_option("--out", a->out, "folder for points.csv, as triangulate writes it")->required();
-  sub->add_option("--skeleton", a->skeleton, "of the 2D joints")->capture_default_str();
-  sub->add_option("--height-m", a->height_m, "m; height of the person. 0: as those learned from; distance and size go with it")
+  AddOption(sub, "pose2d", a->pose2d, "folder of OpenPose JSON files, or a file with the results of a whole video")->required();
+  AddOption(sub, "--lifter", a->lifter, "file of `avatar lift train`")->required();
+  AddOption(sub, "--calib", a->calib, "calibration; its lens and place of the camera are used")->required();
+  AddOption(sub, "--camera", a->camera, "name of the camera in --calib")->required();
+  AddOption(sub, "--out", a->out, "folder for points.csv, as triangulate writes it")->required();
+  AddOption(sub, "--skeleton", a->skeleton, "of the 2D joints")->capture_default_str();
+  AddOption(sub, "--height-m", a->height_m, "m; height of the person. 0: as those learned from; distance and size go with it")
       ->capture_default_str();
-  sub->add_option("--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
-  sub->add_option("--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
+  AddOption(sub, "--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
+  AddOption(sub, "--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
       ->capture_default_str();
-  sub->add_option("--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")
+  AddOption(sub, "--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")
       ->capture_default_str();
-  sub->add_flag("--level,!--no-level", a->level, "the calibration's z axis points up; off: the picture's upper edge is up")
+  AddFlag(sub, "--level,!--no-level", a->level, "the calibration's z axis points up; off: the picture's upper edge is up")
       ->capture_default_str();
-  sub->add_option("--truth", a->truth, "3D joints to compare with: a dataset, or a folder with points.csv");
+  AddOption(sub, "--truth", a->truth, "3D joints to compare with: a dataset, or a folder with points.csv");
   registry.Add(sub, "avatar lift apply", [a](CommandContext& context) { return RunApply(*a, context); });
 }
 

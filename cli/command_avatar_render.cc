@@ -8,6 +8,7 @@
 #include "avatar/io/render.h"
 #include "avatar/io/render_backdrop.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/output.h"
@@ -187,16 +188,16 @@ void RegisterAvatarRender(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* sub = avatar.add_subcommand(
       "render", "New pictures of a trained avatar: any calibrated camera, other poses, or a camera that goes round");
-  sub->add_option("run", a->run_folder, "folder of the training run (--out of `avatar train`)")->required();
-  sub->add_option("--out", a->out, "folder of the pictures; RUN/render unless given or only --video is asked for");
-  sub->add_option("--video", a->video, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
-  sub->add_option(
-      "--background", a->background,
+  AddOption(sub, "run", a->run_folder, "folder of the training run (--out of `avatar train`)")->required();
+  AddOption(sub, "--out", a->out, "folder of the pictures; RUN/render unless given or only --video is asked for");
+  AddOption(sub, "--video", a->video, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
+  AddOption(
+      sub, "--background", a->background,
       "colour (black, white, grey, green, #rrggbb or r,g,b) or picture behind the person; none: PNG with opacity (videos: "
       "black)");
-  sub->add_option("--frames", a->frames, "frames to render, e.g. 90-119; those held out unless given (other takes: all)");
-  sub->add_option("--fps", a->rate_hz, "pictures a second of the video; 0: that of the poses")->capture_default_str();
-  sub->add_flag("--overwrite", a->overwrite, "replace what is at --out or --video");
+  AddOption(sub, "--frames", a->frames, "frames to render, e.g. 90-119; those held out unless given (other takes: all)");
+  AddOption(sub, "--fps", a->rate_hz, "pictures a second of the video; 0: that of the poses")->capture_default_str();
+  AddFlag(sub, "--overwrite", a->overwrite, "replace what is at --out or --video");
   AddOptions(sub, a->options);
   registry.Add(sub, "avatar render", [a](CommandContext& context) { return RunAvatarRender(*a, context); });
 }

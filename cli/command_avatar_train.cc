@@ -13,6 +13,7 @@
 #include "cli/avatar_run.h"
 #include "cli/avatar_train_data.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/redact.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -295,14 +296,13 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
-  sub->add_option("dataset", a->dataset, "dataset folder")->required();
-  sub->add_option("--out", a->out, "folder of the run")->required();
+  AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
+  AddOption(sub, "--out", a->out, "folder of the run")->required();
   AddSplitOptions(sub, a->split);
-  sub->add_option(
-      "--init-from", a->init_from,
-      "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
-      "initialisation unless --init-steps asks for one");
-  sub->add_flag("--overwrite", a->overwrite, "replace an older run in --out");
+  AddOption(sub, "--init-from", a->init_from,
+            "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
+            "initialisation unless --init-steps asks for one");
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);
   AddOptions(sub, a->pack);
@@ -317,15 +317,14 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   RegisterTrain(avatar, registry);
   auto resume = std::make_shared<ResumeArguments>();
   CLI::App* again = avatar.add_subcommand("resume", "Continue an interrupted or finished training run");
-  again->add_option("run", resume->run, "folder of the run")->required();
-  again->add_option("--steps", resume->steps,
-                    "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
-  again->add_option("--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
+  AddOption(again, "run", resume->run, "folder of the run")->required();
+  AddOption(again, "--steps", resume->steps,
+            "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
+  AddOption(again, "--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
       ->capture_default_str();
-  again->add_option(
-      "--perceptual", resume->perceptual,
-      "the TorchScript file of the perceptual loss, where one was used: it is run, so a checkpoint alone cannot name it");
-  again->add_option("--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
+  AddOption(again, "--perceptual", resume->perceptual,
+            "the TorchScript file of the perceptual loss, where one was used: it is run, so a checkpoint alone cannot name it");
+  AddOption(again, "--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
   AddRankOptions(again, resume->ranks);
   again->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");
   registry.Add(again, "avatar resume", [resume](CommandContext& context) { return RunResume(*resume, context); });
@@ -333,7 +332,7 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   auto options = std::make_shared<avatar::ModelOptions>(avatar::PaperModel());
   auto run = std::make_shared<std::string>();
   CLI::App* info = avatar.add_subcommand("info", "Size of a network (defaults: the published one) or of a trained run");
-  info->add_option("run", *run, "folder of a run; without it the options below are used");
+  AddOption(info, "run", *run, "folder of a run; without it the options below are used");
   AddOptions(info, *options);
   registry.Add(info, "avatar info", [run, options](CommandContext&) { return RunInfo(*run, *options); });
 }

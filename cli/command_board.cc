@@ -6,6 +6,7 @@
 #include "calib/board_check.h"
 #include "calib/board_draw.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "dataset/frames.h"
@@ -178,8 +179,8 @@ CommandResult RunCheck(const CheckArguments& arguments, CommandContext& context)
 void RegisterDraw(CLI::App& board, Registry& registry) {
   const auto arguments = std::make_shared<DrawArguments>();
   CLI::App* sub = board.add_subcommand("draw", "Write a board as PDF, SVG or PNG at true scale");
-  sub->add_option("BOARD", arguments->board, calib::kBoardForms)->required();
-  sub->add_option("--out", arguments->out, "file to write: .pdf, .svg or .png")->required();
+  AddOption(sub, "BOARD", arguments->board, calib::kBoardForms)->required();
+  AddOption(sub, "--out", arguments->out, "file to write: .pdf, .svg or .png")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "board draw", [arguments](CommandContext&) { return RunDraw(*arguments); });
 }
@@ -187,10 +188,10 @@ void RegisterDraw(CLI::App& board, Registry& registry) {
 void RegisterCheck(CLI::App& board, Registry& registry) {
   const auto arguments = std::make_shared<CheckArguments>();
   CLI::App* sub = board.add_subcommand("check", "Find out which board is in the images, and how to write it");
-  sub->add_option("IMAGES", arguments->images, "images, folders, patterns in quotes, or videos")->required();
-  sub->add_option("--board", arguments->board,
-                  "the board as it is thought to be; lengths are taken from it. Without it every kind is looked for");
-  sub->add_option("--max-images", arguments->max_images, "at most so many images are looked at")->capture_default_str();
+  AddOption(sub, "IMAGES", arguments->images, "images, folders, patterns in quotes, or videos")->required();
+  AddOption(sub, "--board", arguments->board,
+            "the board as it is thought to be; lengths are taken from it. Without it every kind is looked for");
+  AddOption(sub, "--max-images", arguments->max_images, "at most so many images are looked at")->capture_default_str();
   registry.Add(sub, "board check", [arguments](CommandContext& context) { return RunCheck(*arguments, context); });
 }
 

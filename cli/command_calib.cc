@@ -1,6 +1,7 @@
 #include "cli/command_calib.h"
 
 #include "cli/commands.h"
+#include "cli/options.h"
 
 namespace mvstudio::cli {
 

@@ -5,6 +5,7 @@
 #include "calib/rig_compare.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "geometry/alignment.h"
@@ -190,17 +191,17 @@ CommandResult Compare(const Arguments& arguments) {
 }
 
 void AddLimits(CLI::App* sub, Arguments& arguments) {
-  sub->add_option("--max-rotation-deg", arguments.max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")
+  AddOption(sub, "--max-rotation-deg", arguments.max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")
       ->capture_default_str();
-  sub->add_option("--max-translation-mm", arguments.max_translation_mm, "exit 4 when a camera differs more; 0: no limit")
+  AddOption(sub, "--max-translation-mm", arguments.max_translation_mm, "exit 4 when a camera differs more; 0: no limit")
       ->capture_default_str();
-  sub->add_option("--max-focal-percent", arguments.max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")
+  AddOption(sub, "--max-focal-percent", arguments.max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")
       ->capture_default_str();
-  sub->add_option("--max-lens-px", arguments.max_lens_px,
-                  "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")
+  AddOption(sub, "--max-lens-px", arguments.max_lens_px,
+            "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")
       ->capture_default_str();
-  sub->add_option("--max-projection-px", arguments.max_projection_px,
-                  "exit 4 when the projection difference (rms over the image, any range) is larger; 0: no limit")
+  AddOption(sub, "--max-projection-px", arguments.max_projection_px,
+            "exit 4 when the projection difference (rms over the image, any range) is larger; 0: no limit")
       ->capture_default_str();
 }
 
@@ -211,18 +212,18 @@ void RegisterCalibCompare(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand("compare",
                                        "Difference of two calibrations: poses after the rigid motion that aligns them "
                                        "best, and projection in px");
-  sub->add_option("A", arguments->rig, "calibration")->required();
-  sub->add_option("B", arguments->reference, "reference calibration")->required();
-  sub->add_option("--range-m", arguments->ranges, "distances at which projections are compared, metres, with commas")
+  AddOption(sub, "A", arguments->rig, "calibration")->required();
+  AddOption(sub, "B", arguments->reference, "reference calibration")->required();
+  AddOption(sub, "--range-m", arguments->ranges, "distances at which projections are compared, metres, with commas")
       ->capture_default_str();
-  sub->add_flag("--implied,!--no-implied", arguments->implied,
-                "take out the small motion between the two camera frames that explains most of the projection difference")
+  AddFlag(sub, "--implied,!--no-implied", arguments->implied,
+          "take out the small motion between the two camera frames that explains most of the projection difference")
       ->capture_default_str();
-  sub->add_option("--focus", arguments->focus,
-                  "share of the image's half diagonal, around its centre, in which that motion is fitted")
+  AddOption(sub, "--focus", arguments->focus,
+            "share of the image's half diagonal, around its centre, in which that motion is fitted")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1.0));
-  sub->add_option("--grid", arguments->grid, "points across the image at which projections are compared")
+  AddOption(sub, "--grid", arguments->grid, "points across the image at which projections are compared")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
   AddLimits(sub, *arguments);

@@ -4,6 +4,7 @@
 #include "calib/formats.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -140,24 +141,23 @@ CommandResult Convert(const Arguments& arguments) {
 void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand("convert", "Read a calibration of any known program and write it for another");
-  sub->add_option("IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
-  sub->add_option("--to", arguments->to, "format of the output: " + OutputNames())
+  AddOption(sub, "IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
+  AddOption(sub, "--to", arguments->to, "format of the output: " + OutputNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(OutputChoices()).description(""));
-  sub->add_option("--out", arguments->out,
-                  "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
-                  "several cameras")
+  AddOption(sub, "--out", arguments->out,
+            "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
+            "several cameras")
       ->required();
-  sub->add_option("--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
+  AddOption(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
-  sub->add_option(
-         "--allow-approximation", arguments->allow_approximation_px,
-         "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
+  AddOption(sub, "--allow-approximation", arguments->allow_approximation_px,
+            "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-  sub->add_option("--rename", arguments->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();
+  AddOption(sub, "--rename", arguments->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();
   AddReadOptions(sub, arguments->read);
   registry.Add(sub, "calib convert", [arguments](CommandContext&) { return Convert(*arguments); });
 }

@@ -6,6 +6,7 @@
 #include "cli/calibrate_result.h"
 #include "cli/command_calib.h"
 #include "cli/corner_input.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/units.h"
 #include "geometry/rig_io.h"
@@ -120,15 +121,15 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand(
       "eval", "Check a calibration on new footage of a board: has a camera been bumped, which one, how far");
-  sub->add_option("CALIB", arguments->calibration, "calibration to check")->required();
+  AddOption(sub, "CALIB", arguments->calibration, "calibration to check")->required();
   AddCornerArguments(sub, arguments->corners);
-  sub->add_option("--repair", arguments->repair, "write the calibration with the new poses of the cameras that have moved");
+  AddOption(sub, "--repair", arguments->repair, "write the calibration with the new poses of the cameras that have moved");
   AddOptions(sub, arguments->check);
-  sub->add_option("--from", arguments->from, "format of the calibration: auto, " + CalibrationFormatNames())
+  AddOption(sub, "--from", arguments->from, "format of the calibration: auto, " + CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(CalibrationFormatChoices(true)).description(""));
-  sub->add_option("--unit", arguments->unit, "unit of length of files that name none")
+  AddOption(sub, "--unit", arguments->unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   registry.Add(sub, "calib eval", [arguments](CommandContext& context) { return Eval(*arguments, context); });

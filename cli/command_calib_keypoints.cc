@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cli/calib_read.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "core/error.h"
@@ -165,14 +166,14 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 }  // namespace
 
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
-  sub->add_flag("--from-keypoints", arguments.from_keypoints, "adjust to the people of a take, --pose2d, instead of boards");
-  sub->add_option("--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
-  sub->add_option("--skeleton", arguments.skeleton, "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19")
+  AddFlag(sub, "--from-keypoints", arguments.from_keypoints, "adjust to the people of a take, --pose2d, instead of boards");
+  AddOption(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
+  AddOption(sub, "--skeleton", arguments.skeleton, "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19")
       ->capture_default_str();
-  sub->add_option("--train-frames", arguments.train_frames,
-                  "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
-                  "every second frame when neither is given");
-  sub->add_option("--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
+  AddOption(sub, "--train-frames", arguments.train_frames,
+            "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
+            "every second frame when neither is given");
+  AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
   AddOptions(sub, arguments.options);
 }
 

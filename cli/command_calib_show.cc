@@ -4,6 +4,7 @@
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
 #include "cli/console.h"
+#include "cli/options.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {
@@ -91,7 +92,7 @@ CommandResult Show(const Arguments& arguments) {
 void RegisterCalibShow(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand("show", "Print a calibration as a table");
-  sub->add_option("IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
+  AddOption(sub, "IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
   AddReadOptions(sub, arguments->read);
   registry.Add(sub, "calib show", [arguments](CommandContext&) { return Show(*arguments); });
 }

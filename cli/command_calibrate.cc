@@ -11,6 +11,7 @@
 #include "cli/command_calib_scene.h"
 #include "cli/commands.h"
 #include "cli/corner_input.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/session_input.h"
 #include "core/error.h"
@@ -103,8 +104,8 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
 void AddArguments(CLI::App* sub, const std::shared_ptr<Arguments>& arguments) {
   AddCornerArguments(sub, arguments->corners);
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
-  sub->add_option("--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
-  sub->add_option("--out", arguments->out, "folder for calibration.json; SESSION/calib unless given");
+  AddOption(sub, "--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
+  AddOption(sub, "--out", arguments->out, "folder for calibration.json; SESSION/calib unless given");
   AddOptions(sub, arguments->calibrate);
 }
 
@@ -115,7 +116,7 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("calibrate", "Calibrate cameras from footage of a board, or from its corners");
   AddArguments(sub, arguments);
   AddOptions(sub, arguments->scene);
-  sub->add_option("--start", arguments->start, "a calibration to start from; its cameras keep their lens models");
+  AddOption(sub, "--start", arguments->start, "a calibration to start from; its cameras keep their lens models");
   registry.Add(sub, "calibrate", [arguments](CommandContext& context) { return RunCalibrate(*arguments, context); });
 }
 
@@ -124,7 +125,7 @@ void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand(
       "refine",
       "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people (--from-keypoints)");
-  sub->add_option("--calib", arguments->start, "the calibration to refine")->required();
+  AddOption(sub, "--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
   AddKeypointArguments(sub, arguments->keypoints);
   registry.Add(sub, "calib refine", [arguments](CommandContext& context) {

@@ -5,6 +5,7 @@
 
 #include "cli/commands.h"
 #include "cli/dataset_check.h"
+#include "cli/options.h"
 #include "cli/take_input.h"
 #include "core/error.h"
 #include "dataset/build.h"
@@ -103,11 +104,11 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   auto arguments = std::make_shared<BuildArguments>();
   CLI::App* sub =
       dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
-  sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
+  AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
   AddTakeArguments(sub, arguments->take);
-  sub->add_option("--pose3d", arguments->pose3d,
-                  "folder with points.csv, as triangulate writes it; the session's pose3d/TAKE unless given");
-  sub->add_option("--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
+  AddOption(sub, "--pose3d", arguments->pose3d,
+            "folder with points.csv, as triangulate writes it; the session's pose3d/TAKE unless given");
+  AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
     arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "dataset/panoptic_sequence.h"
 #include "exports/export.h"
@@ -117,15 +118,15 @@ std::string FormatList() {
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = dataset.add_subcommand("export", "Write a dataset for the program that is to read it (docs/exports.md)");
-  sub->add_option("folder", arguments->folder, "dataset folder")->required();
-  sub->add_option("--to", arguments->to, "format: " + FormatList())->required()->type_name("FORMAT");
-  sub->add_option("--out", arguments->out, "new folder")->required();
-  sub->add_option("--cameras", arguments->options.cameras, "only these, of either name, separated by commas; default: all")
+  AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
+  AddOption(sub, "--to", arguments->to, "format: " + FormatList())->required()->type_name("FORMAT");
+  AddOption(sub, "--out", arguments->out, "new folder")->required();
+  AddOption(sub, "--cameras", arguments->options.cameras, "only these, of either name, separated by commas; default: all")
       ->take_all();
-  sub->add_option("--frames", arguments->frames,
-                  "80-99 or 1,4,7-9, or all; default: the first for formats of one instant (colmap, nerfstudio), else all");
-  sub->add_option("--split", arguments->options.split,
-                  "split file: its cameras and frames, train and test where the format has them");
+  AddOption(sub, "--frames", arguments->frames,
+            "80-99 or 1,4,7-9, or all; default: the first for formats of one instant (colmap, nerfstudio), else all");
+  AddOption(sub, "--split", arguments->options.split,
+            "split file: its cameras and frames, train and test where the format has them");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset export", [arguments](CommandContext& context) { return Export(*arguments, context); });
 }

@@ -3,6 +3,7 @@
 
 #include "cli/commands.h"
 #include "cli/dataset_check.h"
+#include "cli/options.h"
 #include "dataset/panoptic_import.h"
 
 namespace mvstudio::cli {
@@ -57,8 +58,8 @@ void RegisterDatasetImport(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<ImportArguments>();
   CLI::App* sub = import->add_subcommand(
       "panoptic", "A CMU Panoptic sequence, or a folder in its layout -> session with calibration, joints, footage and times");
-  sub->add_option("folder", arguments->folder, "folder with calibration_<sequence>.json")->required();
-  sub->add_option("--out", arguments->out, "new session folder")->required();
+  AddOption(sub, "folder", arguments->folder, "folder with calibration_<sequence>.json")->required();
+  AddOption(sub, "--out", arguments->out, "new session folder")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset import panoptic",
                [arguments](CommandContext& context) { return RunPanoptic(*arguments, context); });

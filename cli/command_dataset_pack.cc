@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "dataset/pack/build.h"
 
@@ -136,17 +137,17 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<PackArguments>();
   CLI::App* sub = dataset.add_subcommand(
       "pack", "Dataset -> HDF5 shards of crops or whole pictures with cameras, masks and joints, for training and archive");
-  sub->add_option("dataset", arguments->dataset, "dataset folder in Panoptic layout");
-  sub->add_option("--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
-  sub->add_option("--shard", arguments->shard,
-                  "K/N: make only every N-th shard, from K; several terminals or a job array share a pack");
-  sub->add_flag("--merge", arguments->merge, "check that all shards are there and write INDEX.json");
-  sub->add_option("--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
-  sub->add_option("--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
+  AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
+  AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
+  AddOption(sub, "--shard", arguments->shard,
+            "K/N: make only every N-th shard, from K; several terminals or a job array share a pack");
+  AddFlag(sub, "--merge", arguments->merge, "check that all shards are there and write INDEX.json");
+  AddOption(sub, "--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
+  AddOption(sub, "--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
       ->delimiter(',');
-  sub->add_option("--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
-  sub->add_option("--split", arguments->options.split,
-                  "split file: pack its pictures only, each marked train, validation or test");
+  AddOption(sub, "--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
+  AddOption(sub, "--split", arguments->options.split,
+            "split file: pack its pictures only, each marked train, validation or test");
   AddOptions(sub, arguments->options);
   AddOptions(sub, arguments->options.undistort_view);
   AddOptions(sub, arguments->options.colour);

@@ -1,6 +1,7 @@
 #include <cstdio>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "dataset/panoptic.h"
@@ -113,22 +114,21 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   std::string presets;
   for (const dataset::SplitPreset& preset : dataset::SplitPresets())
     presets += (presets.empty() ? "" : "; ") + preset.name + ": " + preset.what;
-  sub->add_option("folder", arguments->folder, "dataset folder")->required();
-  sub->add_option("--out", arguments->out, "file for the split (JSON)");
-  sub->add_option("--describe", arguments->from, "check and describe this split instead of making one");
-  sub->add_option("--preset", o.preset, presets);
-  sub->add_option("--test-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
-  sub->add_option("--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
-  sub->add_option("--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
-  sub->add_option(
-      "--train-count", o.num_train_cameras,
-      "number of training cameras, spread evenly around the people; the others are for test; --seed gives other choices");
-  sub->add_option("--every-camera", o.every_camera, "every k-th camera is for test");
-  sub->add_option("--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
-  sub->add_option("--validation-frames", arguments->validation_frames, "likewise");
-  sub->add_option("--test-share", o.test_share, "share of the frames, the last ones, when none are named")
+  AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
+  AddOption(sub, "--out", arguments->out, "file for the split (JSON)");
+  AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
+  AddOption(sub, "--preset", o.preset, presets);
+  AddOption(sub, "--test-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
+  AddOption(sub, "--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
+  AddOption(sub, "--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
+  AddOption(sub, "--train-count", o.num_train_cameras,
+            "number of training cameras, spread evenly around the people; the others are for test; --seed gives other choices");
+  AddOption(sub, "--every-camera", o.every_camera, "every k-th camera is for test");
+  AddOption(sub, "--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
+  AddOption(sub, "--validation-frames", arguments->validation_frames, "likewise");
+  AddOption(sub, "--test-share", o.test_share, "share of the frames, the last ones, when none are named")
       ->capture_default_str();
-  sub->add_option("--guard", o.guard_frames, "frames left out on either side of test and validation frames")
+  AddOption(sub, "--guard", o.guard_frames, "frames left out on either side of test and validation frames")
       ->capture_default_str();
   registry.Add(sub, "dataset split", [arguments](CommandContext& context) {
     arguments->options.seed = context.run.seed;

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/redact.h"
 #include "cli/run_line.h"
 #include "core/error.h"
@@ -198,7 +199,7 @@ class Demo {
       CommandResult failed;
       failed.exit = exit;
       failed.errors = outcome.result.errors;
-      failed.errors.push_back({"DEMO-STAGE", "the demo ended at: " + line, "run that command alone to look closer"});
+      failed.warnings.push_back({"DEMO-STAGE", "the demo ended at: " + line, "run that command alone to look closer"});
       throw StageFailure{failed};
     }
     return outcome.json["metrics"];

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/session_table.h"
 #include "core/error.h"
 #include "dataset/session_scan.h"
@@ -184,9 +185,9 @@ void RegisterDoctor(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* sub =
       app.add_subcommand("doctor", "Look at the machine, and at a session: everything that is wrong, not the first");
-  sub->add_option("path", arguments->path, "a session, or a folder of footage");
-  sub->add_flag("--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
-  sub->add_flag("--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  AddOption(sub, "path", arguments->path, "a session, or a folder of footage");
+  AddFlag(sub, "--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
   registry.Add(sub, "doctor", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }
 

@@ -5,6 +5,7 @@
 
 #include "cli/commands.h"
 #include "cli/mask_input.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -238,18 +239,18 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<MaskArguments>();
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
   AddTakeArguments(sub, arguments->take);
-  sub->add_option("--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
-  sub->add_option(
-      "--pose3d", arguments->pose3d,
+  AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
+  AddOption(
+      sub, "--pose3d", arguments->pose3d,
       "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
-  sub->add_option("--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
-  sub->add_option("--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
-  sub->add_option("--backend", arguments->backend,
-                  "background (what the pictures show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
-                  "masks agree best with the visual hull and the joints")
+  AddOption(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
+  AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
+  AddOption(sub, "--backend", arguments->backend,
+            "background (what the pictures show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
+            "masks agree best with the visual hull and the joints")
       ->capture_default_str();
-  sub->add_option("--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
-  sub->add_option("--out", arguments->out, "new folder; the session's masks/TAKE unless given");
+  AddOption(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
+  AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);
   AddOptions(sub, arguments->mask);
   AddOptions(sub, arguments->hull);

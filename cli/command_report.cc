@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/redact.h"
 #include "cli/study.h"
@@ -64,17 +65,17 @@ void RegisterReport(CLI::App& app, Registry& registry) {
       "report",
       "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
       "user study, and the count of its answers");
-  sub->add_option("RUN", *run, "folder with the results of other commands, searched four levels deep");
-  sub->add_option("--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
+  AddOption(sub, "RUN", *run, "folder with the results of other commands, searched four levels deep");
+  AddOption(sub, "--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
   AddOptions(sub, *options);
-  sub->add_option("--study", study->sides,
-                  "instead of a report: a page that asks which of two pictures is closer to the truth; two scored runs, or two "
-                  "folders with the same file names, each FOLDER or NAME=FOLDER")
+  AddOption(sub, "--study", study->sides,
+            "instead of a report: a page that asks which of two pictures is closer to the truth; two scored runs, or two "
+            "folders with the same file names, each FOLDER or NAME=FOLDER")
       ->expected(2);
-  sub->add_option("--truth", study->truth, "study: folder of the true pictures; of runs, the truth that they were scored with");
-  sub->add_option("--study-pictures", study->pictures, "study: questions at most, evenly over the pictures")
+  AddOption(sub, "--truth", study->truth, "study: folder of the true pictures; of runs, the truth that they were scored with");
+  AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the pictures")
       ->capture_default_str();
-  sub->add_option("--study-tally", study->tally, "instead of a report: count these files of answers");
+  AddOption(sub, "--study-tally", study->tally, "instead of a report: count these files of answers");
   registry.Add(sub, "report", [=](CommandContext& context) {
     const int asked =
         static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());

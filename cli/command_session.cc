@@ -5,6 +5,7 @@
 
 #include "calib/board.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/session_table.h"
 #include "core/error.h"
 #include "core/files.h"
@@ -190,24 +191,24 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
 void RegisterInit(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<InitArguments>();
   CLI::App* sub = session->add_subcommand("init", "Make a session: its folders and a commented mvstudio.toml");
-  sub->add_option("folder", arguments->folder, "the session's folder")->required();
-  sub->add_option("--units", arguments->units, "m, cm or mm: of the board's squares and of all lengths in the session")
+  AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
+  AddOption(sub, "--units", arguments->units, "m, cm or mm: of the board's squares and of all lengths in the session")
       ->required();
-  sub->add_option("--cameras", arguments->cameras, "how many (cam_01, cam_02, …), or their names with commas between them");
-  sub->add_option("--board", arguments->board, "the calibration board, as calibrate --board takes it");
-  sub->add_option("--scan", arguments->scan,
-                  "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png; another than FOLDER/raw is linked to, not copied");
-  sub->add_option("--fps", arguments->fps, "frames a second of folders of pictures")->check(CLI::PositiveNumber);
-  sub->add_flag("--overwrite", arguments->overwrite, "replace an existing mvstudio.toml");
+  AddOption(sub, "--cameras", arguments->cameras, "how many (cam_01, cam_02, …), or their names with commas between them");
+  AddOption(sub, "--board", arguments->board, "the calibration board, as calibrate --board takes it");
+  AddOption(sub, "--scan", arguments->scan,
+            "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png; another than FOLDER/raw is linked to, not copied");
+  AddOption(sub, "--fps", arguments->fps, "frames a second of folders of pictures")->check(CLI::PositiveNumber);
+  AddFlag(sub, "--overwrite", arguments->overwrite, "replace an existing mvstudio.toml");
   registry.Add(sub, "session init", [arguments](CommandContext&) { return RunInit(*arguments); });
 }
 
 void RegisterShow(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<ShowArguments>();
   CLI::App* sub = session->add_subcommand("show", "Cameras, takes and footage, and what is wrong with them");
-  sub->add_option("folder", arguments->folder, "the session's folder")->required();
-  sub->add_flag("--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
-  sub->add_flag("--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
+  AddFlag(sub, "--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
   arguments->options.compare = false;
   registry.Add(sub, "session show", [arguments](CommandContext& context) { return RunShow(*arguments, context); });
 }
@@ -216,17 +217,17 @@ void RegisterTimeline(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<TimelineArguments>();
   CLI::App* sub =
       session->add_subcommand("timeline", "Which frame of each camera shows each instant; dropped and doubled frames");
-  sub->add_option("folder", arguments->folder, "the session's folder")->required();
-  sub->add_option("--take", arguments->take, "its only take with people unless given");
-  sub->add_option("--out", arguments->out, "file; FOLDER/sync/TAKE.timeline.json unless given");
-  sub->add_option("--reference", arguments->options.timeline.reference, "camera whose frames count the instants");
-  sub->add_option("--max-residual-ms", arguments->options.timeline.max_residual_ms,
-                  "instants farther from a frame have none; 0: half a frame of that camera")
+  AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
+  AddOption(sub, "--take", arguments->take, "its only take with people unless given");
+  AddOption(sub, "--out", arguments->out, "file; FOLDER/sync/TAKE.timeline.json unless given");
+  AddOption(sub, "--reference", arguments->options.timeline.reference, "camera whose frames count the instants");
+  AddOption(sub, "--max-residual-ms", arguments->options.timeline.max_residual_ms,
+            "instants farther from a frame have none; 0: half a frame of that camera")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  sub->add_flag("--find-repeats", arguments->options.find_repeats,
-                "look for frames that only repeat the picture before; decodes all");
-  sub->add_flag("--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  AddFlag(sub, "--find-repeats", arguments->options.find_repeats,
+          "look for frames that only repeat the picture before; decodes all");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
   registry.Add(sub, "session timeline", [arguments](CommandContext& context) { return RunTimeline(*arguments, context); });
 }
 

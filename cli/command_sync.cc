@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "cli/session_input.h"
@@ -275,13 +276,13 @@ void RegisterSync(CLI::App& app, Registry& registry) {
       app.add_subcommand("sync", "Time offsets of the cameras: from people who move in the take, or from time stamps");
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
-  sub->add_option("--from", arguments->from,
-                  "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: pictures only, coarse")
+  AddOption(sub, "--from", arguments->from,
+            "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: pictures only, coarse")
       ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
       ->capture_default_str();
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
-  sub->add_option("--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
-  sub->add_option("--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
+  AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
+  AddOption(sub, "--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {
     arguments->range_given = sub->count("--max-offset-frames") > 0;

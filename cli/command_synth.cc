@@ -1,6 +1,7 @@
 #include <chrono>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "synth/session.h"
 
 namespace mvstudio::cli {
@@ -33,8 +34,8 @@ CommandResult RunSynth(const SynthFlags& flags, CommandContext& context) {
 void RegisterSynth(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("synth", "Write a synthetic session with ground truth");
   auto flags = std::make_shared<SynthFlags>();
-  sub->add_option("--out", flags->out, "session folder to write")->required();
-  sub->add_flag("--overwrite", flags->overwrite, "replace an existing session");
+  AddOption(sub, "--out", flags->out, "session folder to write")->required();
+  AddFlag(sub, "--overwrite", flags->overwrite, "replace an existing session");
   AddOptions(sub, flags->options);
   registry.Add(sub, "synth", [flags](CommandContext& context) { return RunSynth(*flags, context); });
 }

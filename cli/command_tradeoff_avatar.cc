@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "avatar/io/pack_builder.h"
+#include "cli/options.h"
 #include "cli/tradeoff.h"
 #include "cli/tradeoff_avatar.h"
 #include "core/error.h"
@@ -132,32 +133,30 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   CLI::App* sub = tradeoff.add_subcommand(
       "avatar",
       "Width x picture size x steps x losses x cameras: held-out SSIM and FD, s a step, ms a frame, and the Pareto front");
-  sub->add_option("dataset", a->options.dataset, "dataset folder, as for `avatar train`")->required();
-  sub->add_option("--out", a->options.out, "folder of the runs, the table and the figures; finished runs in it are kept")
+  AddOption(sub, "dataset", a->options.dataset, "dataset folder, as for `avatar train`")->required();
+  AddOption(sub, "--out", a->options.out, "folder of the runs, the table and the figures; finished runs in it are kept")
       ->required();
-  sub->add_option("--widths", a->grid.widths, "channels of the first layer")->delimiter(',')->capture_default_str();
-  sub->add_option("--sizes", a->grid.sizes, "edge of the crops, px")->delimiter(',')->capture_default_str();
-  sub->add_option("--steps", a->grid.steps, "end-to-end steps; 0: the posed template in averaged colours, without a network")
+  AddOption(sub, "--widths", a->grid.widths, "channels of the first layer")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--sizes", a->grid.sizes, "edge of the crops, px")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--steps", a->grid.steps, "end-to-end steps; 0: the posed template in averaged colours, without a network")
       ->delimiter(',')
       ->capture_default_str();
-  sub->add_option("--losses", a->grid.losses, "terms of l1, ssim, gradient, posenet joined by +")
+  AddOption(sub, "--losses", a->grid.losses, "terms of l1, ssim, gradient, posenet joined by +")
       ->delimiter(',')
       ->capture_default_str();
-  sub->add_option("--cameras", a->grid.cameras, "cameras trained on, as many as there are at most; spread out")
+  AddOption(sub, "--cameras", a->grid.cameras, "cameras trained on, as many as there are at most; spread out")
       ->delimiter(',')
       ->capture_default_str();
-  sub->add_option("--holdout-cameras", a->holdout_cameras, "cameras scored and never trained on; every fifth unless given");
-  sub->add_option("--holdout-frames", a->options.holdout_frames,
-                  "frames scored and never trained on; the last quarter unless given");
-  sub->add_option("--score-size", a->options.score_size_px,
-                  "edge of the crops that are compared, px; 0: the largest of --sizes")
+  AddOption(sub, "--holdout-cameras", a->holdout_cameras, "cameras scored and never trained on; every fifth unless given");
+  AddOption(sub, "--holdout-frames", a->options.holdout_frames,
+            "frames scored and never trained on; the last quarter unless given");
+  AddOption(sub, "--score-size", a->options.score_size_px, "edge of the crops that are compared, px; 0: the largest of --sizes")
       ->capture_default_str();
-  sub->add_option("--features", a->options.features, "net of the Frechet distance, as for `avatar eval`")
+  AddOption(sub, "--features", a->options.features, "net of the Frechet distance, as for `avatar eval`")->capture_default_str();
+  AddOption(sub, "--train", a->options.train_flags, "further flags of every training, e.g. \"--batch 4\"");
+  AddOption(sub, "--limit-minutes", a->options.limit_minutes, "begin no further trial after them; 0: no limit")
       ->capture_default_str();
-  sub->add_option("--train", a->options.train_flags, "further flags of every training, e.g. \"--batch 4\"");
-  sub->add_option("--limit-minutes", a->options.limit_minutes, "begin no further trial after them; 0: no limit")
-      ->capture_default_str();
-  sub->add_flag("--quick", a->quick, "a grid of a few minutes: widths 8 16, 64 px, 0, 60 and 180 steps, all cameras and 3");
+  AddFlag(sub, "--quick", a->quick, "a grid of a few minutes: widths 8 16, 64 px, 0, 60 and 180 steps, all cameras and 3");
   registry.Add(sub, "tradeoff avatar", [a](CommandContext& context) { return Run(*a, context); });
 }
 

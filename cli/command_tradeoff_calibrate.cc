@@ -6,6 +6,7 @@
 
 #include "calib/calibrate.h"
 #include "cli/corner_input.h"
+#include "cli/options.h"
 #include "cli/tradeoff.h"
 #include "core/error.h"
 
@@ -110,9 +111,16 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
 ordered_json ToJson(const std::vector<Trial>& trials) {
   ordered_json table = ordered_json::array();
   for (const Trial& t : trials) {
-    table.push_back({{"detector", t.detector}, {"views", t.views}, {"model", t.model}, {"chosen", t.chosen}, {"engine", t.engine},
-                     {"status", t.status}, {"seconds", FiniteOrNull(t.seconds)}, {"holdout_px", FiniteOrNull(t.holdout_px)},
-                     {"edge_mm", FiniteOrNull(t.edge_mm)}, {"on_front", t.on_front}});
+    table.push_back({{"detector", t.detector},
+                     {"views", t.views},
+                     {"model", t.model},
+                     {"chosen", t.chosen},
+                     {"engine", t.engine},
+                     {"status", t.status},
+                     {"seconds", FiniteOrNull(t.seconds)},
+                     {"holdout_px", FiniteOrNull(t.holdout_px)},
+                     {"edge_mm", FiniteOrNull(t.edge_mm)},
+                     {"on_front", t.on_front}});
   }
   return table;
 }
@@ -122,8 +130,9 @@ std::string ToText(const std::vector<Trial>& trials) {
   std::string text = "detector  boards  model       chosen       engine     seconds  held-out px  edge mm\n";
   for (const Trial& t : trials) {
     std::snprintf(line, sizeof line, "%-8s  %6s  %-10s  %-11s  %-8s  %8s  %11s  %7s %s\n", t.detector.c_str(),
-                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(), Shown(t.seconds, 2).c_str(),
-                  Shown(t.holdout_px, 4).c_str(), Shown(t.edge_mm, 4).c_str(), t.on_front ? "*" : "");
+                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(),
+                  Shown(t.seconds, 2).c_str(), Shown(t.holdout_px, 4).c_str(), Shown(t.edge_mm, 4).c_str(),
+                  t.on_front ? "*" : "");
     text += line;
   }
   return text + "*: no other way is both faster and better\n";
@@ -138,8 +147,9 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   const std::unique_ptr<OutputFolder> place =
       TradeoffPlace(arguments.out, "calibrate", Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners}));
   const std::vector<Source> sources = Sources(arguments, context, &result);
-  ProgressStage stage(context.run, "tradeoff",
-                      static_cast<int64_t>(sources.size() * arguments.views.size() * arguments.models.size() * arguments.engines.size()));
+  ProgressStage stage(
+      context.run, "tradeoff",
+      static_cast<int64_t>(sources.size() * arguments.views.size() * arguments.models.size() * arguments.engines.size()));
   for (const Source& source : sources) {
     for (int views : arguments.views) {
       for (const std::string& model : arguments.models) {
@@ -173,11 +183,11 @@ void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry) {
   CLI::App* sub = tradeoff.add_subcommand(
       "calibrate", "Detector x number of boards x lens model x engine: seconds, held-out px, mm, and the Pareto front");
   AddCornerArguments(sub, arguments->corners);
-  sub->add_option("--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();
-  sub->add_option("--views", arguments->views, "instants used; 0: all")->delimiter(',')->capture_default_str();
-  sub->add_option("--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();
-  sub->add_option("--engines", arguments->engines, "mvstudio, mrcal")->delimiter(',')->capture_default_str();
-  sub->add_option("--out", arguments->out, "folder for the table and the figure");
+  AddOption(sub, "--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--views", arguments->views, "instants used; 0: all")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--engines", arguments->engines, "mvstudio, mrcal")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--out", arguments->out, "folder for the table and the figure");
   registry.Add(sub, "tradeoff calibrate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
 }
 

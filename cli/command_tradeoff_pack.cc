@@ -2,6 +2,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "cli/options.h"
 #include "cli/pack_speed.h"
 #include "cli/tradeoff.h"
 #include "core/error.h"
@@ -70,16 +71,16 @@ void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry) {
                                           "Image codec x crop size x threads: crops a second at random, bytes a crop and PSNR, "
                                           "packs beside a JPEG folder that is cropped when read");
   PackSpeedOptions& o = arguments->options;
-  sub->add_option("folder", arguments->folder, "dataset folder")->required();
-  sub->add_option("--codecs", o.codecs, "of the packs: raw, png, jpeg:Q")->delimiter(',')->capture_default_str();
-  sub->add_option("--crops", arguments->crops, "px, or full for whole pictures")->delimiter(',')->capture_default_str();
-  sub->add_option("--threads-list", o.threads, "numbers of reading threads")->delimiter(',')->capture_default_str();
-  sub->add_option("--frames", o.frames, "frames of the dataset, evenly spread")->capture_default_str();
-  sub->add_option("--folder-quality", o.folder_quality, "of the JPEG folder made for comparison")->capture_default_str();
-  sub->add_option("--seconds", o.seconds, "of reading, each way")->capture_default_str();
-  sub->add_option("--lossless", o.lossless,
-                  "dataset with the same pictures as PNG: packs are made from it and PSNR is against it");
-  sub->add_option("--out", arguments->out, "folder for the table and the figures; needs room for the packs meanwhile")
+  AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
+  AddOption(sub, "--codecs", o.codecs, "of the packs: raw, png, jpeg:Q")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--crops", arguments->crops, "px, or full for whole pictures")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--threads-list", o.threads, "numbers of reading threads")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--frames", o.frames, "frames of the dataset, evenly spread")->capture_default_str();
+  AddOption(sub, "--folder-quality", o.folder_quality, "of the JPEG folder made for comparison")->capture_default_str();
+  AddOption(sub, "--seconds", o.seconds, "of reading, each way")->capture_default_str();
+  AddOption(sub, "--lossless", o.lossless,
+            "dataset with the same pictures as PNG: packs are made from it and PSNR is against it");
+  AddOption(sub, "--out", arguments->out, "folder for the table and the figures; needs room for the packs meanwhile")
       ->required();
   registry.Add(sub, "tradeoff pack", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 
+#include "cli/options.h"
 #include "cli/pose_input.h"
 #include "cli/pose_truth.h"
 #include "cli/tradeoff.h"
@@ -278,21 +279,21 @@ void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
       "triangulate",
       "Method x precision x number of views x threads: points a second, left-out px, mm, coverage, and the Pareto front");
   AddPoseArguments(sub, arguments->pose);
-  sub->add_option("--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
-  sub->add_option("--precisions", arguments->precisions, "double, float; float for robust, all-views, linear and midpoint")
+  AddOption(sub, "--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--precisions", arguments->precisions, "double, float; float for robust, all-views, linear and midpoint")
       ->delimiter(',')
       ->capture_default_str();
-  sub->add_option("--views", arguments->views, "views a point uses at most; 0: all")->delimiter(',')->capture_default_str();
-  sub->add_option("--threads-list", arguments->threads, "numbers of threads")->delimiter(',')->capture_default_str();
-  sub->add_option("--truth", arguments->truth, "a folder of body3DScene files or a points.csv");
-  sub->add_flag("--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
-  sub->add_option("--sigma-px", arguments->take.sigma_px, "px; standard deviation of a detection; 0 estimates it")
+  AddOption(sub, "--views", arguments->views, "views a point uses at most; 0: all")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--threads-list", arguments->threads, "numbers of threads")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--truth", arguments->truth, "a folder of body3DScene files or a points.csv");
+  AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
+  AddOption(sub, "--sigma-px", arguments->take.sigma_px, "px; standard deviation of a detection; 0 estimates it")
       ->capture_default_str();
-  sub->add_option("--min-score", arguments->take.min_score, "0..1; detections with a lower score are left out")
+  AddOption(sub, "--min-score", arguments->take.min_score, "0..1; detections with a lower score are left out")
       ->capture_default_str();
-  sub->add_option("--max-persons", arguments->take.max_persons, "the best supported persons of the take are kept")
+  AddOption(sub, "--max-persons", arguments->take.max_persons, "the best supported persons of the take are kept")
       ->capture_default_str();
-  sub->add_option("--out", arguments->out, "folder for the table and the figure");
+  AddOption(sub, "--out", arguments->out, "folder for the table and the figure");
   registry.Add(sub, "tradeoff triangulate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
 }
 

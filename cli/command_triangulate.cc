@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "cli/pose_truth.h"
@@ -249,22 +250,22 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
   AddSessionArguments(sub, arguments->session, "calibration, 2D poses and the timing of the cameras", "people");
-  sub->add_option("--out", arguments->out,
-                  "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
+  AddOption(sub, "--out", arguments->out,
+            "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   AddOptions(sub, arguments->options);
-  sub->add_option("--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
-  sub->add_flag("--refine", arguments->refine,
-                "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "
-                "cameras better; not with --chunk-frames");
+  AddOption(sub, "--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
+  AddFlag(sub, "--refine", arguments->refine,
+          "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "
+          "cameras better; not with --chunk-frames");
   AddOptions(sub, arguments->refine_options);
-  sub->add_option(
-         "--chunk-frames", arguments->chunk_frames,
-         "for takes longer than memory: so many frames at a time; noise and method come from frames spread over the take; 0: "
-         "all at once")
+  AddOption(
+      sub, "--chunk-frames", arguments->chunk_frames,
+      "for takes longer than memory: so many frames at a time; noise and method come from frames spread over the take; 0: "
+      "all at once")
       ->capture_default_str();
-  sub->add_option("--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");
-  sub->add_option("--truth", arguments->truth, "compare with a folder of body3DScene files or a points.csv");
-  sub->add_flag("--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
+  AddOption(sub, "--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");
+  AddOption(sub, "--truth", arguments->truth, "compare with a folder of body3DScene files or a points.csv");
+  AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
   registry.Add(sub, "triangulate", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }
 

@@ -1,5 +1,7 @@
 #include "cli/commands.h"
 
+#include "cli/options.h"
+
 namespace mvstudio::cli {
 
 void RegisterVersion(CLI::App& app, Registry& registry) {

@@ -1,5 +1,7 @@
 #include "cli/commands.h"
 
+#include "cli/options.h"
+
 namespace mvstudio::cli {
 
 void RegisterAll(CLI::App& app, Registry& registry) {

@@ -1,6 +1,7 @@
 #include "cli/corner_input.h"
 
 #include "cli/footage.h"
+#include "cli/options.h"
 #include "core/error.h"
 
 namespace mvstudio::cli {
@@ -30,11 +31,11 @@ CornerInput Detect(const CornerArguments& arguments, CommandContext& context, Co
 }  // namespace
 
 void AddCornerArguments(CLI::App* sub, CornerArguments& arguments) {
-  sub->add_option("--board", arguments.boards,
-                  "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
-                  "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
-  sub->add_option("--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
-  sub->add_option("--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
+  AddOption(sub, "--board", arguments.boards,
+            "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
+            "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
+  AddOption(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
+  AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
   AddOptions(sub, arguments.footage);
   AddOptions(sub, arguments.corner_files);
 }

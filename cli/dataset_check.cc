@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "cli/options.h"
 #include "cli/session_table.h"
 #include "core/error.h"
 #include "dataset/pack/pack.h"
@@ -234,16 +235,16 @@ void RegisterDatasetCheck(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<VerifyArguments>();
   CLI::App* verify = dataset.add_subcommand(
       "verify", "List everything that is wrong with a dataset folder or a pack; exit 6 when parts are bad, 3 when all is");
-  verify->add_option("folder", arguments->folder, "folder in Panoptic layout, or a pack (folder of shards, .h5 file)")
+  AddOption(verify, "folder", arguments->folder, "folder in Panoptic layout, or a pack (folder of shards, .h5 file)")
       ->required();
-  verify->add_option("--keep", arguments->keep,
-                     "folder that keeps the findings for the report; the dataset itself is only read");
+  AddOption(verify, "--keep", arguments->keep,
+            "folder that keeps the findings for the report; the dataset itself is only read");
   AddOptions(verify, arguments->options);
   registry.Add(verify, "dataset verify", [arguments](CommandContext& context) { return RunVerify(*arguments, context); });
 
   auto folder = std::make_shared<std::string>();
   CLI::App* info = dataset.add_subcommand("info", "Describe a session, a dataset folder or a pack");
-  info->add_option("folder", *folder, "session, folder in Panoptic layout, or a pack (folder of shards, .h5 file)")->required();
+  AddOption(info, "folder", *folder, "session, folder in Panoptic layout, or a pack (folder of shards, .h5 file)")->required();
   registry.Add(info, "dataset info", [folder](CommandContext&) { return Info(*folder); });
 }
 

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "cli/calib_read.h"
+#include "cli/options.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 
@@ -95,14 +96,13 @@ void ReadPoints(const PoseArguments& arguments, CommandResult* result, PoseInput
 }  // namespace
 
 void AddPoseArguments(CLI::App* sub, PoseArguments& arguments) {
-  sub->add_option("--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")
-      ->required();
-  sub->add_option("--pose2d", arguments.pose2d,
-                  "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
-  sub->add_option("--points2d", arguments.points2d,
-                  "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
-  sub->add_option("--skeleton", arguments.skeleton,
-                  Join(body::SkeletonNames()) + "; body25 unless given, of --points2d the joints in the file");
+  AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
+  AddOption(sub, "--pose2d", arguments.pose2d,
+            "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
+  AddOption(sub, "--points2d", arguments.points2d,
+            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
+  AddOption(sub, "--skeleton", arguments.skeleton,
+            Join(body::SkeletonNames()) + "; body25 unless given, of --points2d the joints in the file");
 }
 
 triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {

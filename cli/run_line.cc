@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "cli/arguments.h"
+#include "cli/options.h"
 #include "cli/redact.h"
 #include "cli/result.h"
 #include "core/check.h"
@@ -16,17 +17,17 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
-  app.add_flag("--json", global.json, "print exactly one JSON object on stdout");
-  app.add_option("--threads", global.threads, "threads; 0: as many as the machine has")->capture_default_str();
-  app.add_option("--seed", global.seed, "seed of everything random")->capture_default_str();
-  app.add_option("--log-level", global.log_level, "debug, info, warning, error or off")
+  AddFlag(&app, "--json", global.json, "print exactly one JSON object on stdout");
+  AddOption(&app, "--threads", global.threads, "threads; 0: as many as the machine has")->capture_default_str();
+  AddOption(&app, "--seed", global.seed, "seed of everything random")->capture_default_str();
+  AddOption(&app, "--log-level", global.log_level, "debug, info, warning, error or off")
       ->capture_default_str()
       ->check(OneOf({"debug", "info", "warning", "error", "off"}));
-  app.add_option("--progress", global.progress, "auto, bar, plain or none")
+  AddOption(&app, "--progress", global.progress, "auto, bar, plain or none")
       ->capture_default_str()
       ->check(OneOf({"auto", "bar", "plain", "none"}));
-  app.add_flag("--redact", global.redact,
-               "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
+  AddFlag(&app, "--redact", global.redact,
+          "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
 }
 
 const Registry::Entry* Chosen(const Registry& registry) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "cli/options.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
 #include "dataset/frames.h"
@@ -47,9 +48,9 @@ bool Renumber(const std::vector<std::pair<int64_t, int64_t>>& numbers, dataset::
 }  // namespace
 
 void AddSessionArguments(CLI::App* sub, SessionArguments& arguments, const std::string& what, const std::string& unless_given) {
-  sub->add_option("--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
-  sub->add_option("--take", arguments.take, "take of the session; its only one with " + unless_given + " unless given");
-  sub->add_flag("--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+  AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
+  AddOption(sub, "--take", arguments.take, "take of the session; its only one with " + unless_given + " unless given");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
 }
 
 std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result) {

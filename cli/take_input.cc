@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "cli/options.h"
 #include "core/error.h"
 #include "dataset/timeline_source.h"
 
@@ -85,12 +86,12 @@ std::string TakeInput::Folder(const std::string& kind, const std::string& camera
 }
 
 void AddTakeArguments(CLI::App* sub, TakeArguments& arguments) {
-  sub->add_option("--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
-  sub->add_option("--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
-  sub->add_option("--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
-  sub->add_option("--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
-  sub->add_option("--take", arguments.take, "take of the session; its only one with people unless given");
-  sub->add_flag("--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+  AddOption(sub, "--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
+  AddOption(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
+  AddOption(sub, "--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
+  AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
+  AddOption(sub, "--take", arguments.take, "take of the session; its only one with people unless given");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
 }
 
 TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {

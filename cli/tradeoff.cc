@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/files.h"
 #include "report/format.h"
 #include "report/html.h"

@@ -1,21 +1,21 @@
 #include <cmath>
 
+#include "core/json_tree.h"
 #include "detect/json_internal.h"
 
 namespace mvstudio::detect::internal {
 
 Json ParseJson(const std::string& path, const std::string& text) {
-  constexpr int kMaxDepth = 64;
-  const auto check_depth = [&path](int depth, Json::parse_event_t, Json&) {
-    if (depth > kMaxDepth) throw FormatError(path, "", "is nested deeper than 64 levels");
-    return true;
-  };
-  try {
-    return Json::parse(text, check_depth);
-  } catch (const Json::parse_error& error) {
-    throw FormatError(path, "byte " + std::to_string(error.byte), "is not valid JSON; cut short or damaged?");
-  } catch (const Json::exception& error) {
-    throw FormatError(path, "", std::string("is not valid JSON: ") + error.what());
+  constexpr size_t kMaxDepth = 64;
+  Json json;
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &json);
+  switch (problem.kind) {
+    case JsonProblem::Kind::kNone:
+      return json;
+    case JsonProblem::Kind::kDepth:
+      throw FormatError(path, "", "is nested deeper than 64 levels");
+    default:
+      throw FormatError(path, "byte " + std::to_string(problem.byte), "is not valid JSON; cut short or damaged?");
   }
 }
 

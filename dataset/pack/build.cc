@@ -10,6 +10,7 @@
 #include "core/manifest.h"
 #include "core/output.h"
 #include "core/parallel.h"
+#include "core/paths.h"
 #include "core/sha256.h"
 #include "dataset/pack/done_internal.h"
 #include "dataset/pack/make_shard_internal.h"

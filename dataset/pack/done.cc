@@ -67,18 +67,6 @@ std::string ShardStem(int number) {
 std::string ShardPath(const std::string& folder, int number) { return folder + "/" + ShardStem(number) + ".h5"; }
 std::string DonePath(const std::string& folder, int number) { return folder + "/" + ShardStem(number) + ".done.json"; }
 
-std::vector<std::string> FilesNamed(const std::string& folder, const std::string& begin, const std::string& end) {
-  std::vector<std::string> paths;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    const bool fits = name.size() >= begin.size() + end.size() && name.rfind(begin, 0) == 0 &&
-                      name.compare(name.size() - end.size(), end.size(), end) == 0;
-    if (fits) paths.push_back(entry.path().string());
-  }
-  std::sort(paths.begin(), paths.end());
-  return paths;
-}
-
 std::string DoneToJsonText(const DoneMarker& marker) {
   Json json = {{"schema", kDoneSchema}};
   json.update(ToJson(marker));

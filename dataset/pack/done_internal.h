@@ -28,9 +28,6 @@ std::string ShardStem(int number);  ///< "shard-00007"
 std::string ShardPath(const std::string& folder, int number);
 std::string DonePath(const std::string& folder, int number);
 
-/// Paths of the files of a folder whose names begin and end like this, sorted. (Glob would trip over brackets in `folder`.)
-std::vector<std::string> FilesNamed(const std::string& folder, const std::string& begin, const std::string& end);
-
 std::string DoneToJsonText(const DoneMarker& marker);
 /// Nothing when the file is not there. Throws FormatError.
 std::optional<DoneMarker> ReadDone(const std::string& path);

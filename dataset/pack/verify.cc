@@ -5,6 +5,7 @@
 
 #include "core/files.h"
 #include "core/parallel.h"
+#include "core/paths.h"
 #include "core/sha256.h"
 #include "dataset/pack/open_internal.h"
 
