@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -65,6 +66,8 @@ class PictureSink {
 
   std::vector<CommandResult::Output> Finish() {
     CloseVideo();
+    videos_->Commit();
+    videos_.reset();  // what is written from now on is no video
     if (folder_) folder_->Commit();
     return outputs_;
   }
@@ -108,6 +111,7 @@ class PictureSink {
   double rate_hz_;
   std::set<std::string> views_;
   std::unique_ptr<AtomicFolder> folder_;
+  std::optional<FilesTogether> videos_{std::in_place};
   std::unique_ptr<dataset::VideoWriter> writer_;
   std::vector<CommandResult::Output> outputs_;
 };

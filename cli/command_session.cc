@@ -70,17 +70,23 @@ std::vector<dataset::SessionCamera> NamedCameras(const std::string& text) {
   return cameras;
 }
 
-/// Takes back the link that raw/ became, unless the session was made.
+std::string TextOf(const std::string& path) { return fs::exists(path) ? ReadFile(path) : ""; }
+
+/// Takes back the link that raw/ became, unless the session was made: its file is another one then.
 struct LinkBack {
+  explicit LinkBack(const std::string& session_file) : file(session_file), before(TextOf(file)) {}
+  LinkBack(const LinkBack&) = delete;
+  LinkBack& operator=(const LinkBack&) = delete;
   ~LinkBack() {
     if (raw.empty()) return;
     try {
+      if (TextOf(file) != before) return;
       RemoveOurs({raw});
       if (was_folder) MakeFolder(raw);
     } catch (const std::exception&) {  // on a disk that fails; the next try says what is in the way
     }
   }
-  std::string raw;
+  std::string file, before, raw;
   bool was_folder = false;
 };
 
@@ -138,7 +144,7 @@ CommandResult RunInit(const InitArguments& arguments) {
     MakeFolder((fs::path(arguments.folder) / name).string());
   }
   if (arguments.scan.empty()) MakeFolder((fs::path(arguments.folder) / "raw").string());
-  LinkBack back;
+  LinkBack back(file.string());
   TakeScan(arguments, &back, &session, &result);
   dataset::WriteSession(session, true);
   back.raw.clear();

@@ -1,5 +1,4 @@
 #include "cli/commands.h"
-
 #include "cli/options.h"
 
 namespace mvstudio::cli {

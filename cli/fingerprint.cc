@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -43,6 +44,13 @@ void AddFile(const std::string& path, Found* found) {
   found->bytes += size;
 }
 
+/// Records about results, not results: a command that reads a folder and leaves its record there has not changed its input.
+bool IsRecord(const std::string& name) {
+  constexpr std::string_view kEnd = ".result.json";
+  return name.compare(0, 9, ".mvstudio") == 0 || name == "provenance.jsonl" ||
+         (name.size() > kEnd.size() && name.compare(name.size() - kEnd.size(), kEnd.size(), kEnd) == 0);
+}
+
 void AddFolder(const std::string& path, Found* found) {
   std::error_code error;
   fs::recursive_directory_iterator at(path, error), end;
@@ -54,7 +62,7 @@ void AddFolder(const std::string& path, Found* found) {
         found->AddFault(name, std::generic_category().message(errno));
         at.disable_recursion_pending();
       }
-    } else if (!fs::is_directory(name, error)) {
+    } else if (!fs::is_directory(name, error) && !IsRecord(at->path().filename().string())) {
       AddFile(name, found);
     }
     at.increment(error);

@@ -7,7 +7,10 @@ namespace mvstudio::cli {
 
 template <class T>
 CLI::Option* AddOption(CLI::App* app, const std::string& name, T& value, const std::string& help) {
-  return app->add_option(name, value, help);
+  CLI::Option* option = app->add_option(name, value, help);
+  if constexpr (!std::is_arithmetic_v<T> && !std::is_same_v<T, std::string>)
+    option->default_function([&value] { return CLI::detail::join(value, ","); });
+  return option;
 }
 
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::string&, const std::string&);

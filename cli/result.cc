@@ -6,7 +6,9 @@
 #include <chrono>
 #include <ctime>
 #include <filesystem>
+#include <functional>
 #include <new>
+#include <utility>
 
 #include "cli/fingerprint.h"
 #include "cli/interrupt.h"
@@ -106,7 +108,8 @@ Json ProvenanceLine(const std::string& command, const CommandResult& result, con
   return line;
 }
 
-/// A failure to record a result: the result itself stays what it is, but for a full disk, or where the record is all that there is.
+/// A failure to record a result: the result itself stays what it is, but for a full disk, or where the record is all that there
+/// is.
 void NoteUnrecorded(CommandResult* result) {
   const CommandResult failure = ResultOfCurrentException();
   const Notice& why = failure.errors.front();
@@ -119,6 +122,18 @@ void NoteUnrecorded(CommandResult* result) {
   } else {
     result->warnings.push_back({"CLI-PROVENANCE", "the result is not recorded in its folder: " + why.text, why.hint});
   }
+}
+
+CommandResult OutOfMemoryResult() {
+  return ErrorResult(kExitResources, "RESOURCES", "out of memory", "use fewer threads, smaller images or fewer frames");
+}
+
+/// libtorch and OpenCV have exceptions of their own for it.
+bool SaysOutOfMemory(const std::string& text) {
+  for (const char* words : {"can't allocate memory", "Insufficient memory", "not enough memory"}) {
+    if (text.find(words) != std::string::npos) return true;
+  }
+  return false;
 }
 
 CommandResult FilesystemErrorResult(const fs::filesystem_error& e) {
@@ -135,17 +150,19 @@ void KeepResult(const std::string& command, CommandResult* result, const Json& j
   if (result->folder.empty()) return;
   std::string name = command;
   std::replace(name.begin(), name.end(), ' ', '_');
-  try {
+  bool noted = false;
+  const auto keep = [&](const std::function<void()>& write) {
+    try {
+      write();
+    } catch (...) {
+      if (!std::exchange(noted, true)) NoteUnrecorded(result);
+    }
+  };
+  keep([&] {
     const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv));
     AppendLine(result->folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
-  } catch (...) {
-    NoteUnrecorded(result);
-  }
-  try {
-    WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json)));
-  } catch (...) {
-    NoteUnrecorded(result);
-  }
+  });
+  keep([&] { WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json))); });
 }
 
 CommandResult InterruptedResult(int signal, const std::string& text) {
@@ -168,12 +185,13 @@ CommandResult ResultOfCurrentException() {
   } catch (const ResourceError& e) {
     return ErrorResult(kExitResources, "RESOURCES", e.what());
   } catch (const std::bad_alloc&) {
-    return ErrorResult(kExitResources, "RESOURCES", "out of memory", "use fewer threads, smaller images or fewer frames");
+    return OutOfMemoryResult();
   } catch (const MissingToolError& e) {
     return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
   } catch (const fs::filesystem_error& e) {  // a path that cannot even be looked at: a loop of links, a name too long, no right
     return FilesystemErrorResult(e);
   } catch (const std::exception& e) {
+    if (SaysOutOfMemory(e.what())) return OutOfMemoryResult();
     return ErrorResult(kExitInternal, "INTERNAL", e.what(),
                        "this is a defect of mvstudio: please report it with the command line");
   }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 
-
 namespace mvstudio::cli {
 namespace {
 

@@ -269,8 +269,7 @@ void WriteFileAtomic(const std::string& path, std::string_view content) {
 void WriteFileAtomic(const std::string& path, const std::function<void(const std::string&)>& write) {
   auto file = std::make_unique<AtomicFile>(path);
   write(file->temporary());
-  FilesTogether* set = internal::InWorkFolder(path) ? nullptr : FilesTogether::Current();
-  set ? set->Take(std::move(file)) : file->Commit();
+  FilesTogether::TakeOrCommit(std::move(file));
 }
 
 IoFault SetIoFault(IoFault fault) { return io_fault.exchange(fault); }

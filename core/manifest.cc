@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <filesystem>
 #include <mutex>
+#include <set>
 
 #include "core/error.h"
 #include "core/files.h"
@@ -35,6 +36,7 @@ Writer& ThisWriter() {
 /// The manifests of all folders that were asked about.
 class Ledger {
  public:
+  explicit Ledger(std::string top) : top_(std::move(top)) {}
   /// Whether a manifest of a folder that the path lies in lists it with this digest.
   bool Lists(const std::string& path, const FileDigest& digest) {
     bool listed = false;
@@ -67,11 +69,14 @@ class Ledger {
     Manifest manifest;
     try {
       manifest = ReadManifest(folder.empty() ? "/" : folder).value_or(Manifest());
-    } catch (const Error&) {  // damaged or foreign: it lists nothing
+    } catch (const FormatError&) {  // damaged or foreign: it lists nothing
+    } catch (const IoError&) {      // what cannot be read says nothing about whose the files beside it are
+      if (folder.compare(0, top_.size(), top_) == 0) throw;
     }
     return manifests_[folder] = std::move(manifest);
   }
 
+  std::string top_;
   std::map<std::string, Manifest> manifests_;
 };
 
@@ -132,9 +137,9 @@ void Compare(const std::vector<std::string>& files, Ledger* ledger, std::vector<
 }
 
 Inventory InventoryOf(const std::string& path) {
-  Ledger ledger;
   Inventory inventory;
   inventory.top = internal::Normal(path);
+  Ledger ledger(inventory.top);
   inventory.Walk(inventory.top, &ledger);
   Compare(inventory.files, &ledger, &inventory.in_the_way);
   std::sort(inventory.in_the_way.begin(), inventory.in_the_way.end());
@@ -208,20 +213,21 @@ void RemoveOurs(const std::vector<std::string>& paths) {
   }
   RequireNothing(in_the_way);
   for (const Inventory& inventory : inventories) {
-    // The manifests last: were this cut, what is left is still known to be ours.
-    std::vector<std::string> records;
+    // A manifest goes with its folder, the outermost last: were this cut, what is left is still known to be ours.
+    std::set<std::string> records;
     for (const std::string& file : inventory.files) {
       if (fs::path(file).filename() == kManifestName)
-        records.push_back(file);
+        records.insert(file);
       else
         RemoveFile(file);
     }
-    std::sort(records.begin(), records.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
-    for (const std::string& record : records) RemoveFile(record);
     for (const std::string& folder : inventory.folders) {
+      const std::string record = folder + "/" + kManifestName;
+      if (records.erase(record)) RemoveFile(record);
       if (!internal::Allowed("remove", folder) || (rmdir(folder.c_str()) != 0 && errno != ENOENT && errno != ENOTEMPTY))
         internal::ThrowErrno(folder, "cannot remove the folder", errno);
     }
+    for (const std::string& record : records) RemoveFile(record);  // a path that is a manifest itself
   }
 }
 

@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/io_internal.h"
+#include "core/log.h"
 #include "core/manifest_internal.h"
 #include "core/output_internal.h"
 #include "core/sha256.h"
@@ -123,6 +124,11 @@ void FilesTogether::Take(std::unique_ptr<AtomicFile> file) {
   files_.push_back(std::move(file));
 }
 
+void FilesTogether::TakeOrCommit(std::unique_ptr<AtomicFile> file) {
+  FilesTogether* set = internal::InWorkFolder(file->path()) ? nullptr : current_set;
+  set ? set->Take(std::move(file)) : file->Commit();
+}
+
 void FilesTogether::Commit() {
   std::vector<AtomicFile*> files;
   for (const auto& file : files_) files.push_back(file.get());
@@ -161,8 +167,23 @@ void AtomicFolder::Commit() {
   internal::FlushTree(work_path_, manifest);
   Swap();
   close(std::exchange(fd_, -1));
-  FlushToDisk(internal::ParentOf(path_));
+  try {
+    FlushToDisk(internal::ParentOf(path_));
+  } catch (...) {
+    SwapBack();
+    throw;
+  }
   RemoveOld();
+}
+
+void AtomicFolder::SwapBack() {
+  const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());
+  try {
+    const bool old = internal::Exists(work_path_);
+    internal::SwapFolders(old ? work_path_ : path_, old ? path_ : work_path_);
+    RemoveOurs({work_path_});
+  } catch (const std::exception&) {  // on such a disk the new folder may stay
+  }
 }
 
 void AtomicFolder::Swap() {
@@ -177,12 +198,15 @@ void AtomicFolder::Swap() {
 }
 
 void AtomicFolder::RemoveOld() {
-  if (!internal::Exists(work_path_)) return;
-  const std::vector<std::string> added = FilesInTheWay(work_path_);
-  if (added.empty()) return RemoveOurs({work_path_});
-  // Somebody wrote into the old folder between our last look and the exchange: that is kept, where it can be found.
-  throw UsageError(work_path_ + ": holds the older output and files that were added to it at the last moment (" +
-                   added.front() + "); the new output is in place");
+  internal::RemoveOlder(path_, [this] {
+    if (!internal::Exists(work_path_)) return;
+    const std::vector<std::string> added = FilesInTheWay(work_path_);
+    if (added.empty()) return RemoveOurs({work_path_});
+    // Somebody wrote into the old folder between our last look and the exchange: that is kept, where it can be found.
+    Log(LogLevel::kWarning, path_ + ": " + fs::path(added.front()).lexically_relative(work_path_).string() +
+                                " was added to the older output at the last moment; that is kept beside it as " +
+                                fs::path(work_path_).filename().string());
+  });
 }
 
 OutputFolder::OutputFolder(const std::string& path, const std::vector<std::string>& inputs,
@@ -214,7 +238,7 @@ OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vecto
 ScratchFolder::ScratchFolder(const std::string& parent) : path_(internal::TemporaryBeside(parent + "/scratch")) {
   MakeFolder(parent);
   internal::SweepLeftovers(parent);
-  fd_ = internal::CreateWorkFolder(path_, path_);
+  fd_ = internal::CreateWorkFolder(path_, parent);
 }
 
 ScratchFolder::~ScratchFolder() {

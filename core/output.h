@@ -59,6 +59,8 @@ class FilesTogether {
 
   /// The one of this thread; nullptr when there is none.
   static FilesTogether* Current();
+  /// Gives the file to the set that is open on this thread, else commits it.
+  static void TakeOrCommit(std::unique_ptr<AtomicFile> file);
   void Take(std::unique_ptr<AtomicFile> file);
 
  private:
@@ -82,6 +84,7 @@ class AtomicFolder {
 
  private:
   void Swap();
+  void SwapBack();
   void RemoveOld();
 
   std::string path_, work_path_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,9 @@ struct Replacement {
 
 /// Writes the manifests and renames the temporaries into place. Call it under PublishMutex, with all of them flushed.
 void Publish(const std::vector<Replacement>& files);
+
+/// Removes what was replaced. The new result stands: a failure is tried once more, then it is a warning.
+void RemoveOlder(const std::string& path, const std::function<void()>& remove);
 
 /// `work` gets the name `path`, and what was there, if anything, the name `work`.
 void SwapFolders(const std::string& work, const std::string& path);

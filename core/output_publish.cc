@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/io_internal.h"
+#include "core/log.h"
 #include "core/manifest_internal.h"
 #include "core/output_internal.h"
 #include "core/temporary.h"
@@ -129,8 +130,12 @@ void RemoveExchanged(const std::string& old, const std::string& folder, const st
   for (const std::string& name : mine) {
     if (name != kManifestName) unlink((old + "/" + name).c_str());
   }
+  // The manifest goes last, and only when nothing else is left: by it the next command knows whose the rest is.
+  for (const auto& entry : fs::directory_iterator(old)) {
+    if (entry.path().filename() != kManifestName) throw IoError(entry.path().string(), "cannot be removed");
+  }
   unlink((old + "/" + kManifestName).c_str());
-  rmdir(old.c_str());
+  if (rmdir(old.c_str()) != 0) ThrowErrno(old, "cannot remove the folder", errno);
 }
 
 /// Publishes all files at one moment: a copy of their folder, made of links and with the new files in it, takes its place.
@@ -152,15 +157,17 @@ bool ExchangeFolder(const std::string& folder, const std::vector<Replacement>& f
     WriteManifest(manifest, work);
     FlushToDisk(work);
     exchanged = Rename(work, folder, RENAME_EXCHANGE);
-  } catch (const ResourceError&) {
+  } catch (const IoError&) {  // no hard links here: one rename after the other
+  } catch (...) {
     RemoveWorkFolder(work);
     UnregisterTemporary(work);
     throw;
-  } catch (const IoError&) {  // no hard links here: one rename after the other
   }
   if (exchanged) {
     UnregisterTemporary(work);  // it is the old folder now, and nobody's to clear
-    RemoveExchanged(work, folder, files);
+    RemoveOlder(folder, [&] {
+      if (Exists(work)) RemoveExchanged(work, folder, files);
+    });
   } else {
     RemoveWorkFolder(work);
     UnregisterTemporary(work);
@@ -184,6 +191,19 @@ void Publish(const std::vector<Replacement>& files) {
     RenameAll(files);
     for (const Replacement& file : files) folders.insert(ParentOf(file.path));
     for (const std::string& parent : folders) FlushToDisk(parent);
+  }
+}
+
+void RemoveOlder(const std::string& path, const std::function<void()>& remove) {
+  constexpr int kTries = 2;
+  for (int i = 1; i <= kTries; ++i) {
+    try {
+      return remove();
+    } catch (const std::exception& error) {
+      if (i == kTries)
+        Log(LogLevel::kWarning, path + ": the older output is not all removed (" + error.what() +
+                                    "); the next command that writes there does that");
+    }
   }
 }
 

@@ -110,6 +110,13 @@ const char* KindName(fs::file_type type) {
 
 }  // namespace
 
+std::vector<std::string> NamesIn(const std::string& folder) {
+  if (!IsFolder(folder)) return {};
+  std::vector<std::string> names = Names(folder, false);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 std::vector<std::string> FilesIn(const std::string& folder) {
   return RegularFiles(folder, false, [](const std::string&) { return true; });
 }

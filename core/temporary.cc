@@ -217,7 +217,9 @@ void RegisterTemporary(const std::string& path, const std::string& final_path, T
   const std::lock_guard<std::recursive_mutex> publish(PublishMutex());  // not after AbandonTemporaries
   const std::lock_guard<std::mutex> guard(All().mutex);
   All().alive[Normal(path)] = {final_path, kind};
-  if (kind != TemporaryKind::kLock && All().final_names.size() < 10000) All().final_names[path] = final_path;
+  if (kind == TemporaryKind::kLock || All().final_names.size() >= 10000) return;
+  All().final_names[path] = final_path;
+  All().final_names[Normal(path)] = Normal(final_path);
 }
 
 void UnregisterTemporary(const std::string& path) {
@@ -286,7 +288,9 @@ void AbandonTemporaries() {
 std::string FinalNames(std::string text) {
   const std::lock_guard<std::mutex> guard(All().mutex);
   if (text.find(kPrefix) == std::string::npos) return text;
-  for (const auto& [temporary, final_path] : All().final_names) {
+  const auto& names = All().final_names;
+  for (auto name = names.rbegin(); name != names.rend(); ++name) {  // what lies in a work folder before the folder itself
+    const auto& [temporary, final_path] = *name;
     for (size_t at = text.find(temporary); at != std::string::npos; at = text.find(temporary, at + final_path.size()))
       text.replace(at, temporary.size(), final_path);
   }

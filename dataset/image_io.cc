@@ -152,6 +152,7 @@ std::string ReadStart(const std::string& path, size_t most) {
   if (!in) throw IoError(path, "cannot open");
   std::string bytes(most, '\0');
   in.read(bytes.data(), static_cast<std::streamsize>(most));
+  if (in.bad()) throw IoError(path, "cannot read");
   bytes.resize(static_cast<size_t>(std::max<std::streamsize>(in.gcount(), 0)));
   return bytes;
 }

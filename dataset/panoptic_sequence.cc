@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/paths.h"
 #include "dataset/panoptic.h"
 #include "dataset/panoptic_internal.h"
 
@@ -73,11 +74,10 @@ class Scanner {
   /// Without hidden ones, such as the list of what mvstudio wrote there.
   std::vector<fs::directory_entry> List(const std::string& folder) {
     std::vector<fs::directory_entry> entries;
-    std::error_code error;
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      if (it->path().filename().string()[0] != '.' && Inside(*it)) entries.push_back(*it);
+    for (const std::string& name : NamesIn(folder)) {
+      const fs::directory_entry entry(fs::path(folder) / name);
+      if (Inside(entry)) entries.push_back(entry);
     }
-    std::sort(entries.begin(), entries.end());
     return entries;
   }
 

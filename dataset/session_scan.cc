@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/paths.h"
 #include "dataset/session_internal.h"
 
 namespace mvstudio::dataset {
@@ -32,11 +33,7 @@ bool IsVideo(const fs::path& path) {
 
 std::vector<fs::path> Entries(const fs::path& folder) {
   std::vector<fs::path> entries;
-  std::error_code error;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (at->path().filename().string()[0] != '.') entries.push_back(at->path());
-  }
-  std::sort(entries.begin(), entries.end());
+  for (const std::string& name : NamesIn(folder.string())) entries.push_back(folder / name);
   return entries;
 }
 
@@ -117,7 +114,13 @@ ScannedSession ScanSession(const std::string& folder) {
       scanned.skipped.push_back(Relative(entry, folder) + ": " + why + ": it cannot be a take's name");
       continue;
     }
-    SessionTake take = ScanTake(entry, plates, folder, &scanned.skipped);
+    SessionTake take;
+    try {
+      take = ScanTake(entry, plates, folder, &scanned.skipped);
+    } catch (const IoError& error) {  // such as lost+found on a card
+      scanned.skipped.push_back(error.what());
+      continue;
+    }
     if (take.footage.empty()) {
       scanned.skipped.push_back(Relative(entry, folder) + ": holds no footage");
       continue;

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/paths.h"
 #include "dataset/json_internal.h"
 #include "dataset/verify_internal.h"
 
@@ -56,12 +57,11 @@ void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Fi
       findings->Warning("DAT-IMAGE", footage.other, "is not read: " + footage.path + " is taken for this camera");
   }
   for (const char* name : {"masks", "hdImgs", "vgaImgs", "kinectImgs"}) {
-    std::error_code error;
-    for (fs::directory_iterator it(fs::path(sequence.root) / name, error), end; !error && it != end; it.increment(error)) {
-      const std::string camera = it->path().filename().string();
+    const fs::path folder = fs::path(sequence.root) / name;
+    for (const std::string& camera : NamesIn(folder.string())) {
       const bool told = std::string(name) != "masks" && sequence.footage.count(camera);
-      if (it->is_directory(error) && !told && rig.Find(camera) < 0)
-        findings->Error("DAT-NAME", it->path().string(), "the calibration has no such camera");
+      if (fs::is_directory(folder / camera) && !told && rig.Find(camera) < 0)
+        findings->Error("DAT-NAME", (folder / camera).string(), "the calibration has no such camera");
     }
   }
 }

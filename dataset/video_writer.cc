@@ -153,7 +153,7 @@ void VideoWriter::Close() {
   w.Encode(nullptr);
   w.Check(av_write_trailer(w.format), "cannot finish the file");
   w.Check(avio_closep(&w.format->pb), "cannot close");
-  w.file->Commit();
+  FilesTogether::TakeOrCommit(std::move(w.file));
   w.closed = true;
 }
 

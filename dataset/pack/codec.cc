@@ -46,7 +46,13 @@ Size JpegSize(std::string_view bytes) {
 
 std::string Encode(const cv::Mat& mat, const char* extension, const std::vector<int>& options) {
   std::vector<uint8_t> bytes;
-  MVS_CHECK(cv::imencode(extension, mat, bytes, options), "the encoder refused a picture of " << mat.cols << "x" << mat.rows);
+  bool encoded = false;
+  try {
+    encoded = cv::imencode(extension, mat, bytes, options);
+  } catch (const cv::Exception&) {  // it has got no memory: the size is checked before
+  }
+  if (!encoded)
+    throw ResourceError("a picture of " + std::to_string(mat.cols) + "x" + std::to_string(mat.rows) + " px cannot be encoded");
   return {bytes.begin(), bytes.end()};
 }
 

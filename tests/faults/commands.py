@@ -151,7 +151,7 @@ case("synth mp4", "synth --out out --overwrite --cameras 2 --size 64x48 --board-
      old=["synth --out out --cameras 2 --size 64x48 --board-frames 0 --take-frames 3 --samples 1 --texture-px 16"])
 shared_folder("session init", "session init out --units cm --cameras 3 --overwrite", old=["session init out --units m --cameras 2"])
 shared_folder("session init --scan", "session init out --units m --scan {in}/session/raw --fps 25 --overwrite", needs=["session"],
-              old=["session init out --units m --cameras 2"])
+              old=["session init out --units m --cameras 2"], steps=True)
 shared_folder("session timeline", "session timeline out --take take1 --reference cam_02", needs=["session"],
               foreign={**BESIDE, **INSIDE, "out": "{in}/session"}, old=["session timeline out --take take1 --reference cam_01"])
 for _kind in ("pdf", "svg", "png"):
@@ -216,7 +216,7 @@ _BUILD = (f"dataset build --calib {{in}}/session/truth/calibration.json {TAKE} -
 case("dataset build", f"{_BUILD} --masks --overwrite", needs=["pose3d"], old=[f"{_BUILD} --png"], weight=2)
 case("dataset import panoptic", "dataset import panoptic {in}/dataset --out out", needs=["dataset"], overwrites=False)
 case("dataset import panoptic decode", "dataset import panoptic {in}/dataset --pictures decode --out out", needs=["dataset"],
-     overwrites=False)
+     overwrites=False, partial=True)
 _PACK = "dataset pack {in}/dataset --crop 32 --shard-samples 6"
 case("dataset pack", f"{_PACK} --frames 0-3 --out out", old=[f"{_PACK} --frames 0-3 --out out --shard 0/2"], late=dict(INSIDE),
      needs=["dataset"], grows=True, repeats=False)

@@ -39,6 +39,14 @@ def environment_of(box):
                 OPENBLAS_NUM_THREADS="1", COLUMNS="80")
 
 
+def is_third_party(finding):
+    """A library that calls abort() where an allocation fails; its process ends as if it had been killed."""
+    by = finding["trace"][0] if finding["trace"] else ""
+    aborted = isinstance(finding["exit"], str) and finding["exit"].startswith("SIG")
+    return finding["class"] == "alloc" and finding["problem"] in ("crash", "leftover") and aborted and \
+        by.startswith("[") and not by.startswith("[libstdc++")
+
+
 def work_on(options, inputs_template, tasks, results, number):
     watch = options.work / f"job{number}"
     shutil.rmtree(watch, ignore_errors=True)
@@ -69,6 +77,8 @@ def work_on(options, inputs_template, tasks, results, number):
             shutil.copytree(inputs_template, inputs, symlinks=True)
         for finding in trial.findings:
             finding["trace"] = symbols.names(finding["trace"])
+            if is_third_party(finding):
+                finding["problem"] = "third-party"
         results.put({"case": name, "columns": columns, "tried": dict(trial.tried), "places": trial.places, "findings": trial.findings,
                      "failure": failure, "seconds": time.monotonic() - started})
     program.close()

@@ -22,8 +22,9 @@ KILLS = {"kill": (CHANGES, "kill"), "torn": (["write"], "torn"), "killafter": ([
 DEAD_DISK = {"full": (["create", "write", "mkdir", "fsync", "link"], errno.ENOSPC),
              "read-only": (["create", "mkdir", "unlink", "rename", "link"], errno.EROFS)}
 COLUMNS = [*ERRORS, *DEAD_DISK, *KILLS, "tmpfs", "ro-out", "ro-in", "pair"]
-# Told, and counted apart: the result stands, but its command says that it failed, or has no record of all of it.
-NOTES = {"late", "unrecorded"}
+# Told, and counted apart: the result stands, but its command says that it failed, or has no record of all of it; a library of
+# others ended the process when it got no memory.
+NOTES = {"late", "unrecorded", "third-party"}
 GROUPS = [list(ERRORS)[:5], list(ERRORS)[5:] + [*DEAD_DISK], [*KILLS, "tmpfs", "ro-out", "ro-in", "pair"]]
 
 
@@ -159,7 +160,8 @@ class Trial:
         else:
             problems = verdict.after_error(outcome, state, self.states, self.case, column)
         self.report(column, fault.how, n, outcome, problems)
-        self.rerun(column, fault.how, n, outcome)
+        if not (self.case.partial and outcome.exit == 6):
+            self.rerun(column, fault.how, n, outcome)
         return True
 
     def places_of(self, column):

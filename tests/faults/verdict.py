@@ -38,9 +38,10 @@ def which_state(state, states):
     return "old" if _data_is(state, states.old, states) else None
 
 
-def in_steps(state, states, case):
-    """Files that are published one after the other: each is the old one or the new one."""
-    return case.steps and all(state.get(p) in (states.old.get(p), states.new.get(p)) for p in states.changing
+def in_steps(state, states, case, dead_disk=False):
+    """Files that are published one after the other: each is the old one or the new one. On a disk that stays dead nothing can
+    be taken back either."""
+    return (case.steps or dead_disk) and all(state.get(p) in (states.old.get(p), states.new.get(p)) for p in states.changing
                               if not snapshot.is_bookkeeping(p))
 
 
@@ -53,8 +54,9 @@ def foreign_damage(state, states):
 
 
 def broken_bookkeeping(state, states):
-    """Files about the results that are neither the old ones nor the new ones and not whole either."""
-    return sorted(p for p, value in state.items() if snapshot.is_bookkeeping(p) and str(value).startswith("broken"))
+    """Files about the results that are neither the old ones nor the new ones and not whole either; not those in work folders."""
+    return sorted(p for p, value in state.items()
+                  if snapshot.is_bookkeeping(p) and not _TEMPORARY.search(p) and str(value).startswith("broken"))
 
 
 def message_problems(err):
@@ -68,7 +70,7 @@ def message_problems(err):
         problems.append("names no place: " + errors[0][:120])
     if _TEMPORARY.search(errors[0]):
         problems.append("names a hidden file: " + errors[0][:160])
-    noise = [line for line in lines if not line.startswith(("error: ", "warning ", "hint: ", "["))]
+    noise = [line for line in lines if not line.startswith(("error: ", "warning", "hint: ", "[", "libpng "))]
     if noise:
         problems.append("other lines: " + noise[0][:120])
     return problems
@@ -84,10 +86,12 @@ def after_error(outcome, state, states, case, kind):
         problems.append(("hang" if outcome.exit == "timeout" else "crash", str(outcome.exit)))
         return problems
     found = which_state(state, states)
+    if outcome.exit == 6 and case.partial:  # an answer about what could be read
+        return problems
     if outcome.exit == states.exit:
         whole = {p: v for p, v in state.items() if p in states.known} == states.new
         if state != states.new and not (kind in ("unlink", "read-only") and whole):
-            unrecorded = found == "new" and (not extra or kind in ("unlink", "read-only"))
+            unrecorded = _data_is(state, states.new, states) and (not extra or kind in ("unlink", "read-only"))
             if not unrecorded or "CLI-PROVENANCE" not in outcome.err:  # a result stands, whatever becomes of its record
                 problems.append(("unrecorded" if unrecorded else "silent",
                                  f"exit {outcome.exit}, yet " + snapshot.difference(state, states.new)))
@@ -96,7 +100,7 @@ def after_error(outcome, state, states, case, kind):
     if outcome.exit not in allowed:
         problems.append(("exit", f"{outcome.exit}: " + outcome.err.strip().splitlines()[-1][:160] if outcome.err.strip() else
                          str(outcome.exit)))
-    if found is None and not case.grows and not in_steps(state, states, case):
+    if found is None and not case.grows and not in_steps(state, states, case, kind in ("full", "read-only")):
         problems.append(("mixed", snapshot.difference(state, states.old)))
     if found == "new" and states.old != states.new:
         problems.append(("late", f"exit {outcome.exit} although the result stands: " + outcome.err.strip()[:120]))
