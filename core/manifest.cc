@@ -116,7 +116,7 @@ struct Inventory {
   static bool IsManifest(const std::string& path) {
     try {
       return ReadManifest(internal::ParentOf(path)).has_value();
-    } catch (const Error&) {
+    } catch (const FormatError&) {
       return false;
     }
   }

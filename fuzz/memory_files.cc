@@ -4,8 +4,8 @@
 #include "fuzz/fuzz.h"
 
 /// Files of the targets are held in memory: opening, writing and renaming real ones takes most of the time otherwise. The
-/// linker sends all calls of ReadFile and WriteFileAtomic here (`--wrap` in CMakeLists.txt); paths below kMemory are ours, all
-/// others go on to the real functions.
+/// linker sends all calls of ReadFile, RequireRegularFile and WriteFileAtomic here (`--wrap` in CMakeLists.txt); paths below
+/// kMemory are ours, all others go on to the real functions.
 namespace mvstudio::fuzz {
 namespace {
 
@@ -28,6 +28,15 @@ void RealWriteFile(const std::string& path, std::string_view content) asm(
     "__real__ZN8mvstudio15WriteFileAtomicERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEESt17basic_string_viewIcS3_E");
 void WrapWriteFile(const std::string& path, std::string_view content) asm(
     "__wrap__ZN8mvstudio15WriteFileAtomicERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEESt17basic_string_viewIcS3_E");
+
+void RealRequireRegularFile(const std::string& path) asm(
+    "__real__ZN8mvstudio18RequireRegularFileERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEE");
+void WrapRequireRegularFile(const std::string& path) asm(
+    "__wrap__ZN8mvstudio18RequireRegularFileERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEE");
+
+void WrapRequireRegularFile(const std::string& path) {
+  if (!IsOurs(path)) RealRequireRegularFile(path);
+}
 
 std::string WrapReadFile(const std::string& path) {
   if (!IsOurs(path)) return RealReadFile(path);

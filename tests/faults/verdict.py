@@ -7,6 +7,7 @@ import snapshot
 
 # After a call that failed: bad data or device, out of resources, refused, try again. Never 1, never a signal.
 ERROR_EXITS = {2, 3, 7, 75}
+_PROGRESS = re.compile(r".* \d+/\d+ .*/s")
 _TEMPORARY = re.compile(r"\.tmp-|\.old\b|\.lock\b|\.fetch-|\.mvstudio-[0-9a-f]{16}")
 
 
@@ -70,7 +71,7 @@ def message_problems(err):
         problems.append("names no place: " + errors[0][:120])
     if _TEMPORARY.search(errors[0]):
         problems.append("names a hidden file: " + errors[0][:160])
-    noise = [line for line in lines if not line.startswith(("error: ", "warning", "hint: ", "[", "libpng "))]
+    noise = [line for line in lines if not line.startswith(("error: ", "warning", "hint: ", "[", "libpng ")) and not _PROGRESS.match(line)]
     if noise:
         problems.append("other lines: " + noise[0][:120])
     return problems
