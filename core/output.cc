@@ -226,7 +226,7 @@ OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vecto
       if (fs::equivalent(path, input, error))
         throw UsageError(path + ": is the input " + input + " itself; choose another --out");
     }
-    locks_.push_back(std::make_unique<OutputLock>(path));
+    locks_.insert(locks_.begin(), std::make_unique<OutputLock>(path));  // the first goes last: it may have made the folder
     RequireReplaceable(path);
     const std::string writer = WriterOf(path), now = WriterName().first;
     if (internal::Exists(path) && writer != now)

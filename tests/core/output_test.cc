@@ -314,6 +314,8 @@ TEST(OutputFiles, AreNeverInputsNorWhatAnotherCommandWrote) {
   EXPECT_NO_THROW(OutputFiles({root / "calib/report.json"}, {}));
   Put(root / "in.json", "mine");
   EXPECT_THROW(OutputFiles({root / "./in.json"}, {root / "in.json"}), UsageError);
+  { const OutputFiles two({root / "new/a.html", root / "new/a.json"}, {}); }
+  EXPECT_FALSE(fs::exists(root / "new")) << "nothing was written";
   SetWriterName("", "");
 }
 
