@@ -171,18 +171,39 @@ void NoteMirroredCameras(const std::vector<OrientationCount>& counts, CornerFile
   }
 }
 
+/// Of the views of a board, by camera.
+std::vector<OrientationCount> CountOrientations(const CornerFile& file, size_t board_idx) {
+  std::vector<OrientationCount> counts(file.cameras.size());
+  for (const Detection& detection : file.detections) {
+    if (detection.board_idx != static_cast<int>(board_idx)) continue;
+    const int sign = ViewOrientation(file.boards[board_idx], detection);
+    counts[static_cast<size_t>(detection.camera_idx)].mirrored += sign < 0;
+    counts[static_cast<size_t>(detection.camera_idx)].straight += sign > 0;
+  }
+  return counts;
+}
+
+OrientationCount Sum(const std::vector<OrientationCount>& counts) {
+  OrientationCount sum;
+  for (const OrientationCount& count : counts) sum.mirrored += count.mirrored, sum.straight += count.straight;
+  return sum;
+}
+
+/// Numbers a board's corners the other way round when that makes its views straight; corners that contradict each other stay.
+bool Straighten(size_t board_idx, CornerFile* file) {
+  const std::vector<Detection> before = file->detections;
+  if (!Unmirror(static_cast<int>(board_idx), file)) return false;
+  const OrientationCount now = Sum(CountOrientations(*file, board_idx));
+  if (now.mirrored < now.straight) return true;
+  file->detections = before;
+  return false;
+}
+
 /// Renumbers boards that are mirrored in every view; notes cameras that see only the back.
 void CheckOrientation(CornerFile* file) {
   for (size_t b = 0; b < file->boards.size(); ++b) {
-    std::vector<OrientationCount> counts(file->cameras.size());
-    int mirrored = 0, straight = 0;
-    for (const Detection& detection : file->detections) {
-      if (detection.board_idx != static_cast<int>(b)) continue;
-      const int sign = ViewOrientation(file->boards[b], detection);
-      mirrored += sign<0, straight += sign> 0;
-      counts[static_cast<size_t>(detection.camera_idx)].mirrored += sign < 0;
-      counts[static_cast<size_t>(detection.camera_idx)].straight += sign > 0;
-    }
+    const std::vector<OrientationCount> counts = CountOrientations(*file, b);
+    const auto [mirrored, straight] = Sum(counts);
     if (mirrored == 0) continue;
     if (straight > 0.05 * (mirrored + straight)) {
       NoteMirroredCameras(counts, file);
@@ -190,7 +211,7 @@ void CheckOrientation(CornerFile* file) {
     }
     const std::string text = "the corners of board " + std::to_string(b) + " run mirrored in " + std::to_string(mirrored) +
                              " of " + std::to_string(mirrored + straight) + " views";
-    const bool mended = Unmirror(static_cast<int>(b), file);
+    const bool mended = Straighten(b, file);
     file->notes.push_back(
         {"CAL-MIRRORED", text + (mended ? "; they are numbered the other way round from here on" : ""),
          "rows and columns swapped, or a y axis that points up, are the usual reasons; if the images themselves "

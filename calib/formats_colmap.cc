@@ -118,9 +118,12 @@ ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& im
   return model;
 }
 
-bool IsPicture(const std::string& extension) {
-  const char* const known[] = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".PNG", ".JPG", ".JPEG"};
-  return std::any_of(std::begin(known), std::end(known), [&](const char* name) { return extension == name; });
+std::string WithoutPictureExtension(const std::string& name) {
+  for (const std::string known : {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".PNG", ".JPG", ".JPEG"}) {
+    const size_t rest = name.size() - std::min(name.size(), known.size());
+    if (rest > 0 && name.compare(rest, known.size(), known) == 0) return name.substr(0, rest);
+  }
+  return name;
 }
 
 }  // namespace
@@ -192,9 +195,7 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     if (found == model.cameras.end()) {
       throw FormatError(image.place.path, image.place.where, "there is no camera " + std::to_string(image.camera_id));
     }
-    const fs::path file(image.name);
-    const std::string name =
-        internal::IsPicture(file.extension().string()) ? (file.parent_path() / file.stem()).string() : image.name;
+    const std::string name = internal::WithoutPictureExtension(image.name);
     geometry::RigCamera camera;
     camera.camera = internal::ToCamera(found->second, name);
     camera.cam_from_world = {image.rotation, image.translation * options.metres_per_unit};

@@ -123,6 +123,7 @@ FileLock::~FileLock() {
 }
 
 OutputLock::OutputLock(const std::string& path) : key_(internal::Normal(path)) {
+  const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());  // before the other mutex, as commits do
   HeldLocks& held = AllHeld();
   const std::lock_guard<std::mutex> guard(held.mutex);
   const auto found = held.by_output.find(key_);

@@ -9,9 +9,9 @@ using calib::CornerFile;
 using calib::CornerFileOptions;
 
 void RequireSameDetection(const calib::Detection& a, const calib::Detection& b) {
-  Require(a.camera_idx == b.camera_idx && a.frame_idx == b.frame_idx && a.board_idx == b.board_idx &&
-              a.corner_ids == b.corner_ids && a.points_px == b.points_px,
-          "a detection changed");
+  Require(a.camera_idx == b.camera_idx && a.frame_idx == b.frame_idx && a.board_idx == b.board_idx, "a view changed");
+  Require(a.corner_ids == b.corner_ids, "the numbers of corners changed");
+  Require(a.points_px == b.points_px, "a point changed");
   Require(a.sigmas_px.size() == b.sigmas_px.size() && a.sigma_px == b.sigma_px, "a sigma changed");
   if (a.sigmas_px.size() > 0) Require(a.sigmas_px == b.sigmas_px, "the sigmas changed");
 }

@@ -113,6 +113,7 @@ int EndChildrenInACopy(const TempDir& folder) {
     });
     while (!std::filesystem::exists(folder / "two")) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     EndChildren();
+    runner.join();
     std::ifstream in(folder / "two");
     std::string first, second;
     in >> first >> second;
