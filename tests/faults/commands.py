@@ -260,7 +260,7 @@ CASES["tradeoff avatar"].argv.append("--downs 2 --encoder-blocks 1 --decoder-blo
 shared_folder("report", "report out", foreign={**BESIDE, **INSIDE, "out/calib": "{in}/calib", "out/pose3d": "{in}/pose3d"},
               needs=["calib", "pose3d"], old=["report out --title before"], steps=True)
 case("report --study", "report --study {in}/scored {in}/scored2 --study-pictures 2 --out out/study.html", needs=["scored"],
-     foreign={**BESIDE, **INSIDE}, old=["report --study {in}/scored {in}/scored2 --study-pictures 1 --out out/study.html"])
+     foreign={**BESIDE, **INSIDE}, old=["report --study {in}/scored {in}/scored2 --study-pictures 1 --out out/study.html"], steps=True)
 case("demo --quick", "demo --quick --out out --overwrite --seed 2", old=["demo --quick --out out"], grows=True, weight=100, nightly=True, most=1,
      seconds=400, measured=["report.html", "report.json"], without=["open", "read", "close", "unlink", "link", "torn", "killafter", "pair", "tmpfs", "ro-in"])
 

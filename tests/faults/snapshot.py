@@ -8,8 +8,8 @@ import pathlib
 import re
 
 # Keys of JSON files whose values are times or depend on the load of the machine: in what tells about a run, and elsewhere.
-_MEASURED = re.compile(r"^(timing|time|date|.*_s|s_per_.*|.*second.*|.*_per_s|.*_ms|ms_per_.*|peak_rss_mb|.*speed.*)$")
-_TIMES = re.compile(r"^(time|wall_s|made|created|written|before)$")
+_MEASURED = re.compile(r"^(timing|time|date|generated_at|.*_s|s_per_.*|.*second.*|.*_per_s|.*_ms|ms_per_.*|peak_rss_mb|.*speed.*)$")
+_TIMES = re.compile(r"^(time|generated_at|wall_s|made|created|written|before)$")
 _BOOKKEEPING = re.compile(r"(^|/)(\.mvstudio\.json|provenance\.jsonl|[a-z_0-9]+\.result\.json)$")
 
 
@@ -83,7 +83,7 @@ def canonical(path, data, measured=()):
         if base == "history.csv":
             return _history(data.decode()).encode()
         if base.endswith(".html"):
-            return re.sub(rb"\d{4}-\d\d-\d\dT[\d:]+Z|\d+(\.\d+)?(e-?\d+)? ?(s|ms|MB|min)\b", b"", data)
+            return re.sub(rb"\d{4}-\d\d-\d\d[T ][\d:]+(Z| UTC)|\d+(\.\d+)?(e-?\d+)? ?(s|ms|MB|min)\b", b"", data)
     except (ValueError, UnicodeDecodeError, AttributeError):
         return b"BROKEN " + data
     return data
