@@ -1,6 +1,8 @@
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
+#include "core/output.h"
 #include "dataset/pose2d.h"
 #include "dataset/pose3d.h"
 #include "dataset/pose3d_trc.h"
@@ -42,7 +44,8 @@ void RequireSame(const Pose2dTrack& a, const Pose2dTrack& b) {
 }
 
 void RequireFolderRoundTrip(const Pose2dTrack& track, const body::Skeleton& skeleton) {
-  const std::string folder = ScratchFolder("openpose-out");
+  const mvstudio::ScratchFolder work(ScratchFolder("openpose-out"));  // as in commands: outside, each file is listed at once
+  const std::string folder = work.path() + "/cam";
   dataset::WriteOpenPoseFolder(track, folder, &skeleton);
   RequireSame(track, dataset::ReadOpenPoseFolder(folder, "cam", skeleton));
 }
@@ -108,12 +111,13 @@ MVS_FUZZ_TARGET(pose2d_csv, bytes) {
   dataset::WritePose2dCsv(set, out);
   Pose2dSet back = dataset::ReadPose2dCsv(out, &set.skeleton);
   Require(back.skipped.empty(), "what was written is not all read");
+  std::map<std::string, const Pose2dTrack*> by_camera;
+  for (const Pose2dTrack& track : back.tracks) by_camera[track.camera] = &track;
   for (const Pose2dTrack& track : set.tracks) {
     if (track.frames.empty()) continue;
-    const Pose2dTrack* found = nullptr;
-    for (const Pose2dTrack& other : back.tracks) found = other.camera == track.camera ? &other : found;
-    Require(found != nullptr, "a camera is gone");
-    RequireSame(track, *found);
+    const auto found = by_camera.find(track.camera);
+    Require(found != by_camera.end(), "a camera is gone");
+    RequireSame(track, *found->second);
   }
 }
 
