@@ -1,4 +1,5 @@
 #include <charconv>
+#include <cstring>
 #include <sstream>
 
 #include "calib/corner_files_internal.h"
@@ -20,10 +21,14 @@ std::string Exact(double value) {
   return std::string(text, end);
 }
 
-std::string Quoted(const std::string& name) {
-  if (name.empty() || name.find_first_of("\r\n") != std::string::npos) {
+void RequireWritable(const std::string& name) {
+  constexpr char kSpace[] = " \t\v\f";  // at the ends it would be lost
+  const bool bare = !name.empty() && !std::strchr(kSpace, name.front()) && !std::strchr(kSpace, name.back());
+  if (!bare || name.find_first_of("\r\n") != std::string::npos)
     throw UsageError("the camera name '" + internal::Printable(name) + "' cannot be written to a corner file");
-  }
+}
+
+std::string Quoted(const std::string& name) {
   if (name.find_first_of(",\"# \t") == std::string::npos) return name;
   std::string quoted = "\"";
   for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
@@ -32,8 +37,10 @@ std::string Quoted(const std::string& name) {
 
 void WriteHeader(const CornerFile& file, std::ostringstream* out) {
   *out << "# " << kTitle << "\n# pixel (0, 0) is the centre of the top-left pixel; lengths are metres\n";
-  for (const CameraInput& camera : file.cameras)
+  for (const CameraInput& camera : file.cameras) {
+    RequireWritable(camera.name);
     *out << "# camera " << camera.width_px << "x" << camera.height_px << " " << camera.name << "\n";
+  }
   for (size_t b = 0; b < file.boards.size(); ++b) {
     const Board& board = file.boards[b];
     const bool points = board.kind == Board::Kind::kPoints;

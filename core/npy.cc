@@ -122,7 +122,7 @@ NpyArray ParseNpy(const std::string& bytes, const std::string& path) {
   if (!reader) throw FormatError(path, "descr", "type '" + header.type + "' is not a number that can be read");
   NpyArray array{header.shape, {}};
   const size_t held = (bytes.size() - begin - length) / item;
-  size_t count = 1;
+  size_t count = std::count(header.shape.begin(), header.shape.end(), 0) > 0 ? 0 : 1;
   for (const int64_t size : header.shape) {
     if (size > 0 && count > held / static_cast<size_t>(size))
       throw FormatError(path, "shape", "promises more than the file holds");
