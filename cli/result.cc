@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <functional>
 #include <new>
-#include <utility>
 
 #include "cli/fingerprint.h"
 #include "cli/interrupt.h"
@@ -150,12 +149,12 @@ void KeepResult(const std::string& command, CommandResult* result, const Json& j
   if (result->folder.empty()) return;
   std::string name = command;
   std::replace(name.begin(), name.end(), ' ', '_');
-  bool noted = false;
+  const size_t errors = result->errors.size();
   const auto keep = [&](const std::function<void()>& write) {
     try {
       write();
     } catch (...) {
-      if (!std::exchange(noted, true)) NoteUnrecorded(result);
+      if (result->errors.size() == errors) NoteUnrecorded(result);  // one error line tells it
     }
   };
   keep([&] {
