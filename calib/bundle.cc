@@ -6,9 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "calib/camera_noise.h"
 #include "calib/rig_problem.h"
 #include "core/check.h"
-#include "core/median.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -19,8 +19,6 @@ constexpr double kRobustScales[] = {
     30, 10, 3};  // standard deviations; wide first: a lens must reach the edges before they count as wrong
 constexpr int kRejectRounds = 6;
 constexpr double kRobustTolerance = 1e-3, kRejectTolerance = 1e-5;  // relative decrease of the cost that ends these rounds
-constexpr double kDistanceToSigma = 0.8493218;                      // median 2-D distance to standard deviation per coordinate
-constexpr double kMinSigmaPx = 1e-7;  // below it, residuals are rounding errors and nothing is an outlier
 
 /// Residuals below this are the rounding errors of pixel coordinates.
 double RoundingPx(const RigState& state) {
@@ -74,70 +72,26 @@ Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, d
   return report.status;
 }
 
-std::vector<Eigen::VectorXd> Distances(const std::vector<View>& views, const RigState& state) {
-  std::vector<Eigen::VectorXd> distances;
-  for (const Eigen::Matrix2Xd& residuals : BundleResiduals(views, state)) distances.push_back(residuals.colwise().norm());
-  return distances;
-}
-
-/// Distances of the corners that count, in units in which a corner of weight 1 has the standard deviation 1 px.
-std::vector<Eigen::VectorXd> Standardized(const std::vector<View>& views, const RigState& state,
-                                          const std::vector<Eigen::VectorXd>& prior) {
-  std::vector<Eigen::VectorXd> distances = Distances(views, state);
-  for (size_t v = 0; v < views.size(); ++v) {
-    for (Eigen::Index i = 0; i < distances[v].size(); ++i) {
-      if (prior[v][i] > 0) distances[v][i] *= std::sqrt(prior[v][i]);
-    }
-  }
-  return distances;
-}
-
-double RobustSigma(const std::vector<Eigen::VectorXd>& distances, const std::vector<View>& views) {
-  std::vector<double> kept;
-  for (size_t v = 0; v < views.size(); ++v) {
-    for (Eigen::Index i = 0; i < views[v].size(); ++i) {
-      if (views[v].weights[i] > 0) kept.push_back(distances[v][i]);
-    }
-  }
-  return kDistanceToSigma * UpperMedian(kept, 0);
-}
-
-/// Standard deviation that decides what is an outlier: that of the corners that are kept, since tails heavier than Gaussian are
-/// often a lens that does not reach the edges yet; at least the robust one and at most a little more.
-double RejectionSigma(const std::vector<Eigen::VectorXd>& distances, const std::vector<View>& views) {
-  constexpr double kMaxTail = 1.6;
-  const double robust = RobustSigma(distances, views);
-  double sum = 0;
-  Eigen::Index count = 0;
-  for (size_t v = 0; v < views.size(); ++v) {
-    for (Eigen::Index i = 0; i < views[v].size(); ++i) {
-      if (views[v].weights[i] <= 0) continue;
-      sum += std::min(distances[v][i] * distances[v][i], 1e6 * robust * robust), ++count;
-    }
-  }
-  const double kept = std::sqrt(sum / std::max<Eigen::Index>(1, 2 * count));
-  return std::max(kMinSigmaPx, std::clamp(kept, robust, kMaxTail * robust));
-}
-
 /// Weights that fall with the squared distance (Cauchy), times the prior weights.
-void SetRobustWeights(const RigState& state, const std::vector<Eigen::VectorXd>& prior, double sigmas,
-                      std::vector<View>* views) {
+void SetRobustWeights(const RigState& state, const Priors& prior, double sigmas, bool each_camera, std::vector<View>* views) {
   const auto distances = Standardized(*views, state, prior);
-  const double scale = sigmas * std::max(kMinSigmaPx, RobustSigma(distances, *views));
+  const CameraNoise noise = RobustNoise(distances, *views, state, each_camera);
   for (size_t v = 0; v < views->size(); ++v) {
-    (*views)[v].weights = prior[v].array() / (1 + (distances[v] / scale).array().square());
+    const int c = (*views)[v].camera_idx;
+    (*views)[v].weights = noise.weight[c] * prior[v].array() / (1 + (distances[v] / (sigmas * noise.limit_px[c])).array().square());
   }
 }
 
-/// Weights 0 for corners beyond the limit, the prior weights otherwise. Returns how many changed sides.
-int SetRejections(const RigState& state, const std::vector<Eigen::VectorXd>& prior, double sigmas, std::vector<View>* views) {
+/// Weights 0 for corners beyond the limit, those of their camera otherwise. Returns how many changed sides.
+int SetRejections(const RigState& state, const Priors& prior, double sigmas, bool each_camera, std::vector<View>* views) {
   const auto distances = Standardized(*views, state, prior);
-  const double limit = sigmas * RejectionSigma(distances, *views);
+  const CameraNoise noise = KeptNoise(distances, *views, state, each_camera);
   int changes = 0;
   for (size_t v = 0; v < views->size(); ++v) {
     Eigen::VectorXd& weights = (*views)[v].weights;
+    const int c = (*views)[v].camera_idx;
     for (Eigen::Index i = 0; i < weights.size(); ++i) {
-      const double weight = distances[v][i] <= limit ? prior[v][i] : 0;
+      const double weight = distances[v][i] <= sigmas * noise.limit_px[c] ? noise.weight[c] * prior[v][i] : 0;
       changes += (weight > 0) != (weights[i] > 0);
       weights[i] = weight;
     }
@@ -147,8 +101,8 @@ int SetRejections(const RigState& state, const std::vector<Eigen::VectorXd>& pri
 }
 
 void Summarize(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-               const std::vector<Eigen::VectorXd>& prior, BundleReport* report) {
-  const auto distances = Distances(views, state);
+               const Priors& prior, BundleReport* report) {
+  const auto distances = CornerDistances(views, state);
   double sum = 0, weighted = 0;
   std::vector<bool> seen(state.frames.size(), false);
   for (size_t v = 0; v < views.size(); ++v) {
@@ -165,6 +119,7 @@ void Summarize(const std::vector<View>& views, const RigState& state, const Bund
                        (options.gauge.kind == Gauge::Kind::kBoard ? 6 : 0) + MakeColumns(views, state, options).total;
   report->rms_px = std::sqrt(sum / std::max(1, report->num_corners));
   report->sigma_px = std::sqrt(weighted / std::max(1, 2 * report->num_corners - unknowns));
+  report->camera_sigma_px = CameraSigmas(views, prior, report->sigma_px, static_cast<int>(state.cameras.size()));
 }
 
 BundleReport Failed(Status status, const std::string& message) {
@@ -244,17 +199,18 @@ std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, co
 
 namespace {
 
-Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& options,
-               const std::vector<Eigen::VectorXd>& prior, BundleReport* report) {
+Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& options, const Priors& prior,
+               BundleReport* report) {
+  const bool each = options.each_camera_noise;
   for (double scale : kRobustScales) {
     if (!options.reject_outliers) break;
-    SetRobustWeights(*state, prior, scale, views);
+    SetRobustWeights(*state, prior, scale, each, views);
     if (SolveOnce(*views, options, kRobustTolerance, state, &report->num_iterations) == Status::kBehindCamera)
       return Status::kBehindCamera;
   }
   for (size_t v = 0; v < views->size(); ++v) (*views)[v].weights = prior[v];
   for (int round = 0; options.reject_outliers && round < kRejectRounds; ++round) {
-    const int changes = SetRejections(*state, prior, options.reject_sigmas, views);
+    const int changes = SetRejections(*state, prior, options.reject_sigmas, each, views);
     if (round > 0 && changes == 0) break;
     if (SolveOnce(*views, options, kRejectTolerance, state, &report->num_iterations) == Status::kBehindCamera)
       return Status::kBehindCamera;
@@ -262,7 +218,7 @@ Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& o
   const Status status = SolveOnce(*views, options, options.cost_tolerance, state, &report->num_iterations);
   // The last digits may let corners back in (without noise, hundreds).
   if (status != Status::kOk || !options.reject_outliers) return status;
-  if (SetRejections(*state, prior, options.reject_sigmas, views) == 0) return status;
+  if (SetRejections(*state, prior, options.reject_sigmas, each, views) == 0) return status;
   return SolveOnce(*views, options, options.cost_tolerance, state, &report->num_iterations);
 }
 
@@ -270,7 +226,7 @@ Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& o
 
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options) {
   if (const auto failed = CheckInput(*views, *state)) return *failed;
-  std::vector<Eigen::VectorXd> prior;
+  Priors prior;
   for (const View& view : *views) prior.push_back(view.weights);
   BundleReport report;
   const Eigen::Vector3d centre = FarCentre(*state);

@@ -15,6 +15,12 @@ struct Gauge {
   int index = 0;              ///< of the camera whose cam_from_world, or the frame whose world_from_board, is fixed
 };
 
+/// What is assumed of a lens before any board is seen: (param - mean)^2 * weight is added to the cost for every parameter.
+struct LensPrior {
+  Eigen::VectorXd mean;    ///< (P), units of Camera::params
+  Eigen::VectorXd weight;  ///< (P), px^2 over those units squared: (sigma of a corner of weight 1 / sigma of the parameter)^2
+};
+
 struct BundleOptions {
   Gauge gauge;
   bool refine_intrinsics = true;
@@ -25,7 +31,9 @@ struct BundleOptions {
   bool refine_time = false;    ///< time_offset_frames of all cameras but the first of each frame rate's clock (camera 0)
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
-  bool reject_outliers = true;
+  std::vector<LensPrior> lens_prior;       ///< per camera; empty, or with empty vectors: none
+  bool reject_outliers = true;             ///< and estimate the cameras' noise; without, weights stay as they are
+  bool each_camera_noise = true;           ///< every camera has a noise of its own; false: one for all
   double reject_sigmas = 5.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
   double spline_size_weight = 1e-3, spline_smooth_weight = 1e-3;  ///< of the prior on splined lenses, per px
   double cost_tolerance = 1e-13;  ///< relative decrease that ends the last adjustment
@@ -37,6 +45,7 @@ struct BundleOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, BundleOptions& o) {
   visit("reject-outliers", o.reject_outliers, "reject single corners that disagree with the solution");
+  visit("each-camera-noise", o.each_camera_noise, "estimate every camera's noise and weigh and reject by it; without, one noise for all");
   visit("reject-sigmas", o.reject_sigmas, "standard deviations (per coordinate) beyond which a corner is rejected");
 }
 
@@ -45,6 +54,7 @@ struct BundleReport {
   std::string message;          ///< one line when the status is not kOk
   double rms_px = 0;            ///< 2-D point RMS over the corners that were kept
   double sigma_px = 0;          ///< standard deviation per coordinate of a corner of weight 1, freed of the number of parameters
+  std::vector<double> camera_sigma_px;  ///< per camera: of a corner that was given weight 1; NaN without corners
   int num_corners = 0, num_rejected = 0, num_iterations = 0;
 };
 

@@ -5,13 +5,16 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <tuple>
 
 #include "calib/calibrate_steps.h"
+#include "calib/camera_motion.h"
 #include "calib/mrcal_engine.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
+#include "calib/view_clusters.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/median.h"
@@ -195,6 +198,7 @@ bool Keep(const BundleReport& solved, CalibrateReport* report) {
   report->rms_px = solved.rms_px;
   report->sigma_px = solved.sigma_px;
   report->num_corners = solved.num_corners;
+  for (size_t c = 0; c < solved.camera_sigma_px.size(); ++c) report->cameras[c].sigma_px = solved.camera_sigma_px[c];
   if (solved.status == Status::kOk) return true;
   Stop(solved.status, solved.message, report);
   return solved.status == Status::kNotConverged;
@@ -217,9 +221,30 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
   return Keep(internal::SolveWithTimeOffsets(work), report);
 }
 
-void AddCovariance(const Work& work, CalibrateReport* report) {
-  const RigCovariance covariance = ComputeCovariance(work.views, work.state, work.bundle, report->sigma_px);
-  if (covariance.status != Status::kOk) return Stop(covariance.status, covariance.message, report);
+/// Boards that were held still count for what they are worth.
+void DiscountHeldBoards(Work* work, CalibrateReport* report) {
+  const size_t cameras = work->state.cameras.size();
+  const std::vector<int> of_view = ClusterViews(work->views);
+  const std::vector<int> of_frame = ClusterFrames(work->views, of_view, work->state.frames.size());
+  const auto correlation = RepeatCorrelation(work->views, of_frame, BundleResiduals(work->views, work->state), cameras);
+  work->evidence = DiscountRepeats(work->views, of_frame, correlation);
+  std::vector<std::set<int>> places(cameras);
+  for (size_t v = 0; v < work->views.size(); ++v) {
+    if ((work->views[v].weights.array() > 0).any()) places[work->views[v].camera_idx].insert(of_view[v]);
+  }
+  for (size_t c = 0; c < cameras; ++c) {
+    report->cameras[c].num_places = static_cast<int>(places[c].size());
+    report->cameras[c].repeat_correlation = correlation[c];
+  }
+}
+
+/// `culprits` receives the cameras whose lenses the boards do not determine.
+void AddCovariance(const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
+  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px);
+  if (covariance.status != Status::kOk) {
+    *culprits = covariance.undetermined_lenses;
+    return Stop(covariance.status, covariance.message, report);
+  }
   report->rig.joint_covariance = JointCovariance(covariance, work.state);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras[c].params_covariance = covariance.params[c];
@@ -227,8 +252,10 @@ void AddCovariance(const Work& work, CalibrateReport* report) {
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
-      Stop(Status::kDegenerate,
-           "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted", report);
+      culprits->push_back(static_cast<int>(c));
+      const std::string& alone = work.alone_failed[c];
+      const std::string text = "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted";
+      Stop(Status::kDegenerate, alone.empty() ? text : alone, report);
     }
   }
 }
@@ -259,7 +286,7 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
     report->board_metrics = ComputeBoardMetrics(input.boards, {}, work.state);
   }
   if (report->status != Status::kOk) return;
-  const ProjectionUncertainty uncertainty(work.views, work.state, work.bundle, report->sigma_px);
+  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px);
   report->uncertainty = uncertainty.Summarize();
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
@@ -269,13 +296,12 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   }
 }
 
-/// Lenses alone: the pools' solution, one frame a view.
-void KeepLensesOnly(Work* work) {
+/// Lenses alone: one frame a view.
+void SeparateViews(Work* work) {
   RigState& state = work->state;
-  state.frames.clear(), state.world_from_board.clear();
+  state.frames.clear();
   for (size_t v = 0; v < work->views.size(); ++v) {
     state.frames.push_back(work->frames[work->views[v].frame]);
-    state.world_from_board.push_back(work->cam_from_board[v]);
     work->views[v].frame = static_cast<int>(v);
   }
   state.rig_from_board.assign(state.rig_from_board.size(), Rigid3());
@@ -291,32 +317,71 @@ std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& optio
   return "camera " + input.cameras[world.camera].name;
 }
 
+/// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras whose
+/// lenses may be the reason.
+void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
+             CalibrateReport* report, std::vector<int>* culprits) {
+  if (options.intrinsics_only) {
+    work->state.world_from_board = work->cam_from_board;
+  } else {
+    if (!PlaceCameras(input, world, work, report)) return;
+    if (world.is_board && !UseBoardWorld(world, work, report)) return;
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const bool adjusted = Adjust(input, options, run, work, report);
+  report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (!adjusted) {
+    *culprits = internal::MostDemanding(*work);
+    return;
+  }
+  internal::FillReport(input, *work, GaugeText(input, options, world, *work), report);
+  ReconsiderFrames(*work, report);
+  DiscountHeldBoards(work, report);
+  const bool converged = report->status == Status::kOk;
+  AddCovariance(*work, report, culprits);
+  if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
+  if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
+}
+
+/// Tries again with simpler lenses while the boards do not determine those chosen; `work` and `report` hold what the cameras by
+/// themselves say, and receive the solution or the first failure.
+void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
+              CalibrateReport* report) {
+  constexpr int kMaxAttempts = 30;
+  std::optional<CalibrateReport> first;
+  for (int i = 0; i < kMaxAttempts; ++i) {
+    Work trial = *work;
+    CalibrateReport result = *report;
+    std::vector<int> culprits;
+    Attempt(input, options, world, run, &trial, &result, &culprits);
+    const bool solved = result.status == Status::kOk;
+    if (!solved && !first) first = result;
+    if (!solved && internal::SimplifyLenses(input, options, culprits, result.message, work, report)) continue;
+    *report = solved ? result : *first;
+    *work = std::move(trial);
+    return;
+  }
+  *report = *first;
+}
+
 /// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution.
 std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                                  CalibrateReport* report) {
   const World world = internal::ParseWorld(options.world, input.cameras);
   Work work;
   MakeWork(input, options, &work);
-  ProgressStage stage(run, "calibrating", 4);
+  ProgressStage stage(run, "calibrating", 3);
   if (!internal::CalibrateLenses(input, options, run, &work, report)) return {};
   stage.Advance(1, "lenses");
   if (options.intrinsics_only) {
-    KeepLensesOnly(&work);
+    SeparateViews(&work);
   } else {
     if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
-    if (!PlaceCameras(input, world, &work, report)) return {};
-    if (world.is_board && !UseBoardWorld(world, &work, report)) return {};
   }
-  stage.Advance(1, "rig");
-  const auto start = std::chrono::steady_clock::now();
-  if (!Adjust(input, options, run, &work, report)) return {};
-  report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  SolveRig(input, options, world, run, &work, report);
   stage.Advance(1, "adjustment");
-  internal::FillReport(input, work, GaugeText(input, options, world, work), report);
-  ReconsiderFrames(work, report);
-  AddCovariance(work, report);
-  AddUncertainty(input, options, work, report);
+  if (report->status == Status::kOk || !report->rig.cameras.empty()) AddUncertainty(input, options, work, report);
   stage.Advance(1, "covariance");
   return {};
 }
@@ -335,6 +400,9 @@ CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& ord
   for (size_t i = 0; i < order.size(); ++i)
     sorted.cameras[i] = input.cameras[order[i]], position[order[i]] = static_cast<int>(i);
   for (Detection& d : sorted.detections) d.camera_idx = position[d.camera_idx];
+  for (std::vector<int>& group : sorted.same_lens) {
+    for (int& camera : group) camera = position[camera];
+  }
   std::stable_sort(sorted.detections.begin(), sorted.detections.end(), [](const Detection& a, const Detection& b) {
     return std::tie(a.camera_idx, a.frame_idx, a.board_idx) < std::tie(b.camera_idx, b.frame_idx, b.board_idx);
   });
@@ -356,14 +424,38 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   }
 }
 
+/// `--split-at NAME:FRAME`: the camera's later frames become those of another camera.
+void SplitCamera(const std::string& text, CalibrateInput* input) {
+  const auto colon = text.rfind(':');
+  const std::string name = text.substr(0, colon), frame = colon == std::string::npos ? "" : text.substr(colon + 1);
+  if (frame.empty() || frame.size() > 9 || frame.find_first_not_of("0123456789") != std::string::npos)
+    throw UsageError("--split-at " + text + ": expected CAMERA:FRAME");
+  const auto found = std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == name; });
+  if (found == input->cameras.end()) throw UsageError("--split-at " + text + ": there is no camera called '" + name + "'");
+  const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
+  CameraInput later = *found;
+  later.name += "@" + frame;
+  input->cameras.push_back(later);
+  input->same_lens.push_back({before, after});
+  for (Detection& d : input->detections) {
+    if (d.camera_idx == before && d.frame_idx >= std::stoll(frame)) d.camera_idx = after;
+  }
+}
+
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
+  const auto look_for_motions = [&](const CalibrateInput& in, CalibrateReport* solved) {
+    if (solved->status == Status::kOk && !options.intrinsics_only && in.cameras.size() > 1)
+      solved->motions = FindMotions(solved->rig, in);
+  };
+  if (shift.empty()) look_for_motions(input, &report);
   if (shift.empty()) return report;
   CalibrateInput shifted = input;
   for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
   RunPipeline(shifted, options, run, &again);
+  look_for_motions(shifted, &again);
   again.frame_shift = shift;
   if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;
@@ -371,7 +463,9 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
 
 }  // namespace
 
-CalibrateReport Calibrate(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
+CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
+  CalibrateInput input = given;
+  for (const std::string& text : options.split_at) SplitCamera(text, &input);
   CheckInput(input);
   if (options.engine != "mvstudio" && options.engine != "mrcal")
     throw UsageError("--engine " + options.engine + ": expected mvstudio or mrcal");

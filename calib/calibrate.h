@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +29,7 @@ struct CalibrateOptions {
   bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
   int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;        ///< at most so many views of a camera take part in it
+  std::vector<std::string> split_at;  ///< "NAME:FRAME": a camera that moved counts as two, the later one called NAME@FRAME, with one lens
   std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": kept as CalibrateInput::start has them
   std::string engine = "mvstudio";  ///< or "mrcal": the joint adjustment by libmrcal
   BundleOptions bundle;
@@ -45,6 +47,7 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
+  visit("split-at", o.split_at, "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same lens (repeatable)");
   visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");
   visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
   VisitFields(visit, o.bundle);
@@ -61,6 +64,7 @@ struct CalibrateInput {
   std::vector<Detection> detections;
   int num_corners_dropped = 0;  ///< corners that the detector found and dropped, for rejected_fraction
   std::vector<int64_t> held_out_frames;  ///< kept out of the solution besides those of CalibrateOptions::holdout
+  std::vector<std::vector<int>> same_lens;  ///< groups of cameras that are known to have one lens
   std::optional<geometry::Rig> start;  ///< a calibration to start from; its cameras keep their lens models
 };
 
@@ -78,10 +82,18 @@ struct CameraReport {
   std::string name;
   geometry::LensModel model = geometry::LensModel::kPinhole;
   std::string model_reason;
+  std::string given_up;  ///< lenses that the boards did not determine, for which simpler ones, and why; empty: none
+  bool assumes = false;  ///< the principal point, or the focal length too, is assumed (LensStep)
   int num_params = 0, num_views = 0, num_corners = 0, num_rejected = 0;
+  int num_places = 0;     ///< clusters of views: boards held still count once
+  int num_lost_views = 0; ///< boards all of whose corners were rejected
+  double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
+  double repeat_correlation = 0;  ///< of a corner's errors in pictures of a board that did not move: 0 to 1
   double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy
   double rms_px = 0;
+  double alone_rms_px = 0;                           ///< calibrated by itself
   double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
+  double rig_holdout_gross_fraction = 0;             ///< its share of CalibrateReport's; NaN without
   double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
   std::string shares_lens_with;                      ///< names, separated by ", "
   double time_offset_frames = 0;
@@ -98,9 +110,20 @@ struct SelectionRow {
   bool chosen = false;
 };
 
+/// A camera that did not stay where it was while the boards were filmed (FindMotions).
+struct CameraMotion {
+  std::vector<std::string> cameras;  ///< the one that moved; several when it cannot be told which of them
+  int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board
+  int64_t last_before = 0;           ///< the last such frame before it
+  double rotation_rad = 0, rotation_sigma_rad = 0;
+  double translation_m = 0;  ///< of cam_from_world
+  double shift_px = 0;       ///< rms shift of the camera's corners by the motion
+  double significance = 0;   ///< of the change, in standard deviations over the root of its 6 numbers
+};
+
 struct Verdict {
   struct Reason {
-    std::string code;  ///< stable: CAL-HOLDOUT, CAL-REJECTED, CAL-FOCAL, CAL-FEWVIEWS, CAL-LOWCOV, CAL-FOLD, CAL-UNSOLVED
+    std::string code;  ///< stable, docs/reliability.md lists them all
     std::string text;  ///< one line: camera, figure, limit
     std::string hint;  ///< what to do
   };
@@ -126,8 +149,11 @@ struct CalibrateReport {
   std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it counts as flat
   std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it counts as square
   std::vector<geometry::Rigid3> rig_from_board;
+  double board_size_m = 0;                    ///< diagonal of the first board's corners
   BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
-  double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without
+  double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without; rms within 5 px
+  double rig_holdout_gross_fraction = 0;  ///< of their corners, beyond 5 px or of boards that could not be placed; NaN without
+  std::vector<CameraMotion> motions;
   UncertaintySummary uncertainty;
   std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;

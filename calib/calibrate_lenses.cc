@@ -22,6 +22,7 @@ struct Kind {
   LensPool pool;
   LensChoice choice;
   bool forced_sharing = false;
+  bool assumed = false;  ///< one camera whose lens the boards do not determine by themselves
 };
 
 std::vector<std::string> SplitNames(const std::string& text, char separator) {
@@ -67,19 +68,26 @@ bool SameKind(const geometry::Camera& a, const geometry::Camera& b) {
 std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<bool>& fixed,
                             const Work& work) {
   const bool automatic = options.share_intrinsics == "auto", none = options.share_intrinsics == "none";
-  const std::vector<int> groups = automatic || none || options.share_intrinsics == "all"
-                                      ? std::vector<int>(work.monos.size(), automatic || none ? -1 : 0)
-                                      : ParseGroups(options.share_intrinsics, input.cameras);
+  std::vector<int> groups = automatic || none || options.share_intrinsics == "all"
+                                ? std::vector<int>(work.monos.size(), automatic || none ? -1 : 0)
+                                : ParseGroups(options.share_intrinsics, input.cameras);
+  int next_group = static_cast<int>(input.cameras.size());
+  for (const std::vector<int>& known : input.same_lens) {
+    for (int camera : known) groups[camera] = groups[camera] < 0 ? next_group : groups[camera];
+    ++next_group;
+  }
   std::vector<Kind> kinds;
   std::vector<bool> done(work.monos.size(), false);
   for (size_t a = 0; a < work.monos.size(); ++a) {
     if (done[a]) continue;
     Kind kind;
     kind.forced_sharing = groups[a] >= 0;
+    kind.assumed = !kind.forced_sharing && work.lens_step[a].assume_centre;
     const geometry::Camera& first = work.monos[a].state.cameras[0];
     for (size_t b = a; b < work.monos.size(); ++b) {
       const geometry::Camera& other = work.monos[b].state.cameras[0];
       if (done[b] || fixed[a] != fixed[b] || groups[a] != groups[b]) continue;
+      if (a != b && !kind.forced_sharing && (kind.assumed || work.lens_step[b].assume_centre)) continue;
       if (kind.forced_sharing && !SameSize(first, other))
         throw UsageError("--share-intrinsics: cameras " + first.name + " and " + other.name + " have images of different sizes");
       if (!kind.forced_sharing && !SameKind(first, other)) continue;
@@ -118,9 +126,29 @@ MonoSolution SolveMono(const CalibrateInput& input, const CalibrateOptions& opti
   return CalibrateMono(WithModel(start, keep ? *model : LensModel::kBrown4), views, bundle, keep);
 }
 
+bool Solved(Status status) { return status == Status::kOk || status == Status::kNotConverged; }
+
+/// A camera that has no solution by itself gets one under the first simpler lens, or assumption, that gives one: what the other
+/// cameras know of the boards may do the rest.
+bool StartSimpler(const CalibrateInput& input, const CalibrateOptions& options, int camera, Work* work) {
+  if (!MaySimplify(input, options, *work, camera) || work->view_ids[camera].empty()) return false;
+  std::vector<View> views;
+  for (int v : work->view_ids[camera]) views.push_back(work->views[v]);
+  for (auto step = NextSimpler({LensModel::kBrown4, {}, false, false}); step; step = NextSimpler(*step)) {
+    MonoSolution mono = SolveUnder(input.cameras[camera], *step, views, options.bundle);
+    if (!Solved(mono.status)) continue;
+    work->monos[camera] = std::move(mono);
+    work->lens_step[camera] = *step;
+    return true;
+  }
+  return false;
+}
+
 bool SolveMonos(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<bool>& fixed,
                 const RunContext& run, Work* work, CalibrateReport* report) {
   work->monos.resize(input.cameras.size());
+  work->lens_step.resize(input.cameras.size());
+  work->alone_failed.resize(input.cameras.size());
   work->view_ids.assign(input.cameras.size(), {});
   for (size_t v = 0; v < work->views.size(); ++v) work->view_ids[work->views[v].camera_idx].push_back(static_cast<int>(v));
   ParallelFor(static_cast<int64_t>(input.cameras.size()), run.num_threads, [&](int64_t c) {
@@ -128,10 +156,15 @@ bool SolveMonos(const CalibrateInput& input, const CalibrateOptions& options, co
     for (int v : work->view_ids[c]) views.push_back(work->views[v]);
     work->monos[c] = SolveMono(input, options, input.cameras[c], views, fixed[c]);
   });
-  for (const MonoSolution& mono : work->monos) {
-    if (mono.status == Status::kOk || mono.status == Status::kNotConverged) continue;
-    Stop(mono.status, mono.message, report);
-    return false;
+  for (size_t c = 0; c < work->monos.size(); ++c) {
+    if (Solved(work->monos[c].status)) continue;
+    const std::string why = work->monos[c].message;
+    const Status status = work->monos[c].status;
+    if (!StartSimpler(input, options, static_cast<int>(c), work)) {
+      Stop(status, why, report);
+      return false;
+    }
+    work->alone_failed[c] = why;
   }
   return true;
 }
@@ -176,6 +209,21 @@ void ReportKind(const Kind& kind, CalibrateReport* report) {
   }
 }
 
+/// What the boards are allowed to be besides flat and square.
+struct BoardShape {
+  bool bent = false, stretched = false;
+  bool plain() const { return !bent && !stretched; }
+};
+
+/// A camera whose lens is partly assumed: that lens, adjusted to its boards.
+void FitAssumed(const Work& work, const BoardShape& shape, BundleOptions bundle, Kind* kind) {
+  const int camera = kind->cameras[0];
+  const LensStep& step = work.lens_step[camera];
+  bundle.lens_prior = {PriorOf(step, kind->pool.state.cameras[0], SigmaOf(work.monos[camera]))};
+  kind->pool = FitPool(kind->pool, {step.model, step.spline, false, shape.bent, shape.stretched}, bundle);
+  kind->choice.reason = ToString(step, kind->pool.state.cameras[0]);
+}
+
 /// What is worth another look with bent boards.
 std::vector<LensConfig> Promising(const LensChoice& choice) {
   constexpr double kWorthwhile = 1.3;
@@ -188,14 +236,23 @@ std::vector<LensConfig> Promising(const LensChoice& choice) {
   return configs;
 }
 
-/// What the boards are allowed to be besides flat and square.
-struct BoardShape {
-  bool bent = false, stretched = false;
-  bool plain() const { return !bent && !stretched; }
-};
+/// The first simpler lens that has a solution, where the one chosen has none.
+void FitSimpler(const BundleOptions& bundle, Kind* kind) {
+  const LensPool start = kind->pool;
+  for (auto step = NextSimpler({start.config.model, start.config.spline, false, false}); step && !Solved(kind->pool.status);
+       step = NextSimpler(*step)) {
+    if (step->assume_centre) return;
+    LensConfig config = start.config;
+    config.model = step->model, config.spline = step->spline;
+    kind->pool = FitPool(start, config, bundle);
+    kind->choice.reason = ToString(config) + ": richer lenses have no solution";
+  }
+}
 
-void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, bool fixed, const BoardShape& shape,
+void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, const BoardShape& shape,
                const RunContext& run, Kind* kind) {
+  const bool fixed = work.bundle.fix_lens[kind->cameras[0]];
+  if (kind->assumed) return FitAssumed(work, shape, options.bundle, kind);
   SelectionOptions selection = SelectionFor(input, options, *kind, fixed);
   selection.warp = shape.bent, selection.stretch = shape.stretched;
   if (!shape.plain()) selection.only = Promising(kind->choice);
@@ -211,6 +268,7 @@ void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, boo
   config.shared = kind->forced_sharing && kind->cameras.size() > 1;
   config.warp = shape.bent, config.stretch = shape.stretched;
   kind->pool = FitPool(kind->pool, config, bundle);
+  if (!Solved(kind->pool.status) && MaySimplify(input, options, work, kind->cameras[0])) FitSimpler(bundle, kind);
 }
 
 /// One question about the boards by its option: auto, on or off.
@@ -245,6 +303,15 @@ BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, s
   return shape;
 }
 
+/// The camera's assumptions go into the joint adjustment and the report.
+void AssumeFor(int camera, Work* work, CalibrateReport* report) {
+  const geometry::Camera& lens = work->state.cameras[camera];
+  work->bundle.lens_prior.resize(work->monos.size());
+  work->bundle.lens_prior[camera] = PriorOf(work->lens_step[camera], lens, SigmaOf(work->monos[camera]));
+  report->cameras[camera].given_up = ToString(work->lens_step[camera], lens) + ", since by itself " + work->alone_failed[camera];
+  report->cameras[camera].assumes = true;
+}
+
 void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report) {
   const size_t cameras = work->monos.size();
   work->state.cameras.resize(cameras);
@@ -256,6 +323,8 @@ void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report)
     for (size_t k = 0; k < kind.cameras.size(); ++k) {
       const int c = kind.cameras[k];
       work->state.cameras[c] = kind.pool.state.cameras[k];
+      if (!kind.assumed) work->lens_step[c] = {kind.pool.config.model, kind.pool.config.spline, false, false};
+      if (kind.assumed) AssumeFor(c, work, report);
       if (!kind.pool.config.shared) continue;
       work->state.lens_group[c] = kind.cameras[0];
       for (size_t other = 0; other < kind.cameras.size(); ++other) {
@@ -304,16 +373,16 @@ bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& option
     if (fixed[c] && !Given(input, input.cameras[c].name))
       throw UsageError("--fix lenses: camera " + input.cameras[c].name + " is not in the given calibration");
   }
+  work->bundle = options.bundle;
+  work->bundle.fix_lens = fixed;
   if (!SolveMonos(input, options, fixed, run, work, report)) return false;
   report->cameras.resize(input.cameras.size());
   std::vector<Kind> kinds = FindKinds(input, options, fixed, *work);
-  work->bundle = options.bundle;
-  work->bundle.fix_lens = fixed;
   BoardShape shape;
   for (int round = 0; round < 2; ++round) {
     for (Kind& kind : kinds) {
       if (round == 0) kind.pool = MakePool(work->monos, kind.cameras, static_cast<int>(input.boards.size()));
-      JudgeKind(input, options, fixed[kind.cameras[0]], shape, run, &kind);
+      JudgeKind(input, options, *work, shape, run, &kind);
       if (kind.pool.status == Status::kOk || kind.pool.status == Status::kNotConverged) continue;
       Stop(kind.pool.status, "camera " + kind.pool.state.cameras[0].name + ": " + kind.pool.message, report);
       return false;

@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
+bool Solved(const MonoSolution& mono) { return mono.status == Status::kOk || mono.status == Status::kNotConverged; }
+
 double Coverage(const std::vector<View>& views, int camera_idx, const CameraInput& camera) {
   constexpr int kCols = 10, kRows = 8;
   std::set<int> cells;
@@ -47,6 +49,7 @@ void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateRep
     CameraReport& camera = report->cameras[view.camera_idx];
     const bool used = (view.weights.array() > 0).any();
     camera.num_views += used;
+    camera.num_lost_views += !used;
     if (used) frames.insert(view.frame);
     for (Eigen::Index i = 0; i < view.size(); ++i) {
       const bool rejected = view.weights[i] <= 0;
@@ -74,6 +77,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     const geometry::Camera& lens = work.state.cameras[c];
     const geometry::Projector projector(lens);
     camera.name = lens.name;
+    camera.alone_rms_px = Solved(work.monos[c]) ? work.monos[c].bundle.rms_px : kNan;
     camera.model = lens.model;
     camera.num_params = static_cast<int>(lens.params.size());
     camera.focal_px = (lens.fx() + lens.fy()) / 2;
@@ -105,23 +109,31 @@ void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report
 }
 
 void ReportHeldOut(const Work& work, CalibrateReport* report) {
-  report->rig_holdout_rms_px = report->rig_holdout_median_px = kNan;
+  report->rig_holdout_rms_px = report->rig_holdout_median_px = report->rig_holdout_gross_fraction = kNan;
+  for (CameraReport& camera : report->cameras) camera.rig_holdout_gross_fraction = kNan;
   if (work.held_out.empty()) return;
-  std::vector<double> errors = RigErrors(work.held_out, work.state);
+  const std::vector<RigError> errors = RigErrors(work.held_out, work.state);
   if (errors.empty()) return;
-  double sum = 0;
-  int good = 0;
-  for (double e : errors) {
-    if (e <= kGrossPx) sum += e * e, ++good;
+  std::vector<double> all, gross(report->cameras.size(), 0), count(report->cameras.size(), 0);
+  double sum = 0, good = 0;
+  for (const RigError& e : errors) {
+    all.push_back(e.px);
+    count[e.camera_idx] += 1;
+    if (e.px <= kGrossPx) sum += e.px * e.px, good += 1;
+    if (!(e.px <= kGrossPx)) gross[e.camera_idx] += 1;
   }
-  report->rig_holdout_rms_px = good ? std::sqrt(sum / good) : kNan;
-  report->rig_holdout_median_px = UpperMedian(errors);
+  for (size_t c = 0; c < count.size(); ++c) report->cameras[c].rig_holdout_gross_fraction = count[c] > 0 ? gross[c] / count[c] : kNan;
+  report->rig_holdout_rms_px = good > 0 ? std::sqrt(sum / good) : kNan;
+  report->rig_holdout_gross_fraction = 1 - good / static_cast<double>(errors.size());
+  report->rig_holdout_median_px = UpperMedian(all);
 }
 
 }  // namespace
 
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
   FillRig(work, gauge, report);
+  const Eigen::Matrix3Xd corners = CornersInBoard(input.boards[0]);
+  report->board_size_m = (corners.rowwise().maxCoeff() - corners.rowwise().minCoeff()).norm();
   ReportResiduals(input, work, report);
   ReportCameras(input, work, report);
   ReportHeldOut(work, report);

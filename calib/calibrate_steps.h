@@ -9,6 +9,7 @@
 #include "calib/intrinsics.h"
 #include "calib/lens_pool.h"
 #include "calib/model_selection.h"
+#include "calib/simpler_lens.h"
 
 /// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
 namespace mvstudio::calib::internal {
@@ -30,7 +31,10 @@ struct Work {
   std::vector<Eigen::VectorXd> prior;     // per view: weights before anything was rejected
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
+  std::vector<LensStep> lens_step;        // per camera
+  std::vector<std::string> alone_failed;  // per camera: why it has no solution by itself without assumptions; empty: it has
   BundleOptions bundle;                   // of the last adjustment
+  std::vector<View> evidence;             // views as the covariance counts them: repeats discounted
   FrameOffsets offsets;                   // as the cameras by themselves say
   std::vector<int64_t> shift;             // per camera: what its frame numbers lack; the run has to start again with them
 };
@@ -47,6 +51,23 @@ std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::strin
 bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
                      CalibrateReport* report);
 
+/// A camera by itself under a lens, from no guess.
+MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views, const BundleOptions& options);
+
+/// Standard deviation of a corner of weight 1 in a camera by itself; a usual one where it has no solution.
+double SigmaOf(const MonoSolution& mono);
+
+/// Is the camera's lens ours to choose?
+bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, int camera);
+
+/// The lenses of `cameras` (and of those that share them) go to the next simpler one that has a solution; `why` is kept in the
+/// report. False when none of them has any.
+bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<int>& cameras,
+                    const std::string& why, Work* work, CalibrateReport* report);
+
+/// Cameras whose lenses have most numbers.
+std::vector<int> MostDemanding(const Work& work);
+
 /// Are the cameras' offsets in time to be estimated? `--time-offset`; with auto by the residuals, then by held-out frames, from a
 /// solution without them whose standard deviation per coordinate is `sigma_px`.
 bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
@@ -54,9 +75,15 @@ bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double si
 /// The adjustment with time offsets, from the solution without them; corners that it rejected have their say again.
 BundleReport SolveWithTimeOffsets(Work* work);
 
+/// A corner of a held-out frame.
+struct RigError {
+  int camera_idx = 0;
+  double px = 0;  // infinite where the board could not be placed
+};
+
 /// Reprojection errors of held-out frames: the pose of every board from half of the corners of all cameras, the error on the
 /// others. `views` are those frames' views, lenses and cameras are those of `state`.
-std::vector<double> RigErrors(const std::vector<View>& views, const RigState& state);
+std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& state);
 
 /// Everything that is counted from the solution.
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report);

@@ -296,7 +296,7 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   const auto evidence = FocalEvidence(solution);
   if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {
     // Tilted boards that say little alone may say enough together with the other cameras.
-    if (evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg)
+    if (options.lens_prior.empty() && evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg)
       return Undetermined(camera.name, views.size());
   }
   return solution;

@@ -4,8 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/held_out_view.h"
 #include "calib/homography.h"
-#include "calib/resection.h"
+#include "calib/view_clusters.h"
 #include "core/median.h"
 
 namespace mvstudio::calib {
@@ -15,7 +16,7 @@ using geometry::Camera;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr int kMinCorners = 8;
+constexpr int kMinCorners = 4;
 
 Status SolvePool(const BundleOptions& options, LensPool* pool) {
   BundleOptions bundle = options;
@@ -30,49 +31,44 @@ Status SolvePool(const BundleOptions& options, LensPool* pool) {
   return pool->status;
 }
 
-/// Views of a camera that take part in the held-out error, evenly spread.
+/// Views of a camera that take part in the held-out error, evenly spread over its clusters.
 std::vector<int> Spread(const LensPool& pool, int camera_idx, int max_views) {
   std::vector<int> usable, spread;
   for (size_t v = 0; v < pool.views.size(); ++v) {
     if (pool.views[v].camera_idx == camera_idx && (pool.prior[v].array() > 0).count() >= kMinCorners)
       usable.push_back(static_cast<int>(v));
   }
+  std::stable_sort(usable.begin(), usable.end(), [&](int a, int b) { return pool.cluster[a] < pool.cluster[b]; });
   const size_t count = std::min(usable.size(), static_cast<size_t>(max_views));
   for (size_t i = 0; i < count; ++i) spread.push_back(usable[i * usable.size() / count]);
   return spread;
 }
 
-/// Pose from the corners with a weight, of which some may be wrong: those far off the first pose are left out.
-Resection RobustResect(const Camera& camera, View view, const Eigen::Matrix3Xd& corners) {
-  view.x_in_board = corners;
-  const Eigen::VectorXd prior = view.weights;
-  Resection pose = ResectPlane(camera, view);
-  for (int round = 0; round < 3 && pose.status == Status::kOk; ++round) {
-    const auto residuals = ResidualsOf(view, camera, pose.cam_from_board);
-    if (!residuals) break;
-    const Eigen::ArrayXd distances = residuals->colwise().norm().transpose().array() * prior.array().sqrt();
-    const double limit = std::max(1e-6, 4 * Median(distances));
-    view.weights = (distances <= limit).select(prior.array(), 0.0);
-    if ((view.weights.array() > 0).count() < 4) break;
-    const Resection next = RefinePose(camera, view, pose.cam_from_board);
-    if (next.status != Status::kOk) break;
-    pose = next;
-  }
-  return pose;
-}
+constexpr int kLeftOut = -1, kAlwaysTrained = -2;
+constexpr int kMinClusters = 3;  // of a camera whose boards are held out
 
-/// Appends the errors of one half of a held-out view, with the pose from the other half.
-void ScoreHalf(const Camera& camera, const View& view, const RigState& state, int pose_half, std::vector<double>* errors) {
-  const View from = HalfOf(view, pose_half), scored = HalfOf(view, 1 - pose_half);
-  const Resection pose = RobustResect(camera, from, BentCorners(from, state));
-  View any = scored;
-  any.weights.setZero();
-  const Eigen::Matrix3Xd corners = BentCorners(scored, state);
-  const bool ok = pose.status == Status::kOk || pose.status == Status::kNotConverged;
-  const Eigen::Matrix2Xd residuals = *ResidualsOf(any, camera, pose.cam_from_board, &corners);
-  for (Eigen::Index i = 0; i < scored.size(); ++i) {
-    if (scored.weights[i] > 0) errors->push_back(ok ? residuals.col(i).norm() : kInfinity);
+/// Fold of every view; the views of a cluster are held out together, cameras with too few clusters are trained on in every fold.
+/// Returns the number of folds, 0 when no camera has enough.
+int AssignFolds(const LensPool& fit, int num_folds, int max_views, std::vector<int>* fold_of) {
+  fold_of->assign(fit.views.size(), kLeftOut);
+  int fewest = std::numeric_limits<int>::max();
+  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
+    const std::vector<int> spread = Spread(fit, static_cast<int>(c), max_views);
+    int rank = -1, last = -1;
+    for (int v : spread) {
+      rank += fit.cluster[v] != last;
+      last = fit.cluster[v];
+      (*fold_of)[v] = rank;
+    }
+    if (rank + 1 >= kMinClusters) fewest = std::min(fewest, rank + 1);
+    for (int v : spread) {
+      if (rank + 1 < kMinClusters) (*fold_of)[v] = kAlwaysTrained;
+    }
   }
+  if (fewest == std::numeric_limits<int>::max()) return 0;
+  const int folds = std::min(num_folds, fewest);
+  for (int& fold : *fold_of) fold = fold < 0 ? fold : fold % folds;
+  return folds;
 }
 
 }  // namespace
@@ -110,6 +106,7 @@ LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>
     }
   }
   pool.config.model = pool.state.cameras[0].model;
+  pool.cluster = ClusterViews(pool.views);
   return pool;
 }
 
@@ -140,16 +137,9 @@ LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOp
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options) {
   PoolHoldout result;
   result.view_errors_px.resize(fit.views.size());
-  std::vector<int> fold_of(fit.views.size(), -1);
-  int fewest = std::numeric_limits<int>::max();
-  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
-    const std::vector<int> spread = Spread(fit, static_cast<int>(c), max_views);
-    fewest = std::min(fewest, static_cast<int>(spread.size()));
-    for (size_t i = 0; i < spread.size(); ++i) fold_of[spread[i]] = static_cast<int>(i);
-  }
-  const int folds = std::min(num_folds, fewest);
-  for (int& fold : fold_of) fold = fold < 0 ? -1 : fold % std::max(1, folds);
-  if (fewest < 3) {
+  std::vector<int> fold_of;
+  const int folds = AssignFolds(fit, num_folds, max_views, &fold_of);
+  if (folds == 0) {
     result.status = Status::kTooFewViews;
     return result;
   }
@@ -160,7 +150,7 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
   for (int fold = 0; fold < folds; ++fold) {
     LensPool train = fit;
     for (size_t v = 0; v < train.views.size(); ++v) {
-      if (fold_of[v] == fold || fold_of[v] < 0) train.views[v].weights.setZero();
+      if (fold_of[v] == fold || fold_of[v] == kLeftOut) train.views[v].weights.setZero();
     }
     const Status status = SolvePool(bundle, &train);
     for (size_t v = 0; v < fit.views.size(); ++v) {
@@ -171,8 +161,8 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
         result.view_errors_px[v].assign((view.weights.array() > 0).count(), kInfinity);
         continue;
       }
-      for (int half = 0; half < 2; ++half)
-        ScoreHalf(train.state.cameras[view.camera_idx], view, train.state, half, &result.view_errors_px[v]);
+      AppendHeldOutErrors(train.state.cameras[view.camera_idx], view, train.state, fit.state.world_from_board[v],
+                          &result.view_errors_px[v]);
     }
   }
   return result;

@@ -32,6 +32,7 @@ struct LensPool {
   RigState state;                      ///< cameras at the origin; one frame a view
   std::vector<View> views;             ///< View::frame is the position in this list
   std::vector<Eigen::VectorXd> prior;  ///< weights before anything was rejected
+  std::vector<int> cluster;            ///< per view, as from ClusterViews: those of one cluster are one piece of evidence
   BundleReport bundle;
 };
 
@@ -44,13 +45,12 @@ LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOp
 
 /// Errors on boards that took no part in the estimation.
 struct PoolHoldout {
-  Status status = Status::kOk;                      ///< kTooFewViews below 3 views
-  std::vector<std::vector<double>> view_errors_px;  ///< per view of the pool, of every corner; infinite where it has no pose
+  Status status = Status::kOk;                      ///< kTooFewViews when no camera has 3 clusters of views
+  std::vector<std::vector<double>> view_errors_px;  ///< per view of the pool, of the corners that say something about the lens
 };
 
-/// K-fold over the views: lenses from the other folds, the pose of a held-out board from every second corner (robustly), the
-/// error on the other half, then with the halves swapped. All corners count, those that a solution rejected too. At most
-/// `max_views` views of a camera, evenly spread, take part; the others have no errors.
+/// K-fold over the clusters of views: lenses from the other folds, errors as from AppendHeldOutErrors. All corners count, those
+/// that a solution rejected too. At most `max_views` views of a camera, evenly spread, take part; the others have no errors.
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
 
 inline constexpr double kGrossPx = 5;  ///< held-out corners beyond this are gross errors

@@ -6,18 +6,16 @@
 #include <cstdio>
 #include <limits>
 
+#include "calib/camera_noise.h"
+#include "calib/lens_configs.h"
 #include "calib/uncertainty.h"
+#include "calib/view_clusters.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
 namespace {
 
-using geometry::LensModel;
-
-constexpr int kMinViews = 6, kMinViewsOfCamera = 3;
-constexpr double kWideRad = 0.70;                  // corners farther from the axis than this make fisheye models worth a try
-constexpr double kVeryWideRad = 1.55;              // beyond this, perspective models are not
-constexpr int kMinSplineCorners = 5000;            // of one camera
+constexpr int kMinClusters = 6, kMinClustersOfCamera = 3;
 constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
 constexpr double kCapOfMedian = 6;                 // errors count as at most so many medians of the best candidate
 
@@ -50,8 +48,19 @@ std::vector<double> BestMedians(const std::vector<LensCandidate>& candidates, in
   return best;
 }
 
-/// Mean squares of all views in units of each camera's best median, capped; NaN where a view takes no part.
-std::vector<double> ViewScores(const LensCandidate& candidate, const std::vector<double>& best) {
+/// Means over clusters of views, NaN left out.
+std::vector<double> ClusterMeans(const std::vector<double>& of_view, const std::vector<int>& cluster) {
+  const size_t clusters = cluster.empty() ? 0 : static_cast<size_t>(*std::max_element(cluster.begin(), cluster.end())) + 1;
+  std::vector<double> sum(clusters, 0), count(clusters, 0);
+  for (size_t v = 0; v < of_view.size(); ++v) {
+    if (!std::isnan(of_view[v])) sum[cluster[v]] += of_view[v], count[cluster[v]] += 1;
+  }
+  for (size_t i = 0; i < clusters; ++i) sum[i] /= count[i];
+  return sum;
+}
+
+/// Mean squares of all clusters of views in units of each camera's best median, capped; NaN where one takes no part.
+std::vector<double> Scores(const LensCandidate& candidate, const std::vector<double>& best) {
   std::vector<double> scores;
   for (size_t v = 0; v < candidate.fit.views.size(); ++v) {
     const auto& errors = candidate.holdout.view_errors_px[v];
@@ -62,7 +71,7 @@ std::vector<double> ViewScores(const LensCandidate& candidate, const std::vector
     }
     scores.push_back(errors.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(errors.size()));
   }
-  return scores;
+  return ClusterMeans(scores, candidate.fit.cluster);
 }
 
 double MeanScore(const std::vector<double>& scores) {
@@ -86,20 +95,32 @@ std::string Explain(const LensCandidate& chosen, const LensCandidate& best) {
   return text;
 }
 
+/// The first candidate within one standard error of the best, of those whose lenses fold least inside the image.
+int SimplestWithin(const std::vector<LensCandidate>& candidates) {
+  constexpr double kSlack = 0.02;
+  std::vector<double> folded(candidates.size(), std::numeric_limits<double>::infinity());
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (!candidates[i].within_one_se) continue;
+    folded[i] = 0;
+    for (const geometry::Camera& camera : candidates[i].fit.state.cameras) folded[i] = std::max(folded[i], FoldedShare(camera));
+  }
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (folded[i] <= *std::min_element(folded.begin(), folded.end()) + kSlack && candidates[i].within_one_se) return static_cast<int>(i);
+  }
+  return -1;
+}
+
 /// Fills the candidates' scores; returns the index of the simplest within one standard error of the best, or -1.
 int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* reason) {
   const std::vector<double> best_medians = BestMedians(*candidates, num_cameras);
-  for (double median : best_medians) {
-    if (!std::isfinite(median)) return -1;
-  }
+  if (std::none_of(best_medians.begin(), best_medians.end(), [](double median) { return std::isfinite(median); })) return -1;
   std::vector<std::vector<double>> scores;
   for (LensCandidate& candidate : *candidates) {
-    scores.push_back(ViewScores(candidate, best_medians));
+    scores.push_back(Scores(candidate, best_medians));
     candidate.relative_error = std::sqrt(MeanScore(scores.back()));
   }
   const auto best = std::min_element(candidates->begin(), candidates->end(),
                                      [](const auto& a, const auto& b) { return a.relative_error < b.relative_error; });
-  int chosen = -1;
   for (size_t i = 0; i < candidates->size(); ++i) {
     const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
     LensCandidate& candidate = (*candidates)[i];
@@ -107,66 +128,10 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
     const bool negligible = candidate.relative_error <= (1 + kNegligibleGain) * best->relative_error &&
                             difference.mean <= kBeyondDoubt * difference.standard_error;
     candidate.within_one_se = difference.mean <= difference.standard_error || negligible;
-    if (chosen < 0 && candidate.within_one_se) chosen = static_cast<int>(i);
   }
+  const int chosen = SimplestWithin(*candidates);
   if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
   return chosen;
-}
-
-int LargestNumCorners(const LensPool& pool) {
-  std::vector<int> corners(pool.state.cameras.size(), 0);
-  for (const View& view : pool.views) corners[view.camera_idx] += static_cast<int>((view.weights.array() > 0).count());
-  return *std::max_element(corners.begin(), corners.end());
-}
-
-double LargestAngleOf(const LensPool& pool) {
-  double angle = 0;
-  for (size_t c = 0; c < pool.state.cameras.size(); ++c) {
-    std::vector<View> of_camera;
-    for (const View& view : pool.views) {
-      if (view.camera_idx == static_cast<int>(c)) of_camera.push_back(view);
-    }
-    angle = std::max(angle, LargestAngle(pool.state.cameras[c], of_camera));
-  }
-  return angle;
-}
-
-/// Models worth comparing for the field of view and the number of corners.
-std::vector<LensConfig> Models(const LensPool& pool) {
-  const double angle = LargestAngleOf(pool);
-  std::vector<LensConfig> models;
-  const auto add = [&](std::initializer_list<LensModel> list) {
-    for (LensModel model : list) models.push_back({model, {}, false, false});
-  };
-  if (angle < kVeryWideRad) {
-    add({LensModel::kPinhole, LensModel::kBrown1, LensModel::kBrown2, LensModel::kBrown4, LensModel::kBrown5,
-         LensModel::kRational8, LensModel::kThinPrism12});
-  }
-  if (angle > kWideRad) {
-    add({LensModel::kUcm, LensModel::kEucm, LensModel::kDoubleSphere, LensModel::kUcmP, LensModel::kKannalaBrandt4,
-         LensModel::kEucmP, LensModel::kDoubleSphereP, LensModel::kKannalaBrandt4P});
-  }
-  if (angle > kWideRad && LargestNumCorners(pool) >= kMinSplineCorners) {
-    for (const LensConfig& config : SplinedConfigs(pool)) models.push_back(config);
-  }
-  return models;
-}
-
-std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options) {
-  const int cameras = static_cast<int>(pool.state.cameras.size());
-  std::vector<LensConfig> configs = options.only;
-  for (LensConfig& config : configs) config.warp = options.warp, config.stretch = options.stretch;
-  if (!configs.empty()) return configs;
-  for (LensConfig config : options.models.empty() ? Models(pool) : options.models) {
-    config.warp = options.warp, config.stretch = options.stretch;
-    if (options.separate || cameras == 1) configs.push_back(config);
-    config.shared = true;
-    if (options.sharing && cameras > 1) configs.push_back(config);
-  }
-  std::stable_sort(configs.begin(), configs.end(), [&](const LensConfig& a, const LensConfig& b) {
-    return NumLensParams(a, cameras) < NumLensParams(b, cameras);
-  });
-  return configs;
 }
 
 LensCandidate Try(const LensPool& pool, const LensConfig& config, const SelectionOptions& options,
@@ -182,12 +147,6 @@ LensCandidate Try(const LensPool& pool, const LensConfig& config, const Selectio
   const int folds = LargestNumCorners(pool) > kManyCorners ? std::min(options.folds, kFewFolds) : options.folds;
   candidate.holdout = HoldoutErrors(candidate.fit, folds, options.max_views, bundle);
   return candidate;
-}
-
-bool EnoughViews(const LensPool& pool) {
-  std::vector<int> views(pool.state.cameras.size(), 0);
-  for (const View& view : pool.views) ++views[view.camera_idx];
-  return static_cast<int>(pool.views.size()) >= kMinViews && *std::min_element(views.begin(), views.end()) >= kMinViewsOfCamera;
 }
 
 /// How far the lenses of a separate fit are apart, in chi-square over degrees of freedom: 1 for cameras with one lens. NaN when
@@ -238,27 +197,65 @@ void DropFailed(std::vector<LensCandidate>* candidates) {
                     candidates->end());
 }
 
-}  // namespace
-
-std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
-  constexpr double kMargin = 1.05;
-  const geometry::Camera& camera = pool.state.cameras[0];
-  const double aspect = static_cast<double>(camera.height_px) / camera.width_px;
-  const int field_deg = std::clamp(static_cast<int>(std::ceil(2 * kMargin * LargestAngleOf(pool) * 180 / M_PI)), 30, 300);
-  std::vector<LensConfig> configs;
-  for (int cols : {8, 11, 16}) {
-    const int rows = std::max(5, static_cast<int>(std::lround(cols * aspect)));
-    configs.push_back({LensModel::kSplined, {3, cols, rows, field_deg}, false, false});
-  }
-  return configs;
+/// Enough boards in different places for errors on boards that took no part.
+bool EnoughClusters(const LensPool& pool) {
+  const std::vector<int> clusters = ClustersOfCameras(pool);
+  return CountClusters(pool.cluster) >= kMinClusters && *std::max_element(clusters.begin(), clusters.end()) >= kMinClustersOfCamera;
 }
+
+/// The configuration by the residuals of the boards themselves, where these are too few to hold any out: Schwarz's criterion
+/// ("Estimating the dimension of a model", 1978), gross errors capped, the noise that of the best fit.
+int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* reason) {
+  constexpr double kCapSigmas = 6;
+  double sigma_px = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : candidates) {
+    if (candidate.fit.bundle.sigma_px > 0) sigma_px = std::min(sigma_px, candidate.fit.bundle.sigma_px);
+  }
+  int best = -1;
+  double best_cost = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const LensPool& fit = candidates[i].fit;
+    double cost = 0, corners = 0;
+    const auto distances = Standardized(fit.views, fit.state, fit.prior);
+    for (size_t v = 0; v < fit.views.size(); ++v) {
+      for (Eigen::Index k = 0; k < distances[v].size(); ++k) {
+        if (fit.prior[v][k] <= 0) continue;
+        const double sigmas = std::min(kCapSigmas, distances[v][k] / sigma_px);
+        cost += sigmas * sigmas, corners += 1;
+      }
+    }
+    cost += NumLensParams(candidates[i].config, static_cast<int>(fit.state.cameras.size())) * std::log(std::max(2.0, corners));
+    if (cost < best_cost) best_cost = cost, best = static_cast<int>(i);
+  }
+  if (best >= 0)
+    *reason = ToString(candidates[best].config) + " is what the few boards call for (Schwarz's criterion); too few to hold any out";
+  return best;
+}
+
+LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle) {
+  LensChoice choice;
+  for (const LensConfig& config : Configurations(pool, options, true)) {
+    LensCandidate candidate;
+    candidate.config = config;
+    candidate.fit = FitPool(pool, config, bundle);
+    candidate.holdout.status = Status::kTooFewViews;
+    candidate.holdout.view_errors_px.resize(pool.views.size());
+    candidate.relative_error = std::numeric_limits<double>::quiet_NaN();
+    const Status status = candidate.fit.status;
+    if (status == Status::kOk || status == Status::kNotConverged) choice.candidates.push_back(std::move(candidate));
+  }
+  choice.index = JudgeByEvidence(choice.candidates, &choice.reason);
+  return choice;
+}
+
+}  // namespace
 
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
                       const RunContext& run) {
   LensChoice choice;
-  choice.reason = std::string(geometry::ToString(pool.state.cameras[0].model)) + ": too few views to compare lens models";
-  if (!EnoughViews(pool)) return choice;
-  const std::vector<LensConfig> configs = Configurations(pool, options);
+  choice.reason = std::string(geometry::ToString(pool.state.cameras[0].model)) + ": no lens could be compared";
+  if (!EnoughClusters(pool)) return ChooseByEvidence(pool, options, bundle);
+  const std::vector<LensConfig> configs = Configurations(pool, options, false);
   choice.candidates.resize(configs.size());
   BundleOptions single = bundle;
   single.num_threads = 1;
@@ -286,7 +283,7 @@ ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const L
                         const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
   ShapeChoice choice;
   choice.reason = "too few views to see the shape of the board";
-  if (!EnoughViews(pool)) return choice;
+  if (!EnoughClusters(pool)) return choice;
   std::vector<LensCandidate> candidates(2);
   BundleOptions single = bundle;
   single.num_threads = 1;

@@ -18,7 +18,7 @@ struct LensCandidate {
 };
 
 struct LensChoice {
-  int index = -1;                         ///< of the chosen candidate; -1 when there were too few views to compare
+  int index = -1;                         ///< of the chosen candidate; -1 when none has a solution
   std::vector<LensCandidate> candidates;  ///< fewest numbers first
   std::string reason;
 };
@@ -39,7 +39,8 @@ struct SelectionOptions {
 
 /// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
 /// (of the paired differences between views) of the best, or within 1 % and three standard errors of it, which is not worth a
-/// number. All cameras of a pool get one model: the views of one camera alone are too few to see a decentring that shifts its
+/// number; of these the simplest that does not fold inside the image, if there is one. With boards in fewer than 6 places the
+/// choice is by Schwarz's criterion among the simpler lenses. All cameras of a pool get one model: the views of one camera alone are too few to see a decentring that shifts its
 /// principal point, and hence its direction, by a pixel.
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
                       const RunContext& run);

@@ -55,9 +55,9 @@ std::map<int, double> FrameScores(const std::vector<View>& views, const RigState
   std::map<int, std::vector<View>> by_frame;
   for (const View& view : views) by_frame[view.frame].push_back(view);
   for (const auto& [frame, list] : by_frame) {
-    const std::vector<double> errors = RigErrors(list, state);
+    const std::vector<RigError> errors = RigErrors(list, state);
     double sum = 0;
-    for (double e : errors) sum += std::min(e * e, cap_px * cap_px);
+    for (const RigError& e : errors) sum += std::min(e.px * e.px, cap_px * cap_px);
     if (!errors.empty()) scores[frame] = sum / static_cast<double>(errors.size());
   }
   return scores;
@@ -65,18 +65,21 @@ std::map<int, double> FrameScores(const std::vector<View>& views, const RigState
 
 }  // namespace
 
-std::vector<double> RigErrors(const std::vector<View>& views, const RigState& state) {
+std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& state) {
   std::map<int, std::vector<View>> by_frame;
   for (const View& view : views) by_frame[view.frame].push_back(view);
-  std::vector<double> errors;
+  std::vector<RigError> errors;
   RigState local = state;
   for (const auto& [frame, list] : by_frame) {
     for (int half = 0; half < 2; ++half) {
       std::vector<View> from, scored;
       for (const View& view : list) from.push_back(HalfOf(view, half)), scored.push_back(HalfOf(view, 1 - half));
-      if (!PlaceBoard(from, &local)) continue;
-      const std::vector<double> more = ErrorsOf(scored, local);
-      errors.insert(errors.end(), more.begin(), more.end());
+      const bool placed = PlaceBoard(from, &local);
+      const std::vector<Eigen::Matrix2Xd> residuals = BundleResiduals(scored, local);
+      for (size_t v = 0; v < scored.size(); ++v) {
+        for (Eigen::Index i = 0; i < scored[v].size(); ++i)
+          errors.push_back({scored[v].camera_idx, placed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity()});
+      }
     }
   }
   return errors;

@@ -160,6 +160,7 @@ bool RigProblem::LinearizeTrial(SchurSystem* system) {
   if (std::find(ok.begin(), ok.end(), 0) != ok.end()) return false;
   for (const Partial& partial : partials) system->h += partial.h, system->g += partial.g, system->cost += partial.cost;
   AddLensPrior(system);
+  AddGivenPrior(system);
   return std::isfinite(system->cost);
 }
 
@@ -343,6 +344,23 @@ void AddPriorTerm(const Eigen::VectorXd& params, int column, int offset, const s
 }
 
 }  // namespace
+
+void RigProblem::AddGivenPrior(SchurSystem* system) const {
+  std::vector<int> done;
+  for (size_t c = 0; c < std::min(trial_.cameras.size(), options_.lens_prior.size()); ++c) {
+    const LensPrior& prior = options_.lens_prior[c];
+    const int column = columns_.lens[c], first = columns_.first_param[c];
+    if (column < 0 || prior.weight.size() == 0 || std::find(done.begin(), done.end(), column) != done.end()) continue;
+    done.push_back(column);
+    for (Index i = first; i < prior.weight.size(); ++i) {
+      const double difference = trial_.cameras[c].params[i] - prior.mean[i];
+      const Index at = column + i - first;
+      system->cost += prior.weight[i] * difference * difference;
+      system->g[at] += prior.weight[i] * difference;
+      system->h(at, at) += prior.weight[i];
+    }
+  }
+}
 
 void RigProblem::AddLensPrior(SchurSystem* system) const {
   std::vector<int> done;

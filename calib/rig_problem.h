@@ -51,7 +51,8 @@ class RigProblem : public SchurProblem {
   bool LinearizeFrame(int block, SchurSystem* system, Partial* partial) const;
   bool AddView(const View& view, int block, SchurSystem* system, Partial* partial) const;
   void Expand(const View& view, int block, SchurSystem* system, Partial* partial) const;
-  void AddLensPrior(SchurSystem* system) const;
+  void AddLensPrior(SchurSystem* system) const;   // of splined lenses
+  void AddGivenPrior(SchurSystem* system) const;  // BundleOptions::lens_prior
   int GaugeBlock() const;
 
   const std::vector<View>& views_;

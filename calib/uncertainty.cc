@@ -19,14 +19,14 @@ struct Group {
   std::string name;
   std::vector<int> columns;
   int camera = -1;
-  bool is_focal = false;
+  bool is_focal = false, is_lens = false;
 };
 
 void AddLensGroups(const RigState& state, int c, int column, int first_param, std::vector<Group>* groups) {
   const std::string of = " of " + state.cameras[c].name;
   const std::vector<std::string> names = geometry::ParamNames(state.cameras[c]);
-  Group focal{"focal length" + of, {}, c, true}, center{"principal point" + of, {}, c, false},
-      lens{"distortion" + of, {}, c, false};
+  Group focal{"focal length" + of, {}, c, true, true}, center{"principal point" + of, {}, c, false, true},
+      lens{"distortion" + of, {}, c, false, true};
   for (int i = first_param; i < static_cast<int>(names.size()); ++i) {
     Group& group = i < 2 ? focal : i < 4 ? center : lens;
     group.columns.push_back(column + i - first_param);
@@ -37,7 +37,7 @@ void AddLensGroups(const RigState& state, int c, int column, int first_param, st
 }
 
 Group Range(const std::string& name, int first, int count, int camera) {
-  Group group{name, {}, camera, false};
+  Group group{name, {}, camera, false, false};
   for (int i = 0; i < count; ++i) group.columns.push_back(first + i);
   return group;
 }
@@ -77,15 +77,31 @@ double LargestTilt(const std::vector<View>& views, const RigState& state, int ca
   return std::acos(std::min(1.0, smallest_cosine)) * 180 / M_PI;
 }
 
-/// "focal length and distance of cam3 cannot be told apart: all its boards are parallel to the image".
-std::string Phrase(const Eigen::VectorXd& direction, const std::vector<Group>& groups, const std::vector<View>& views,
-                   const RigState& state) {
+/// Length of the part of a direction that each group has.
+std::vector<double> Shares(const Eigen::VectorXd& direction, const std::vector<Group>& groups) {
   std::vector<double> shares;
   for (const Group& group : groups) {
     double sum = 0;
     for (int column : group.columns) sum += direction[column] * direction[column];
     shares.push_back(std::sqrt(sum));
   }
+  return shares;
+}
+
+/// Cameras whose lenses a direction names.
+void AddLenses(const Eigen::VectorXd& direction, const std::vector<Group>& groups, std::vector<int>* cameras) {
+  const std::vector<double> shares = Shares(direction, groups);
+  const double largest = *std::max_element(shares.begin(), shares.end());
+  for (size_t i = 0; i < groups.size(); ++i) {
+    const bool known = std::find(cameras->begin(), cameras->end(), groups[i].camera) != cameras->end();
+    if (groups[i].is_lens && shares[i] >= kNamedShare * largest && !known) cameras->push_back(groups[i].camera);
+  }
+}
+
+/// "focal length and distance of cam3 cannot be told apart: all its boards are parallel to the image".
+std::string Phrase(const Eigen::VectorXd& direction, const std::vector<Group>& groups, const std::vector<View>& views,
+                   const RigState& state) {
+  const std::vector<double> shares = Shares(direction, groups);
   const double largest = *std::max_element(shares.begin(), shares.end());
   std::string names, cause;
   int count = 0;
@@ -105,6 +121,7 @@ void NameNullDirections(const Eigen::MatrixXd& directions, const std::vector<Vie
                         RigCovariance* result) {
   const std::vector<Group> groups = MakeGroups(state, result->columns);
   for (Eigen::Index k = 0; k < directions.cols(); ++k) {
+    AddLenses(directions.col(k), groups, &result->undetermined_lenses);
     const std::string phrase = Phrase(directions.col(k), groups, views, state);
     if (std::find(result->undetermined.begin(), result->undetermined.end(), phrase) == result->undetermined.end())
       result->undetermined.push_back(phrase);
@@ -157,6 +174,13 @@ Eigen::MatrixXd ReducedNormalMatrix(const std::vector<View>& views, const RigSta
   return Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
 }
 
+/// Takes the diagonal to 1.
+Eigen::VectorXd UnitScale(const Eigen::MatrixXd& normal) {
+  Eigen::VectorXd scale(normal.rows());
+  for (Eigen::Index i = 0; i < normal.rows(); ++i) scale[i] = normal(i, i) > 0 ? 1 / std::sqrt(normal(i, i)) : 1;
+  return scale;
+}
+
 }  // namespace
 
 Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state) {
@@ -172,13 +196,23 @@ Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState
   return Pick(covariance.joint, ColumnsOfCamera(covariance.columns, state, camera_idx));
 }
 
+std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& state, const BundleOptions& options) {
+  RigColumns columns;
+  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &columns);
+  std::vector<int> cameras;
+  if (normal.rows() == 0 || !normal.allFinite()) return cameras;
+  const Eigen::VectorXd scale = UnitScale(normal);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * normal * scale.asDiagonal());
+  AddLenses(eigen.eigenvectors().col(0), MakeGroups(state, columns), &cameras);
+  return cameras;
+}
+
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
                                 double sigma_px) {
   RigCovariance result;
   const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &result.columns);
   const Eigen::Index n = normal.rows();
-  Eigen::VectorXd scale(n);
-  for (Eigen::Index i = 0; i < n; ++i) scale[i] = normal(i, i) > 0 ? 1 / std::sqrt(normal(i, i)) : 1;
+  const Eigen::VectorXd scale = UnitScale(normal);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
   const Eigen::VectorXd& values = eigen.eigenvalues();

@@ -16,6 +16,7 @@ struct RigCovariance {
   Status status = Status::kOk;            ///< kDegenerate when the data leave something undetermined
   std::string message;                    ///< says what cannot be told apart and why
   std::vector<std::string> undetermined;  ///< one phrase for every null direction
+  std::vector<int> undetermined_lenses;   ///< cameras whose lenses take part in them
   std::vector<Eigen::MatrixXd> params;    ///< per camera (P, P), units of Camera::params
   std::vector<Eigen::Matrix<double, 6, 6>> cam_from_world;  ///< per camera, left perturbation; zero for the one the gauge fixes
   Eigen::MatrixXd joint;  ///< (columns.total, columns.total)
@@ -28,6 +29,9 @@ struct RigCovariance {
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
                                 double sigma_px);
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);
+
+/// Cameras whose lenses take part in what the data determine least, at any state.
+std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& state, const BundleOptions& options);
 
 /// Covariance of all cameras in the layout of geometry::Rig::joint_covariance. Cameras that share a lens share its errors.
 Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state);

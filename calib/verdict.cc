@@ -6,14 +6,31 @@
 
 #include "calib/calibrate.h"
 #include "calib/film_next.h"
+#include "calib/verdict_internal.h"
 #include "core/median.h"
 
 namespace mvstudio::calib {
+namespace internal {
+
+std::string Text(const char* format, ...) {
+  char buffer[600];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer, sizeof buffer, format, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+}  // namespace internal
+
 namespace {
+
+using internal::Judgement;
+using internal::Text;
 
 constexpr double kWarnHoldoutPx = 1.0, kFailHoldoutPx = 3.0;
 constexpr double kWarnHoldoutRatio = 1.5;
-constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;
+constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;  // of all corners, those that the detector dropped among them
 constexpr double kWarnFocalSigma = 0.01, kFailFocalSigma = 0.10;
 constexpr double kWarnCoverage = 0.40;
 constexpr int kWarnViews = 8;
@@ -25,40 +42,14 @@ constexpr double kWarnEdgePx = 1.0, kFailEdgePx = 5.0, kWarnCornerPx = 5.0;
 // Of triangulated points over the distance of the boards: 2 mm and 2 cm at 1 m.
 constexpr double kWarnVolume = 0.002, kFailVolume = 0.02;
 
-#if defined(__GNUC__)
-__attribute__((format(printf, 1, 2)))
-#endif
-std::string
-Text(const char* format, ...) {
-  char buffer[300];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer, sizeof buffer, format, arguments);
-  va_end(arguments);
-  return buffer;
-}
-
-class Judgement {
- public:
-  void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }
-  void Fail(const char* code, const std::string& text, const std::string& hint) { Add("fail", {code, text, hint}); }
-  Verdict verdict;
-
- private:
-  void Add(const std::string& status, const Verdict::Reason& reason) {
-    if (verdict.status != "fail") verdict.status = status;
-    verdict.reasons.push_back(reason);
-  }
-};
-
-void JudgeError(const CameraReport& camera, Judgement* out) {
+void JudgeError(const CameraReport& camera, double scale, Judgement* out) {
   const char* name = camera.name.c_str();
-  const double holdout = camera.holdout_rms_px;
-  if (holdout > kFailHoldoutPx) {
-    out->Fail("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (limit %.1f)", name, holdout, kFailHoldoutPx),
+  const double holdout = camera.holdout_rms_px, warn = kWarnHoldoutPx * scale, fail = kFailHoldoutPx * scale;
+  if (holdout > fail) {
+    out->Fail("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (limit %.1f)", name, holdout, fail),
               "check the board's size and numbering, blur, and that the footage is synchronised");
-  } else if (holdout > kWarnHoldoutPx) {
-    out->Warn("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (good is below %.1f)", name, holdout, kWarnHoldoutPx),
+  } else if (holdout > warn) {
+    out->Warn("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (good is below %.1f)", name, holdout, warn),
               "use sharper images and a flat board");
   }
   if (holdout > kWarnHoldoutRatio * camera.rms_px && holdout > 0.2) {
@@ -98,15 +89,17 @@ std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int cam
   return otherwise;
 }
 
-void JudgePixels(const CameraUncertainty& camera, const std::string& hint, Judgement* out) {
+void JudgePixels(const CameraUncertainty& camera, double scale, const std::string& hint, Judgement* out) {
   const char* name = camera.name.c_str();
   const std::string edge = Text("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
-                                name, camera.edge_px, kWarnEdgePx);
-  if (camera.edge_px > kFailEdgePx) {
+                                name, camera.edge_px, kWarnEdgePx * scale);
+  if (!std::isfinite(camera.edge_px)) {
+    out->Warn("CAL-UNCERTAIN", Text("camera %s: how uncertain its projections are cannot be said", name), hint);
+  } else if (camera.edge_px > kFailEdgePx * scale) {
     out->Fail("CAL-UNCERTAIN", edge, hint);
-  } else if (camera.edge_px > kWarnEdgePx) {
+  } else if (camera.edge_px > kWarnEdgePx * scale) {
     out->Warn("CAL-UNCERTAIN", edge, hint);
-  } else if (camera.corner_px > kWarnCornerPx) {
+  } else if (camera.corner_px > kWarnCornerPx * scale) {
     out->Warn("CAL-UNCERTAIN",
               Text("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
   }
@@ -152,19 +145,20 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
     out->Warn("CAL-FRAMES", report.frames_doubt,
               report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"
                                          : "number the frames by their time stamps");
-  if (!(report.rig_holdout_rms_px > kWarnHoldoutPx)) return;
-  const std::string text =
-      Text("frames held out: error %.2f px over all cameras (good is below %.1f)", report.rig_holdout_rms_px, kWarnHoldoutPx);
-  const char* const hint = "check that the cameras are synchronised and did not move while the boards were filmed";
-  report.rig_holdout_rms_px > kFailHoldoutPx ? out->Fail("CAL-RIGHOLDOUT", text, hint)
-                                             : out->Warn("CAL-RIGHOLDOUT", text, hint);
+  double scale = 1;
+  for (size_t c = 0; c < report.cameras.size(); ++c) scale = std::max(scale, internal::PixelScale(report, c));
+  out->Limit(report.rig_holdout_rms_px, kWarnHoldoutPx * scale, kFailHoldoutPx * scale, "CAL-RIGHOLDOUT",
+             Text("frames held out: error %.2f px over all cameras (good is below %.1f)", report.rig_holdout_rms_px, kWarnHoldoutPx * scale),
+             "check that the cameras are synchronised and did not move while the boards were filmed");
 }
 
 void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
   const char* name = camera.name.c_str();
-  if (camera.num_views < kWarnViews) {
-    out->Warn("CAL-FEWVIEWS", Text("camera %s: only %d boards", name, camera.num_views),
-              Text("%d or more are better", kWarnViews));
+  if (camera.num_places < kWarnViews) {
+    const bool repeated = camera.num_places < camera.num_views;
+    out->Warn("CAL-FEWVIEWS",
+              Text("camera %s: only %d boards", name, camera.num_views) + (repeated ? Text(" in %d places", camera.num_places) : ""),
+              Text("%d places or more are better", kWarnViews));
   }
   if (camera.coverage < kWarnCoverage) {
     out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
@@ -198,7 +192,7 @@ Verdict Judge(const CalibrateReport& report) {
   const std::vector<FilmHint> hints = FilmNext(report);
   const std::string at_edges = "the lens is extrapolated elsewhere: move the board to the image's edges";
   for (size_t c = 0; c < report.cameras.size(); ++c) {
-    JudgeError(report.cameras[c], &judgement);
+    JudgeError(report.cameras[c], internal::PixelScale(report, c), &judgement);
     JudgeGross(report.cameras[c], &judgement);
     JudgeFocal(report.cameras[c], &judgement);
     JudgeData(report.cameras[c], HintOf(hints, "FILM-COVERAGE", static_cast<int>(c), at_edges), &judgement);
@@ -208,12 +202,14 @@ Verdict Judge(const CalibrateReport& report) {
                                     [&](const CameraReport& other) { return other.name == camera.name; });
     const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
     const char* const more = "show the board near the image's edges, tilted, and in more places";
-    JudgePixels(camera, index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
+    JudgePixels(camera, index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
+                index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
   }
   JudgeVolume(report.uncertainty,
               HintOf(hints, "FILM-LINK", -1, "show the board to several cameras at once, in more places of the volume"),
               &judgement);
   JudgeFrames(report, &judgement);
+  internal::JudgeEvidence(report, &judgement);
   return judgement.verdict;
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "calib/film_next.h"
+#include "core/units.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -18,10 +19,13 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["name"] = camera.name;
   json["model"] = std::string(geometry::ToString(camera.model));
   json["model_reason"] = camera.model_reason;
+  if (!camera.given_up.empty()) json["given_up"] = camera.given_up;
   json["num_params"] = camera.num_params;
   json["focal_px"] = FiniteOrNull(camera.focal_px);
   json["focal_sigma_px"] = FiniteOrNull(camera.focal_sigma_px);
   json["rms_px"] = FiniteOrNull(camera.rms_px);
+  json["alone_rms_px"] = FiniteOrNull(camera.alone_rms_px);
+  json["sigma_px"] = FiniteOrNull(camera.sigma_px);
   json["holdout_rms_px"] = FiniteOrNull(camera.holdout_rms_px);
   json["holdout_median_px"] = FiniteOrNull(camera.holdout_median_px);
   json["holdout_gross_fraction"] = FiniteOrNull(camera.holdout_gross_fraction);
@@ -29,6 +33,9 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   if (camera.time_offset_frames != 0) json["time_offset_frames"] = FiniteOrNull(camera.time_offset_frames);
   if (found) json["num_images"] = found->num_images;
   json["num_views"] = camera.num_views;
+  json["num_places"] = camera.num_places;
+  json["num_lost_views"] = camera.num_lost_views;
+  json["repeat_correlation"] = FiniteOrNull(camera.repeat_correlation);
   json["num_corners"] = camera.num_corners;
   json["num_rejected"] = camera.num_rejected + (found ? found->num_corners_dropped : 0);
   json["coverage"] = FiniteOrNull(camera.coverage);
@@ -140,6 +147,21 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
   return json;
 }
 
+ordered_json Motions(const calib::CalibrateReport& report) {
+  ordered_json json = ordered_json::array();
+  for (const calib::CameraMotion& motion : report.motions) {
+    json.push_back({{"cameras", motion.cameras},
+                    {"last_frame_before", motion.last_before},
+                    {"first_frame_after", motion.frame_idx},
+                    {"rotation_deg", FiniteOrNull(RadToDeg(motion.rotation_rad))},
+                    {"rotation_sigma_deg", FiniteOrNull(RadToDeg(motion.rotation_sigma_rad))},
+                    {"translation_mm", FiniteOrNull(1e3 * motion.translation_m)},
+                    {"shift_px", FiniteOrNull(motion.shift_px)},
+                    {"significance", FiniteOrNull(motion.significance)}});
+  }
+  return json;
+}
+
 void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   ordered_json& m = *metrics;
   const auto& boards = report.board_metrics;
@@ -173,6 +195,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   m["holdout_gross_fraction"] = FiniteOrNull(report.holdout_gross_fraction);
   m["rig_holdout_rms_px"] = FiniteOrNull(report.rig_holdout_rms_px);
   m["rig_holdout_median_px"] = FiniteOrNull(report.rig_holdout_median_px);
+  m["rig_holdout_gross_fraction"] = FiniteOrNull(report.rig_holdout_gross_fraction);
   m["rejected_fraction"] = FiniteOrNull(report.rejected_fraction);
   if (report.rig.cameras.size() == 2) m["baseline_mm"] = FiniteOrNull(BaselineMm(report.rig));
   m["solve_s"] = FiniteOrNull(report.solve_s);
@@ -186,6 +209,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
                       {"corner_px", FiniteOrNull(report.uncertainty.corner_px)},
                       {"volume_max_mm", FiniteOrNull(report.uncertainty.volume_max_mm)},
                       {"cameras", CameraUncertainties(report)}};
+  m["motions"] = Motions(report);
   m["film_next"] = FilmHints(report);
   FillBoards(report, metrics);
   m["model_selection"] = Selection(report);
@@ -236,6 +260,9 @@ std::string CalibrateSummary(const calib::CalibrateReport& report, const std::st
                   report.uncertainty.centre_px, report.uncertainty.edge_px,
                   std::isfinite(report.uncertainty.volume_mm) ? Volume(report.uncertainty.volume_mm).c_str() : "");
     text += line;
+  }
+  for (const calib::CameraReport& c : report.cameras) {
+    if (!c.given_up.empty()) text += c.name + ": " + c.given_up + "\n";
   }
   text += "verdict: " + report.verdict.status + "\n";
   for (const auto& reason : report.verdict.reasons)

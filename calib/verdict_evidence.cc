@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <cmath>
+
+#include "calib/verdict_internal.h"
+#include "core/units.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;  // of a camera's corners
+constexpr double kWarnLost = 0.05;                            // of its boards
+// A camera's error in the rig over its error by itself, and the pixels beyond which that counts.
+constexpr double kWarnRatio = 2, kFailRatio = 6, kWarnExcessPx = 0.3, kFailExcessPx = 2;
+constexpr double kFailMotionPx = 1;
+// Held-out corners beyond 5 px: as for a camera by itself.
+constexpr double kWarnGross = 0.005, kFailGross = 0.05;
+// Of triangulated corners against the pictures they come from, median; and of lengths over the size of the board.
+constexpr double kWarnTriangulatedPx = 1, kFailTriangulatedPx = 5;
+constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
+
+const char* const kSyncHint = "check that frames with the same number were taken at the same time, and that no camera was moved";
+
+void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
+  std::string names;
+  for (const std::string& name : motion.cameras) names += (names.empty() ? "" : " or ") + name;
+  const double degrees = RadToDeg(motion.rotation_rad), sigma = RadToDeg(motion.rotation_sigma_rad);
+  const std::string text = Text("camera %s moved between frames %lld and %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
+                                names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
+                                degrees, sigma, 1e3 * motion.translation_m, motion.shift_px);
+  const std::string hint =
+      motion.cameras.size() > 1
+          ? "two cameras only know of each other: film again, or leave out what came after frame " + std::to_string(motion.last_before)
+          : "treat it as two cameras, before and after: --split-at " + names + ":" + std::to_string(motion.frame_idx);
+  out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
+}
+
+void JudgeRejected(const CameraReport& camera, Judgement* out) {
+  const char* name = camera.name.c_str();
+  const int all = camera.num_corners + camera.num_rejected;
+  if (camera.num_corners == 0) {
+    out->Fail("CAL-NOCORNERS", Text("camera %s: none of its %d corners agrees with the other cameras", name, all), kSyncHint);
+    return;
+  }
+  const double share = static_cast<double>(camera.num_rejected) / all;
+  out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED",
+             Text("camera %s: %.0f %% of its corners were rejected", name, 100 * share), kSyncHint);
+  const double lost = static_cast<double>(camera.num_lost_views) / std::max(1, camera.num_views + camera.num_lost_views);
+  out->Limit(lost, kWarnLost, 2, "CAL-LOST",
+             Text("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views, camera.num_views + camera.num_lost_views),
+             kSyncHint);
+}
+
+void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out) {
+  const double excess = camera.rms_px - camera.alone_rms_px, ratio = camera.rms_px / camera.alone_rms_px;
+  const std::string text = Text("camera %s: %.2f px in the rig against %.2f px by itself: it contradicts the other cameras",
+                                camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
+  if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
+  if (ratio > kWarnRatio && excess > kWarnExcessPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
+}
+
+void JudgeAssumed(const CameraReport& camera, Judgement* out) {
+  if (camera.assumes)
+    out->Warn("CAL-ASSUMED", Text("camera %s: its boards do not determine its lens: ", camera.name.c_str()) + camera.given_up,
+              "film more boards with it: tilted, near as well as far");
+}
+
+void JudgeMissing(const CalibrateReport& report, Judgement* out) {
+  size_t missing = 0;
+  for (const CameraReport& camera : report.cameras) missing += !std::isfinite(camera.holdout_rms_px);
+  const bool many = missing >= 2 && 2 * missing > report.cameras.size();
+  for (const CameraReport& camera : report.cameras) {
+    if (std::isfinite(camera.holdout_rms_px)) continue;
+    const std::string text = Text("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(), camera.num_views, camera.num_places);
+    const char* const hint = "show it the board in 6 places or more";
+    many ? out->Fail("CAL-NOHOLDOUT", text, hint) : out->Warn("CAL-NOHOLDOUT", text, hint);
+  }
+}
+
+void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
+  if (!(report.rig_holdout_gross_fraction > kWarnGross)) return;
+  const auto worst = std::max_element(report.cameras.begin(), report.cameras.end(), [](const CameraReport& a, const CameraReport& b) {
+    return (std::isfinite(a.rig_holdout_gross_fraction) ? a.rig_holdout_gross_fraction : -1) <
+           (std::isfinite(b.rig_holdout_gross_fraction) ? b.rig_holdout_gross_fraction : -1);
+  });
+  out->Limit(report.rig_holdout_gross_fraction, kWarnGross, kFailGross, "CAL-RIGHOLDOUT",
+             Text("frames held out: %.1f %% of the corners are off by more than 5 px, most in camera %s (%.0f %%)",
+                  100 * report.rig_holdout_gross_fraction, worst->name.c_str(), 100 * worst->rig_holdout_gross_fraction),
+             kSyncHint);
+}
+
+void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
+  const BoardMetrics& boards = report.board_metrics;
+  out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
+             Text("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px), kSyncHint);
+  const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
+  out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
+             Text("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm, 100 * share),
+             kSyncHint);
+}
+
+}  // namespace
+
+double PixelScale(const CalibrateReport& report, size_t camera) {
+  if (camera >= report.rig.cameras.size()) return 1;
+  const geometry::Camera& lens = report.rig.cameras[camera].camera;
+  return std::max(1.0, std::hypot(lens.width_px, lens.height_px) / std::hypot(1920.0, 1080.0));
+}
+
+void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
+  double largest = 1;
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    const CameraReport& camera = report.cameras[c];
+    const double scale = PixelScale(report, c);
+    largest = std::max(largest, scale);
+    JudgeRejected(camera, out);
+    if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
+    JudgeAssumed(camera, out);
+  }
+  for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);
+  JudgeMissing(report, out);
+  JudgeRigHoldout(report, out);
+  JudgeLengths(report, largest, out);
+}
+
+}  // namespace mvstudio::calib::internal

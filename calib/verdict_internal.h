@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+
+#include "calib/calibrate.h"
+
+/// The rules of Judge. For verdict*.cc.
+namespace mvstudio::calib::internal {
+
+#if defined(__GNUC__)
+__attribute__((format(printf, 1, 2)))
+#endif
+std::string
+Text(const char* format, ...);
+
+class Judgement {
+ public:
+  void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }
+  void Fail(const char* code, const std::string& text, const std::string& hint) { Add("fail", {code, text, hint}); }
+  /// Fails above `fail`, warns above `warn`, passes what is below or no number.
+  void Limit(double value, double warn, double fail, const char* code, const std::string& text, const std::string& hint) {
+    if (value > fail) return Fail(code, text, hint);
+    if (value > warn) Warn(code, text, hint);
+  }
+  Verdict verdict;
+
+ private:
+  void Add(const std::string& status, const Verdict::Reason& reason) {
+    if (verdict.status != "fail") verdict.status = status;
+    verdict.reasons.push_back(reason);
+  }
+};
+
+/// What limits in pixels are multiplied by: 1 up to a full-HD image, in proportion to the diagonal beyond.
+double PixelScale(const CalibrateReport& report, size_t camera);
+
+/// What a camera's boards say against those of the others, or against themselves.
+void JudgeEvidence(const CalibrateReport& report, Judgement* out);
+
+}  // namespace mvstudio::calib::internal
