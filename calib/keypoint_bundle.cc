@@ -46,13 +46,13 @@ int NumUnknowns(const geometry::Rig& rig, const KeypointFreedom& freedom) {
   return unknowns;
 }
 
-Status Adjust(Bundle* bundle, double cauchy_px) {
+Status Adjust(Bundle* bundle, double cauchy_px, double tolerance) {
   PointProblem problem(bundle->scene, bundle->observations, bundle->options, PointProblem::Blocks::kPoints, cauchy_px);
   SchurSystem system;
   problem.AllocateSystem(&system);
   SchurLmOptions lm;
   lm.max_iterations = 100;
-  lm.cost_tolerance = 1e-6;
+  lm.cost_tolerance = tolerance;
   lm.negligible_cost = 1e-20 * static_cast<double>(bundle->observations.size());
   lm.num_threads = bundle->options.num_threads;
   const SchurLmReport report = SolveSchurLm(&problem, &system, lm);
@@ -68,20 +68,23 @@ double Cost(const std::vector<KeypointFit>& fits, double* count) {
   return cost;
 }
 
-}  // namespace
+bool HasEnough(const geometry::Rig& rig, const KeypointFreedom& freedom, const KeypointSolution& solution) {
+  return 2 * solution.num_observations >= NumUnknowns(rig, freedom) + 3 * solution.num_joints + 10;
+}
 
-KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
-                                const KeypointFreedom& freedom, double cauchy_px, int num_threads) {
+/// The rounds of SolveKeypoints, from the scale of the noise in `scale`; 0: plain squares.
+KeypointSolution SolveRounds(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
+                             const KeypointFreedom& freedom, double cauchy_px, double scale, int num_threads,
+                             const std::vector<KeypointFit>* start_fits) {
   constexpr int kMaxRounds = 12;
   constexpr double kSmallestScalePx = 1e-6;
+  constexpr double kTight = 1e-6, kLoose = 1e-4;  // of the cost; loose while the scale still changes
   KeypointSolution solution;
   solution.rig = start;
-  for (geometry::RigCamera& camera : solution.rig.cameras)
-    camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
-  solution.rig.joint_covariance.reset();
-  double scale = cauchy_px, before = INFINITY;
+  double before = INFINITY, tolerance = kTight;
   for (int round = 0; round < kMaxRounds; ++round) {
-    const std::vector<KeypointFit> fits = FitKeypoints(solution.rig, joints, scale, 2, num_threads);
+    const std::vector<KeypointFit> fits =
+        round == 0 && start_fits ? *start_fits : FitKeypoints(solution.rig, joints, scale, 2, num_threads);
     const double estimated = std::max(CauchyScale(fits), kSmallestScalePx), last = scale;
     if (!(cauchy_px > 0)) scale = estimated;
     double count = 0;
@@ -89,22 +92,44 @@ KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<Ke
     Bundle bundle = MakeBundle(solution.rig, fits, freedom, num_threads);
     solution.num_joints = static_cast<int>(bundle.scene.points.cols());
     solution.num_observations = static_cast<int>(bundle.observations.size());
-    if (2 * solution.num_observations < NumUnknowns(start, freedom) + 3 * solution.num_joints + 10) {
+    if (!HasEnough(start, freedom, solution)) {
       solution.status = Status::kTooFewViews;
-      solution.message = std::to_string(solution.num_joints) + " joints seen by two cameras are too few to adjust the rig";
+      solution.message = std::to_string(solution.num_joints) + " points seen by two cameras are too few to adjust the rig";
       return solution;
     }
     solution.cauchy_px = scale, solution.cost = cost * count;
     const bool settled = std::abs(scale - last) <= 0.01 * scale && std::abs(before - cost) <= 1e-4 * std::abs(cost);
-    if (settled || scale <= kSmallestScalePx) break;
+    if ((settled && tolerance == kTight) || scale <= kSmallestScalePx) break;
     before = cost;
-    solution.status = Adjust(&bundle, scale);
+    tolerance = std::abs(scale - last) <= 0.05 * scale ? kTight : kLoose;
+    solution.status = Adjust(&bundle, scale, tolerance);
     for (size_t c = 0; c < start.cameras.size(); ++c) {
       solution.rig.cameras[c].camera = bundle.scene.lenses[c];
       solution.rig.cameras[c].cam_from_world = bundle.scene.cam_from_world[c];
     }
   }
-  if (solution.status == Status::kBehindCamera) solution.message = "the start puts the joints behind the cameras";
+  return solution;
+}
+
+}  // namespace
+
+KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
+                                const KeypointFreedom& freedom, double cauchy_px, int num_threads,
+                                const std::vector<KeypointFit>* start_fits) {
+  constexpr size_t kCoarse = 6000;  // observations that bring a start near; all of them together then end in a few steps
+  geometry::Rig from = start;
+  for (geometry::RigCamera& camera : from.cameras)
+    camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
+  from.joint_covariance.reset();
+  double scale = cauchy_px;
+  if (!start_fits && NumObservations(joints) > 2 * kCoarse) {
+    const KeypointSolution coarse =
+        SolveRounds(from, ThinnedTo(joints, kCoarse), freedom, cauchy_px, scale, num_threads, nullptr);
+    const bool usable = coarse.status == Status::kOk || coarse.status == Status::kNotConverged;
+    if (usable) from = coarse.rig, scale = coarse.cauchy_px;
+  }
+  KeypointSolution solution = SolveRounds(from, joints, freedom, cauchy_px, scale, num_threads, start_fits);
+  if (solution.status == Status::kBehindCamera) solution.message = "the start puts the points behind the cameras";
   // Ends that creep along a flat valley are solutions to the accuracy that the noise allows.
   if (solution.status == Status::kNotConverged) solution.status = Status::kOk;
   return solution;

@@ -26,9 +26,12 @@ struct KeypointSolution {
 
 /// Adjusts cameras to joints whose points are the eliminated unknowns, under the cost of KeypointCost. With `cauchy_px` 0 its
 /// scale is estimated from the residuals: the first round takes plain squares, so that a start that is off by tens of px has a
-/// smooth way down, and the scale falls with the residuals. Points are looked for anew in every round.
+/// smooth way down, and the scale falls with the residuals. Points are looked for anew in every round. The first rounds of
+/// large problems see a part of the frames alone. `start_fits`: the joints' fits at the start, where they are known
+/// (FitKeypoints with this `cauchy_px` and two views).
 KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
-                                const KeypointFreedom& freedom, double cauchy_px, int num_threads);
+                                const KeypointFreedom& freedom, double cauchy_px, int num_threads,
+                                const std::vector<KeypointFit>* start_fits = nullptr);
 
 struct KeypointCovariance {
   Status status = Status::kOk;  ///< kDegenerate: something is held by nothing, see `message`
@@ -43,6 +46,9 @@ struct KeypointCovariance {
 /// take (Efron and Stein, 1981), one factor on all variances.
 KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
                                          const KeypointFreedom& freedom, int num_threads);
+
+/// Derivative (3, 6) of a camera's centre -R^T t in world by its pose (left perturbation).
+Eigen::Matrix<double, 3, 6> CentreFromPose(const geometry::Rigid3& cam_from_world);
 
 /// Covariance of a camera's centre in world from that of its pose (left perturbation).
 Eigen::Matrix3d CentreCovariance(const geometry::Rigid3& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);

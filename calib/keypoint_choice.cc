@@ -5,6 +5,8 @@
 #include <functional>
 #include <map>
 
+#include "calib/keypoint_profile.h"
+#include "calib/keypoint_split.h"
 #include "calib/point_bundle.h"
 #include "core/parallel.h"
 
@@ -20,12 +22,18 @@ struct Candidate {
   double mean = 0;
 };
 
-/// Stretches of time, 2 a fold: frame -> stretch.
-std::map<int, int> Stretches(const std::vector<KeypointJoint>& joints, int num_folds) {
-  const std::vector<int> frames = FramesOf(joints);
+/// Stretches of time, two a fold. Group 3 f and 3 f + 1: the two of fold f; 3 f + 2: the gap after it.
+std::map<int, int> Stretches(const std::vector<KeypointJoint>& joints, int num_folds, int gap_frames) {
+  const std::vector<int> frames = FramesOf(joints), fold = CutWithGaps(frames, num_folds, gap_frames);
+  std::vector<int> size(static_cast<size_t>(num_folds), 0), seen = size;
+  for (const int f : fold) size[static_cast<size_t>(std::max(f, 0))] += f >= 0;
   std::map<int, int> stretch;
-  for (size_t i = 0; i < frames.size(); ++i)
-    stretch[frames[i]] = static_cast<int>(i * static_cast<size_t>(2 * num_folds) / frames.size());
+  int last = 0;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const auto f = static_cast<size_t>(std::max(fold[i], 0));
+    if (fold[i] >= 0) last = fold[i];
+    stretch[frames[i]] = fold[i] < 0 ? 3 * last + 2 : 3 * last + (2 * seen[f]++ >= size[f]);
+  }
   return stretch;
 }
 
@@ -37,17 +45,23 @@ double CostOf(const KeypointFit& fit) {
 class Judge {
  public:
   Judge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
-        int num_folds)
+        const KeypointChoiceOptions& options)
       : given_(given),
         start_(start),
-        joints_(joints),
+        joints_(ThinnedTo(joints, kMaxObservations)),
         cauchy_px_(cauchy_px),
-        num_folds_(num_folds),
-        stretch_(Stretches(joints, num_folds)) {}
+        num_folds_(options.num_folds),
+        stretch_(Stretches(joints_, options.num_folds, options.gap_frames)) {}
 
   void Score(Candidate* candidate, int num_threads) const {
-    std::vector<double> cost(static_cast<size_t>(2 * num_folds_), 0), count = cost;
-    ParallelFor(num_folds_, num_threads, [&](int64_t fold) { ScoreFold(*candidate, static_cast<int>(fold), &cost, &count); });
+    std::vector<double> cost(static_cast<size_t>(3 * num_folds_), 0), count = cost;
+    const bool moves = candidate->plan.free_poses || candidate->plan.fault != CameraFault::kNone;
+    const geometry::Rig start = StartFor(candidate->plan);
+    const KeypointProfile profile = moves ? Adjusted(start, candidate->plan, num_threads) : KeypointProfile{};
+    ParallelFor(num_folds_, num_threads, [&](int64_t f) {
+      const int fold = static_cast<int>(f);
+      Count(moves ? Without(profile, fold, candidate->plan) : start, fold, &cost, &count);
+    });
     for (size_t b = 0; b < cost.size(); ++b)
       if (count[b] > 0) candidate->block_cost.push_back(cost[b] / count[b]);
     for (const double value : candidate->block_cost)
@@ -55,15 +69,42 @@ class Judge {
   }
 
  private:
-  void ScoreFold(const Candidate& candidate, int fold, std::vector<double>* cost, std::vector<double>* count) const {
-    std::vector<KeypointJoint> inside, held;
-    for (const KeypointJoint& joint : joints_) (stretch_.at(joint.frame) / 2 == fold ? held : inside).push_back(joint);
-    geometry::Rig rig = StartOf(given_, candidate.plan);
-    if (candidate.plan.free_poses || candidate.plan.fault != CameraFault::kNone) {
-      for (size_t c = 0; candidate.plan.free_poses && c < rig.cameras.size(); ++c)
-        rig.cameras[c].cam_from_world = start_.cameras[c].cam_from_world;
-      rig = SolveKeypoints(rig, inside, FreedomOf(rig, candidate.plan), cauchy_px_, 1).rig;
-    }
+  static constexpr size_t kMaxObservations = 12000;
+
+  geometry::Rig StartFor(const KeypointPlan& plan) const {
+    geometry::Rig rig = StartOf(given_, plan);
+    for (size_t c = 0; plan.free_poses && c < rig.cameras.size(); ++c)
+      rig.cameras[c].cam_from_world = start_.cameras[c].cam_from_world;
+    return rig;
+  }
+
+  KeypointProfile Adjusted(const geometry::Rig& start, const KeypointPlan& plan, int num_threads) const {
+    const KeypointFreedom freedom = FreedomOf(start, plan);
+    const geometry::Rig rig = SolveKeypoints(start, joints_, freedom, cauchy_px_, num_threads).rig;
+    std::vector<KeypointFit> fits = FitKeypoints(rig, joints_, cauchy_px_, 2, num_threads);
+    std::vector<int> group;
+    for (const KeypointFit& fit : fits) group.push_back(stretch_.at(fit.joint->frame));
+    return ProfileOf(rig, std::move(fits), std::move(group), 3 * num_folds_, freedom, cauchy_px_, num_threads);
+  }
+
+  /// Groups of a fold and of the gaps beside it.
+  bool IsOut(int group, int fold) const { return group >= 3 * fold - 1 && group <= 3 * fold + 2; }
+
+  geometry::Rig Without(const KeypointProfile& profile, int fold, const KeypointPlan& plan) const {
+    std::vector<bool> out(static_cast<size_t>(3 * num_folds_));
+    for (size_t group = 0; group < out.size(); ++group) out[group] = IsOut(static_cast<int>(group), fold);
+    if (const auto rig = SolveWithout(profile, out)) return *rig;
+    std::vector<KeypointJoint> inside;
+    for (const KeypointJoint& joint : joints_)
+      if (!IsOut(stretch_.at(joint.frame), fold)) inside.push_back(joint);
+    const geometry::Rig start = StartFor(plan);
+    return SolveKeypoints(start, inside, FreedomOf(start, plan), cauchy_px_, 1).rig;
+  }
+
+  void Count(const geometry::Rig& rig, int fold, std::vector<double>* cost, std::vector<double>* count) const {
+    std::vector<KeypointJoint> held;
+    for (const KeypointJoint& joint : joints_)
+      if (stretch_.at(joint.frame) / 3 == fold && stretch_.at(joint.frame) % 3 < 2) held.push_back(joint);
     for (const KeypointFit& fit : FitKeypoints(rig, held, cauchy_px_, 2, 1)) {
       const auto b = static_cast<size_t>(stretch_.at(fit.joint->frame));
       (*cost)[b] += CostOf(fit), (*count)[b] += static_cast<double>(fit.joint->seen.size());
@@ -71,7 +112,7 @@ class Judge {
   }
 
   const geometry::Rig &given_, &start_;
-  const std::vector<KeypointJoint>& joints_;
+  std::vector<KeypointJoint> joints_;
   double cauchy_px_;
   int num_folds_;
   std::map<int, int> stretch_;
@@ -193,7 +234,7 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
                                   const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,
                                   const RunContext& run) {
   const int num_threads = ResolveThreads(run.num_threads);
-  const Judge judge(given, start, joints, cauchy_px, options.num_folds);
+  const Judge judge(given, start, joints, cauchy_px, options);
   KeypointChoice choice;
   std::vector<Group> groups = {{"extrinsics", {}}};
   for (const KeypointPlan& fault : faults) {

@@ -24,19 +24,18 @@ struct Hypothesis {
 };
 
 /// A joint without a point costs as much as one that is off by 100 times the noise in every view.
-double TotalCost(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints, double cauchy_px, int num_threads) {
+double TotalCost(const std::vector<KeypointFit>& fits) {
   double cost = 0;
-  for (const KeypointFit& fit : FitKeypoints(rig, joints, cauchy_px, 2, num_threads))
-    cost += fit.ok ? fit.cost : static_cast<double>(fit.joint->seen.size()) * std::log1p(1e4);
+  for (const KeypointFit& fit : fits) cost += fit.ok ? fit.cost : static_cast<double>(fit.joint->seen.size()) * std::log1p(1e4);
   return cost;
 }
 
-/// The cameras, those whose residuals cost most first.
-std::vector<size_t> WorstFirst(const geometry::Rig& given, const std::vector<KeypointJoint>& joints, double cauchy_px,
-                               int num_threads) {
-  std::vector<double> cost(given.cameras.size(), 0), count = cost;
-  for (const KeypointFit& fit : FitKeypoints(given, joints, cauchy_px, 3, num_threads)) {
-    for (size_t i = 0; fit.ok && i < fit.residuals_px.size(); ++i) {
+/// The cameras, those whose residuals cost most first; joints of two views say little.
+std::vector<size_t> WorstFirst(size_t num_cameras, const std::vector<KeypointFit>& at_given, double cauchy_px) {
+  std::vector<double> cost(num_cameras, 0), count = cost;
+  for (const KeypointFit& fit : at_given) {
+    if (!fit.ok || fit.joint->seen.size() < 3) continue;
+    for (size_t i = 0; i < fit.residuals_px.size(); ++i) {
       const auto c = static_cast<size_t>(fit.joint->seen[i].camera_idx);
       cost[c] += KeypointCost(fit.residuals_px[i], cauchy_px), count[c] += 1;
     }
@@ -99,50 +98,29 @@ double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& moti
   return std::sqrt(u.dot(covariance * u));
 }
 
-void Measure(const geometry::Rig& given, const Hypothesis& best, const std::vector<KeypointJoint>& joints, int num_threads,
-             KeypointCulprit* culprit) {
-  const geometry::RigCamera &old = given.cameras[best.camera], &found = best.solution.rig.cameras[best.camera];
-  culprit->fault = best.kind, culprit->camera_idx = static_cast<int>(best.camera), culprit->corrected = found;
-  const KeypointCovariance covariance = CovarianceOfKeypoints(best.solution, joints, best.freedom, num_threads);
-  const bool known = covariance.status == Status::kOk;
-  if (best.kind != Kind::kPose) {
-    const int k = best.kind == Kind::kImageHeight ? 1 : 0;
-    culprit->scale = found.camera.params[k] / old.camera.params[k];
-    const int row = known ? covariance.begin[best.camera] + k : 0;
-    culprit->scale_sigma = known ? std::sqrt(covariance.joint(row, row)) / old.camera.params[k] : NAN;
-    return;
-  }
-  const Eigen::Vector3d turn =
-      geometry::RotationLog((found.cam_from_world.rotation * old.cam_from_world.rotation.conjugate()).normalized());
-  const Eigen::Vector3d shift = found.CenterInWorld() - old.CenterInWorld();
-  culprit->rotation_rad = turn.norm(), culprit->translation_m = shift.norm();
-  culprit->rotation_sigma_rad = culprit->translation_sigma_m = NAN;
-  if (!known) return;
-  const Eigen::Index row = covariance.begin[best.camera + 1] - 6;
-  culprit->rotation_sigma_rad = SigmaAlong(covariance.joint.block<3, 3>(row, row), turn);
-  culprit->translation_sigma_m =
-      SigmaAlong(CentreCovariance(found.cam_from_world, covariance.joint.block<6, 6>(row, row)), shift);
-}
-
 }  // namespace
 
 std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geometry::Rig& refined,
-                                          const std::vector<KeypointJoint>& joints, double cauchy_px, const RunContext& run) {
+                                          const std::vector<KeypointJoint>& all_joints, double cauchy_px,
+                                          const RunContext& run) {
+  constexpr size_t kMaxObservations = 6000;  // a hundred for each of the few numbers that are asked for
   const int num_threads = ResolveThreads(run.num_threads);
-  const double before = TotalCost(given, joints, cauchy_px, num_threads);
-  const double gain = before - TotalCost(refined, joints, cauchy_px, num_threads);
+  const std::vector<KeypointJoint> joints = ThinnedTo(all_joints, kMaxObservations);
+  const std::vector<KeypointFit> at_given = FitKeypoints(given, joints, cauchy_px, 2, num_threads);
+  const double before = TotalCost(at_given), gain = before - TotalCost(FitKeypoints(refined, joints, cauchy_px, 2, num_threads));
   std::vector<Hypothesis> all;
-  for (const size_t camera : WorstFirst(given, joints, cauchy_px, num_threads))
+  for (const size_t camera : WorstFirst(given.cameras.size(), at_given, cauchy_px))
     for (const Kind kind : {Kind::kPose, Kind::kFocal, Kind::kImage, Kind::kImageWidth, Kind::kImageHeight})
       all.push_back({kind, camera, 0, FreedomOfFault(given, kind, static_cast<int>(camera)), {}});
   ProgressStage stage(run, "look for the camera that is wrong", 1);
   ParallelFor(static_cast<int64_t>(all.size()), num_threads, [&](int64_t i) {
     Hypothesis& each = all[static_cast<size_t>(i)];
-    each.solution = SolveKeypoints(given, joints, each.freedom, cauchy_px, 1);
+    each.solution = SolveKeypoints(given, joints, each.freedom, cauchy_px, 1, &at_given);
     each.cost = each.solution.status == Status::kOk && IsLikely(each, given)
-                    ? TotalCost(each.solution.rig, joints, cauchy_px, 1)
+                    ? TotalCost(FitKeypoints(each.solution.rig, joints, cauchy_px, 2, 1))
                     : before;
   });
+  stage.Advance();
   std::vector<KeypointCulprit> culprits;
   for (const bool pose : {false, true}) {
     const Hypothesis* best = nullptr;
@@ -150,12 +128,39 @@ std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geom
       if ((each.kind == Kind::kPose) == pose && each.cost < (best ? best->cost : before)) best = &each;
     if (!best) continue;
     KeypointCulprit culprit;
+    culprit.fault = best->kind, culprit.camera_idx = static_cast<int>(best->camera);
     culprit.explained = gain > 0 ? (before - best->cost) / gain : 1;
-    Measure(given, *best, joints, num_threads, &culprit);
-    culprit.message = Describe(culprit);
     culprits.push_back(std::move(culprit));
   }
   return culprits;
+}
+
+void DescribeCulprit(const geometry::Rig& given, const geometry::Rig& adjusted, const KeypointCovariance& covariance,
+                     KeypointCulprit* culprit) {
+  const auto c = static_cast<size_t>(culprit->camera_idx);
+  const geometry::RigCamera &old = given.cameras[c], &found = adjusted.cameras[c];
+  const bool known = covariance.status == Status::kOk;
+  culprit->corrected = found;
+  if (culprit->fault != Kind::kPose) {
+    const int k = culprit->fault == Kind::kImageHeight ? 1 : 0;
+    culprit->scale = found.camera.params[k] / old.camera.params[k];
+    const int row = known ? covariance.begin[c] + k : 0;
+    culprit->scale_sigma = known ? std::sqrt(covariance.joint(row, row)) / old.camera.params[k] : NAN;
+    culprit->message = Describe(*culprit);
+    return;
+  }
+  const Eigen::Vector3d turn =
+      geometry::RotationLog((found.cam_from_world.rotation * old.cam_from_world.rotation.conjugate()).normalized());
+  const Eigen::Vector3d shift = found.CenterInWorld() - old.CenterInWorld();
+  culprit->rotation_rad = turn.norm(), culprit->translation_m = shift.norm();
+  culprit->rotation_sigma_rad = culprit->translation_sigma_m = NAN;
+  if (known) {
+    const Eigen::Index row = covariance.begin[c + 1] - 6;
+    culprit->rotation_sigma_rad = SigmaAlong(covariance.joint.block<3, 3>(row, row), turn);
+    culprit->translation_sigma_m =
+        SigmaAlong(CentreCovariance(found.cam_from_world, covariance.joint.block<6, 6>(row, row)), shift);
+  }
+  culprit->message = Describe(*culprit);
 }
 
 }  // namespace mvstudio::calib

@@ -23,9 +23,15 @@ struct KeypointCulprit {
 
 /// Frees one thing of one camera at a time, all others held as given. The best change of one number and the best change of a
 /// pose, in this order, each when it saves anything over `given`; whether they are worth it, held-out frames must say
-/// (ChooseKeypointPlan). Standard deviations take the rest of the rig for exact. Pictures resized by 2.5 to 20 % are not
-/// believed in. Of more than 8 cameras only the 8 whose joints fit worst are tried. `cauchy_px`: see KeypointCost.
+/// (ChooseKeypointPlan), and how large they are, all joints (DescribeCulprit). Pictures resized by 2.5 to 20 % are not
+/// believed in. Of more than 8 cameras only the 8 whose joints fit worst are tried; of many frames so many are used, evenly
+/// spread, as hold 6000 observations. `cauchy_px`: see KeypointCost.
 std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geometry::Rig& refined,
                                           const std::vector<KeypointJoint>& joints, double cauchy_px, const RunContext& run);
+
+/// Fills in what was found of a culprit once the rig was adjusted with its freedom alone. Standard deviations take the rest of
+/// the rig for exact.
+void DescribeCulprit(const geometry::Rig& given, const geometry::Rig& adjusted, const KeypointCovariance& covariance,
+                     KeypointCulprit* culprit);
 
 }  // namespace mvstudio::calib

@@ -93,22 +93,39 @@ std::vector<Eigen::Vector3d> Starts(const triangulate::PreparedRig& prepared, co
   return starts;
 }
 
-KeypointFit FitOne(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, const KeypointJoint& joint,
-                   double cauchy_px) {
+/// The residuals at the point; not ok where a camera does not see it.
+void Finish(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, KeypointFit* fit) {
+  fit->residuals_px.clear();
+  for (const triangulate::Observation& seen : fit->joint->seen) {
+    const auto c = static_cast<size_t>(seen.camera_idx);
+    const auto projection = prepared.cameras[c].projector.Project(rig.cameras[c].cam_from_world * fit->x_in_world);
+    fit->ok = fit->ok && projection.status == Status::kOk;
+    fit->residuals_px.emplace_back(seen.px - projection.px);
+  }
+  if (!fit->ok) fit->residuals_px.assign(fit->joint->seen.size(), {kInfinity, kInfinity}), fit->cost = kInfinity;
+}
+
+KeypointFit FitFrom(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, const KeypointJoint& joint,
+                    double cauchy_px, const std::vector<Eigen::Vector3d>& starts) {
   KeypointFit fit;
   fit.joint = &joint, fit.cost = kInfinity;
-  for (const Eigen::Vector3d& start : Starts(prepared, joint, cauchy_px)) {
+  for (const Eigen::Vector3d& start : starts) {
     const auto end = Descend(rig, joint, cauchy_px, start);
     if (end && end->first < fit.cost) fit.cost = end->first, fit.x_in_world = end->second, fit.ok = true;
   }
-  for (const triangulate::Observation& seen : joint.seen) {
-    const auto c = static_cast<size_t>(seen.camera_idx);
-    const auto projection = prepared.cameras[c].projector.Project(rig.cameras[c].cam_from_world * fit.x_in_world);
-    fit.ok = fit.ok && projection.status == Status::kOk;
-    fit.residuals_px.emplace_back(seen.px - projection.px);
-  }
-  if (!fit.ok) fit.residuals_px.assign(joint.seen.size(), {kInfinity, kInfinity}), fit.cost = kInfinity;
+  Finish(rig, prepared, &fit);
   return fit;
+}
+
+template <class Fit>
+std::vector<KeypointFit> FitAll(size_t count, int num_threads, const Fit& fit) {
+  std::vector<KeypointFit> fits(count);
+  constexpr size_t kBlock = 64;
+  ParallelFor(static_cast<int64_t>((count + kBlock - 1) / kBlock), num_threads, [&](int64_t block) {
+    const size_t begin = static_cast<size_t>(block) * kBlock;
+    for (size_t i = begin; i < std::min(count, begin + kBlock); ++i) fits[i] = fit(i);
+  });
+  return fits;
 }
 
 double Quantile(std::vector<double>* values, double q) {
@@ -166,14 +183,17 @@ std::vector<KeypointFit> FitKeypoints(const geometry::Rig& rig, const std::vecto
   std::vector<const KeypointJoint*> enough;
   for (const KeypointJoint& joint : joints)
     if (static_cast<int>(joint.seen.size()) >= min_views) enough.push_back(&joint);
-  std::vector<KeypointFit> fits(enough.size());
-  constexpr int64_t kBlock = 64;
-  const auto count = static_cast<int64_t>(enough.size());
-  ParallelFor((count + kBlock - 1) / kBlock, num_threads, [&](int64_t block) {
-    for (int64_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i)
-      fits[static_cast<size_t>(i)] = FitOne(rig, prepared, *enough[static_cast<size_t>(i)], cauchy_px);
+  return FitAll(enough.size(), num_threads, [&](size_t i) {
+    return FitFrom(rig, prepared, *enough[i], cauchy_px, Starts(prepared, *enough[i], cauchy_px));
   });
-  return fits;
+}
+
+std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vector<KeypointFit>& fits, double cauchy_px,
+                                        int num_threads) {
+  const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
+  return FitAll(fits.size(), num_threads, [&](size_t i) {
+    return fits[i].ok ? FitFrom(rig, prepared, *fits[i].joint, cauchy_px, {fits[i].x_in_world}) : fits[i];
+  });
 }
 
 double CauchyScale(const std::vector<KeypointFit>& fits) {

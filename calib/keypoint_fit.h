@@ -25,6 +25,10 @@ double KeypointCost(const Eigen::Vector2d& residual_px, double cauchy_px);
 std::vector<KeypointFit> FitKeypoints(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints, double cauchy_px,
                                       int min_views, int num_threads);
 
+/// The minima nearest to the points of `fits`, for cameras that have moved a little since; cauchy_px as in FitKeypoints.
+std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vector<KeypointFit>& fits, double cauchy_px,
+                                        int num_threads);
+
 /// Scale c of the noise: sqrt(3) c is the median length of a bivariate Cauchy variable. Residuals of n views count
 /// sqrt(2 n / (2 n - 3)) times, since the point has followed them. NaN without residuals.
 double CauchyScale(const std::vector<KeypointFit>& fits);

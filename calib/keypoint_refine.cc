@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 
-#include "calib/keypoint_split.h"
+#include "calib/keypoint_refine_internal.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "geometry/cross_matrix.h"
@@ -19,6 +20,7 @@ void CheckOptions(const KeypointRefineOptions& o) {
   require(o.max_persons >= 1, "--max-persons must be at least 1");
   require(o.choice.num_folds >= 2 && o.choice.num_folds <= 50, "--keypoint-folds must lie in 2..50");
   require(o.choice.sigmas >= 0, "--choice-sigmas must not be negative");
+  require(o.choice.gap_frames >= 0, "--keypoint-gap-frames must not be negative");
   require(o.max_frames >= 4, "--keypoint-frames must be at least 4");
   require(o.holdout_scale_px > 0, "--holdout-scale-px must be positive");
 }
@@ -32,41 +34,6 @@ geometry::Rig Shifted(const geometry::Rig& rig, const Eigen::Vector3d& offset) {
   }
   shifted.joint_covariance.reset();
   return shifted;
-}
-
-bool AnyCrowd(const std::vector<triangulate::DetectedFrame>& frames) {
-  for (const triangulate::DetectedFrame& frame : frames)
-    for (const auto& people : frame.people)
-      if (people.size() > 1) return true;
-  return false;
-}
-
-size_t NumObservations(const std::vector<KeypointJoint>& joints) {
-  size_t count = 0;
-  for (const KeypointJoint& joint : joints) count += joint.seen.size();
-  return count;
-}
-
-/// Who is who, by a rig that may be far off: the usual limit, or four times that where far more detections then agree.
-std::vector<KeypointJoint> FirstCollection(const geometry::Rig& rig, const std::vector<triangulate::DetectedFrame>& frames,
-                                           triangulate::AssociationOptions options, const RunContext& run) {
-  std::vector<KeypointJoint> joints = CollectKeypoints(rig, frames, options, run);
-  if (!AnyCrowd(frames)) return joints;
-  double diagonal_px = 0;
-  for (const geometry::RigCamera& camera : rig.cameras)
-    diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px) / static_cast<double>(rig.cameras.size());
-  options.max_error_px = 4 * 0.015 * diagonal_px;
-  std::vector<KeypointJoint> wide = CollectKeypoints(rig, frames, options, run);
-  return NumObservations(wide) > 1.1 * static_cast<double>(NumObservations(joints)) ? wide : joints;
-}
-
-bool SameJoints(const std::vector<KeypointJoint>& a, const std::vector<KeypointJoint>& b) {
-  const auto same = [](const KeypointJoint& x, const KeypointJoint& y) {
-    return x.frame == y.frame && x.person == y.person && x.joint_idx == y.joint_idx && x.seen.size() == y.seen.size() &&
-           std::equal(x.seen.begin(), x.seen.end(), y.seen.begin(),
-                      [](const auto& p, const auto& q) { return p.camera_idx == q.camera_idx && p.px == q.px; });
-  };
-  return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), same);
 }
 
 /// Covariances at x = x_shifted + offset: the translation t = t' - R offset turns with R.
@@ -128,112 +95,6 @@ double MeanCost(const std::vector<KeypointFit>& fits) {
   return count > 0 ? cost / count : 0;
 }
 
-/// The adjustment in a world whose origin lies amid the cameras.
-class Refinement {
- public:
-  Refinement(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
-             const KeypointRefineOptions& options, const std::optional<FrameChoice>& train,
-             const std::optional<FrameChoice>& test, const RunContext& run)
-      : given_(given),
-        frames_(frames),
-        options_(options),
-        train_(train),
-        test_(test),
-        run_(run),
-        num_threads_(ResolveThreads(run.num_threads)) {
-    association_.min_score = options.min_score;
-    association_.max_persons = options.max_persons;
-  }
-
-  KeypointRefineReport Run() {
-    if (!AdjustPoses()) return report_;
-    const std::vector<KeypointCulprit> culprits = FindCulprits(given_, solution_.rig, split_.train, solution_.cauchy_px, run_);
-    std::vector<KeypointPlan> faults;
-    for (const KeypointCulprit& culprit : culprits) {
-      faults.emplace_back();
-      faults.back().fault = culprit.fault, faults.back().fault_camera = culprit.camera_idx;
-    }
-    KeypointChoiceOptions choose = options_.choice;
-    choose.poses_only = !options_.lenses;
-    choose.num_folds = std::min(choose.num_folds, static_cast<int>(FramesOf(split_.train).size() / 2));
-    const KeypointChoice choice =
-        ChooseKeypointPlan(given_, solution_.rig, split_.train, solution_.cauchy_px, faults, choose, run_);
-    report_.plan = choice.plan, report_.decisions = choice.decisions;
-    for (const KeypointCulprit& culprit : culprits)
-      if (choice.plan.fault == culprit.fault) report_.culprit = culprit;
-    if (report_.plan.Changes()) AdjustAll();
-    return report_;
-  }
-
-  const KeypointSplit& split() const { return split_; }
-  const KeypointCovariance& covariance() const { return covariance_; }
-
- private:
-  bool Fail(Status status, const std::string& message) {
-    report_.status = status, report_.message = message;
-    return false;
-  }
-
-  bool AdjustPoses() {
-    ProgressStage stage(run_, "adjust the cameras' poses", 3);
-    std::vector<KeypointJoint> joints = FirstCollection(given_, frames_, association_, run_);
-    KeypointPlan plan;
-    plan.free_poses = true;
-    geometry::Rig start = given_;
-    for (int round = 0; round < 3; ++round) {
-      split_ = SplitKeypoints(joints, train_, test_, options_.max_frames);
-      const std::string why = WhyTooFew(given_, split_);
-      if (!why.empty()) return Fail(Status::kTooFewViews, why);
-      solution_ = SolveKeypoints(start, split_.train, FreedomOf(start, plan), 0, num_threads_);
-      if (solution_.status != Status::kOk) return Fail(solution_.status, solution_.message);
-      solution_.rig = AlignToGiven(solution_.rig, given_);
-      stage.Advance();
-      if (!AnyCrowd(frames_)) break;
-      std::vector<KeypointJoint> again = CollectKeypoints(solution_.rig, frames_, association_, run_);
-      if (SameJoints(joints, again)) break;
-      joints = std::move(again), start = solution_.rig;
-    }
-    report_.cauchy_px = solution_.cauchy_px;
-    report_.sigma_px = solution_.cauchy_px * std::sqrt(3.0 / (2 * std::log(2.0)));
-    report_.num_train_frames = static_cast<int>(FramesOf(split_.train).size());
-    report_.num_test_frames = static_cast<int>(FramesOf(split_.test).size());
-    report_.num_train_joints = solution_.num_joints;
-    const KeypointCovariance covariance = CovarianceOfKeypoints(solution_, split_.train, FreedomOf(start, plan), num_threads_);
-    const std::string loose = WhyLoose(solution_.rig, covariance);
-    return loose.empty() ? true : Fail(Status::kDegenerate, loose);
-  }
-
-  bool AdjustAll() {
-    geometry::Rig start = StartOf(given_, report_.plan);
-    for (size_t c = 0; report_.plan.free_poses && c < start.cameras.size(); ++c)
-      start.cameras[c].cam_from_world = solution_.rig.cameras[c].cam_from_world;
-    const KeypointFreedom freedom = FreedomOf(start, report_.plan);
-    if (report_.plan.MovesLenses() || !report_.plan.free_poses) {
-      solution_ = SolveKeypoints(start, split_.train, freedom, solution_.cauchy_px, num_threads_);
-      if (solution_.status != Status::kOk) return Fail(solution_.status, solution_.message);
-      // With one camera free the others hold the frame.
-      if (report_.plan.free_poses) solution_.rig = AlignToGiven(solution_.rig, given_);
-    }
-    covariance_ = CovarianceOfKeypoints(solution_, split_.train, freedom, num_threads_);
-    const std::string loose = WhyLoose(solution_.rig, covariance_);
-    if (!loose.empty()) return Fail(Status::kDegenerate, loose);
-    report_.rig = solution_.rig;
-    return true;
-  }
-
-  const geometry::Rig& given_;
-  const std::vector<triangulate::DetectedFrame>& frames_;
-  const KeypointRefineOptions& options_;
-  const std::optional<FrameChoice>&train_, &test_;
-  const RunContext& run_;
-  int num_threads_;
-  triangulate::AssociationOptions association_;
-  KeypointSplit split_;
-  KeypointSolution solution_;
-  KeypointCovariance covariance_;
-  KeypointRefineReport report_;
-};
-
 KeypointRefineReport Failed(Status status, const std::string& message) {
   KeypointRefineReport report;
   report.status = status, report.message = message;
@@ -247,22 +108,56 @@ bool IsFinite(const geometry::Rig& rig) {
   });
 }
 
-void DescribeCameras(const geometry::Rig& given, const Refinement& refinement, const std::vector<KeypointFit>& before,
-                     const std::vector<KeypointFit>& after, KeypointRefineReport* report) {
+/// Fits of the given and of an adjusted rig to what the adjustment did not see.
+struct Measured {
+  std::vector<KeypointFit> before, after;
+};
+
+/// Measures an adjustment on the test frames of its split, whose joints must outlive `measured`.
+void Measure(const geometry::Rig& given, const Refinement& refinement, const std::string& name, double scale_px,
+             const std::vector<std::pair<int, int>>& limbs, int num_threads, KeypointRefineReport* report, Measured* measured) {
+  const int min_views = given.cameras.size() > 2 ? 3 : 2;
+  const std::vector<KeypointJoint>& held = refinement.split().test;
+  const std::vector<int> frames = FramesOf(held);
+  const auto before = FitKeypoints(given, held, scale_px, min_views, num_threads);
+  const auto after = FitKeypoints(refinement.report().rig, held, scale_px, min_views, num_threads);
+  KeypointHeldOut part;
+  part.name = name, part.kept_input = refinement.report().kept_input;
+  part.first_frame = frames.front(), part.last_frame = frames.back();
+  part.num_frames = static_cast<int>(frames.size()), part.num_train_frames = refinement.report().num_train_frames;
+  part.before = ErrorOf(before, limbs), part.after = ErrorOf(after, limbs);
+  report->num_test_frames += part.num_frames;
+  report->held_out.push_back(std::move(part));
+  measured->before.insert(measured->before.end(), before.begin(), before.end());
+  measured->after.insert(measured->after.end(), after.begin(), after.end());
+}
+
+/// Asks on, but shows nothing: for work that runs beside other work.
+class QuietProgress : public ProgressSink {
+ public:
+  explicit QuietProgress(const ProgressSink* shown) : shown_(shown) {}
+  bool Cancelled() const override { return shown_ && shown_->Cancelled(); }
+
+ private:
+  const ProgressSink* shown_;
+};
+
+void DescribeCameras(const geometry::Rig& given, const KeypointCovariance& covariance, const Measured& measured,
+                     KeypointRefineReport* report) {
   const size_t num_cameras = given.cameras.size();
   std::vector<int> counts;
-  const std::vector<Eigen::Vector2d> mean_before = MeanResiduals(before, num_cameras, &counts);
-  const std::vector<Eigen::Vector2d> mean_after = MeanResiduals(after, num_cameras, &counts);
+  const std::vector<Eigen::Vector2d> mean_before = MeanResiduals(measured.before, num_cameras, &counts);
+  const std::vector<Eigen::Vector2d> mean_after = MeanResiduals(measured.after, num_cameras, &counts);
   for (size_t c = 0; c < num_cameras; ++c) {
     KeypointCamera camera;
     camera.name = given.cameras[c].camera.name, camera.num_detections = counts[c];
     camera.mean_residual_before_px = mean_before[c], camera.mean_residual_after_px = mean_after[c];
-    std::optional<Eigen::Matrix<double, 6, 6>> covariance;
+    std::optional<Eigen::Matrix<double, 6, 6>> of_pose;
     if (!report->kept_input) {
-      const Eigen::Index row = refinement.covariance().begin[c + 1] - 6;
-      covariance = refinement.covariance().joint.block<6, 6>(row, row);
+      const Eigen::Index row = covariance.begin[c + 1] - 6;
+      of_pose = covariance.joint.block<6, 6>(row, row);
     }
-    DescribeMotion(given.cameras[c], report->rig.cameras[c], covariance, &camera);
+    DescribeMotion(given.cameras[c], report->rig.cameras[c], of_pose, &camera);
     report->cameras.push_back(camera);
   }
 }
@@ -271,6 +166,70 @@ void KeepInput(const geometry::Rig& given, const std::string& why, KeypointRefin
   report->kept_input = true, report->rig = given, report->message = why + "; the input is kept";
   report->culprit = {};
 }
+
+/// What is adjusted and what is measured.
+class Study {
+ public:
+  Study(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
+        const KeypointRefineOptions& options, const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test,
+        const RunContext& run)
+      : run_(run), quiet_(run.progress), gap_frames_(options.choice.gap_frames) {
+    RunContext beside = run;
+    beside.progress = &quiet_, beside.num_threads = 1;
+    if (train || test) {
+      parts_.emplace_back(given, frames, options, [=](const auto& joints) { return SplitKeypoints(joints, train, test); }, run);
+      return;
+    }
+    const int gap = gap_frames_;
+    parts_.emplace_back(given, frames, options, [](const auto& joints) { return KeypointSplit{joints, {}}; }, run);
+    for (const int half : {0, 1})
+      parts_.emplace_back(given, frames, options, [=](const auto& joints) { return HalveKeypoints(joints, half, gap); }, beside);
+  }
+
+  /// The whole first: it tells what cannot be done at all.
+  void Run() {
+    parts_[0].Run();
+    if (whole().report().status != Status::kOk || parts_.size() == 1) return;
+    ProgressStage stage(run_, "the same with each half, for the other to measure", 2);
+    ParallelFor(2, ResolveThreads(run_.num_threads), [&](int64_t half) { parts_[static_cast<size_t>(half) + 1].Run(); });
+    stage.Advance(2);
+  }
+
+  const Refinement& whole() const { return parts_[0]; }
+
+  /// Held-out figures. False, and a status, where there are none.
+  bool MeasureAll(const geometry::Rig& given, double scale_px, const std::vector<std::pair<int, int>>& limbs,
+                  KeypointRefineReport* report, Measured* measured) const {
+    const bool halves = parts_.size() == 3;
+    for (size_t i = halves ? 1 : 0; i < parts_.size(); ++i) {
+      const KeypointRefineReport& own = parts_[i].report();
+      if (own.status != Status::kOk) {
+        report->status = own.status, report->message = "the " + std::string(i == 1 ? "first" : "second") + " half alone: " + own.message;
+        report->notes.push_back(report->message);
+      } else if (parts_[i].split().test.empty()) {
+        report->status = Status::kTooFewViews, report->message = "no point is seen by two cameras at once in the test frames";
+      } else {
+        const std::string name = !halves ? "test frames" : i == 1 ? "second half" : "first half";
+        Measure(given, parts_[i], name, scale_px, limbs, ResolveThreads(run_.num_threads), report, measured);
+      }
+    }
+    if (halves) report->num_gap_frames = NumGapFrames();
+    if (report->held_out.empty()) return false;
+    report->status = Status::kOk, report->message.clear();
+    return true;
+  }
+
+ private:
+  int NumGapFrames() const {
+    const std::vector<int> part = CutWithGaps(FramesOf(whole().split().train), 2, gap_frames_);
+    return static_cast<int>(std::count(part.begin(), part.end(), -1));
+  }
+
+  RunContext run_;
+  QuietProgress quiet_;
+  int gap_frames_;
+  std::deque<Refinement> parts_;  // one; or the whole take and its halves
+};
 
 }  // namespace
 
@@ -283,24 +242,22 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   if (!IsFinite(given)) return Failed(Status::kNonFiniteInput, "the calibration is not finite");
   const Eigen::Vector3d offset = MeanCentre(given);
   const geometry::Rig local = Shifted(given, offset);
-  Refinement refinement(local, frames, options, train, test, run);
-  KeypointRefineReport report = refinement.Run();
+  Study study(local, frames, options, train, test, run);
+  study.Run();
+  KeypointRefineReport report = study.whole().report();
   if (report.status != Status::kOk) return report;
-  if (!report.plan.Changes()) KeepInput(local, "an adjusted rig explains held-out train frames no better", &report);
-
-  const int min_views = given.cameras.size() > 2 ? 3 : 2, num_threads = ResolveThreads(run.num_threads);
-  const std::vector<KeypointJoint>& held = refinement.split().test;
-  const std::vector<KeypointFit> before = FitKeypoints(local, held, options.holdout_scale_px, min_views, num_threads);
-  std::vector<KeypointFit> after = FitKeypoints(report.rig, held, options.holdout_scale_px, min_views, num_threads);
-  if (!report.kept_input && !(MeanCost(after) < MeanCost(before))) {
-    KeepInput(local, "the adjusted rig explains the test frames no better", &report);
-    after = before;
-  }
-  report.before = ErrorOf(before, limbs), report.after = ErrorOf(after, limbs);
-  DescribeCameras(local, refinement, before, after, &report);
+  if (report.kept_input) KeepInput(local, "an adjusted rig explains held-out train frames no better", &report);
+  Measured measured;
+  if (!study.MeasureAll(local, options.holdout_scale_px, limbs, &report, &measured))
+    return Failed(report.status, report.message);
+  if (!report.kept_input && !(MeanCost(measured.after) < MeanCost(measured.before)))
+    KeepInput(local, "the adjusted rig explains the held-out frames no better", &report);
+  if (report.kept_input) measured.after = measured.before;
+  report.before = ErrorOf(measured.before, limbs), report.after = ErrorOf(measured.after, limbs);
+  DescribeCameras(local, study.whole().covariance(), measured, &report);
   if (report.kept_input) return report.rig = given, report;
   report.rig = Shifted(report.rig, -offset);
-  AddCovariances(refinement.covariance(), offset, &report.rig);
+  AddCovariances(study.whole().covariance(), offset, &report.rig);
   report.rig.gauge =
       report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size" : "the other cameras";
   return report;

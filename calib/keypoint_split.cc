@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <map>
 
+#include "core/check.h"
 #include "core/error.h"
 #include "core/units.h"
 
@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kMinSharedJoints = 12;  // of a camera with another: more than its pose has numbers
 constexpr int kMinFrames = 4;
+constexpr size_t kMinGap = 2;
 
 /// Cameras that share joints with others, as one group; names of those that do not.
 std::vector<std::string> Unconnected(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints) {
@@ -57,30 +58,59 @@ Eigen::Vector3d MeanCentre(const geometry::Rig& rig) {
 }
 
 KeypointSplit SplitKeypoints(const std::vector<KeypointJoint>& joints, const std::optional<FrameChoice>& train,
-                             const std::optional<FrameChoice>& test, int max_frames) {
-  std::map<int, size_t> rank;
-  for (const int frame : FramesOf(joints)) rank.emplace(frame, rank.size());
+                             const std::optional<FrameChoice>& test) {
+  MVS_CHECK(train || test, "frames to split by");
   KeypointSplit split;
   for (const KeypointJoint& joint : joints) {
-    const bool even = rank[joint.frame] % 2 == 0;
-    const bool in_test = test ? test->Contains(joint.frame) : train ? !train->Contains(joint.frame) : !even;
-    const bool in_train = train ? train->Contains(joint.frame) : test ? !in_test : even;
+    const bool in_test = test ? test->Contains(joint.frame) : !train->Contains(joint.frame);
+    const bool in_train = train ? train->Contains(joint.frame) : !in_test;
     if (in_train && in_test) throw UsageError("--train-frames and --test-frames share frame " + std::to_string(joint.frame));
     if (in_train) split.train.push_back(joint);
     if (in_test) split.test.push_back(joint);
   }
-  split.train = Thinned(split.train, max_frames);
   return split;
 }
 
-std::string WhyTooFew(const geometry::Rig& rig, const KeypointSplit& split) {
-  const auto num_train = FramesOf(split.train).size();
+std::vector<int> CutWithGaps(const std::vector<int>& frames, int num_parts, int gap_frames) {
+  const size_t n = frames.size(), parts = static_cast<size_t>(num_parts), most = n / parts / 10;
+  std::vector<int> part(n);
+  for (size_t i = 0; i < n; ++i) part[i] = static_cast<int>(i * parts / n);
+  for (size_t cut = 1; cut < n; ++cut) {
+    if (part[cut] <= 0 || part[cut] == part[cut - 1] || part[cut - 1] < 0) continue;
+    size_t left = cut, right = cut;  // instants [left, right) are left out
+    while (right - left < most && (right - left < kMinGap || frames[right] - frames[left - 1] <= gap_frames))
+      right - left == 2 * (cut - left) ? --left : ++right;
+    std::fill(part.begin() + static_cast<std::ptrdiff_t>(left), part.begin() + static_cast<std::ptrdiff_t>(right), -1);
+    cut = std::max(cut, right);
+  }
+  return part;
+}
+
+KeypointSplit HalveKeypoints(const std::vector<KeypointJoint>& joints, int train_half, int gap_frames) {
+  const std::vector<int> frames = FramesOf(joints), part = CutWithGaps(frames, 2, gap_frames);
+  KeypointSplit split;
+  for (const KeypointJoint& joint : joints) {
+    const auto at = std::lower_bound(frames.begin(), frames.end(), joint.frame) - frames.begin();
+    const int half = part[static_cast<size_t>(at)];
+    if (half >= 0) (half == train_half ? split.train : split.test).push_back(joint);
+  }
+  return split;
+}
+
+std::vector<KeypointJoint> Limited(const std::vector<KeypointJoint>& joints, int max_frames) {
+  constexpr double kPointsPerFrame = 30;
+  const double share = kPointsPerFrame * max_frames / static_cast<double>(std::max<size_t>(joints.size(), 1));
+  const auto by_points = static_cast<int>(std::min(1.0, share) * static_cast<double>(FramesOf(joints).size()));
+  return Thinned(joints, std::max(max_frames, by_points));
+}
+
+std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>& train) {
+  const auto num_train = FramesOf(train).size();
   if (num_train < kMinFrames)
-    return "people are seen by two cameras at once in " + std::to_string(num_train) + " of the train frames; at least " +
+    return "two cameras see the same points at once in " + std::to_string(num_train) + " of the frames to adjust to; at least " +
            std::to_string(kMinFrames) + " are needed";
-  if (FramesOf(split.test).empty()) return "no joint is seen by two cameras at once in the test frames";
-  const std::vector<std::string> alone = Unconnected(rig, split.train);
-  if (!alone.empty()) return "cameras without enough joints that others see too: " + List(alone);
+  const std::vector<std::string> alone = Unconnected(rig, train);
+  if (!alone.empty()) return "cameras without enough points that others see too: " + List(alone);
   return "";
 }
 
@@ -98,7 +128,7 @@ std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covaria
     if (place < kMaxOfSpread * spread && turn < kMaxRad) continue;
     char text[300];
     std::snprintf(text, sizeof text,
-                  "the joints leave camera %s uncertain by %.0f mm and %.1f deg: people must move through more of the space",
+                  "the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
                   rig.cameras[c].camera.name.c_str(), 1e3 * place, RadToDeg(turn));
     return text;
   }

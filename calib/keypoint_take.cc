@@ -26,22 +26,48 @@ KeypointJoint Observe(const triangulate::DetectedFrame& frame, const std::vector
   return joint;
 }
 
+bool IsPresent(const std::vector<int>& chosen) {
+  return std::any_of(chosen.begin(), chosen.end(), [](int detection) { return detection >= 0; });
+}
+
+/// Options that let nobody of the take go: a person in two views of one frame is no more than half of its detections.
+triangulate::AssociationOptions OfAll(const std::vector<triangulate::DetectedFrame>& frames,
+                                      triangulate::AssociationOptions options) {
+  size_t most = 0, num_joints = 0;
+  for (const triangulate::DetectedFrame& frame : frames) {
+    size_t count = 0;
+    for (const auto& people : frame.people) count += people.size();
+    most = std::max(most, count / 2), num_joints = std::max(num_joints, NumJoints(frame));
+  }
+  options.max_persons = std::max(options.max_persons, static_cast<int>(most));
+  options.min_joints = std::min(options.min_joints, static_cast<int>(std::max<size_t>(num_joints, 1)));
+  return options;
+}
+
 }  // namespace
 
 std::vector<KeypointJoint> CollectKeypoints(const geometry::Rig& rig, const std::vector<triangulate::DetectedFrame>& frames,
-                                            const triangulate::AssociationOptions& options, const RunContext& run) {
-  const auto chosen = triangulate::AssociateTake(triangulate::Prepare(rig), frames, options, run);
+                                            const triangulate::AssociationOptions& options, const RunContext& run,
+                                            LeftOutPersons* left_out) {
+  const auto chosen = triangulate::AssociateTake(triangulate::Prepare(rig), frames, OfAll(frames, options), run);
   std::vector<KeypointJoint> joints;
+  LeftOutPersons others;
   for (size_t f = 0; f < frames.size(); ++f) {
     const size_t num_joints = NumJoints(frames[f]);
+    int num_present = 0;
     for (size_t person = 0; person < chosen[f].size(); ++person) {
+      if (!IsPresent(chosen[f][person]) || ++num_present > options.max_persons) continue;
       for (size_t j = 0; j < num_joints; ++j) {
         KeypointJoint joint = Observe(frames[f], chosen[f][person], j, options.min_score);
         joint.person = static_cast<int>(person);
         if (joint.seen.size() >= 2) joints.push_back(std::move(joint));
       }
     }
+    if (num_present <= options.max_persons) continue;
+    others.frames.push_back(frames[f].frame);
+    others.num_persons = std::max(others.num_persons, num_present - options.max_persons);
   }
+  if (left_out) *left_out = std::move(others);
   return joints;
 }
 
@@ -68,6 +94,20 @@ std::vector<KeypointJoint> Thinned(const std::vector<KeypointJoint>& joints, int
   std::copy_if(joints.begin(), joints.end(), std::back_inserter(chosen),
                [&](const KeypointJoint& joint) { return kept.count(joint.frame) > 0; });
   return chosen;
+}
+
+size_t NumObservations(const std::vector<KeypointJoint>& joints) {
+  size_t count = 0;
+  for (const KeypointJoint& joint : joints) count += joint.seen.size();
+  return count;
+}
+
+std::vector<KeypointJoint> ThinnedTo(const std::vector<KeypointJoint>& joints, size_t max_observations) {
+  const size_t count = NumObservations(joints);
+  if (count <= max_observations) return joints;
+  constexpr double kFewest = 20;
+  const double share = static_cast<double>(max_observations) / static_cast<double>(count);
+  return Thinned(joints, static_cast<int>(std::max(kFewest, share * static_cast<double>(FramesOf(joints).size()))));
 }
 
 }  // namespace mvstudio::calib

@@ -14,6 +14,7 @@ using Eigen::Index;
 
 constexpr int kMaxChunks = 4;  // partial sums, added in order, so that the number of threads does not matter
 constexpr double kMinDamping = 1e-15, kMaxDamping = 1e12;
+constexpr double kBlockFloor = 1e-14;  // rounding may leave a block that its residuals do not determine slightly indefinite
 
 /// h + damping diag(h); an unknown that no residual meets keeps its value.
 void Damp(double damping, Eigen::Ref<Eigen::MatrixXd> h) {
@@ -24,9 +25,7 @@ void Damp(double damping, Eigen::Ref<Eigen::MatrixXd> h) {
 Eigen::LLT<Eigen::MatrixXd> FactorBlock(const SchurSystem& system, int block, double damping) {
   const int e = system.block_dim();
   Eigen::MatrixXd h = system.block_h.middleCols(static_cast<Index>(block) * e, e);
-  // Rounding may leave a block that its residuals do not determine slightly indefinite.
-  constexpr double kFloor = 1e-14;
-  Damp(std::max(damping, kFloor), h);
+  Damp(std::max(damping, kBlockFloor), h);
   return Eigen::LLT<Eigen::MatrixXd>(h);
 }
 
@@ -45,6 +44,29 @@ void SubtractBlock(const SchurSystem& system, int block, double damping, Reduced
     double* target = reduced->h.data() + columns[j] * reduced->h.rows();
     for (Index i = j; i < m; ++i) target[columns[i]] -= product(i, j);
     reduced->g[columns[j]] -= right[j];
+  }
+}
+
+/// The same for blocks of three, points: no call is worth its cost for products this thin.
+void SubtractPoints(const SchurSystem& system, int first, int last, double damping, ReducedSystem* reduced) {
+  Eigen::Matrix3Xd y;
+  for (int block = first; block < last; ++block) {
+    const Index begin = system.begin[block], m = system.begin[block + 1] - begin;
+    if (m == 0) continue;
+    Eigen::Matrix3d h = system.block_h.middleCols<3>(3 * static_cast<Index>(block));
+    Damp(std::max(damping, kBlockFloor), h);
+    const Eigen::LLT<Eigen::Matrix3d> factor(h);
+    if (factor.info() != Eigen::Success) continue;  // no residuals
+    y = system.w.middleCols(begin, m);
+    factor.matrixL().solveInPlace(y);
+    const Eigen::Vector3d z = factor.matrixL().solve(Eigen::Vector3d(system.block_g.col(block)));
+    const int* columns = system.columns.data() + begin;
+    for (Index j = 0; j < m; ++j) {
+      double* target = reduced->h.data() + columns[j] * reduced->h.rows();
+      const Eigen::Vector3d left = y.col(j);
+      for (Index i = j; i < m; ++i) target[columns[i]] -= y.col(i).dot(left);
+      reduced->g[columns[j]] -= left.dot(z);
+    }
   }
 }
 
@@ -120,7 +142,8 @@ ReducedSystem Reduce(const SchurSystem& system, double damping, int num_threads)
     sum.h.setZero(system.h.rows(), system.h.cols());
     sum.g.setZero(system.g.size());
     const int first = static_cast<int>(chunk * blocks / chunks), last = static_cast<int>((chunk + 1) * blocks / chunks);
-    for (int block = first; block < last; ++block) SubtractBlock(system, block, damping, &sum);
+    if (system.block_dim() == 3) SubtractPoints(system, first, last, damping, &sum);
+    for (int block = first; block < last && system.block_dim() != 3; ++block) SubtractBlock(system, block, damping, &sum);
   });
   ReducedSystem reduced{system.h, system.g};
   for (const ReducedSystem& sum : partial) reduced.h += sum.h, reduced.g += sum.g;

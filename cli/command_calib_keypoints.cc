@@ -92,6 +92,19 @@ ordered_json CulpritJson(const calib::KeypointCulprit& culprit) {
   return json;
 }
 
+ordered_json HeldOutJson(const calib::KeypointHeldOut& part) {
+  return {{"part", part.name},
+          {"first_frame", part.first_frame},
+          {"last_frame", part.last_frame},
+          {"num_frames", part.num_frames},
+          {"num_train_frames", part.num_train_frames},
+          {"kept_input", part.kept_input},
+          {"median_px", Pair(part.before.median_px, part.after.median_px)},
+          {"mean_px", Pair(part.before.mean_px, part.after.mean_px)},
+          {"p90_px", Pair(part.before.p90_px, part.after.p90_px)},
+          {"limb_std_mm", Pair(part.before.limb_std_mm, part.after.limb_std_mm)}};
+}
+
 void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metrics) {
   ordered_json& m = *metrics;
   const calib::KeypointError &before = report.before, &after = report.after;
@@ -108,6 +121,10 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
   m["num_train_frames"] = report.num_train_frames;
   m["num_test_frames"] = report.num_test_frames;
   m["num_train_joints"] = report.num_train_joints;
+  m["held_out"] = ordered_json::array();
+  for (const calib::KeypointHeldOut& part : report.held_out) m["held_out"].push_back(HeldOutJson(part));
+  m["num_gap_frames"] = report.num_gap_frames;
+  m["left_out_persons"] = {{"num_persons", report.left_out.num_persons}, {"num_frames", report.left_out.frames.size()}};
   m["culprit"] = CulpritJson(report.culprit);
   m["cameras"] = ordered_json::array();
   for (size_t c = 0; c < report.cameras.size(); ++c)
@@ -122,11 +139,24 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
                               {"chosen", d.chosen}});
 }
 
+std::string Limbs(const calib::KeypointError& error) {
+  if (!std::isfinite(error.limb_mean_mm)) return "";
+  return Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
+}
+
 std::string Summary(const calib::KeypointRefineReport& report) {
   std::string text;
   for (const auto& [name, error] : {std::pair("before", &report.before), std::pair("after", &report.after)})
-    text += Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px; limbs %.1f mm long +- %.1f mm\n", name,
-                   error->median_px, error->mean_px, error->p90_px, error->limb_mean_mm, error->limb_std_mm);
+    text += Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px%s\n", name, error->median_px, error->mean_px,
+                   error->p90_px, Limbs(*error).c_str());
+  for (const calib::KeypointHeldOut& part : report.held_out)
+    text += Format("  %-12s frames %d to %d (%d), adjusted to %d others: median %.2f -> %.2f px, mean %.2f -> %.2f px%s\n",
+                   part.name.c_str(), part.first_frame, part.last_frame, part.num_frames, part.num_train_frames,
+                   part.before.median_px, part.after.median_px, part.before.mean_px, part.after.mean_px,
+                   part.kept_input ? " (input kept)" : "");
+  if (report.num_gap_frames > 0)
+    text += Format("  %d frames between the halves measure neither; the calibration is adjusted to all %d frames\n",
+                   report.num_gap_frames, report.num_train_frames);
   for (const calib::KeypointCamera& c : report.cameras)
     text += Format(
         "%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) "
@@ -152,27 +182,43 @@ geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camer
   return merged;
 }
 
-void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out, CommandResult* result) {
+std::string LeftOutLine(const calib::LeftOutPersons& others, int max_persons) {
+  const size_t count = others.frames.size();
+  return Format("%d more %s than --max-persons %d, in %zu %s (%s%d): left out", others.num_persons,
+                others.num_persons == 1 ? "person" : "persons", max_persons, count, count == 1 ? "frame" : "frames",
+                count == 1 ? "" : "the first: ", others.frames.front());
+}
+
+void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out, int max_persons, CommandResult* result) {
   if (report.kept_input)
-    result->warnings.push_back({"CAL-INPUT-KEPT", report.message, "film more people in more of the space, or recalibrate"});
+    result->warnings.push_back({"CAL-INPUT-KEPT", report.message, "film more, in more of the space, or recalibrate"});
   if (report.culprit.fault != calib::CameraFault::kNone)
     result->warnings.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
                                 "the new calibration corrects it; check the camera and its pictures all the same"});
   if (num_left_out > 0)
-    result->warnings.push_back({"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without --pose2d stay as they are",
-                                "give their poses too"});
+    result->warnings.push_back({"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without 2D points stay as they are",
+                                "give theirs too"});
+  if (!report.left_out.frames.empty())
+    result->warnings.push_back({"CAL-PERSONS-LEFT-OUT", LeftOutLine(report.left_out, max_persons),
+                                "--max-persons " + std::to_string(max_persons + report.left_out.num_persons) + " uses them too"});
+  for (const std::string& note : report.notes)
+    result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
 
 }  // namespace
 
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
-  AddFlag(sub, "--from-keypoints", arguments.from_keypoints, "adjust to the people of a take, --pose2d, instead of boards");
+  AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
+          "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
   AddOption(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
-  AddOption(sub, "--skeleton", arguments.skeleton, "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19")
-      ->capture_default_str();
+  AddOption(sub, "--points2d", arguments.points2d,
+            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
+            "joints may be names or numbers, frames need no connection in time");
+  AddOption(sub, "--skeleton", arguments.skeleton,
+            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d the points in the file");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
-            "every second frame when neither is given");
+            "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
   AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
   AddOptions(sub, arguments.options);
 }
@@ -183,8 +229,9 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto train = ParseFrames("--train-frames", arguments.train_frames);
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   PoseArguments pose;
-  pose.calib = calib_path, pose.skeleton = arguments.skeleton, pose.pose2d = arguments.pose2d;
-  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path}), {"calibration.json"});
+  pose.calib = calib_path, pose.skeleton = arguments.skeleton;
+  pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d;
+  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
   const PoseInput input = ReadPoseInput(pose, &result);
   const Posed posed = PosedCameras(input);
   const calib::KeypointRefineReport report =
@@ -192,12 +239,13 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.metrics["status"] = std::string(ToString(report.status));
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back({"CAL-UNSOLVED", report.message, "people must be seen by several cameras at once, in many places"});
+    result.errors.push_back(
+        {"CAL-UNSOLVED", report.message, "people or markers must be seen by several cameras at once, in many places"});
     result.text = report.message + "\n";
     return result;
   }
   FillMetrics(report, &result.metrics);
-  AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), &result);
+  AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
   result.folder = out;
   const std::string path = out + "/calibration.json";
   geometry::WriteRig(report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig), path);

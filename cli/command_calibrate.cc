@@ -124,15 +124,15 @@ void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand(
       "refine",
-      "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people (--from-keypoints)");
+      "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people, markers or animals (--from-keypoints)");
   AddOption(sub, "--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
   AddKeypointArguments(sub, arguments->keypoints);
   registry.Add(sub, "calib refine", [arguments](CommandContext& context) {
     const KeypointArguments& keypoints = arguments->keypoints;
-    if (keypoints.from_keypoints && arguments->out.empty()) throw UsageError("--out is required with --from-keypoints");
-    if (!keypoints.from_keypoints && !keypoints.pose2d.empty()) throw UsageError("--pose2d belongs to --from-keypoints");
-    return keypoints.from_keypoints ? RunKeypoints(keypoints, arguments->start, arguments->out, context)
+    if (keypoints.IsGiven() && arguments->out.empty()) throw UsageError("--out is required with --from-keypoints");
+    if (!keypoints.IsGiven() && !keypoints.pose2d.empty()) throw UsageError("--pose2d belongs to --from-keypoints");
+    return keypoints.IsGiven() ? RunKeypoints(keypoints, arguments->start, arguments->out, context)
                                     : RunCalibrate(*arguments, context);
   });
 }
