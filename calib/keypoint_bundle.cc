@@ -46,13 +46,13 @@ int NumUnknowns(const geometry::Rig& rig, const KeypointFreedom& freedom) {
   return unknowns;
 }
 
-Status Adjust(Bundle* bundle, double cauchy_px, double tolerance) {
+Status Adjust(Bundle* bundle, double cauchy_px) {
   PointProblem problem(bundle->scene, bundle->observations, bundle->options, PointProblem::Blocks::kPoints, cauchy_px);
   SchurSystem system;
   problem.AllocateSystem(&system);
   SchurLmOptions lm;
   lm.max_iterations = 100;
-  lm.cost_tolerance = tolerance;
+  lm.cost_tolerance = 1e-6;
   lm.negligible_cost = 1e-20 * static_cast<double>(bundle->observations.size());
   lm.num_threads = bundle->options.num_threads;
   const SchurLmReport report = SolveSchurLm(&problem, &system, lm);
@@ -72,19 +72,20 @@ bool HasEnough(const geometry::Rig& rig, const KeypointFreedom& freedom, const K
   return 2 * solution.num_observations >= NumUnknowns(rig, freedom) + 3 * solution.num_joints + 10;
 }
 
-/// The rounds of SolveKeypoints, from the scale of the noise in `scale`; 0: plain squares.
+/// The rounds of SolveKeypoints; the last looks for all points anew, but not where `start_fits` are given. From the scale of the noise in `scale`; 0: plain squares.
 KeypointSolution SolveRounds(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
                              const KeypointFreedom& freedom, double cauchy_px, double scale, int num_threads,
                              const std::vector<KeypointFit>* start_fits) {
   constexpr int kMaxRounds = 12;
-  constexpr double kSmallestScalePx = 1e-6;
-  constexpr double kTight = 1e-6, kLoose = 1e-4;  // of the cost; loose while the scale still changes
+  constexpr double kSmallestScalePx = 1e-6, kNear = 0.03;  // of the cost: the cameras hardly moved
   KeypointSolution solution;
   solution.rig = start;
-  double before = INFINITY, tolerance = kTight;
+  double before = INFINITY;
+  std::vector<KeypointFit> fits;
+  bool anew = !start_fits;  // look for the points anew, not among the minima that are known
   for (int round = 0; round < kMaxRounds; ++round) {
-    const std::vector<KeypointFit> fits =
-        round == 0 && start_fits ? *start_fits : FitKeypoints(solution.rig, joints, scale, 2, num_threads);
+    if (anew) fits = FitKeypoints(solution.rig, joints, scale, 2, num_threads);
+    if (!anew) fits = round == 0 ? *start_fits : RefitKeypoints(solution.rig, fits, scale, num_threads);
     const double estimated = std::max(CauchyScale(fits), kSmallestScalePx), last = scale;
     if (!(cauchy_px > 0)) scale = estimated;
     double count = 0;
@@ -99,10 +100,10 @@ KeypointSolution SolveRounds(const geometry::Rig& start, const std::vector<Keypo
     }
     solution.cauchy_px = scale, solution.cost = cost * count;
     const bool settled = std::abs(scale - last) <= 0.01 * scale && std::abs(before - cost) <= 1e-4 * std::abs(cost);
-    if ((settled && tolerance == kTight) || scale <= kSmallestScalePx) break;
+    if ((settled && (anew || start_fits)) || scale <= kSmallestScalePx) break;
+    anew = !start_fits && (settled || !(std::abs(before - cost) < kNear * cost));
     before = cost;
-    tolerance = std::abs(scale - last) <= 0.05 * scale ? kTight : kLoose;
-    solution.status = Adjust(&bundle, scale, tolerance);
+    solution.status = Adjust(&bundle, scale);
     for (size_t c = 0; c < start.cameras.size(); ++c) {
       solution.rig.cameras[c].camera = bundle.scene.lenses[c];
       solution.rig.cameras[c].cam_from_world = bundle.scene.cam_from_world[c];

@@ -18,15 +18,18 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr size_t kMaxViewsForPairs = 6;
+constexpr double kMaxBehind = 2;     // in cost: minima that are farther behind are not remembered
+constexpr double kSameCost = 1e-5;  // relative: descents that end so near each other ended in one minimum
 
 struct Linearization {
   bool ok = true;
   double cost = 0;
-  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();       // of the weighted squares
+  Eigen::Matrix3d curved = Eigen::Matrix3d::Zero();  // of the cost itself
   Eigen::Vector3d g = Eigen::Vector3d::Zero();
 };
 
-/// Normal equations of the reweighted residuals (projection - detection).
+/// Normal equations of the reweighted residuals (projection - detection), and the cost's own second derivatives.
 Linearization Linearize(const geometry::Rig& rig, const KeypointJoint& joint, double cauchy_px, const Eigen::Vector3d& x) {
   Linearization sum;
   for (const triangulate::Observation& seen : joint.seen) {
@@ -38,14 +41,28 @@ Linearization Linearize(const geometry::Rig& rig, const KeypointJoint& joint, do
     const double weight = cauchy_px > 0 ? 1 / (1 + r.squaredNorm() / (cauchy_px * cauchy_px)) : 1;
     const Eigen::Matrix<double, 2, 3> j = d.d_px_d_x_in_cam * camera.cam_from_world.rotation.toRotationMatrix();
     sum.cost += KeypointCost(r, cauchy_px);
+    const Eigen::Vector3d along = j.transpose() * r;
     sum.h += weight * j.transpose() * j;
-    sum.g += weight * j.transpose() * r;
+    sum.g += weight * along;
+    if (cauchy_px > 0) sum.curved -= 2 * weight * weight / (cauchy_px * cauchy_px) * along * along.transpose();
   }
+  sum.curved += sum.h;
   sum.ok = std::isfinite(sum.cost);
   return sum;
 }
 
-/// Iteratively reweighted least squares with damping: the cost never grows.
+/// Newton's step where the cost is curved upwards; else that of iteratively reweighted least squares.
+Eigen::Vector3d StepOf(const Linearization& at, double damping) {
+  Eigen::Matrix3d damped = at.curved;
+  damped.diagonal() += damping * at.h.diagonal();
+  const Eigen::LLT<Eigen::Matrix3d> newton(damped);
+  if (newton.info() == Eigen::Success) return newton.solve(-at.g);
+  damped = at.h;
+  damped.diagonal() *= 1 + damping;
+  return damped.ldlt().solve(-at.g);
+}
+
+/// The cost never grows.
 std::optional<std::pair<double, Eigen::Vector3d>> Descend(const geometry::Rig& rig, const KeypointJoint& joint,
                                                           double cauchy_px, Eigen::Vector3d x) {
   constexpr int kMaxIterations = 60;
@@ -53,9 +70,7 @@ std::optional<std::pair<double, Eigen::Vector3d>> Descend(const geometry::Rig& r
   if (!at.ok) return std::nullopt;
   double damping = 0;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    Eigen::Matrix3d damped = at.h;
-    damped.diagonal() *= 1 + damping;
-    const Eigen::Vector3d step = damped.ldlt().solve(-at.g);
+    const Eigen::Vector3d step = StepOf(at, damping);
     if (!step.allFinite()) return std::nullopt;
     const Linearization next = Linearize(rig, joint, cauchy_px, x + step);
     if (!next.ok || next.cost > at.cost) {
@@ -107,12 +122,17 @@ void Finish(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, 
 
 KeypointFit FitFrom(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, const KeypointJoint& joint,
                     double cauchy_px, const std::vector<Eigen::Vector3d>& starts) {
-  KeypointFit fit;
-  fit.joint = &joint, fit.cost = kInfinity;
+  std::vector<std::pair<double, Eigen::Vector3d>> ends;
   for (const Eigen::Vector3d& start : starts) {
     const auto end = Descend(rig, joint, cauchy_px, start);
-    if (end && end->first < fit.cost) fit.cost = end->first, fit.x_in_world = end->second, fit.ok = true;
+    if (end) ends.push_back(*end);
   }
+  std::stable_sort(ends.begin(), ends.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  KeypointFit fit;
+  fit.joint = &joint, fit.cost = kInfinity;
+  if (!ends.empty()) fit.ok = true, fit.cost = ends[0].first, fit.x_in_world = ends[0].second;
+  for (size_t i = 1; i < ends.size() && ends[i].first < fit.cost + kMaxBehind; ++i)
+    if (ends[i].first > (1 + kSameCost) * ends[i - 1].first) fit.others.push_back(ends[i].second);
   Finish(rig, prepared, &fit);
   return fit;
 }
@@ -192,7 +212,10 @@ std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vec
                                         int num_threads) {
   const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
   return FitAll(fits.size(), num_threads, [&](size_t i) {
-    return fits[i].ok ? FitFrom(rig, prepared, *fits[i].joint, cauchy_px, {fits[i].x_in_world}) : fits[i];
+    if (!fits[i].ok) return fits[i];
+    std::vector<Eigen::Vector3d> starts = fits[i].others;
+    starts.insert(starts.begin(), fits[i].x_in_world);
+    return FitFrom(rig, prepared, *fits[i].joint, cauchy_px, starts);
   });
 }
 

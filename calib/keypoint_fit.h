@@ -14,6 +14,7 @@ struct KeypointFit {
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();
   std::vector<Eigen::Vector2d> residuals_px;  // per entry of joint->seen: detection - projection; infinite when not ok
   double cost = 0;                            ///< sum over the views of KeypointCost
+  std::vector<Eigen::Vector3d> others = {};   ///< further minima, that may become the least when cameras move a little
 };
 
 /// Detectors err by a few px mostly and by a limb at times: log(1 + |r|^2 / c^2), the tail of a Cauchy distribution of scale c.
@@ -25,7 +26,7 @@ double KeypointCost(const Eigen::Vector2d& residual_px, double cauchy_px);
 std::vector<KeypointFit> FitKeypoints(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints, double cauchy_px,
                                       int min_views, int num_threads);
 
-/// The minima nearest to the points of `fits`, for cameras that have moved a little since; cauchy_px as in FitKeypoints.
+/// The same for cameras that have moved a little since `fits` were made: the least of the minima that were known then.
 std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vector<KeypointFit>& fits, double cauchy_px,
                                         int num_threads);
 

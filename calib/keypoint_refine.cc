@@ -201,21 +201,22 @@ class Study {
   bool MeasureAll(const geometry::Rig& given, double scale_px, const std::vector<std::pair<int, int>>& limbs,
                   KeypointRefineReport* report, Measured* measured) const {
     const bool halves = parts_.size() == 3;
+    std::string why;
     for (size_t i = halves ? 1 : 0; i < parts_.size(); ++i) {
       const KeypointRefineReport& own = parts_[i].report();
       if (own.status != Status::kOk) {
-        report->status = own.status, report->message = "the " + std::string(i == 1 ? "first" : "second") + " half alone: " + own.message;
-        report->notes.push_back(report->message);
+        why = "the " + std::string(i == 1 ? "first" : "second") + " half alone: " + own.message;
+        report->status = own.status, report->notes.push_back(why);
       } else if (parts_[i].split().test.empty()) {
-        report->status = Status::kTooFewViews, report->message = "no point is seen by two cameras at once in the test frames";
+        report->status = Status::kTooFewViews, why = "no point is seen by two cameras at once in the test frames";
       } else {
         const std::string name = !halves ? "test frames" : i == 1 ? "second half" : "first half";
         Measure(given, parts_[i], name, scale_px, limbs, ResolveThreads(run_.num_threads), report, measured);
       }
     }
     if (halves) report->num_gap_frames = NumGapFrames();
-    if (report->held_out.empty()) return false;
-    report->status = Status::kOk, report->message.clear();
+    if (report->held_out.empty()) return report->message = why, false;
+    report->status = Status::kOk;
     return true;
   }
 
