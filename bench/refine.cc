@@ -94,8 +94,9 @@ int main(int argc, char** argv) {
   for (const int threads : {1, 2}) {
     rows.push_back(RowOf(take, threads));
     Print(rows.back());
+    std::fflush(stdout);
   }
   if (argc > 2 && std::string(argv[2]) != "-")
-    mvstudio::WriteFile(argv[2], nlohmann::ordered_json{{"seed", seed}, {"rows", rows}}.dump(1) + "\n");
+    mvstudio::WriteFileAtomic(argv[2], nlohmann::ordered_json{{"seed", seed}, {"rows", rows}}.dump(1) + "\n");
   return 0;
 }
