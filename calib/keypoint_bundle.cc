@@ -72,7 +72,8 @@ bool HasEnough(const geometry::Rig& rig, const KeypointFreedom& freedom, const K
   return 2 * solution.num_observations >= NumUnknowns(rig, freedom) + 3 * solution.num_joints + 10;
 }
 
-/// The rounds of SolveKeypoints; the last looks for all points anew, but not where `start_fits` are given. From the scale of the noise in `scale`; 0: plain squares.
+/// The rounds of SolveKeypoints; the last looks for all points anew, but not where `start_fits` are given. From the scale of
+/// the noise in `scale`; 0: plain squares.
 KeypointSolution SolveRounds(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
                              const KeypointFreedom& freedom, double cauchy_px, double scale, int num_threads,
                              const std::vector<KeypointFit>* start_fits) {
@@ -119,8 +120,7 @@ KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<Ke
                                 const std::vector<KeypointFit>* start_fits) {
   constexpr size_t kCoarse = 6000;  // observations that bring a start near; all of them together then end in a few steps
   geometry::Rig from = start;
-  for (geometry::RigCamera& camera : from.cameras)
-    camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
+  for (geometry::RigCamera& camera : from.cameras) camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
   from.joint_covariance.reset();
   double scale = cauchy_px;
   if (!start_fits && NumObservations(joints) > 2 * kCoarse) {

@@ -27,8 +27,8 @@ struct KeypointSolution {
 /// Adjusts cameras to joints whose points are the eliminated unknowns, under the cost of KeypointCost. With `cauchy_px` 0 its
 /// scale is estimated from the residuals: the first round takes plain squares, so that a start that is off by tens of px has a
 /// smooth way down, and the scale falls with the residuals. Points are looked for anew in every round in
-/// which the cameras moved. The first rounds of large problems see a part of the frames alone. `start_fits`: the joints' fits at
-/// the start (FitKeypoints with this `cauchy_px` and two views); then points keep to the minima known from there.
+/// which the cameras moved. The first rounds of large problems see a part of the frames alone. `start_fits`: the joints' fits
+/// at the start (FitKeypoints with this `cauchy_px` and two views); then points keep to the minima known from there.
 KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<KeypointJoint>& joints,
                                 const KeypointFreedom& freedom, double cauchy_px, int num_threads,
                                 const std::vector<KeypointFit>* start_fits = nullptr);

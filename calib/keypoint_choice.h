@@ -70,12 +70,12 @@ struct KeypointChoiceOptions {
 };
 
 /// Cross-validation over stretches of the joints' time: a rig from the other stretches explains the joints of each, with a gap
-/// between them. Every candidate is adjusted to all of them and then, stretch by stretch, without (SolveWithout). Of many frames
-/// so many are used, evenly spread, as hold 12,000 observations. Groups are
-/// decided one after the other (poses, focal lengths, image scale, principal points, distortion); of the choices within
-/// `sigmas` standard errors of the best (differences by stretches of time, two a fold), or `gain`, the one that changes least
-/// wins. `start` gives the poses to start from, `cauchy_px` is the noise, see KeypointCost. `faults` are
-/// further choices for the poses, from the least change on, all less than setting all of them free.
+/// between them. Every candidate is adjusted to all of them and then, stretch by stretch, without (SolveWithout). Of many
+/// frames so many are used, evenly spread, as hold 12,000 observations. Groups are decided one after the other (poses, focal
+/// lengths, image scale, principal points, distortion); of the choices within `sigmas` standard errors of the best (differences
+/// by stretches of time, two a fold), or `gain`, the one that changes least wins. `start` gives the poses to start from,
+/// `cauchy_px` is the noise, see KeypointCost. `faults` are further choices for the poses, from the least change on, all less
+/// than setting all of them free.
 KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Rig& start,
                                   const std::vector<KeypointJoint>& joints, double cauchy_px,
                                   const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,

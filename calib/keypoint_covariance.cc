@@ -78,8 +78,7 @@ std::vector<int> StretchOf(const std::vector<KeypointFit>& fits, const std::vect
   std::map<int, size_t> rank;
   for (const int frame : frames) rank.emplace(frame, rank.size());
   std::vector<int> stretch;
-  for (const KeypointFit& fit : fits)
-    stretch.push_back(static_cast<int>(rank.at(fit.joint->frame) * count / rank.size()));
+  for (const KeypointFit& fit : fits) stretch.push_back(static_cast<int>(rank.at(fit.joint->frame) * count / rank.size()));
   return stretch;
 }
 

@@ -107,7 +107,8 @@ std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geom
   const int num_threads = ResolveThreads(run.num_threads);
   const std::vector<KeypointJoint> joints = ThinnedTo(all_joints, kMaxObservations);
   const std::vector<KeypointFit> at_given = FitKeypoints(given, joints, cauchy_px, 2, num_threads);
-  const double before = TotalCost(at_given), gain = before - TotalCost(FitKeypoints(refined, joints, cauchy_px, 2, num_threads));
+  const double before = TotalCost(at_given),
+               gain = before - TotalCost(FitKeypoints(refined, joints, cauchy_px, 2, num_threads));
   std::vector<Hypothesis> all;
   for (const size_t camera : WorstFirst(given.cameras.size(), at_given, cauchy_px))
     for (const Kind kind : {Kind::kPose, Kind::kFocal, Kind::kImage, Kind::kImageWidth, Kind::kImageHeight})

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr size_t kMaxViewsForPairs = 6;
-constexpr double kMaxBehind = 2;     // in cost: minima that are farther behind are not remembered
+constexpr double kMaxBehind = 2;    // in cost: minima that are farther behind are not remembered
 constexpr double kSameCost = 1e-5;  // relative: descents that end so near each other ended in one minimum
 
 struct Linearization {

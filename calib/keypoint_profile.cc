@@ -67,8 +67,7 @@ class GroupSum {
   void Add(const KeypointFit& fit) {
     if (!fit.ok || !Differentiate(fit)) return;
     Eigen::Matrix3d of_point = Eigen::Matrix3d::Zero();
-    for (size_t v = 0; v < views_.size(); ++v)
-      of_point += views_[v].by_point.transpose() * curvature_[v] * views_[v].by_point;
+    for (size_t v = 0; v < views_.size(); ++v) of_point += views_[v].by_point.transpose() * curvature_[v] * views_[v].by_point;
     const Eigen::LLT<Eigen::Matrix3d> factor(of_point);
     constexpr double kThinnest = 1e-9;  // of the largest pivot
     const Eigen::Array3d pivots = Eigen::Matrix3d(factor.matrixL()).diagonal().array().square();
@@ -86,7 +85,8 @@ class GroupSum {
     views_.resize(seen.size()), curvature_.resize(seen.size());
     for (size_t v = 0; v < seen.size(); ++v) {
       const auto c = static_cast<size_t>(seen[v].camera_idx);
-      if (!calib::Differentiate(rig_.cameras[c], fit.x_in_world, layout_.directions[c], layout_.pose_column[c] >= 0, &views_[v]))
+      if (!calib::Differentiate(rig_.cameras[c], fit.x_in_world, layout_.directions[c], layout_.pose_column[c] >= 0,
+                                &views_[v]))
         return false;
       const Eigen::Vector2d r = fit.residuals_px[v] / cauchy_px_;
       const double weight = 1 / (1 + r.squaredNorm());
@@ -237,8 +237,8 @@ KeypointLayout LayOut(const geometry::Rig& rig, const KeypointFreedom& freedom) 
   return layout;
 }
 
-KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fits, std::vector<int> group_of_fit, int num_groups,
-                          const KeypointFreedom& freedom, double cauchy_px, int num_threads) {
+KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fits, std::vector<int> group_of_fit,
+                          int num_groups, const KeypointFreedom& freedom, double cauchy_px, int num_threads) {
   MVS_CHECK(cauchy_px > 0 && group_of_fit.size() == fits.size(), "a scale, and a group for each joint");
   KeypointProfile profile{rig, cauchy_px, std::move(fits), std::move(group_of_fit), LayOut(rig, freedom), {}, {}, {}};
   const auto count = static_cast<size_t>(num_groups);
@@ -277,8 +277,7 @@ geometry::Rig Moved(const geometry::Rig& rig, const KeypointLayout& layout, cons
   return moved;
 }
 
-std::optional<geometry::Rig> SolveWithout(const KeypointProfile& profile, const std::vector<bool>& left_out,
-                                          double tolerance) {
+std::optional<geometry::Rig> SolveWithout(const KeypointProfile& profile, const std::vector<bool>& left_out, double tolerance) {
   constexpr int kMaxSteps = 30;
   const Eigen::MatrixXd &motions = profile.motions, h = CurvatureWithout(profile, left_out);
   std::vector<KeypointFit> inside = FitsWithout(profile, left_out);

@@ -29,15 +29,16 @@ struct KeypointProfile {
   KeypointLayout layout;
   std::vector<Eigen::MatrixXd> h;  ///< per group (n, n), symmetric
   std::vector<Eigen::VectorXd> g;  ///< per group (n)
-  /// Basis (n, m) of the motions of the unknowns that change the rig's shape: all where some pose is fixed; else those that hold
-  /// mean, turn and size of the camera centres. Scaled to unit diagonals of the equations before the points are eliminated.
+  /// Basis (n, m) of the motions of the unknowns that change the rig's shape: all where some pose is fixed; else those that
+  /// hold mean, turn and size of the camera centres. Scaled to unit diagonals of the equations before the points are
+  /// eliminated.
   Eigen::MatrixXd motions;
 };
 
 /// `group_of_fit`: one of [0, num_groups) for each fit, or -1 to leave it out. Joints without a point, or whose point is not a
 /// minimum in all directions, take no part. `fits` are those of `rig`; `cauchy_px` must be positive.
-KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fits, std::vector<int> group_of_fit, int num_groups,
-                          const KeypointFreedom& freedom, double cauchy_px, int num_threads);
+KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fits, std::vector<int> group_of_fit,
+                          int num_groups, const KeypointFreedom& freedom, double cauchy_px, int num_threads);
 
 /// Sum of the h of the groups that are not left out.
 Eigen::MatrixXd CurvatureWithout(const KeypointProfile& profile, const std::vector<bool>& left_out);

@@ -170,20 +170,26 @@ void KeepInput(const geometry::Rig& given, const std::string& why, KeypointRefin
 /// What is adjusted and what is measured.
 class Study {
  public:
-  Study(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
-        const KeypointRefineOptions& options, const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test,
-        const RunContext& run)
+  Study(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames, const KeypointRefineOptions& options,
+        const std::optional<FrameChoice>& train, const std::optional<FrameChoice>& test, const RunContext& run)
       : run_(run), quiet_(run.progress), gap_frames_(options.choice.gap_frames) {
     RunContext beside = run;
     beside.progress = &quiet_, beside.num_threads = 1;
     if (train || test) {
-      parts_.emplace_back(given, frames, options, [=](const auto& joints) { return SplitKeypoints(joints, train, test); }, run);
+      parts_.emplace_back(
+          given, frames, options, [=](const auto& joints) { return SplitKeypoints(joints, train, test); }, run);
       return;
     }
     const int gap = gap_frames_;
-    parts_.emplace_back(given, frames, options, [](const auto& joints) { return KeypointSplit{joints, {}}; }, run);
+    parts_.emplace_back(
+        given, frames, options,
+        [](const auto& joints) {
+          return KeypointSplit{joints, {}};
+        },
+        run);
     for (const int half : {0, 1})
-      parts_.emplace_back(given, frames, options, [=](const auto& joints) { return HalveKeypoints(joints, half, gap); }, beside);
+      parts_.emplace_back(
+          given, frames, options, [=](const auto& joints) { return HalveKeypoints(joints, half, gap); }, beside);
   }
 
   /// The whole first: it tells what cannot be done at all.

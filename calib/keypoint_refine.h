@@ -22,14 +22,17 @@ struct KeypointRefineOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
   visit("min-score", o.min_score, "--from-keypoints: detections with a lower score are left out");
-  visit("max-persons", o.max_persons, "--from-keypoints: of each frame the best supported so many people are used; others are reported");
+  visit("max-persons", o.max_persons,
+        "--from-keypoints: of each frame the best supported so many people are used; others are reported");
   visit("keypoint-lenses", o.lenses, "--from-keypoints: adjust lenses too where held-out frames say that it pays");
   visit("keypoint-folds", o.choice.num_folds, "--from-keypoints: stretches of time for the choice of what to adjust");
   visit("choice-sigmas", o.choice.sigmas, "--from-keypoints: standard errors by which a change must lower the held-out error");
   visit("keypoint-frames", o.max_frames,
-        "--from-keypoints: at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 points each");
+        "--from-keypoints: at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 points "
+        "each");
   visit("keypoint-gap-frames", o.choice.gap_frames,
-        "--from-keypoints: frames left out between what is adjusted to and what measures it, about a second; a tenth of the take at most");
+        "--from-keypoints: frames left out between what is adjusted to and what measures it, about a second; a tenth of the "
+        "take at most");
   visit("holdout-scale-px", o.holdout_scale_px,
         "px; --from-keypoints: scale of the Cauchy loss of the points that the final figures are taken from");
 }
@@ -60,11 +63,11 @@ struct KeypointRefineReport {
   bool kept_input = false;      ///< nothing found that is better on the held-out frames
   KeypointError before, after;  ///< on all held-out frames
   std::vector<KeypointHeldOut> held_out;
-  int num_gap_frames = 0;       ///< instants between the halves that measured neither
+  int num_gap_frames = 0;          ///< instants between the halves that measured neither
   std::vector<std::string> notes;  ///< one line each: a half that could not be adjusted to, and why
   LeftOutPersons left_out;
-  double cauchy_px = 0;         ///< scale of the noise in the train frames
-  double sigma_px = 0;          ///< standard deviation per coordinate of a normal variable with the same median length
+  double cauchy_px = 0;  ///< scale of the noise in the train frames
+  double sigma_px = 0;   ///< standard deviation per coordinate of a normal variable with the same median length
   int num_train_frames = 0, num_test_frames = 0, num_train_joints = 0;
   KeypointPlan plan;
   std::vector<KeypointDecision> decisions;

@@ -74,8 +74,7 @@ void Refinement::Run() {
   if (!AdjustAll()) return;
   for (const KeypointCulprit& culprit : culprits)
     if (choice.plan.fault == culprit.fault) report_.culprit = culprit;
-  if (report_.culprit.fault != CameraFault::kNone)
-    DescribeCulprit(given_, report_.rig, covariance_, &report_.culprit);
+  if (report_.culprit.fault != CameraFault::kNone) DescribeCulprit(given_, report_.rig, covariance_, &report_.culprit);
 }
 
 bool Refinement::Fail(Status status, const std::string& message) {

@@ -107,8 +107,8 @@ std::vector<KeypointJoint> Limited(const std::vector<KeypointJoint>& joints, int
 std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>& train) {
   const auto num_train = FramesOf(train).size();
   if (num_train < kMinFrames)
-    return "two cameras see the same points at once in " + std::to_string(num_train) + " of the frames to adjust to; at least " +
-           std::to_string(kMinFrames) + " are needed";
+    return "two cameras see the same points at once in " + std::to_string(num_train) +
+           " of the frames to adjust to; at least " + std::to_string(kMinFrames) + " are needed";
   const std::vector<std::string> alone = Unconnected(rig, train);
   if (!alone.empty()) return "cameras without enough points that others see too: " + List(alone);
   return "";

@@ -12,8 +12,8 @@ struct KeypointSplit {
   std::vector<KeypointJoint> train, test;
 };
 
-/// Joints by their frames: without `test`, the frames that are not in `train`; without `train`, those not in `test`. One of them
-/// must be given. Throws UsageError when both contain a frame.
+/// Joints by their frames: without `test`, the frames that are not in `train`; without `train`, those not in `test`. One of
+/// them must be given. Throws UsageError when both contain a frame.
 KeypointSplit SplitKeypoints(const std::vector<KeypointJoint>& joints, const std::optional<FrameChoice>& train,
                              const std::optional<FrameChoice>& test);
 

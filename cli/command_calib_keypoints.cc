@@ -196,11 +196,12 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
                                 "the new calibration corrects it; check the camera and its pictures all the same"});
   if (num_left_out > 0)
-    result->warnings.push_back({"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without 2D points stay as they are",
-                                "give theirs too"});
+    result->warnings.push_back(
+        {"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without 2D points stay as they are", "give theirs too"});
   if (!report.left_out.frames.empty())
-    result->warnings.push_back({"CAL-PERSONS-LEFT-OUT", LeftOutLine(report.left_out, max_persons),
-                                "--max-persons " + std::to_string(max_persons + report.left_out.num_persons) + " uses them too"});
+    result->warnings.push_back(
+        {"CAL-PERSONS-LEFT-OUT", LeftOutLine(report.left_out, max_persons),
+         "--max-persons " + std::to_string(max_persons + report.left_out.num_persons) + " uses them too"});
   for (const std::string& note : report.notes)
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
@@ -215,7 +216,8 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
             "joints may be names or numbers, frames need no connection in time");
   AddOption(sub, "--skeleton", arguments.skeleton,
-            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d the points in the file");
+            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d the points in "
+            "the file");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");

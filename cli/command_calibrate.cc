@@ -122,9 +122,9 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
 
 void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = calib.add_subcommand(
-      "refine",
-      "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to people, markers or animals (--from-keypoints)");
+  CLI::App* sub = calib.add_subcommand("refine",
+                                       "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to "
+                                       "people, markers or animals (--from-keypoints)");
   AddOption(sub, "--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
   AddKeypointArguments(sub, arguments->keypoints);
@@ -133,7 +133,7 @@ void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
     if (keypoints.IsGiven() && arguments->out.empty()) throw UsageError("--out is required with --from-keypoints");
     if (!keypoints.IsGiven() && !keypoints.pose2d.empty()) throw UsageError("--pose2d belongs to --from-keypoints");
     return keypoints.IsGiven() ? RunKeypoints(keypoints, arguments->start, arguments->out, context)
-                                    : RunCalibrate(*arguments, context);
+                               : RunCalibrate(*arguments, context);
   });
 }
 

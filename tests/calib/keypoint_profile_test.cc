@@ -95,8 +95,7 @@ TEST(KeypointProfile, GradientIsThatOfTheCost) {
   const auto joints = JointsOf(truth, FilmPeople(truth, Small()));
   constexpr double kCauchyPx = 4;
   const std::vector<KeypointFit> fits = FitKeypoints(rig, joints, kCauchyPx, 2, 1);
-  const KeypointProfile profile =
-      ProfileOf(rig, fits, std::vector<int>(fits.size(), 0), 1, FocalToo(rig), kCauchyPx, 1);
+  const KeypointProfile profile = ProfileOf(rig, fits, std::vector<int>(fits.size(), 0), 1, FocalToo(rig), kCauchyPx, 1);
   const auto cost = [&](const Eigen::VectorXd& step) {
     double sum = 0;
     for (const KeypointFit& fit : RefitKeypoints(Moved(rig, profile.layout, step), fits, kCauchyPx, 1)) sum += fit.cost;

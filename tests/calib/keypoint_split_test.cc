@@ -24,8 +24,12 @@ std::vector<KeypointJoint> Joints(const std::vector<int>& frames, int points_per
 }
 
 TEST(KeypointSplit, HalvesAreContiguousWithAGap) {
-  for (const auto& [count, step, gap_frames, left_out] :
-       {std::tuple(1000, 1, 30, 30), {1000, 10, 30, 3}, {1000, 1000, 30, 2}, {100, 1, 30, 5}, {12, 1, 30, 0}, {1000, 1, 0, 2}}) {
+  for (const auto& [count, step, gap_frames, left_out] : {std::tuple(1000, 1, 30, 30),
+                                                          {1000, 10, 30, 3},
+                                                          {1000, 1000, 30, 2},
+                                                          {100, 1, 30, 5},
+                                                          {12, 1, 30, 0},
+                                                          {1000, 1, 0, 2}}) {
     const std::vector<int> frames = Frames(count, step), part = CutWithGaps(frames, 2, gap_frames);
     EXPECT_EQ(std::count(part.begin(), part.end(), -1), left_out) << count << " " << step;
     const auto first_gap = std::find(part.begin(), part.end(), -1), second = std::find(part.begin(), part.end(), 1);

@@ -15,10 +15,10 @@
 namespace mvstudio::testing {
 namespace {
 
-using ::testing::HasSubstr;
 using calib::testing::FilmPeople;
 using calib::testing::PeopleOptions;
 using calib::testing::PeopleRig;
+using ::testing::HasSubstr;
 using Words = std::vector<std::string>;
 
 /// Frame numbers `frame_step` apart; points are called by `name`.
@@ -43,13 +43,20 @@ void WriteTable(const geometry::Rig& rig, const std::vector<triangulate::Detecte
 }
 
 struct Studio {
-  explicit Studio(int num_cameras = 4)
-      : truth(PeopleRig(num_cameras)), start(calib::testing::Disturbed(truth, 0.02, 0.05, 8)) {
+  explicit Studio(int num_cameras = 4) : truth(PeopleRig(num_cameras)), start(calib::testing::Disturbed(truth, 0.02, 0.05, 8)) {
     geometry::WriteRig(start, folder / "calib.json");
   }
   CliRun Refine(const Words& more = {}) const {
-    Words words = {"calib", "refine", "--calib", folder / "calib.json", "--points2d", folder / "points.csv",
-                   "--out", folder / "run", "--no-keypoint-lenses", "--json"};
+    Words words = {"calib",
+                   "refine",
+                   "--calib",
+                   folder / "calib.json",
+                   "--points2d",
+                   folder / "points.csv",
+                   "--out",
+                   folder / "run",
+                   "--no-keypoint-lenses",
+                   "--json"};
     words.insert(words.end(), more.begin(), more.end());
     return RunCli(words);
   }
@@ -73,8 +80,9 @@ PeopleOptions Points(int num_points, int num_frames) {
 /// Named markers at instants that are not connected in time; no skeleton, no limbs.
 TEST(CalibPoints, MarkersAtSeparateInstantsRefineARig) {
   const Studio studio;
-  WriteTable(studio.truth, FilmPeople(studio.truth, Points(9, 60)), 1000, [](size_t j) { return "marker_" + std::to_string(j); },
-             studio.folder / "points.csv");
+  WriteTable(
+      studio.truth, FilmPeople(studio.truth, Points(9, 60)), 1000, [](size_t j) { return "marker_" + std::to_string(j); },
+      studio.folder / "points.csv");
   const CliRun run = studio.Refine();
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   const auto metrics = run.Json()["metrics"];
@@ -93,8 +101,9 @@ TEST(CalibPoints, MarkersAtSeparateInstantsRefineARig) {
 /// A wand of two numbered points.
 TEST(CalibPoints, AWandOfTwoNumberedPointsIsEnough) {
   const Studio studio;
-  WriteTable(studio.truth, FilmPeople(studio.truth, Points(2, 150)), 1, [](size_t j) { return std::to_string(j); },
-             studio.folder / "points.csv");
+  WriteTable(
+      studio.truth, FilmPeople(studio.truth, Points(2, 150)), 1, [](size_t j) { return std::to_string(j); },
+      studio.folder / "points.csv");
   const CliRun run = studio.Refine({"--from-keypoints"});
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   EXPECT_LT(studio.Error(), 0.015);
@@ -109,7 +118,8 @@ TEST(CalibPoints, PeopleLeftOutAreReported) {
   const auto second = FilmPeople(studio.truth, other, {0.9, -1.1, 0.1});
   for (size_t f = 0; f < 15; ++f)
     for (size_t c = 0; c < 4; ++c) frames[f].people[c].push_back(second[f].people[c][0]);
-  WriteTable(studio.truth, frames, 1, [](size_t j) { return "p" + std::to_string(j); }, studio.folder / "points.csv");
+  WriteTable(
+      studio.truth, frames, 1, [](size_t j) { return "p" + std::to_string(j); }, studio.folder / "points.csv");
   CliRun run = studio.Refine();
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   const auto left_out = run.Json()["metrics"]["left_out_persons"];
@@ -127,7 +137,8 @@ TEST(CalibPoints, DegenerateTablesEndInOneLine) {
   const Studio studio;
   const auto frames = FilmPeople(studio.truth, Points(9, 30));
   const auto expect_unsolved = [&](const std::vector<triangulate::DetectedFrame>& own) {
-    WriteTable(studio.truth, own, 1, [](size_t j) { return "m" + std::to_string(j); }, studio.folder / "points.csv");
+    WriteTable(
+        studio.truth, own, 1, [](size_t j) { return "m" + std::to_string(j); }, studio.folder / "points.csv");
     const CliRun run = studio.Refine();
     EXPECT_EQ(run.exit, 5) << run.out << run.err;
     EXPECT_EQ(run.Json()["errors"].size(), 1u);
@@ -148,8 +159,9 @@ TEST(CalibPoints, DegenerateTablesEndInOneLine) {
 
 TEST(CalibPoints, MistakesAreNamed) {
   const Studio studio;
-  WriteTable(studio.truth, FilmPeople(studio.truth, Points(9, 12)), 1, [](size_t j) { return "m" + std::to_string(j); },
-             studio.folder / "points.csv");
+  WriteTable(
+      studio.truth, FilmPeople(studio.truth, Points(9, 12)), 1, [](size_t j) { return "m" + std::to_string(j); },
+      studio.folder / "points.csv");
   CliRun run = studio.Refine({"--pose2d", "cam0=" + (studio.folder / "x")});
   EXPECT_EQ(run.exit, 2);
   EXPECT_THAT(run.out, HasSubstr("either --pose2d or --points2d"));
