@@ -35,6 +35,11 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["num_views"] = camera.num_views;
   json["num_places"] = camera.num_places;
   json["num_lost_views"] = camera.num_lost_views;
+  if (std::isfinite(camera.readout.sigma_frames)) {
+    json["readout_frames"] = FiniteOrNull(camera.readout.frames);
+    json["readout_sigma_frames"] = FiniteOrNull(camera.readout.sigma_frames);
+    json["readout_shift_px"] = FiniteOrNull(camera.readout.shift_px);
+  }
   json["repeat_correlation"] = FiniteOrNull(camera.repeat_correlation);
   json["num_corners"] = camera.num_corners;
   json["num_rejected"] = camera.num_rejected + (found ? found->num_corners_dropped : 0);
@@ -150,12 +155,16 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
 ordered_json Motions(const calib::CalibrateReport& report) {
   ordered_json json = ordered_json::array();
   for (const calib::CameraMotion& motion : report.motions) {
-    json.push_back({{"cameras", motion.cameras},
+    json.push_back({{"kind", motion.kind == calib::CameraMotion::Kind::kLens ? "lens" : "moved"},
+                    {"cameras", motion.cameras},
                     {"last_frame_before", motion.last_before},
                     {"first_frame_after", motion.frame_idx},
                     {"rotation_deg", FiniteOrNull(RadToDeg(motion.rotation_rad))},
                     {"rotation_sigma_deg", FiniteOrNull(RadToDeg(motion.rotation_sigma_rad))},
                     {"translation_mm", FiniteOrNull(1e3 * motion.translation_m)},
+                    {"focal_scale", FiniteOrNull(motion.focal_scale)},
+                    {"focal_scale_sigma", FiniteOrNull(motion.focal_scale_sigma)},
+                    {"centre_shift_px", {FiniteOrNull(motion.centre_shift_px.x()), FiniteOrNull(motion.centre_shift_px.y())}},
                     {"shift_px", FiniteOrNull(motion.shift_px)},
                     {"significance", FiniteOrNull(motion.significance)}});
   }
