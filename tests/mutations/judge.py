@@ -91,6 +91,6 @@ def coverage(comparison):
 
 def count(counts, kind, values):
     row = counts.setdefault(kind, [0, 0, 0])
-    row[0] += len(values)
+    row[0] += int(len(values))
     for k, level in enumerate(LEVELS):
         row[1 + k] += int(sum(v <= level for v in values))

@@ -142,7 +142,7 @@ def shifted_numbers_all(rng):
 # ---- shapes ----------------------------------------------------------------------------------------------------------------------
 
 def shaped(rng, **shape):
-    scene = make_scene(rng, frames=65)
+    scene = make_scene(rng, frames=45)
     for key, value in shape.items():
         setattr(scene.board, key, value)
     return Recording(scene, observe(rng, scene))
@@ -152,7 +152,7 @@ def shaped(rng, **shape):
 def bent_board(rng):
     """The board is bent by 0.2 to 1 % of its width."""
     rng_width = rng.uniform(0.002, 0.01) * rng.choice([-1, 1])
-    scene = make_scene(rng, frames=65)
+    scene = make_scene(rng, frames=45)
     scene.board.warp = (rng_width * scene.board.width(), rng.uniform(-1, 1) * rng_width * scene.board.width())
     return Recording(scene, observe(rng, scene))
 
@@ -166,7 +166,7 @@ def stretched_board(rng):
 @kind("board", [r"bent", r"bend", r"flat", r"warp", r"CAL-LENGTHS"])
 def limp_board(rng):
     """The board bends from one picture to the next, by up to 0.5 % of its width."""
-    scene = make_scene(rng, frames=60)
+    scene = make_scene(rng, frames=44)
     base = scene.board
     bends = rng.normal(0, 0.0025 * base.width(), (len(scene.poses), 2))
     corners = observe(rng, scene, board_at=lambda i: studio.Board(base.cols, base.rows, base.pitch, tuple(bends[i])))
@@ -176,10 +176,10 @@ def limp_board(rng):
 @kind("board", [r"two boards", r"another board", r"pitch", r"CAL-LENGTHS"] + BOARD)
 def board_exchanged(rng):
     """From the middle on a board with squares 3 % larger is filmed."""
-    scene = make_scene(rng, frames=60)
+    scene = make_scene(rng, frames=44)
     base = scene.board
     larger = studio.Board(base.cols, base.rows, base.pitch * 1.03)
-    return Recording(scene, observe(rng, scene, board_at=lambda i: base if i < 30 else larger))
+    return Recording(scene, observe(rng, scene, board_at=lambda i: base if i < 22 else larger))
 
 
 # ---- corners ---------------------------------------------------------------------------------------------------------------------

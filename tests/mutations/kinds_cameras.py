@@ -76,7 +76,7 @@ def kicked_10deg(rng):
 @kind("camera moves", MOVED)
 def kicked_video(rng):
     """By 0.3 to 5 degrees while a board is carried about."""
-    return kicked(rng, math.exp(rng.uniform(math.log(0.3), math.log(5))), video=True, frames=65)
+    return kicked(rng, math.exp(rng.uniform(math.log(0.3), math.log(5))), video=True, frames=49)
 
 
 @kind("camera moves", MOVED)
@@ -88,9 +88,9 @@ def kicked_aside(rng):
 @kind("camera moves", MOVED)
 def kicked_and_back(rng):
     """A camera turns by 1 to 3 degrees for a fifth of the time and is put back."""
-    scene = make_scene(rng, frames=65)
+    scene = make_scene(rng, frames=50)
     c, at = when_and_who(rng, scene)
-    turn, until = rigid.exp(math.radians(rng.uniform(1, 3)) * direction(rng)), at + 13
+    turn, until = rigid.exp(math.radians(rng.uniform(1, 3)) * direction(rng)), at + 10
     camera = scene.cameras[c]
     rotation = turn @ camera.cam_from_world[0]
     after = altered(camera, cam_from_world=(rotation, -rotation @ camera.centre()))

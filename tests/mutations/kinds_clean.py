@@ -16,19 +16,19 @@ def clean_four(rng):
 @kind("clean", **CLEAN)
 def clean_ten(rng):
     """Ten cameras."""
-    return make(rng, count=10, frames=60)
+    return make(rng, count=10, frames=40)
 
 
 @kind("clean", **CLEAN)
 def clean_ring(rng):
     """Six cameras all around; neighbours alone see the board together."""
-    return make(rng, count=6, layout="ring", frames=70)
+    return make(rng, count=6, layout="ring", frames=60)
 
 
 @kind("clean", **CLEAN)
 def clean_stereo(rng):
     """Two cameras."""
-    return make(rng, count=2, layout="wall", frames=50)
+    return make(rng, count=2, layout="wall", frames=40)
 
 
 @kind("clean", **CLEAN)
@@ -40,7 +40,7 @@ def clean_wide(rng):
 @kind("clean", simpler=WIDE, **CLEAN)
 def clean_fisheye(rng):
     """Equidistant lenses of 140 to 190 degrees."""
-    return make(rng, lens="fisheye", hfov=(140, 190), layout="arc", frames=60)
+    return make(rng, lens="fisheye", hfov=(140, 190), layout="arc", frames=45)
 
 
 @kind("clean", **CLEAN)
@@ -51,14 +51,14 @@ def clean_mixed_sizes(rng):
 
 @kind("clean", **CLEAN)
 def clean_few_boards(rng):
-    """Sixteen boards."""
-    return make(rng, frames=16, count=4)
+    """Twenty boards; every camera sees ten or more."""
+    return make(rng, frames=20, count=4, least=10)
 
 
 @kind("clean", **CLEAN)
 def clean_video(rng):
     """A board that is carried about, filmed as a video."""
-    return make(rng, video=True, frames=65)
+    return make(rng, video=True, frames=49)
 
 
 @kind("clean", **CLEAN)

@@ -11,7 +11,7 @@ LINE = [r"line \d+"]
 
 
 def edited(rng, edit, style="vnl", **fields):
-    rec = make(rng, count=4, frames=40)
+    rec = make(rng, count=4, frames=30)
     return Recording(rec.scene, rec.corners, edit=edit, format=style, **fields)
 
 
@@ -125,7 +125,7 @@ def file_unordered_csv(rng):
 @kind("file", clean=True)
 def file_unordered_images(rng):
     """The images of a vnl file are in random order."""
-    rec = make(rng, count=4, frames=40)
+    rec = make(rng, count=4, frames=30)
     keys = sorted(rec.corners)
     rec.order = [keys[k] for k in rng.permutation(len(keys))]
     return rec
@@ -145,7 +145,7 @@ def file_twice(rng):
 @kind("file", [r"0, 0", r"zero", r"pixel", r"CAL-REJECTED", r"CAL-GROSS", r"same place"])
 def file_zeros(rng):
     """Corners that were not found stand as 0 0."""
-    rec = make(rng, partial=True, frames=50)
+    rec = make(rng, partial=True, frames=40)
     for px in rec.corners.values():
         lost = ~np.isfinite(px[:, 0]) | (rng.uniform(size=len(px)) < 0.03)
         px[lost] = 0

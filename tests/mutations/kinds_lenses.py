@@ -131,17 +131,17 @@ def long_lens(rng):
 @kind("lenses", [r"CAL-FOCAL", r"CAL-ASSUMED", r"CAL-UNCERTAIN"], simpler=WIDE, statistics=True)
 def fisheye_230(rng):
     """Fisheye lenses of 230 degrees."""
-    scene = make_scene(rng, lens="fisheye", hfov=(230, 230), layout="arc", frames=65)
+    scene = make_scene(rng, lens="fisheye", hfov=(230, 230), layout="arc", frames=45)
     return Recording(scene, observe(rng, scene))
 
 
 @kind("lenses", clean=True, statistics=True)
 def mixed_lenses(rng):
     """Narrow, normal and wide lenses in one rig."""
-    scene = make_scene(rng, count=5, frames=60)
+    scene = make_scene(rng, count=5, frames=45)
     for k, camera in enumerate(scene.cameras):
         camera.lens = studio.perspective_lens(rng, camera.size, [28, 55, 90][k % 3], 4 if k % 3 else 2)
-    scene.poses = studio.film(rng, scene.cameras, scene.board, 70, tuple(np.array([0.6, 1.1]) * typical(scene)), True)
+    scene.poses = studio.film(rng, scene.cameras, scene.board, 50, tuple(np.array([0.6, 1.1]) * typical(scene)), True)
     scene.partial = True
     return Recording(scene, observe(rng, scene))
 
@@ -167,7 +167,7 @@ def near_coincident(rng):
     rotation = rigid.exp(rng.normal(0, 0.03, 3)) @ a.cam_from_world[0]
     eye = a.centre() + rng.uniform(0.001, 0.005) * direction(rng)
     scene.cameras[1] = altered(b, cam_from_world=(rotation, -rotation @ eye))
-    scene.poses = studio.film(rng, scene.cameras, scene.board, 55, tuple(np.array([0.55, 1.1]) * typical(scene)), scene.partial)
+    scene.poses = studio.film(rng, scene.cameras, scene.board, 50, tuple(np.array([0.55, 1.1]) * typical(scene)), scene.partial)
     return Recording(scene, observe(rng, scene))
 
 

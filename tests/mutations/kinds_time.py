@@ -11,7 +11,7 @@ from registry import kind
 
 FRAMES = [r"CAL-FRAMES", r"same time", r"frames with the same number", r"frame numbers", r"synchron"]
 SWAPPED = [r"swap", r"exchanged", r"CAL-MOVED"]
-VIDEO = dict(video=True, frames=65)
+VIDEO = dict(video=True, frames=49)
 
 
 def someone(rng, scene):
@@ -41,7 +41,7 @@ def late_frames(rng):
 def late_frames_stills(rng):
     """Photographs of a camera are numbered 1 to 3 too high."""
     late = int(rng.integers(1, 4))
-    scene = make_scene(rng, frames=60)
+    scene = make_scene(rng, frames=45)
     scene.stride = 1
     c = someone(rng, scene)
     corners = observe(rng, scene, time_of=lambda k, i: float(i - late) if k == c else float(i))
@@ -73,14 +73,14 @@ def drifting_clock(rng):
 @kind("frames", FRAMES + [r"drop"])
 def dropped_frames(rng):
     """A camera's video lacks one to six frames here and there; what follows moves up."""
-    lost = sorted(rng.choice(np.arange(8, 58), int(rng.integers(1, 7)), replace=False))
+    lost = sorted(rng.choice(np.arange(6, VIDEO["frames"] - 6), int(rng.integers(1, 7)), replace=False))
     return retimed(rng, lambda i: float(i + sum(x <= i for x in lost)))
 
 
 @kind("frames", FRAMES + [r"twice", r"duplicate", r"repeated"])
 def duplicated_frames(rng):
     """A camera's video holds one to six frames twice; what follows comes later."""
-    twice = sorted(rng.choice(np.arange(8, 58), int(rng.integers(1, 7)), replace=False))
+    twice = sorted(rng.choice(np.arange(6, VIDEO["frames"] - 6), int(rng.integers(1, 7)), replace=False))
     return retimed(rng, lambda i: float(i - sum(x <= i for x in twice)))
 
 

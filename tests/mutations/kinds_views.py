@@ -15,10 +15,6 @@ FEW = [r"CAL-FEWVIEWS", r"CAL-NOHOLDOUT", r"CAL-ASSUMED", r"CAL-UNCERTAIN", r"CA
 LINK = [r"share no board", r"groups", r"\blink"]
 
 
-def few(rng, boards):
-    return make(rng, frames=boards, count=4, alone=0)
-
-
 def register_few(boards):
     def few_boards(rng):
         return make(rng, frames=boards, count=4)
@@ -80,25 +76,25 @@ def held(rng, places, each, noise=0.0, **options):
 @kind("held still", clean=True, statistics=True)
 def held_still(rng):
     """The board is held still in 16 to 24 places, for 4 frames in each."""
-    return held(rng, int(rng.integers(16, 25)), 4)
+    return held(rng, int(rng.integers(14, 19)), 4)
 
 
 @kind("held still", clean=True, statistics=True)
 def held_still_alike(rng):
     """The same; most of a corner's error is the same in all pictures of a place."""
-    return held(rng, int(rng.integers(16, 25)), 4, noise=0.4, sigma=0.1)
+    return held(rng, int(rng.integers(14, 19)), 4, noise=0.4, sigma=0.1)
 
 
 @kind("held still", clean=True, statistics=True)
 def held_still_long(rng):
     """In 12 places, for 10 frames in each, with equal errors."""
-    return held(rng, 12, 10, noise=0.3, sigma=0.15, count=4)
+    return held(rng, 12, 8, noise=0.3, sigma=0.15, count=4)
 
 
 @kind("held still", clean=True, statistics=True)
 def held_still_frozen(rng):
     """The pictures of a place are the same picture: their errors are equal."""
-    return held(rng, int(rng.integers(16, 25)), 4, noise=0.3, sigma=1e-4)
+    return held(rng, int(rng.integers(14, 19)), 4, noise=0.3, sigma=1e-4)
 
 
 # ---- links -----------------------------------------------------------------------------------------------------------------------
@@ -106,7 +102,7 @@ def held_still_frozen(rng):
 @kind("links", LINK, simpler=())
 def disconnected(rng):
     """Two groups of cameras that never see the board together."""
-    rec = make(rng, count=4, frames=70)
+    rec = make(rng, count=4, frames=56)
     half = {0: 0, 1: 0, 2: 1, 3: 1}
     frames = sorted({f for _, f in rec.corners})
     group = {f: int(i % 2) for i, f in enumerate(frames)}
@@ -116,7 +112,7 @@ def disconnected(rng):
 @kind("links", LINK + FEW)
 def hanging_by_a_thread(rng):
     """Two groups of cameras that see the board together once."""
-    rec = make(rng, count=4, frames=70)
+    rec = make(rng, count=4, frames=56)
     frames = sorted({f for _, f in rec.corners})
     both = next(f for f in frames if {c for c, g in rec.corners if g == f} & {0, 1} and {c for c, g in rec.corners if g == f} & {2, 3})
     group = {f: int(i % 2) for i, f in enumerate(frames)}
@@ -126,8 +122,8 @@ def hanging_by_a_thread(rng):
 @kind("links", FEW + [r"\bno corner", r"no camera"], simpler=())
 def camera_without_corners(rng):
     """A camera is listed whose pictures show no board."""
-    rec = make(rng, count=5)
-    c = int(rng.integers(1, 5))
+    rec = make(rng, count=4)
+    c = int(rng.integers(1, 4))
     corners = without(rec.corners, lambda k, f: k != c)
     style = str(rng.choice(["vnl", "csv"]))
     return Recording(rec.scene, corners, empty=[c], format=style, culprits=[rec.scene.cameras[c].name])
@@ -146,9 +142,9 @@ def camera_with_three_views(rng):
 
 
 def thinned(rng, views):
-    rec = make(rng, count=5)
-    c = int(rng.integers(5))
-    shared = [f for f in of_camera(rec, c) if any((k, f) in rec.corners for k in range(5) if k != c)]
+    rec = make(rng, count=4)
+    c = int(rng.integers(4))
+    shared = [f for f in of_camera(rec, c) if any((k, f) in rec.corners for k in range(4) if k != c)]
     keep = set(rng.choice(shared, views, replace=False))
     corners = without(rec.corners, lambda k, f: k != c or f in keep)
     return Recording(rec.scene, corners, culprits=[rec.scene.cameras[c].name])
@@ -157,7 +153,7 @@ def thinned(rng, views):
 @kind("links", [r"CAL-LOWCOV", r"CAL-UNCERTAIN", r"cover"], statistics=True)
 def middle_only(rng):
     """A camera sees the board in the middle of its image only."""
-    rec = make(rng, frames=65)
+    rec = make(rng, frames=45)
     c = int(rng.integers(len(rec.scene.cameras)))
     w, h = rec.scene.cameras[c].size
 

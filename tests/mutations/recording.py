@@ -161,9 +161,9 @@ def make_cameras(rng, count, layout, radius, sizes, lens, sigma, hfov):
 
 
 def make_scene(rng, count=None, frames=None, layout=None, video=False, sizes=None, lens="perspective", sigma=None, hfov=(45, 75),
-               radius=None, near_far=(0.55, 1.15), tilt_deg=40, partial=None):
-    count = count or int(rng.integers(4, 7))
-    frames = frames or int(rng.integers(40, 71))
+               radius=None, near_far=(0.55, 1.15), tilt_deg=40, partial=None, least=None):
+    count = count or int(rng.integers(4, 6))
+    frames = frames or int(rng.integers(34, 51))
     layout = layout or str(rng.choice(["arc", "wall", "arc"]))
     radius = radius or rng.uniform(1.5, 4)
     sigma = sigma or rng.uniform(0.1, 0.5)
@@ -181,7 +181,7 @@ def make_scene(rng, count=None, frames=None, layout=None, video=False, sizes=Non
             else:
                 poses = studio.film(rng, cameras, board, frames, reach, partial, tilt_deg)
                 scene = studio.Scene(cameras, board, poses, int(rng.choice([1, 10])), partial)
-            if enough(scene, min(15, frames // 4)):
+            if enough(scene, least or min(15, frames // 4)):
                 return scene
         except RuntimeError:
             continue

@@ -113,6 +113,8 @@ def work_through(options, tasks):
             concurrent.futures.ProcessPoolExecutor(options.jobs) as pool:
         futures = [pool.submit(run_one, options.bin, name, seed, work, options.keep) for name, seed in tasks]
         for future in concurrent.futures.as_completed(futures):
+            if future.exception():
+                pool.shutdown(wait=True, cancel_futures=True)
             row = future.result()
             rows.append(row)
             if not options.quiet:

@@ -9,7 +9,7 @@ import rigid
 from lens import Lens, project
 
 SIZES = [(640, 480), (1280, 720), (1280, 960), (1920, 1080)]
-BOARDS = [(9, 6), (8, 5), (7, 6), (10, 7), (8, 7)]  # one number odd, one even
+BOARDS = [(9, 6), (8, 5), (7, 6), (8, 7), (6, 5)]  # one number odd, one even
 VGA, UHD = (640, 480), (3840, 2160)
 
 

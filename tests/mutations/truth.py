@@ -121,7 +121,7 @@ def fit_board(views, points, start, steps=12):
         if not np.isfinite(now).all():
             return None
         pose, r = trial, now
-        if np.linalg.norm(step[3:]) < 1e-9 * scale and np.linalg.norm(step[:3]) < 1e-9:
+        if np.linalg.norm(step[3:]) < 1e-7 * scale and np.linalg.norm(step[:3]) < 1e-7:
             break
     return pose, math.sqrt(np.mean(r * r))
 
@@ -246,7 +246,8 @@ def conclude(quantities, pixels):
     found = [(math.inf if math.isnan(r) else r, text) for r, text in found] or [(math.inf, "nothing is stated")]
     worst_inside = max(found)
     worst = max([worst_inside] + outside)
-    return Comparison(worst[0] <= 1, worst[0], worst[1], quantities, pixels, worst_inside[0] <= 1 < worst[0])
+    right, inside = bool(worst[0] <= 1), bool(worst_inside[0] <= 1)
+    return Comparison(right, float(worst[0]), worst[1], quantities, pixels, inside and not right)
 
 
 def best_comparison(recording, calibration, metrics):
