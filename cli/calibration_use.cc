@@ -77,10 +77,18 @@ void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string
   result->text += line + "\n";
 }
 
-void WarnOfLeftOutCovariance(const geometry::Rig& rig, CommandResult* result) {
+void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result) {
+  const std::vector<std::string> missing = geometry::CamerasWithoutCovariance(rig);
+  result->metrics["covariance_missing"] = missing;
+  if (!missing.empty()) {
+    result->warnings.push_back({"CAL-COVARIANCE-MISSING",
+                                "the covariance of " + Listed(missing) +
+                                    " is unknown, in whole or in part: what was solved from it does not hold its part",
+                                "start from a calibration that states covariances"});
+  }
   const std::string why = geometry::WhyJointCovarianceLeftOut(rig);
-  if (!why.empty())
-    result->warnings.push_back({"CAL-COVARIANCE-SIZE", why, "a leaner lens (--model) has fewer unknowns"});
+  result->metrics["joint_covariance_written"] = geometry::HasJointCovariance(rig) && why.empty();
+  if (!why.empty()) result->warnings.push_back({"CAL-COVARIANCE-SIZE", why, "a leaner lens (--model) has fewer unknowns"});
 }
 
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig) {

@@ -20,8 +20,9 @@ std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::strin
 void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
                          CommandResult* result);
 
-/// A warning when the rig's joint covariance is too large for the file that is written of it.
-void WarnOfLeftOutCovariance(const geometry::Rig& rig, CommandResult* result);
+/// Of a rig that a command wrote: metrics["covariance_missing"] and a warning for cameras whose covariance is unknown, and a
+/// warning when the joint covariance is too large for the file.
+void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result);
 
 /// Time offsets of the calibration in the rig's order, 0 where a camera has none; empty when no camera has one that matters.
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);

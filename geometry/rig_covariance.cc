@@ -68,6 +68,19 @@ std::vector<std::string> CamerasWithoutCovariance(const Rig& rig) {
   return names;
 }
 
+std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const std::vector<int>& order) {
+  if (!HasJointCovariance(rig)) return std::nullopt;
+  MVS_CHECK(order.size() == rig.cameras.size(), "order of " << order.size() << " cameras");
+  const StatedCovariance from = StatedCovarianceOf(rig);
+  std::vector<size_t> camera_at(order.size());
+  for (size_t i = 0; i < order.size(); ++i) camera_at[static_cast<size_t>(order[i])] = i;
+  std::vector<Eigen::Index> rows;
+  for (const size_t c : camera_at) {
+    for (Eigen::Index row = from.begin[c]; row < from.begin[c + 1]; ++row) rows.push_back(row);
+  }
+  return Eigen::MatrixXd(from.joint(rows, rows));
+}
+
 Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset) {
   StatedCovariance stated = StatedCovarianceOf(rig);
   Rig moved = rig;

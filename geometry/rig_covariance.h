@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,9 @@ void StoreCovariance(const StatedCovariance& stated, Rig* rig);
 
 /// Cameras that lack the covariance of their lens, their pose or both, in the rig's order.
 std::vector<std::string> CamerasWithoutCovariance(const Rig& rig);
+
+/// The joint covariance with camera i of `rig` at place order[i]; nothing where the rig has none.
+std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const std::vector<int>& order);
 
 /// World moved by `offset`: x_new = x - offset, with all covariances. Keeps the digits of rigs far from the world's origin.
 Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset);
