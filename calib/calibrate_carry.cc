@@ -1,10 +1,9 @@
 #include <cmath>
-#include <set>
 
 #include "calib/calibrate_steps.h"
 #include "geometry/rig_covariance.h"
 
-/// What the calibration file carries on: covariances, time offsets, boards' shapes.
+/// What the calibration file carries on: covariances and time offsets.
 namespace mvstudio::calib::internal {
 namespace {
 
@@ -55,20 +54,9 @@ void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovar
     stated.pose_known.push_back(columns.camera[c] >= 0 || held.pose[c] || frame);
     if (!seen[c]) KeepGiven(held, c, &stated);
   }
+  stated.correlated = true;
   geometry::StoreCovariance(stated, rig);
   StoreTimeOffsets(covariance, work, rig);
-}
-
-std::vector<geometry::RigBoard> ShapesOf(const std::vector<Board>& boards, const RigState& state) {
-  std::vector<geometry::RigBoard> shapes;
-  for (size_t b = 0; b < boards.size(); ++b) {
-    geometry::RigBoard shape;
-    shape.board = ToString(boards[b]);
-    if (b < state.board_warp_m.size()) shape.bend_m = state.board_warp_m[b];
-    if (b < state.board_stretch.size()) shape.stretch = state.board_stretch[b];
-    if (!shape.bend_m.isZero(0) || !shape.stretch.isZero(0)) shapes.push_back(shape);
-  }
-  return shapes;
 }
 
 }  // namespace mvstudio::calib::internal

@@ -80,9 +80,6 @@ BundleReport SolveWithTimeOffsets(Work* work);
 /// a calibration that states none; the frame itself is exact.
 void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig);
 
-/// The boards' shapes where they are not nominal.
-std::vector<geometry::RigBoard> ShapesOf(const std::vector<Board>& boards, const RigState& state);
-
 /// A corner of a held-out frame.
 struct RigError {
   int camera_idx = 0;

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "calib/film_next.h"
+#include "cli/calib_read.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {

@@ -77,8 +77,11 @@ void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string
   result->text += line + "\n";
 }
 
-void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result) {
-  const std::vector<std::string> missing = geometry::CamerasWithoutCovariance(rig);
+void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also) {
+  std::vector<std::string> missing = geometry::CamerasWithoutCovariance(rig);
+  for (const std::string& name : also) {
+    if (std::find(missing.begin(), missing.end(), name) == missing.end()) missing.push_back(name);
+  }
   result->metrics["covariance_missing"] = missing;
   if (!missing.empty()) {
     result->warnings.push_back({"CAL-COVARIANCE-MISSING",

@@ -21,8 +21,8 @@ void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string
                          CommandResult* result);
 
 /// Of a rig that a command wrote: metrics["covariance_missing"] and a warning for cameras whose covariance is unknown, and a
-/// warning when the joint covariance is too large for the file.
-void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result);
+/// warning when the joint covariance is too large for the file. `also`: more cameras whose errors were not known to the command.
+void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also = {});
 
 /// Time offsets of the calibration in the rig's order, 0 where a camera has none; empty when no camera has one that matters.
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);

@@ -50,14 +50,16 @@ StatedCovariance StatedCovarianceOf(const Rig& rig) {
 
 void StoreCovariance(const StatedCovariance& stated, Rig* rig) {
   MVS_CHECK(stated.begin.size() == rig->cameras.size() + 1, "covariance of another rig");
-  rig->joint_covariance = 0.5 * (stated.joint + stated.joint.transpose());
+  const Eigen::MatrixXd joint = 0.5 * (stated.joint + stated.joint.transpose());
   for (size_t c = 0; c < rig->cameras.size(); ++c) {
     RigCamera& camera = rig->cameras[c];
     const Eigen::Index lens = stated.begin[c], pose = stated.PoseRow(c);
     camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
-    if (stated.lens_known[c]) camera.params_covariance = rig->joint_covariance->block(lens, lens, pose - lens, pose - lens);
-    if (stated.pose_known[c]) camera.cam_from_world_covariance = rig->joint_covariance->block<6, 6>(pose, pose);
+    if (stated.lens_known[c]) camera.params_covariance = joint.block(lens, lens, pose - lens, pose - lens);
+    if (stated.pose_known[c]) camera.cam_from_world_covariance = joint.block<6, 6>(pose, pose);
   }
+  rig->joint_covariance.reset();
+  if (stated.correlated && stated.AnyKnown()) rig->joint_covariance = joint;
 }
 
 std::vector<std::string> CamerasWithoutCovariance(const Rig& rig) {
@@ -93,8 +95,7 @@ Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset) {
     stated.joint.middleRows<3>(row + 3) += turn * stated.joint.middleRows<3>(row);
     stated.joint.middleCols<3>(row + 3) += stated.joint.middleCols<3>(row) * turn.transpose();
   }
-  if (stated.AnyKnown()) StoreCovariance(stated, &moved);
-  if (!stated.correlated) moved.joint_covariance.reset();
+  StoreCovariance(stated, &moved);
   return moved;
 }
 

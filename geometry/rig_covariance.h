@@ -24,7 +24,8 @@ struct StatedCovariance {
 
 StatedCovariance StatedCovarianceOf(const Rig& rig);
 
-/// Gives every camera its known blocks and takes away the unknown ones; sets joint_covariance. Symmetric parts are stored.
+/// Gives every camera its known blocks and takes away the unknown ones; sets joint_covariance where the blocks are correlated, and
+/// takes it away where they are not. Symmetric parts are stored.
 void StoreCovariance(const StatedCovariance& stated, Rig* rig);
 
 /// Cameras that lack the covariance of their lens, their pose or both, in the rig's order.
