@@ -70,6 +70,19 @@ std::vector<std::string> CamerasWithoutCovariance(const Rig& rig) {
   return names;
 }
 
+Rig SubsetOf(const Rig& rig, const std::vector<size_t>& indices) {
+  const StatedCovariance from = StatedCovarianceOf(rig);
+  Rig subset = rig;
+  subset.cameras.clear(), subset.joint_covariance.reset();
+  std::vector<Eigen::Index> rows;
+  for (const size_t c : indices) {
+    subset.cameras.push_back(rig.cameras.at(c));
+    for (Eigen::Index row = from.begin[c]; row < from.begin[c + 1]; ++row) rows.push_back(row);
+  }
+  if (from.correlated) subset.joint_covariance = Eigen::MatrixXd(from.joint(rows, rows));
+  return subset;
+}
+
 std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const std::vector<int>& order) {
   if (!HasJointCovariance(rig)) return std::nullopt;
   MVS_CHECK(order.size() == rig.cameras.size(), "order of " << order.size() << " cameras");

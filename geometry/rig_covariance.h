@@ -34,6 +34,9 @@ std::vector<std::string> CamerasWithoutCovariance(const Rig& rig);
 /// The joint covariance with camera i of `rig` at place order[i]; nothing where the rig has none.
 std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const std::vector<int>& order);
 
+/// The cameras at `indices`, with what the rig states of them.
+Rig SubsetOf(const Rig& rig, const std::vector<size_t>& indices);
+
 /// World moved by `offset`: x_new = x - offset, with all covariances. Keeps the digits of rigs far from the world's origin.
 Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset);
 
