@@ -20,6 +20,7 @@
 #include "core/error.h"
 #include "core/median.h"
 #include "core/parallel.h"
+#include "geometry/rig_covariance.h"
 
 namespace mvstudio::calib {
 namespace internal {
@@ -240,16 +241,15 @@ void DiscountHeldBoards(Work* work, CalibrateReport* report) {
 }
 
 /// `culprits` receives the cameras whose lenses the boards do not determine.
-void AddCovariance(const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
-  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px);
+void AddCovariance(const CalibrateInput& input, const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
+  const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
+  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
     *culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
   }
-  report->rig.joint_covariance = JointCovariance(covariance, work.state);
+  internal::StoreCalibrationCovariance(covariance, held, work, &report->rig);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
-    report->rig.cameras[c].params_covariance = covariance.params[c];
-    report->rig.cameras[c].cam_from_world_covariance = covariance.cam_from_world[c];
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
@@ -287,7 +287,8 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
     report->board_metrics = ComputeBoardMetrics(input.boards, {}, work.state);
   }
   if (report->status != Status::kOk) return;
-  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px);
+  const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
+  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px, held);
   report->uncertainty = uncertainty.Summarize();
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
@@ -345,7 +346,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
-  AddCovariance(*work, report, culprits);
+  AddCovariance(input, *work, report, culprits);
   if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }
@@ -418,6 +419,7 @@ CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& ord
 
 void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   const CalibrateReport sorted = *report;
+  report->rig.joint_covariance = geometry::ReorderedJointCovariance(sorted.rig, order);
   for (size_t i = 0; i < order.size(); ++i) {
     if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
     if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];

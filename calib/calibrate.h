@@ -93,7 +93,7 @@ struct CameraReport {
   int num_lost_views = 0; ///< boards all of whose corners were rejected
   double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
   double repeat_correlation = 0;  ///< of a corner's errors in pictures of a board that did not move: 0 to 1
-  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy
+  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; 0 too where the rig states no covariance of the lens
   double rms_px = 0;
   double alone_rms_px = 0;                           ///< calibrated by itself
   double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "calib/film_next.h"
+#include "cli/calib_read.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {
@@ -48,6 +49,11 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["covers_image"] = camera.covers_image;
   if (found) json["boards_not_used"] = found->reasons;
   return json;
+}
+
+/// False where the lens was held at a calibration that states no covariance of it.
+bool LensSigmaKnown(const calib::CalibrateReport& report, size_t camera) {
+  return camera < report.rig.cameras.size() && report.rig.cameras[camera].params_covariance.has_value();
 }
 
 /// At most 2000 kept corners of each camera: [x_px, y_px, dx, dy].
@@ -223,8 +229,10 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   FillBoards(report, metrics);
   m["model_selection"] = Selection(report);
   m["cameras"] = ordered_json::array();
-  for (size_t c = 0; c < report.cameras.size(); ++c)
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
     m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
+    if (!LensSigmaKnown(report, c)) m["cameras"].back()["focal_sigma_px"] = nullptr;
+  }
   AddCoverage(report, metrics);
   AddMaps(report, metrics);
   if (report.cameras.size() > 1) m["covisibility"] = Covisibility(report);
@@ -250,9 +258,11 @@ std::string Volume(double mm) {
 std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
   char line[300];
   std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
-  for (const calib::CameraReport& c : report.cameras) {
-    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6.2f %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
-                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, c.focal_sigma_px, c.rms_px, c.holdout_rms_px,
+  for (size_t i = 0; i < report.cameras.size(); ++i) {
+    const calib::CameraReport& c = report.cameras[i];
+    const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
+    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6s %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
+                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px, c.holdout_rms_px,
                   c.num_views, 100 * c.coverage);
     text += line;
   }

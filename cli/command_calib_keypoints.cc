@@ -4,12 +4,14 @@
 #include <cmath>
 
 #include "cli/calib_read.h"
+#include "cli/calibration_use.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/units.h"
+#include "geometry/rig_covariance.h"
 #include "geometry/rig_io.h"
 
 namespace mvstudio::cli {
@@ -43,15 +45,13 @@ struct Posed {
 
 Posed PosedCameras(const PoseInput& input) {
   Posed posed;
-  posed.rig = input.rig;
-  posed.rig.cameras.clear(), posed.rig.joint_covariance.reset();
   for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
     const std::string& name = input.rig.cameras[c].camera.name;
     const auto is_it = [&](const dataset::Pose2dTrack& track) { return track.camera == name; };
     if (std::none_of(input.tracks.begin(), input.tracks.end(), is_it)) continue;
     posed.camera_of.push_back(c);
-    posed.rig.cameras.push_back(input.rig.cameras[c]);
   }
+  posed.rig = geometry::SubsetOf(input.rig, posed.camera_of);
   for (const triangulate::DetectedFrame& frame : input.frames) {
     triangulate::DetectedFrame& own = posed.frames.emplace_back();
     own.frame = frame.frame;
@@ -200,9 +200,11 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), &result);
   result.folder = out;
   const std::string path = out + "/calibration.json";
-  geometry::WriteRig(report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig), path);
+  const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
+  geometry::WriteRig(written, path);
   result.outputs.push_back({path, "calibration"});
   result.text = Summary(report) + "wrote " + path + "\n";
+  WarnOfCovariance(written, &result);
   return result;
 }
 

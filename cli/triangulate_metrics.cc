@@ -101,6 +101,7 @@ void PointStatistics::Add(const triangulate::TakeResult& take) {
     ++num_tried_;
     ++counts_[entry.point.status];
     if (entry.point.status != Status::kOk) continue;
+    num_lower_bounds_ += entry.point.num_unknown_cameras > 0 && !entry.point.calibration_covariance.isZero(0);
     const float rms = static_cast<float>(entry.point.rms_px);
     const float sigma = static_cast<float>(1000 * std::sqrt(entry.point.covariance.trace() / 3));
     rms_px_.push_back(rms), sigma_mm_.push_back(sigma);
@@ -135,6 +136,7 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   ordered_json& m = *metrics;
   m["num_points"] = rms_px_.size();
   m["num_joints_tried"] = num_tried_;
+  m["num_sigma_lower_bounds"] = num_lower_bounds_;
   m["num_persons"] = num_persons_;
   m["status_counts"] = ordered_json::object();
   for (const auto& [status, count] : counts_) m["status_counts"][std::string(ToString(status))] = count;

@@ -31,6 +31,7 @@ class PointStatistics {
   std::vector<triangulate::LimbLength> limb_lengths_;
   std::vector<int> frames_with_people_;  // by camera
   int num_frames_ = 0;
+  int num_lower_bounds_ = 0;  // points whose sigma holds the calibration's part of some of their cameras only
   int num_tried_ = 0, num_persons_ = 0;
   double solve_s_ = 0;
 };
