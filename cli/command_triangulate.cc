@@ -2,8 +2,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 #include "cli/commands.h"
+#include "cli/likely_cause.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
@@ -18,6 +20,7 @@
 #include "dataset/pose3d_trc.h"
 #include "dataset/sync_file.h"
 #include "dataset/timeline_source.h"
+#include "triangulate/cause.h"
 #include "triangulate/skeleton_refine.h"
 #include "triangulate/stream.h"
 #include "triangulate/sync.h"
@@ -126,7 +129,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& 
       triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
   RefineTake(arguments, input, run, &take, result);
   statistics->Add(take);
-  statistics->AddFrames(input.frames);
+  statistics->AddFrames(input.frames, arguments.options);
   dataset::WritePose3d(ToPose3d(take, input.skeleton), arguments.out);
   return take;
 }
@@ -161,7 +164,7 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts&
     const auto frames = parts.Read(begin, begin + chunk, result);
     const triangulate::TakeResult part = stream.Push(frames, run);
     statistics->Add(part);
-    statistics->AddFrames(frames);
+    statistics->AddFrames(frames, arguments.options);
     *rows = ToPose3d(part, input.skeleton).rows;
     begin += chunk;
     return true;
@@ -170,21 +173,39 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts&
   return settled;
 }
 
+using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
+
+/// When the take is lost or does not fit: why. `sample` gives frames of it.
+void SayWhy(const Arguments& arguments, const PoseInput& input, const GiveFrames& sample, const RunContext& run,
+            CommandResult* result) {
+  if (result->errors.empty()) return;
+  geometry::Rig rig = input.rig;
+  if (arguments.options.ignore_distortion) {
+    for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
+  }
+  triangulate::CauseOptions options;
+  options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  Notice& error = result->errors.back();
+  error.hint = AddLikelyCause(RankCauses(rig, sample(), BodyOf(input.skeleton), options, run), "TRI-CAUSE", error.hint, result);
+}
+
 /// What is said of a take however it was read.
 void Conclude(const Arguments& arguments, const PoseInput& input, const triangulate::TakeResult& take,
-              const PointStatistics& statistics, CommandResult* result) {
+              const PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   statistics.AddTo(input.skeleton, &result->metrics);
   AddTakeMetrics(take, input.skeleton, &result->metrics);
   AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   AddComparisons(arguments, result);
   CheckConsistency(take, input.rig, result);
+  CheckLoss(statistics, result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;
     result->errors.push_back(
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
+  SayWhy(arguments, input, sample, run, result);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
@@ -227,7 +248,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     const PoseParts parts(arguments.pose, &result);
     PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
-    Conclude(arguments, parts.input(), take, statistics, &result);
+    const auto sample = [&] { return Sample(parts, static_cast<size_t>(arguments.chunk_frames)); };
+    Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
     PoseInput input = ReadPoseInput(arguments.pose, &result);
     if (found) {
@@ -237,7 +259,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     }
     PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
-    Conclude(arguments, input, take, statistics, &result);
+    Conclude(
+        arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
   }
   return result;
 }
