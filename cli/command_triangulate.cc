@@ -2,9 +2,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 #include "cli/calibration_use.h"
 #include "cli/commands.h"
+#include "cli/likely_cause.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
@@ -19,6 +21,7 @@
 #include "dataset/pose3d_trc.h"
 #include "dataset/sync_file.h"
 #include "dataset/timeline_source.h"
+#include "triangulate/cause.h"
 #include "triangulate/skeleton_refine.h"
 #include "triangulate/stream.h"
 #include "triangulate/sync.h"
@@ -149,7 +152,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& 
       triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
   RefineTake(arguments, input, run, &take, result);
   statistics->Add(take);
-  statistics->AddFrames(input.frames);
+  statistics->AddFrames(input.frames, arguments.options);
   dataset::Pose3d pose = ToPose3d(take, input.skeleton);
   pose.covariance_note = CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
   dataset::WritePose3d(pose, arguments.out);
@@ -186,7 +189,7 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts&
     const auto frames = parts.Read(begin, begin + chunk, result);
     const triangulate::TakeResult part = stream.Push(frames, run);
     statistics->Add(part);
-    statistics->AddFrames(frames);
+    statistics->AddFrames(frames, arguments.options);
     *rows = ToPose3d(part, input.skeleton).rows;
     begin += chunk;
     return true;
@@ -196,21 +199,39 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts&
   return settled;
 }
 
+using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
+
+/// When the take is lost or does not fit: why. `sample` gives frames of it.
+void SayWhy(const Arguments& arguments, const PoseInput& input, const GiveFrames& sample, const RunContext& run,
+            CommandResult* result) {
+  if (result->errors.empty()) return;
+  geometry::Rig rig = input.rig;
+  if (arguments.options.ignore_distortion) {
+    for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
+  }
+  triangulate::CauseOptions options;
+  options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  Notice& error = result->errors.back();
+  error.hint = AddLikelyCause(RankCauses(rig, sample(), BodyOf(input.skeleton), options, run), "TRI-CAUSE", error.hint, result);
+}
+
 /// What is said of a take however it was read.
 void Conclude(const Arguments& arguments, const PoseInput& input, const triangulate::TakeResult& take,
-              const PointStatistics& statistics, CommandResult* result) {
+              const PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   statistics.AddTo(input.skeleton, &result->metrics);
   AddTakeMetrics(take, input.skeleton, &result->metrics);
   AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   AddComparisons(arguments, result);
   CheckConsistency(take, input.rig, result);
+  CheckLoss(statistics, result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;
     result->errors.push_back(
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
+  SayWhy(arguments, input, sample, run, result);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
@@ -260,13 +281,15 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
     PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
-    Conclude(arguments, parts.input(), take, statistics, &result);
+    const auto sample = [&] { return Sample(parts, static_cast<size_t>(arguments.chunk_frames)); };
+    Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
     PoseInput input = ReadPoseInput(arguments.pose, &result);
     ApplyTiming(found, arguments, context.run, &input, &result);
     PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
-    Conclude(arguments, input, take, statistics, &result);
+    Conclude(
+        arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
   }
   return result;
 }

@@ -17,6 +17,7 @@
 #include "dataset/json_internal.h"
 #include "dataset/panoptic.h"
 #include "dataset/session.h"
+#include "geometry/plausible.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -229,6 +230,9 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   BuildReport report;
+  for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
+  }
   report.sequence = options.sequence;
   report.frames = static_cast<int>(poses.size());
   geometry::Rig built_rig;
