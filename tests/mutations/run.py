@@ -55,7 +55,9 @@ def run_one(binary, name, seed, work, keep):
            "judge_seconds": round(time.monotonic() - started, 2), "why": done.why, "worst": finite(done.worst),
            "worst_px": finite(done.worst_px), "hinted": done.hinted, "outside_only": done.outside_only,
            "culprits": recording.culprits, "messages": [list(m) for m in run.messages()],
-           "models": [c.get("model") for c in run.result.get("metrics", {}).get("cameras", [])]}
+           "pixels_right": bool(done.comparison and done.comparison.pixels_right),
+           "models": [c.get("model") for c in run.result.get("metrics", {}).get("cameras", [])],
+           "true_models": [c.lens.model for c in recording.scene.cameras]}
     if kind.statistics and done.comparison:
         row["coverage"] = judge.coverage(done.comparison)
     return row

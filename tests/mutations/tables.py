@@ -13,6 +13,7 @@ def line_of(row):
     said = ", ".join(dict.fromkeys(m[0] or "stderr" for m in row["messages"]))
     more = " (in a hint)" if row["hinted"] else ""
     more += " (right where boards were)" if row["outside_only"] else ""
+    more += " (its pixels are right)" if row.get("pixels_right") and not row["outside_only"] and row["outcome"] != judge.RIGHT else ""
     worst = f" [{row['worst']:.2f} of the limit, {row['worst_px'] or 0:.2f} px]" if row["worst"] is not None else ""
     return f"{row['kind']} {row['seed']}: {row['outcome']}{more}; exit {row['exit']}; {row['why']}{worst}; {said or 'silent'}; {row['seconds']:.1f} s"
 
