@@ -75,6 +75,16 @@ def judge_refusal(kind, recording, named, hinted, with_model):
     return Judgement(REFUSED if named else REFUSED_UNNAMED, True, True, hinted=hinted)
 
 
+def right_with_true_lens(recording, done, with_model):
+    """Of a result that is not right: the recording's own lens model when the program is right with that --model, else None. The
+    choice of the lens is then the reason."""
+    model = max((c.lens.model for c in recording.scene.cameras), key=len)
+    if done.outcome == RIGHT or "--start" in recording.arguments:
+        return None
+    comparison = compare(recording, with_model(model))
+    return model if comparison and comparison.right else None
+
+
 # ---- coverage of the stated sigmas ----------------------------------------------------------------------------------------------
 
 def coverage(comparison):

@@ -7,7 +7,8 @@ from kinds_time import of_camera, replaced, someone
 from recording import Recording, make, make_scene, observe
 from registry import kind
 
-BOARD = [r"number of corners", r"corners, the board", r"\bboard'?s? (size|description|number)", r"--board", r"numbering", r"described", r"columns"]
+BOARD = [r"number of corners", r"corners, the board", r"\bboard'?s? (size|description|number)", r"--board", r"numbering", r"described", r"columns",
+         r"not on the board"]
 NUMBERING = [r"number(ed|ing)", r"half a turn", r"turned round", r"rotated", r"upside"]
 OUTLIERS = [r"CAL-REJECTED", r"CAL-GROSS", r"CAL-LOST", r"rejected", r"off by more than"]
 
@@ -81,7 +82,7 @@ def renumbered(rng, order_of, some=1.0, everyone=False):
     for key in corners:
         if (everyone or key[0] == c) and rng.uniform() < some:
             corners[key] = corners[key][order]
-    return Recording(rec.scene, corners, culprits=[] if everyone else [rec.scene.cameras[c].name])
+    return Recording(rec.scene, corners, culprits=[] if everyone else [rec.scene.cameras[c].name], judged=rec.corners if everyone else None)
 
 
 def grid_of(board):
@@ -136,7 +137,7 @@ def shifted_numbers_all(rng):
     """All corners have the number of the next one."""
     rec = make(rng, partial=True)
     corners = {key: np.vstack([[[np.nan, np.nan]], px[:-1]]) for key, px in rec.corners.items()}
-    return Recording(rec.scene, corners)
+    return Recording(rec.scene, corners, judged=rec.corners)
 
 
 # ---- shapes ----------------------------------------------------------------------------------------------------------------------

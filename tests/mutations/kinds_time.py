@@ -160,9 +160,9 @@ def frozen_video(rng):
 
 @kind("pictures", [r"rolling", r"shutter"])
 def rolling_shutter(rng):
-    """Every camera reads its image out in a tenth to a half of a frame while the board moves."""
+    """Every camera reads its image out in a fiftieth to a fifth of a frame while the board moves."""
     scene = make_scene(rng, **VIDEO)
-    return Recording(scene, observe(rng, scene, readout=rng.uniform(0.1, 0.5)))
+    return Recording(scene, observe(rng, scene, readout=rng.uniform(0.02, 0.2)))
 
 
 @kind("pictures", [r"rolling", r"shutter"])
@@ -170,7 +170,7 @@ def rolling_shutter_one(rng):
     """One camera does."""
     scene = make_scene(rng, **VIDEO)
     c = someone(rng, scene)
-    own, readout = observe(rng, scene, readout=rng.uniform(0.1, 0.5)), observe(rng, scene)
+    own, readout = observe(rng, scene, readout=rng.uniform(0.02, 0.2)), observe(rng, scene)
     corners = {key: (own if key[0] == c else readout)[key] for key in readout if key in own}
     return Recording(scene, corners, culprits=[scene.cameras[c].name])
 

@@ -46,7 +46,7 @@ class Corners:
         points, spec = [], ""
         for line in text.splitlines():
             cells = line.split(",")
-            if line.startswith("#") or line.startswith("camera,"):
+            if line.startswith("#") or line.startswith("camera,frame,"):
                 self.head.append(line)
                 words = line.split()
                 points += [[float(x) for x in words[4:7]]] if words[:2] == ["#", "point"] else []
@@ -80,7 +80,8 @@ def homography(x, y):
         return np.array([[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1]])
     tx, ty = scaling(x), scaling(y)
     a, b = (np.column_stack([p, np.ones(len(p))]) @ t.T for p, t in ((x, tx), (y, ty)))
-    rows = [r for p, q in zip(a, b) for r in (np.concatenate([p * q[2], [0] * 3, -q[0] * p]), np.concatenate([[0] * 3, p * q[2], -q[1] * p]))]
+    none = [0, 0, 0]
+    rows = [row for p, q in zip(a, b) for row in ([*p * q[2], *none, *-q[0] * p], [*none, *p * q[2], *-q[1] * p])]
     return np.linalg.inv(ty) @ np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3) @ tx
 
 
@@ -143,7 +144,7 @@ def score(run, corners, held_out):
     rig = truth.read_rig(run.calibration)
     errors = np.array([e for f in held_out for e in held_out_errors(rig, points, corners.views[f])])
     good = errors[errors < GROSS_PX]
-    row.update(status={"pass": "pass"}.get(metrics["verdict"]["status"], metrics["verdict"]["status"]),
+    row.update(status=metrics["verdict"]["status"],
                median_px=float(np.median(errors)) if np.isfinite(np.median(errors)) else None,
                rms_px=float(np.sqrt(np.mean(good ** 2))) if len(good) else None, gross=float(np.mean(~(errors < GROSS_PX))),
                models=[c["model"] for c in metrics["cameras"]])

@@ -19,6 +19,7 @@ class Recording:
     corners: dict                      # (camera index, frame number) -> (N, 2) px, NaN where not found
     board_text: str = ""               # what the program is told of the board
     told_points: np.ndarray = None     # the board's corners as told, in board
+    judged: dict = None                # the corners with their right numbers, where all in the file are renumbered
     truths: list = None                # each a list of cameras; the result is right when it fits one of them
     scale: float = 1.0                 # told unit of length over the true one
     culprits: list = dataclasses.field(default_factory=list)   # names of the cameras at fault; one must be named
@@ -176,7 +177,7 @@ def make_scene(rng, count=None, frames=None, layout=None, video=False, sizes=Non
         try:
             if video:
                 keys = studio.film(rng, cameras, board, frames // 6 + 2, reach, True, tilt_deg)
-                path = studio.path_through(keys, 6)
+                path = studio.path_through(studio.short_way(keys), 6)
                 scene = studio.Scene(cameras, board, [path(float(i)) for i in range(frames)], 1, True, path)
             else:
                 poses = studio.film(rng, cameras, board, frames, reach, partial, tilt_deg)

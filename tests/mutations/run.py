@@ -49,13 +49,18 @@ def run_one(binary, name, seed, work, keep):
         folder = pathlib.Path(keep) / f"{name}-{seed}" if keep else pathlib.Path(scratch)
         run = program.calibrate(binary, recording, folder)
         started = time.monotonic()
-        done = judge.judge(kind, recording, run, lambda model: program.calibrate(binary, recording, folder, model))
+        with_model = lambda model: program.calibrate(binary, recording, folder, model)  # noqa: E731
+        done = judge.judge(kind, recording, run, with_model)
+        right_with = judge.right_with_true_lens(recording, done, with_model) if done.comparison else None
     row = {"kind": name, "group": kind.group, "seed": seed, "clean": kind.clean, "outcome": done.outcome, "warned": done.warned,
            "failed": done.failed, "exit": run.exit, "seconds": round(run.seconds, 2),
            "judge_seconds": round(time.monotonic() - started, 2), "why": done.why, "worst": finite(done.worst),
            "worst_px": finite(done.worst_px), "hinted": done.hinted, "outside_only": done.outside_only,
            "culprits": recording.culprits, "messages": [list(m) for m in run.messages()],
-           "models": [c.get("model") for c in run.result.get("metrics", {}).get("cameras", [])]}
+           "pixels_right": bool(done.comparison and done.comparison.pixels_right),
+           "right_with": right_with,
+           "models": [c.get("model") for c in run.result.get("metrics", {}).get("cameras", [])],
+           "true_models": [c.lens.model for c in recording.scene.cameras]}
     if kind.statistics and done.comparison:
         row["coverage"] = judge.coverage(done.comparison)
     return row

@@ -188,6 +188,11 @@ class JudgeTest(unittest.TestCase):
 
     def test_motion_of_everything_is_no_error(self):
         self.assertEqual(self.outcome(answer(self.recording, self.recording.scene.cameras[::-1])).outcome, judge.RIGHT)
+        elsewhere = answer(self.recording)  # the gauge camera where a given calibration has it
+        for entry, camera in zip(elsewhere.calibration["cameras"], self.recording.scene.cameras):
+            rotation, translation = camera.cam_from_world
+            entry["cam_from_world"] = {"rotation_xyzw": rigid.quaternion(rotation).tolist(), "translation": translation.tolist()}
+        self.assertEqual(self.outcome(elsewhere).outcome, judge.RIGHT)
 
     def test_refusals(self):
         wrong = lambda model: answer(self.recording, shifted_px=20)  # noqa: E731
@@ -223,8 +228,8 @@ class GeneratorTest(unittest.TestCase):
     def test_there_are_enough_kinds(self):
         self.assertGreaterEqual(len(registry.load()), 50)
 
-    def test_every_kind_of_the_sample_makes_the_same_recording_again(self):
-        for name, seed in runner.sample():
+    def test_a_kind_and_a_seed_are_one_recording(self):
+        for name, seed in runner.sample()[::5]:
             kind = registry.load()[name]
             texts = [kind.make(runner.random_of(name, seed)).text() for _ in range(2)]
             self.assertEqual(texts[0], texts[1], name)

@@ -196,6 +196,15 @@ def film(rng, cameras, board, count, distance_range, partial, tilt_deg=40, alone
     raise RuntimeError("this studio does not see its board often enough")
 
 
+def short_way(keys):
+    """The places in an order in which each is followed by the nearest of the rest."""
+    order, rest = [keys[0]], list(keys[1:])
+    while rest:
+        k = int(np.argmin([np.linalg.norm(key[1] - order[-1][1]) for key in rest]))
+        order.append(rest.pop(k))
+    return order
+
+
 def path_through(keys, per_key):
     """A smooth motion through the key places, `per_key` instants from one to the next: time -> world_from_board."""
     last = len(keys) - 1

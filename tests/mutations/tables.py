@@ -13,6 +13,8 @@ def line_of(row):
     said = ", ".join(dict.fromkeys(m[0] or "stderr" for m in row["messages"]))
     more = " (in a hint)" if row["hinted"] else ""
     more += " (right where boards were)" if row["outside_only"] else ""
+    more += " (its pixels are right)" if row.get("pixels_right") and not row["outside_only"] and row["outcome"] != judge.RIGHT else ""
+    more += f" (right with --model {row['right_with']})" if row.get("right_with") else ""
     worst = f" [{row['worst']:.2f} of the limit, {row['worst_px'] or 0:.2f} px]" if row["worst"] is not None else ""
     return f"{row['kind']} {row['seed']}: {row['outcome']}{more}; exit {row['exit']}; {row['why']}{worst}; {said or 'silent'}; {row['seconds']:.1f} s"
 
@@ -45,7 +47,14 @@ def clean_figures(rows):
     codes = collections.Counter(code for row in clean for code in {m[0] for m in row["messages"]})
     list_of = ", ".join(f"{code or 'stderr'} {n}" for code, n in codes.most_common())
     return (f"Of {len(clean)} recordings in which nothing is wrong {sum(row['outcome'] == judge.RIGHT for row in clean)} are right; "
-            f"{warned} are warned of, {failed} fail" + (f" ({list_of})" if list_of else "") + ".")
+            f"{warned} are warned of, {failed} fail" + (f" ({list_of})" if list_of else "") + ". " + lens_figure(rows))
+
+
+def lens_figure(rows):
+    """How many results are wrong because of the lens that was chosen."""
+    wrong = [row for row in rows if row["outcome"] == judge.SILENT]
+    by_lens = sum(bool(row.get("right_with")) for row in wrong)
+    return f"Of {len(wrong)} silently wrong results {by_lens} are right with the lens model that the recording was made with."
 
 
 def coverage(rows):

@@ -33,6 +33,7 @@ class Comparison:
     quantities: list        # all but pixels
     pixels: dict            # camera -> (errors (N, 2) px, sigmas (N,) px, within the boards' cells (N,))
     inside_only: bool       # right where boards were seen, wrong elsewhere
+    pixels_right: bool      # projections are right where boards were seen, whatever lens and pose are
 
     def worst_pixel(self):
         errors = [np.linalg.norm(e, axis=1).max() for e, _, _ in self.pixels.values() if len(e)]
@@ -141,11 +142,12 @@ def mean_frames(recording, rig, metrics, est_from_true):
     shift = metrics.get("frame_shift") or [0] * len(metrics["cameras"])
     shifts = {c["name"]: s for c, s in zip(metrics["cameras"], shift)}
     scene, motions, errors = recording.scene, [], []
+    corners = recording.judged or recording.corners
     for i in range(len(scene.poses)):
         views = []
         for c in range(len(scene.cameras)):
             name = recording.name_of(c)
-            px = recording.corners.get((c, scene.frame(i) - shifts.get(name, 0)))
+            px = corners.get((c, scene.frame(i) - shifts.get(name, 0)))
             if px is not None and name in rig and name not in late and len(px) == len(points):
                 views.append((rig[name], px, sigmas.get(name, 1.0)))
         true = scene.poses[i][0], scene.poses[i][1] * recording.scale
@@ -212,6 +214,13 @@ def limits(quantities, pixels):
     return NormalDist().inv_cdf(1 - FAMILY / 2 / n), math.sqrt(-2 * math.log(FAMILY / n))
 
 
+def est_world_from_true(rig, true_cam_from_world, gauge):
+    """The camera that is the gauge is where the program put it; without one the world is that of the given calibration."""
+    if gauge not in true_cam_from_world or gauge not in rig:
+        return np.eye(3), np.zeros(3)
+    return rigid.compose(rigid.inverse(rig[gauge].cam_from_world), true_cam_from_world[gauge])
+
+
 def compare(recording, truth, calibration, metrics):
     """The calibration against one list of true cameras."""
     rig = read_rig(calibration)
@@ -219,7 +228,7 @@ def compare(recording, truth, calibration, metrics):
     scale = recording.scale
     gauge = gauge_camera(metrics)
     scaled = {n: (c.cam_from_world[0], c.cam_from_world[1] * scale) for n, c in by_name.items()}
-    est_from_true = scaled[gauge] if gauge in scaled else (np.eye(3), np.zeros(3))
+    est_from_true = est_world_from_true(rig, scaled, gauge)
     mean = mean_frames(recording, rig, metrics, est_from_true)
     reports = {c["name"]: c for c in metrics["cameras"]}
     ranges = {c["name"]: c["range_m"] for c in metrics["uncertainty"]["cameras"]}
@@ -243,11 +252,12 @@ def conclude(quantities, pixels):
                 k = np.flatnonzero(part)[np.argmax(ratio[part])]
                 text = f"{name} pixel{where}: {np.linalg.norm(errors[k]):.3g} px at sigma {sigmas[k]:.2g}"
                 into.append((ratio[k], text))
+    pixels_right = all(r <= 1 for r, text in found[len(quantities):])
     found = [(math.inf if math.isnan(r) else r, text) for r, text in found] or [(math.inf, "nothing is stated")]
     worst_inside = max(found)
     worst = max([worst_inside] + outside)
     right, inside = bool(worst[0] <= 1), bool(worst_inside[0] <= 1)
-    return Comparison(right, float(worst[0]), worst[1], quantities, pixels, inside and not right)
+    return Comparison(right, float(worst[0]), worst[1], quantities, pixels, inside and not right, pixels_right)
 
 
 def best_comparison(recording, calibration, metrics):
