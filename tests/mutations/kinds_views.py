@@ -11,7 +11,7 @@ from recording import Recording, make, make_scene, observe, without
 from registry import kind
 
 FEW = [r"CAL-FEWVIEWS", r"CAL-NOHOLDOUT", r"CAL-ASSUMED", r"CAL-UNCERTAIN", r"CAL-FOCAL", r"CAL-VOLUME", r"boards only", r"only \d+ boards",
-       r"too few", r"more boards", r"boards do not determine", r"never sees? the board", r"share no board"]
+       r"too few", r"\d+ boards? do(es)? not", r"more boards", r"boards do not determine", r"never sees? the board", r"share no board"]
 LINK = [r"share no board", r"groups", r"\blink"]
 
 
