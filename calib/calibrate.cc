@@ -11,6 +11,7 @@
 
 #include "calib/calibrate_steps.h"
 #include "calib/camera_motion.h"
+#include "calib/motion_kind.h"
 #include "calib/mrcal_engine.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
@@ -19,6 +20,7 @@
 #include "core/error.h"
 #include "core/median.h"
 #include "core/parallel.h"
+#include "geometry/rig_covariance.h"
 
 namespace mvstudio::calib {
 namespace internal {
@@ -239,16 +241,15 @@ void DiscountHeldBoards(Work* work, CalibrateReport* report) {
 }
 
 /// `culprits` receives the cameras whose lenses the boards do not determine.
-void AddCovariance(const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
-  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px);
+void AddCovariance(const CalibrateInput& input, const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
+  const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
+  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
     *culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
   }
-  report->rig.joint_covariance = JointCovariance(covariance, work.state);
+  internal::StoreCalibrationCovariance(covariance, held, work, &report->rig);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
-    report->rig.cameras[c].params_covariance = covariance.params[c];
-    report->rig.cameras[c].cam_from_world_covariance = covariance.cam_from_world[c];
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
@@ -286,7 +287,8 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
     report->board_metrics = ComputeBoardMetrics(input.boards, {}, work.state);
   }
   if (report->status != Status::kOk) return;
-  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px);
+  const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
+  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px, held);
   report->uncertainty = uncertainty.Summarize();
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
@@ -317,6 +319,11 @@ std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& optio
   return "camera " + input.cameras[world.camera].name;
 }
 
+void AddReadout(const Work& work, CalibrateReport* report) {
+  const std::vector<Readout> readouts = EstimateReadout(work.views, work.state, report->sigma_px);
+  for (size_t c = 0; c < readouts.size(); ++c) report->cameras[c].readout = readouts[c];
+}
+
 /// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras whose
 /// lenses may be the reason.
 void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
@@ -336,9 +343,10 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   }
   internal::FillReport(input, *work, GaugeText(input, options, world, *work), report);
   ReconsiderFrames(*work, report);
+  if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
-  AddCovariance(*work, report, culprits);
+  AddCovariance(input, *work, report, culprits);
   if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }
@@ -411,6 +419,7 @@ CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& ord
 
 void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   const CalibrateReport sorted = *report;
+  report->rig.joint_covariance = geometry::ReorderedJointCovariance(sorted.rig, order);
   for (size_t i = 0; i < order.size(); ++i) {
     if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
     if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];
@@ -424,21 +433,43 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   }
 }
 
-/// `--split-at NAME:FRAME`: the camera's later frames become those of another camera.
-void SplitCamera(const std::string& text, CalibrateInput* input) {
-  const auto colon = text.rfind(':');
-  const std::string name = text.substr(0, colon), frame = colon == std::string::npos ? "" : text.substr(colon + 1);
+struct SplitAt {
+  std::string name;
+  int64_t frame = 0;
+  bool own_lens = false;
+};
+
+/// "NAME:FRAME" or "NAME:FRAME:lens"; names may hold colons.
+SplitAt ParseSplit(const std::string& text) {
+  SplitAt split;
+  std::string rest = text;
+  const std::string suffix = ":lens";
+  if (rest.size() > suffix.size() && rest.compare(rest.size() - suffix.size(), suffix.size(), suffix) == 0) {
+    split.own_lens = true;
+    rest.resize(rest.size() - suffix.size());
+  }
+  const auto colon = rest.rfind(':');
+  const std::string frame = colon == std::string::npos ? "" : rest.substr(colon + 1);
   if (frame.empty() || frame.size() > 9 || frame.find_first_not_of("0123456789") != std::string::npos)
-    throw UsageError("--split-at " + text + ": expected CAMERA:FRAME");
-  const auto found = std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == name; });
-  if (found == input->cameras.end()) throw UsageError("--split-at " + text + ": there is no camera called '" + name + "'");
+    throw UsageError("--split-at " + text + ": expected CAMERA:FRAME or CAMERA:FRAME:lens");
+  split.name = rest.substr(0, colon);
+  split.frame = std::stoll(frame);
+  return split;
+}
+
+/// The camera's later frames become those of another camera.
+void SplitCamera(const std::string& text, CalibrateInput* input) {
+  const SplitAt split = ParseSplit(text);
+  const auto found =
+      std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == split.name; });
+  if (found == input->cameras.end()) throw UsageError("--split-at " + text + ": there is no camera called '" + split.name + "'");
   const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
   CameraInput later = *found;
-  later.name += "@" + frame;
+  later.name += "@" + std::to_string(split.frame);
   input->cameras.push_back(later);
-  input->same_lens.push_back({before, after});
+  if (!split.own_lens) input->same_lens.push_back({before, after});
   for (Detection& d : input->detections) {
-    if (d.camera_idx == before && d.frame_idx >= std::stoll(frame)) d.camera_idx = after;
+    if (d.camera_idx == before && d.frame_idx >= split.frame) d.camera_idx = after;
   }
 }
 
@@ -446,8 +477,9 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   CalibrateReport report;
   const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
   const auto look_for_motions = [&](const CalibrateInput& in, CalibrateReport* solved) {
-    if (solved->status == Status::kOk && !options.intrinsics_only && in.cameras.size() > 1)
-      solved->motions = FindMotions(solved->rig, in);
+    if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || in.cameras.size() < 2) return;
+    solved->motions = FindMotions(solved->rig, in);
+    for (CameraMotion& motion : solved->motions) ExplainMotion(in, *solved, options, run, &motion);
   };
   if (shift.empty()) look_for_motions(input, &report);
   if (shift.empty()) return report;

@@ -12,6 +12,7 @@
 #include "calib/bundle.h"
 #include "calib/detection.h"
 #include "calib/projection_uncertainty.h"
+#include "calib/readout.h"
 #include "core/progress.h"
 #include "core/status.h"
 #include "geometry/rig.h"
@@ -29,7 +30,9 @@ struct CalibrateOptions {
   bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
   int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;        ///< at most so many views of a camera take part in it
-  std::vector<std::string> split_at;  ///< "NAME:FRAME": a camera that moved counts as two, the later one called NAME@FRAME, with one lens
+  /// "NAME:FRAME": a camera that moved counts as two, the later one called NAME@FRAME, with one lens; "NAME:FRAME:lens": each its own.
+  std::vector<std::string> split_at;
+  bool motions = true;           ///< look for cameras that moved or whose lens changed
   std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": kept as CalibrateInput::start has them
   std::string engine = "mvstudio";  ///< or "mrcal": the joint adjustment by libmrcal
   BundleOptions bundle;
@@ -47,7 +50,8 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
-  visit("split-at", o.split_at, "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same lens (repeatable)");
+  visit("split-at", o.split_at, "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same lens; CAMERA:FRAME:lens when the lens changed (repeatable)");
+  visit("motions", o.motions, "look for cameras that moved, or whose lens changed, while the boards were filmed");
   visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");
   visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
   VisitFields(visit, o.bundle);
@@ -89,7 +93,7 @@ struct CameraReport {
   int num_lost_views = 0; ///< boards all of whose corners were rejected
   double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
   double repeat_correlation = 0;  ///< of a corner's errors in pictures of a board that did not move: 0 to 1
-  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy
+  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; 0 too where the rig states no covariance of the lens
   double rms_px = 0;
   double alone_rms_px = 0;                           ///< calibrated by itself
   double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
@@ -97,6 +101,7 @@ struct CameraReport {
   double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
   std::string shares_lens_with;                      ///< names, separated by ", "
   double time_offset_frames = 0;
+  Readout readout;                                   ///< rolling shutter
   double coverage = 0;                               ///< share of the cells of a 10 x 8 grid over the image that hold a corner
   double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
   bool covers_image = true;                          ///< all image corners lie within the valid radius
@@ -110,13 +115,17 @@ struct SelectionRow {
   bool chosen = false;
 };
 
-/// A camera that did not stay where it was while the boards were filmed (FindMotions).
+/// A camera that did not stay as it was while the boards were filmed (FindMotions).
 struct CameraMotion {
+  enum class Kind { kMoved, kLens };  ///< kLens: its focus, zoom, crop or scale changed, which explains more than a motion
+  Kind kind = Kind::kMoved;
   std::vector<std::string> cameras;  ///< the one that moved; several when it cannot be told which of them
   int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board
   int64_t last_before = 0;           ///< the last such frame before it
   double rotation_rad = 0, rotation_sigma_rad = 0;
-  double translation_m = 0;  ///< of cam_from_world
+  double translation_m = 0;                          ///< of cam_from_world
+  double focal_scale = 1, focal_scale_sigma = 0;     ///< kLens: focal length after it over that before
+  Eigen::Vector2d centre_shift_px = Eigen::Vector2d::Zero();  ///< kLens: of the principal point
   double shift_px = 0;       ///< rms shift of the camera's corners by the motion
   double significance = 0;   ///< of the change, in standard deviations over the root of its 6 numbers
 };

@@ -3,6 +3,7 @@
 #include <limits>
 #include <set>
 
+#include "calib/board_shape.h"
 #include "calib/calibrate_steps.h"
 #include "core/median.h"
 
@@ -95,7 +96,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
   report->holdout_median_px = UpperMedian(medians);
 }
 
-void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report) {
+void FillRig(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
   report->gauge = report->rig.gauge = gauge;
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
@@ -106,6 +107,7 @@ void FillRig(const Work& work, const std::string& gauge, CalibrateReport* report
   report->rig_from_board = work.state.rig_from_board;
   report->board_warp_m = work.state.board_warp_m;
   report->board_stretch = work.state.board_stretch;
+  report->rig.boards = ShapesOf(input.boards, work.state);
 }
 
 void ReportHeldOut(const Work& work, CalibrateReport* report) {
@@ -131,7 +133,7 @@ void ReportHeldOut(const Work& work, CalibrateReport* report) {
 }  // namespace
 
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
-  FillRig(work, gauge, report);
+  FillRig(input, work, gauge, report);
   const Eigen::Matrix3Xd corners = CornersInBoard(input.boards[0]);
   report->board_size_m = (corners.rowwise().maxCoeff() - corners.rowwise().minCoeff()).norm();
   ReportResiduals(input, work, report);

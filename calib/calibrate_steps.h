@@ -10,6 +10,7 @@
 #include "calib/lens_pool.h"
 #include "calib/model_selection.h"
 #include "calib/simpler_lens.h"
+#include "calib/uncertainty.h"
 
 /// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
 namespace mvstudio::calib::internal {
@@ -74,6 +75,10 @@ bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double si
 
 /// The adjustment with time offsets, from the solution without them; corners that it rejected have their say again.
 BundleReport SolveWithTimeOffsets(Work* work);
+
+/// Gives the rig the covariances and the time offsets. Unknown are those of a camera without corners and of what `--fix` holds at
+/// a calibration that states none; the frame itself is exact.
+void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig);
 
 /// A corner of a held-out frame.
 struct RigError {

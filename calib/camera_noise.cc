@@ -14,7 +14,7 @@ namespace {
 constexpr double kDistanceToSigma = 0.8493218;  // median 2-D distance to standard deviation per coordinate
 constexpr double kMinSigmaPx = 1e-7;  // below it, residuals are rounding errors and nothing is an outlier
 constexpr double kMaxTail = 1.6;      // of the kept corners' standard deviation over the robust one
-constexpr double kBorrowed = 20;      // corners' worth of the average that every camera's variance is mixed with
+constexpr double kBorrowed = 40;      // corners' worth of the average that every camera's variance is mixed with, by logarithms
 constexpr double kMaxRatio = 100;     // between the noise of two cameras
 constexpr double kMinRedundancy = 0.2;
 
@@ -75,6 +75,13 @@ std::vector<double> Redundancies(const std::vector<View>& views, const RigState&
   return shares;
 }
 
+/// Geometric mean of a variance of `corners` corners and of what is borrowed.
+double Borrow(double variance, double corners, double average) {
+  const double floor = kMinSigmaPx * kMinSigmaPx;
+  const double log_mean = (corners * std::log(std::max(floor, variance)) + kBorrowed * std::log(std::max(floor, average))) / (corners + kBorrowed);
+  return std::exp(log_mean);
+}
+
 /// Every camera's variance mixed with that of all, which decides where a camera has few corners.
 CameraNoise Mix(const std::vector<double>& variance, double variance_of_all, const std::vector<View>& views, const RigState& state) {
   const std::vector<double> corners = CountCorners(views, state.cameras.size()), share = Redundancies(views, state, corners);
@@ -84,9 +91,8 @@ CameraNoise Mix(const std::vector<double>& variance, double variance_of_all, con
   CameraNoise noise;
   for (size_t c = 0; c < corners.size(); ++c) {
     const double n = corners[c];
-    noise.limit_px.push_back(std::max(kMinSigmaPx, std::sqrt((n * variance[c] + kBorrowed * variance_of_all) / (n + kBorrowed))));
-    const double free = (n * variance[c] + kBorrowed * average) / (n * share[c] + kBorrowed);
-    noise.weight.push_back(1 / std::max(free, average / (kMaxRatio * kMaxRatio)));
+    noise.limit_px.push_back(std::sqrt(Borrow(variance[c], n, variance_of_all)));
+    noise.weight.push_back(1 / std::max(Borrow(variance[c] / share[c], n, average), average / (kMaxRatio * kMaxRatio)));
     weights += n * noise.weight.back(), total += n;
   }
   for (double& weight : noise.weight) weight *= total / weights;

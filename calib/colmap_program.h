@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@ struct SceneImage {
   std::string camera, path;
   geometry::Camera lens;    ///< what is known of it: all, or a guess
   bool lens_known = false;  ///< the lens is kept
+  std::optional<Eigen::MatrixXd> lens_covariance = std::nullopt;  ///< (P, P) of a known lens; nothing: unknown
 };
 
 struct ColmapOptions {

@@ -52,9 +52,9 @@ struct ImportedRig {
 
 /// What files may leave open.
 struct ReadOptions {
-  int width_px = 0, height_px = 0;     ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
-  double metres_per_unit = 1;          ///< of formats that name no unit: all but mvstudio, panoptic and qca
-  double qca_distortion_divisor = 64;  ///< see ReadQca
+  int width_px = 0, height_px = 0;    ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
+  double metres_per_unit = 1;         ///< of formats that name no unit: all but mvstudio, panoptic and qca
+  double qca_distortion_divisor = 1;  ///< see ReadQca
 };
 
 /// Any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; folders are allowed where the
@@ -65,6 +65,7 @@ struct WriteOptions {
   double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres
   double allow_approximation_px = 0;  ///< a lens that the format cannot carry is replaced by the nearest one that it can, when
                                       ///< no pixel of the image moves farther; 0: such a lens is refused
+  double qca_distortion_divisor = 1;  ///< see ReadQca: the file's coefficients are ours times this
 };
 
 struct ExportReport {
@@ -94,10 +95,11 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
 /// Conventions, found by comparing files with the TOML made from them: positions are the camera centre in world, mm; with
 /// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
 /// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
-/// The distortion is divided by `qca_distortion_divisor`. 64 gives what Pose2Sim makes of the file, so that its TOML and the
-/// QCA agree. 1 takes the coefficients as OpenCV's, dimensionless; chessboard images of one studio speak for 1 (k1 = -0.051 +-
-/// 0.012 measured, -0.047 in the QCA, -0.0007 in the TOML). A note says so whenever the divisor is not 1 and the lens has
-/// distortion.
+/// The distortion is divided by `qca_distortion_divisor`. 1 takes the coefficients as OpenCV's, dimensionless; chessboard
+/// images of one studio speak for it (k1 = -0.051 +- 0.012 measured, -0.047 in the QCA). 64 gives what Pose2Sim makes of the
+/// file (k1 = -0.0007), so that its TOML and the QCA agree. A note tells of any divisor but 1 where a lens has distortion, and
+/// of coefficients that look like those of the other divisor: |k1| above 1.6 (64 times 0.025) as divided, or, divided by 64,
+/// below 0.002 in all cameras.
 ImportedRig ReadQca(const std::string& path, const ReadOptions& options = {});
 
 /// OpenCV FileStorage YAML 1.0, read by a scanner of its own: `camera_matrix` + `distortion_coefficients` (one camera, named

@@ -142,7 +142,8 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
       report.files = internal::WriteToml(out, path, format == Format::kCaliscope);
       break;
     case Format::kQca:
-      report.files = internal::WriteQca(out, path, ReadOptions().qca_distortion_divisor);
+      report.files = internal::WriteQca(out, path, options.qca_distortion_divisor);
+      if (const auto note = internal::QcaDivisorNote(rig, options.qca_distortion_divisor, true)) report.notes.push_back(*note);
       break;
     case Format::kOpenCvYaml:
       report.files = internal::WriteOpenCvYaml(out, path);

@@ -77,6 +77,8 @@ ImportNote UnitNote(double metres_per_unit);
 using Files = std::vector<std::string>;
 Files WriteToml(const geometry::Rig& rig, const std::string& path, bool nested);
 Files WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor);
+/// What is to be said of the divisor, see ReadQca; nothing where no lens has distortion.
+std::optional<ImportNote> QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing);
 Files WriteOpenCvYaml(const geometry::Rig& rig, const std::string& path);
 Files WriteEasyMocap(const geometry::Rig& rig, const std::string& path);
 Files WriteMrcal(const geometry::Rig& rig, const std::string& path);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 
 #include "calib/formats.h"
@@ -14,7 +15,8 @@ namespace {
 using internal::Place;
 using Attributes = std::map<std::string, std::string>;
 
-constexpr double kPerPixel = 64;  ///< the file's units of focal lengths and centres
+constexpr double kPerPixel = 64;                  ///< the file's units of focal lengths and centres
+constexpr double kHugeK1 = 1.6, kTinyK1 = 0.002;  ///< signs of the other divisor, see ReadQca
 
 /// A tag of an XML text: <name a="b">, </name> or <name a="b"/>.
 struct Tag {
@@ -239,17 +241,35 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
     internal::AddCamera(std::move(camera), place, &imported.rig);
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "there is no <camera> in it");
-  const bool any_distorted = std::any_of(imported.rig.cameras.begin(), imported.rig.cameras.end(), [](const auto& camera) {
-    return camera.camera.model != geometry::LensModel::kPinhole;
-  });
-  if (any_distorted && options.qca_distortion_divisor != 1) {
-    imported.notes.push_back({"CAL-QCADISTORTION",
-                              "the lens distortion was divided by " +
-                                  std::to_string(static_cast<int>(options.qca_distortion_divisor)) +
-                                  ", as Pose2Sim does; board images suggest that Qualisys means the coefficients as they stand",
-                              "compare both with board images: calib convert --qca-distortion-divisor 1"});
-  }
+  const auto note = internal::QcaDivisorNote(imported.rig, options.qca_distortion_divisor, false);
+  if (note) imported.notes.push_back(*note);
   return imported;
+}
+
+std::optional<ImportNote> internal::QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing) {
+  double largest_k1 = 0;
+  for (const geometry::RigCamera& placed : rig.cameras) {
+    const auto lens = ToOpenCvLens(placed.camera);
+    if (lens && lens->distortion.size() > 0) largest_k1 = std::max(largest_k1, std::abs(lens->distortion[0]));
+  }
+  if (largest_k1 == 0) return std::nullopt;
+  const auto text = [](double value) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%.3g", value);
+    return std::string(number);
+  };
+  if (divisor != 1) {
+    const bool small = !writing && largest_k1 < kTinyK1;
+    return ImportNote{"CAL-QCADISTORTION",
+                      "the lens distortion was " + std::string(writing ? "multiplied" : "divided") + " by " + text(divisor) +
+                          ", as Pose2Sim reads it; board images say that Qualisys means the coefficients as they stand" +
+                          (small ? ", and these look like it: divided, no lens has a k1 above " + text(largest_k1) : ""),
+                      "leave --qca-distortion-divisor out unless the other program needs it"};
+  }
+  if (writing || largest_k1 <= kHugeK1) return std::nullopt;
+  return ImportNote{"CAL-QCADISTORTION",
+                    "a k1 of " + text(largest_k1) + " is no lens's; was the file written with coefficients times 64?",
+                    "compare with --qca-distortion-divisor 64"};
 }
 
 internal::Files internal::WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor) {

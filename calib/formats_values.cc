@@ -5,6 +5,7 @@
 #include "calib/formats_internal.h"
 #include "core/error.h"
 #include "core/utf8.h"
+#include "geometry/plausible.h"
 #include "geometry/rigid3.h"
 
 /// Numbers, texts and lenses that several formats share.
@@ -63,12 +64,8 @@ double ParseNumber(std::string_view text, const Place& place) {
 }
 
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place) {
-  const double error = (matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).norm();
-  if (!(error < 2e-3) || !(matrix.determinant() > 0)) {
-    throw FormatError(
-        place.path, place.where,
-        "not a rotation: |R R^T - I| = " + std::to_string(error) + ", determinant " + std::to_string(matrix.determinant()));
-  }
+  const std::string wrong = geometry::WhyNotARotation(matrix);
+  if (!wrong.empty()) throw FormatError(place.path, place.where, wrong);
   return geometry::NearestRotation(matrix);
 }
 

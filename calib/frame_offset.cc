@@ -362,7 +362,7 @@ void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorX
       if (other == lost.end()) continue;
       ++shared, broken += lost_in_a || other->second;
     }
-    if (shared > 0 && broken <= kMostLost * shared) pair.kind = FramePair::Kind::kConsistent;
+    if (broken <= kMostLost * shared) pair.kind = FramePair::Kind::kConsistent;
   }
   offsets->kind = Conclude(*offsets);
   offsets->text = offsets->hint = "";

@@ -13,6 +13,7 @@
 #include "core/median.h"
 #include "core/parallel.h"
 #include "geometry/alignment.h"
+#include "geometry/rig_covariance.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -186,8 +187,23 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
   return std::max(report.sigma_px, kFinestPx);
 }
 
+using HeldLenses = std::vector<std::optional<Eigen::MatrixXd>>;
+
+/// Covariances of the lenses that were given, per lens of the problem.
+HeldLenses HeldLensesOf(const SceneAdjustment& work, const ColmapScene& scene, const std::vector<SceneImage>& images) {
+  HeldLenses held(work.scene.lenses.size());
+  for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
+    for (const SceneImage& image : images) {
+      const bool fits = image.lens_covariance && image.lens_covariance->rows() == image.lens.params.size();
+      if (image.camera == scene.rig.cameras[c].camera.name && image.lens_known && fits)
+        held[static_cast<size_t>(work.scene.lens_of_camera[c])] = image.lens_covariance;
+    }
+  }
+  return held;
+}
+
 void FillRig(const SceneAdjustment& work, const ColmapScene& scene, const PointBundleCovariance& covariance,
-             FromSceneReport* report) {
+             const HeldLenses& held_lens, FromSceneReport* report) {
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     geometry::RigCamera camera;
     camera.camera = work.scene.LensOf(static_cast<int>(c));
@@ -196,10 +212,12 @@ void FillRig(const SceneAdjustment& work, const ColmapScene& scene, const PointB
     if (covariance.status == Status::kOk) {
       camera.cam_from_world_covariance = covariance.cam_from_world[c];
       const auto lens = static_cast<size_t>(work.scene.lens_of_camera[c]);
-      if (work.options.lens_directions[lens].cols() > 0) camera.params_covariance = covariance.lens[lens];
+      const bool refined = work.options.lens_directions[lens].cols() > 0;
+      if (refined || held_lens[lens]) camera.params_covariance = covariance.lens[lens];
     }
     report->rig.cameras.push_back(camera);
   }
+  if (covariance.status == Status::kOk) report->rig.joint_covariance = covariance.joint;
   report->num_seen.assign(report->rig.cameras.size(), 0);
   std::set<int> points;
   for (size_t i = 0; i < work.first_click; ++i) {
@@ -235,6 +253,9 @@ void SortByImages(const std::vector<SceneImage>& images, FromSceneReport* report
     sorted.cameras.push_back(report->rig.cameras[static_cast<size_t>(c)]);
     num_seen.push_back(report->num_seen[static_cast<size_t>(c)]);
   }
+  std::vector<int> order;
+  for (const geometry::RigCamera& camera : report->rig.cameras) order.push_back(sorted.Find(camera.camera.name));
+  report->rig.joint_covariance = geometry::ReorderedJointCovariance(report->rig, order);
   report->rig.cameras = sorted.cameras;
   report->num_seen = num_seen;
 }
@@ -348,11 +369,12 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   report.status = report.bundle.status, report.message = report.bundle.message;
   const double sigma = std::max(1.0, report.bundle.sigma_px);
   report.clusters = InflationByClusters(work.scene, work.observations, work.options, sigma);
+  const HeldLenses held_lens = HeldLensesOf(work, scene, images);
   const PointBundleCovariance covariance =
-      CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma * std::sqrt(report.clusters.factor));
+      CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma * std::sqrt(report.clusters.factor), held_lens);
   if (report.status == Status::kOk && covariance.status != Status::kOk)
     report.status = covariance.status, report.message = covariance.message;
-  FillRig(work, scene, covariance, &report);
+  FillRig(work, scene, covariance, held_lens, &report);
   if (scale.points) NameGross(work, *scale.points, scene.rig, &report);
   SortByImages(images, &report);
   return report;

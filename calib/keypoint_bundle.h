@@ -38,14 +38,17 @@ struct KeypointCovariance {
   std::string message;
   Eigen::MatrixXd joint;   ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
   std::vector<int> begin;  ///< (cameras + 1) first row of each camera in `joint`
+  Eigen::MatrixXd from_joints;               ///< `joint` for an exact given calibration
+  std::vector<bool> lens_known, pose_known;  ///< per camera: false for what was held and whose error is not given
 };
 
 /// Covariance at a solution. The frame, when no pose is fixed, is that of AlignToGiven: mean, turn and size of the camera
 /// centres are held. Its shape is that of the Cauchy cost's curvature. Joints of a frame, and frames of a stretch of time, err
 /// together, and with three or four views a point follows its noise: its size is that of a jackknife over ten stretches of the
-/// take (Efron and Stein, 1981), one factor on all variances.
+/// take (Efron and Stein, 1981), one factor on all variances. `given`, the rig that the solution started from, states the errors of
+/// what was held: they go on into what was adjusted (CovarianceWithHeld). Null: it states nothing.
 KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
-                                         const KeypointFreedom& freedom, int num_threads);
+                                         const KeypointFreedom& freedom, int num_threads, const geometry::Rig* given = nullptr);
 
 /// Derivative (3, 6) of a camera's centre -R^T t in world by its pose (left perturbation).
 Eigen::Matrix<double, 3, 6> CentreFromPose(const geometry::Rigid3& cam_from_world);

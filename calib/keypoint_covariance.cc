@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "calib/held_covariance.h"
 #include "calib/keypoint_bundle.h"
 #include "calib/keypoint_profile.h"
 #include "core/parallel.h"
@@ -58,19 +59,57 @@ Eigen::VectorXd Difference(const geometry::Rig& rig, const geometry::Rig& refere
   return off;
 }
 
-void Spread(const geometry::Rig& rig, const KeypointLayout& layout, const Eigen::MatrixXd& covariance,
-            KeypointCovariance* out) {
-  out->begin.assign(1, 0);
-  for (const geometry::RigCamera& camera : rig.cameras)
-    out->begin.push_back(out->begin.back() + static_cast<int>(camera.camera.params.size()) + 6);
-  Eigen::MatrixXd all_from_unknowns = Eigen::MatrixXd::Zero(out->begin.back(), covariance.rows());
+Eigen::MatrixXd Spread(const geometry::Rig& rig, const std::vector<int>& begin, const KeypointLayout& layout,
+                       const Eigen::MatrixXd& covariance) {
+  Eigen::MatrixXd all_from_unknowns = Eigen::MatrixXd::Zero(begin.back(), covariance.rows());
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const Eigen::MatrixXd& d = layout.directions[c];
-    const Eigen::Index pose_row = out->begin[c + 1] - 6;
-    if (layout.lens_column[c] >= 0) all_from_unknowns.block(out->begin[c], layout.lens_column[c], d.rows(), d.cols()) = d;
+    const Eigen::Index pose_row = begin[c + 1] - 6;
+    if (layout.lens_column[c] >= 0) all_from_unknowns.block(begin[c], layout.lens_column[c], d.rows(), d.cols()) = d;
     if (layout.pose_column[c] >= 0) all_from_unknowns.block<6, 6>(pose_row, layout.pose_column[c]).setIdentity();
   }
-  out->joint = all_from_unknowns * covariance * all_from_unknowns.transpose();
+  return all_from_unknowns * covariance * all_from_unknowns.transpose();
+}
+
+/// The unknowns of a bundle together with the given lenses and the held poses whose errors are known: a lens has the directions that
+/// were adjusted and then all its parameters.
+struct WithGiven {
+  KeypointLayout layout;
+  std::vector<Eigen::Index> estimated, held;
+  Eigen::MatrixXd held_covariance;
+  Eigen::Index size = 0;
+};
+
+/// Sets what is known of each camera: what was adjusted in whole, and what is given. Lenses of another model were not given.
+WithGiven AddGiven(const geometry::Rig& rig, const KeypointLayout& own, const geometry::Rig* given, KeypointCovariance* out) {
+  WithGiven all;
+  all.layout = own, all.estimated.resize(static_cast<size_t>(own.total));
+  const geometry::StatedCovariance stated = given ? geometry::StatedCovarianceOf(*given) : geometry::StatedCovariance();
+  std::vector<Eigen::Index> rows;  // of the held columns, in `stated`
+  const auto hold = [&](Eigen::Index first_row, Eigen::Index count) {
+    for (Eigen::Index i = 0; i < count; ++i) all.held.push_back(all.size++), rows.push_back(first_row + i);
+  };
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Eigen::MatrixXd& d = own.directions[c];
+    const Eigen::Index p = rig.cameras[c].camera.params.size(), free = own.lens_column[c] >= 0 ? d.cols() : 0;
+    const bool whole = free == p, same = given && given->cameras[c].camera.model == rig.cameras[c].camera.model;
+    const bool hold_lens = !whole && same && stated.lens_known[c];
+    all.layout.lens_column[c] = free > 0 || hold_lens ? static_cast<int>(all.size) : -1;
+    for (Eigen::Index i = 0; i < free; ++i) all.estimated[static_cast<size_t>(own.lens_column[c] + i)] = all.size++;
+    if (hold_lens) {
+      all.layout.directions[c] = Eigen::MatrixXd::Identity(p, p);
+      if (free > 0) all.layout.directions[c] = (Eigen::MatrixXd(p, free + p) << d, Eigen::MatrixXd::Identity(p, p)).finished();
+      hold(stated.begin[c], p);
+    }
+    const bool free_pose = own.pose_column[c] >= 0, hold_pose = !free_pose && given && stated.pose_known[c];
+    all.layout.pose_column[c] = free_pose || hold_pose ? static_cast<int>(all.size) : -1;
+    for (int i = 0; free_pose && i < 6; ++i) all.estimated[static_cast<size_t>(own.pose_column[c] + i)] = all.size++;
+    if (hold_pose) hold(stated.PoseRow(c), 6);
+    out->lens_known.push_back(whole || hold_lens), out->pose_known.push_back(free_pose || hold_pose);
+  }
+  all.layout.total = static_cast<int>(all.size);
+  all.held_covariance = rows.empty() ? Eigen::MatrixXd(0, 0) : Eigen::MatrixXd(stated.joint(rows, rows));
+  return all;
 }
 
 /// The stretch of time, of `count`, that each fit lies in.
@@ -97,7 +136,7 @@ Eigen::Matrix3d CentreCovariance(const geometry::Rigid3& cam_from_world, const E
 }
 
 KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
-                                         const KeypointFreedom& freedom, int num_threads) {
+                                         const KeypointFreedom& freedom, int num_threads, const geometry::Rig* given) {
   KeypointCovariance out;
   const auto degenerate = [&](const char* message) {
     out.status = Status::kDegenerate, out.message = message;
@@ -128,7 +167,16 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   // Jackknife: the variance is (n - 1) / n times the sum of squares of the solutions that leave one of n stretches out.
   const auto left_out = static_cast<double>(rigs.size());
   const double factor = sum * (left_out - 1) / left_out / static_cast<double>(motions.cols());
-  Spread(solution.rig, profile.layout, factor * inverse, &out);
+  const Eigen::MatrixXd covariance = factor * inverse;
+  out.begin.assign(1, 0);
+  for (const geometry::RigCamera& camera : solution.rig.cameras)
+    out.begin.push_back(out.begin.back() + static_cast<int>(camera.camera.params.size()) + 6);
+  out.joint = out.from_joints = Spread(solution.rig, out.begin, profile.layout, covariance);
+  const WithGiven with = AddGiven(solution.rig, profile.layout, given, &out);
+  if (with.held.empty()) return out;
+  const Eigen::MatrixXd normal = CurvatureUnder(profile, with.layout);
+  out.joint = Spread(solution.rig, out.begin, with.layout,
+                     CovarianceWithHeld(normal, with.estimated, with.held, inverse, covariance, with.held_covariance));
   return out;
 }
 

@@ -265,6 +265,13 @@ Eigen::MatrixXd CurvatureWithout(const KeypointProfile& profile, const std::vect
   return h;
 }
 
+Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout) {
+  GroupSum sum(profile.rig, layout, profile.cauchy_px);
+  for (size_t f = 0; f < profile.fits.size(); ++f)
+    if (profile.group_of_fit[f] >= 0) sum.Add(profile.fits[f]);
+  return sum.h.selfadjointView<Eigen::Lower>();
+}
+
 geometry::Rig Moved(const geometry::Rig& rig, const KeypointLayout& layout, const Eigen::VectorXd& step) {
   geometry::Rig moved = rig;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {

@@ -43,6 +43,9 @@ KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fit
 /// Sum of the h of the groups that are not left out.
 Eigen::MatrixXd CurvatureWithout(const KeypointProfile& profile, const std::vector<bool>& left_out);
 
+/// The same over other unknowns, all groups together.
+Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout);
+
 /// The solution without the groups of `left_out`: Newton steps with the second derivatives of the start, until the next would
 /// lower the cost by less than `tolerance` of it. Nothing where the rest does not determine the cameras, or the first step does
 /// not lower the cost.

@@ -7,7 +7,7 @@
 #include "calib/keypoint_refine_internal.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "geometry/cross_matrix.h"
+#include "geometry/rig_covariance.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -25,34 +25,12 @@ void CheckOptions(const KeypointRefineOptions& o) {
   require(o.holdout_scale_px > 0, "--holdout-scale-px must be positive");
 }
 
-/// World moved by `offset`: x_new = x - offset. Numbers keep their digits where the rig is far from the world's origin.
-geometry::Rig Shifted(const geometry::Rig& rig, const Eigen::Vector3d& offset) {
-  geometry::Rig shifted = rig;
-  for (geometry::RigCamera& camera : shifted.cameras) {
-    camera.cam_from_world.translation += camera.cam_from_world.rotation * offset;
-    camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
-  }
-  shifted.joint_covariance.reset();
-  return shifted;
-}
-
-/// Covariances at x = x_shifted + offset: the translation t = t' - R offset turns with R.
-void AddCovariances(const KeypointCovariance& covariance, const Eigen::Vector3d& offset, geometry::Rig* rig) {
-  const Eigen::Index n = covariance.joint.rows();
-  Eigen::MatrixXd moved = Eigen::MatrixXd::Identity(n, n);
-  for (size_t c = 0; c < rig->cameras.size(); ++c) {
-    const Eigen::Index row = covariance.begin[c + 1] - 6;
-    const Eigen::Vector3d arm = rig->cameras[c].cam_from_world.rotation * offset;
-    moved.block<3, 3>(row + 3, row) = geometry::CrossMatrix(arm);
-  }
-  const Eigen::MatrixXd joint = moved * covariance.joint * moved.transpose();
-  for (size_t c = 0; c < rig->cameras.size(); ++c) {
-    geometry::RigCamera& camera = rig->cameras[c];
-    const Eigen::Index first = covariance.begin[c], pose = covariance.begin[c + 1] - 6;
-    camera.params_covariance = joint.block(first, first, pose - first, pose - first);
-    camera.cam_from_world_covariance = joint.block<6, 6>(pose, pose);
-  }
-  rig->joint_covariance = joint;
+void AddCovariances(const KeypointCovariance& covariance, geometry::Rig* rig) {
+  geometry::StatedCovariance stated;
+  stated.joint = covariance.joint, stated.begin.assign(covariance.begin.begin(), covariance.begin.end());
+  stated.lens_known = covariance.lens_known, stated.pose_known = covariance.pose_known;
+  stated.correlated = true;
+  geometry::StoreCovariance(stated, rig);
 }
 
 double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& motion) {
@@ -248,7 +226,7 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   if (given.cameras.size() < 2) return Failed(Status::kTooFewViews, "a rig of one camera has nothing to adjust");
   if (!IsFinite(given)) return Failed(Status::kNonFiniteInput, "the calibration is not finite");
   const Eigen::Vector3d offset = MeanCentre(given);
-  const geometry::Rig local = Shifted(given, offset);
+  const geometry::Rig local = geometry::MovedWorld(given, offset);
   Study study(local, frames, options, train, test, run);
   study.Run();
   KeypointRefineReport report = study.whole().report();
@@ -263,8 +241,8 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   report.before = ErrorOf(measured.before, limbs), report.after = ErrorOf(measured.after, limbs);
   DescribeCameras(local, study.whole().covariance(), measured, &report);
   if (report.kept_input) return report.rig = given, report;
-  report.rig = Shifted(report.rig, -offset);
-  AddCovariances(study.whole().covariance(), offset, &report.rig);
+  AddCovariances(study.whole().covariance(), &report.rig);
+  report.rig = geometry::MovedWorld(report.rig, -offset);
   report.rig.gauge =
       report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size" : "the other cameras";
   return report;

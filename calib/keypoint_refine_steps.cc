@@ -111,7 +111,7 @@ bool Refinement::AdjustPoses() {
 }
 
 bool Refinement::MeasureCovariance(const KeypointFreedom& freedom) {
-  covariance_ = CovarianceOfKeypoints(solution_, train_, freedom, num_threads_);
+  covariance_ = CovarianceOfKeypoints(solution_, train_, freedom, num_threads_, &given_);
   const std::string loose = WhyLoose(solution_.rig, covariance_);
   return loose.empty() || Fail(Status::kDegenerate, loose);
 }

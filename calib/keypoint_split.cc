@@ -122,7 +122,7 @@ std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covaria
   for (const geometry::RigCamera& camera : rig.cameras) spread = std::max(spread, (camera.CenterInWorld() - mean).norm());
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const Eigen::Index row = covariance.begin[c + 1] - 6;
-    const Eigen::Matrix<double, 6, 6> pose = covariance.joint.block<6, 6>(row, row);
+    const Eigen::Matrix<double, 6, 6> pose = covariance.from_joints.block<6, 6>(row, row);
     const double place = std::sqrt(CentreCovariance(rig.cameras[c].cam_from_world, pose).trace());
     const double turn = std::sqrt(pose.topLeftCorner<3, 3>().trace());
     if (place < kMaxOfSpread * spread && turn < kMaxRad) continue;

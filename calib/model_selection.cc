@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
+#include <optional>
 
 #include "calib/camera_noise.h"
 #include "calib/lens_configs.h"
@@ -83,11 +85,95 @@ double MeanScore(const std::vector<double>& scores) {
   return n ? sum / n : std::numeric_limits<double>::infinity();
 }
 
-std::string Explain(const LensCandidate& chosen, const LensCandidate& best) {
+constexpr double kFoldSlack = 0.02;  // of the image
+constexpr double kLikely = 1.5;      // standard errors over clusters: the gain is not one board's
+
+/// Largest share of the image in which one of the lenses is folded.
+double MostFolded(const LensCandidate& candidate) {
+  double folded = 0;
+  for (const geometry::Camera& camera : candidate.fit.state.cameras) folded = std::max(folded, FoldedShare(camera));
+  return folded;
+}
+
+/// Squared residuals of the boards themselves in standard deviations, gross errors capped, per cluster of views.
+std::vector<double> ClusterSquares(const LensPool& fit, double sigma_px) {
+  constexpr double kCapSigmas = 6;
+  std::vector<double> squares(static_cast<size_t>(CountClusters(fit.cluster)), 0);
+  const auto distances = Standardized(fit.views, fit.state, fit.prior);
+  for (size_t v = 0; v < fit.views.size(); ++v) {
+    for (Eigen::Index k = 0; k < distances[v].size(); ++k) {
+      const double sigmas = fit.prior[v][k] > 0 ? std::min(kCapSigmas, distances[v][k] / sigma_px) : 0;
+      squares[static_cast<size_t>(fit.cluster[v])] += sigmas * sigmas;
+    }
+  }
+  return squares;
+}
+
+/// Noise of the best fit.
+double SmallestSigma(const std::vector<LensCandidate>& candidates) {
+  double sigma_px = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : candidates) {
+    if (candidate.fit.bundle.sigma_px > 0) sigma_px = std::min(sigma_px, candidate.fit.bundle.sigma_px);
+  }
+  return sigma_px;
+}
+
+/// What the numbers of a lens cost: Schwarz, "Estimating the dimension of a model", 1978.
+double SchwarzCost(const LensCandidate& candidate) {
+  double corners = 0;
+  for (const Eigen::VectorXd& weights : candidate.fit.prior) corners += static_cast<double>((weights.array() > 0).count());
+  return NumLensParams(candidate.config, static_cast<int>(candidate.fit.state.cameras.size())) * std::log(std::max(2.0, corners));
+}
+
+double Sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
+/// The configuration by the residuals of the boards themselves, where these are too few to hold any out.
+int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* reason) {
+  const double sigma_px = SmallestSigma(candidates);
+  int best = -1;
+  double best_cost = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const double cost = Sum(ClusterSquares(candidates[i].fit, sigma_px)) + SchwarzCost(candidates[i]);
+    if (cost < best_cost) best_cost = cost, best = static_cast<int>(i);
+  }
+  if (best >= 0)
+    *reason = ToString(candidates[best].config) + " is what the few boards call for (Schwarz's criterion); too few to hold any out";
+  return best;
+}
+
+/// Does `richer` explain the boards better than `simpler` by more than its numbers cost, and not on a board or two alone?
+/// Held-out errors hardly see a term that acts where few boards are, or that the boards' poses make up for.
+std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
+  const std::vector<double> a = ClusterSquares(simpler.fit, sigma_px), b = ClusterSquares(richer.fit, sigma_px);
+  if (a.size() != b.size()) return std::nullopt;
+  double gain = 0, squares = 0;
+  for (size_t i = 0; i < a.size(); ++i) gain += a[i] - b[i], squares += (a[i] - b[i]) * (a[i] - b[i]);
+  const double net = gain - (SchwarzCost(richer) - SchwarzCost(simpler));
+  return net > 0 && gain > kLikely * std::sqrt(squares) ? std::optional<double>(net) : std::nullopt;
+}
+
+/// Among the candidates that held-out boards do not tell from the best: `simplest`, or the richer one that the boards call for.
+int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
+  const double sigma_px = SmallestSigma(candidates);
+  const double folded = MostFolded(candidates[simplest]);
+  int best = simplest;
+  double most = 0;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (!candidates[i].within_one_se || static_cast<int>(i) == simplest || MostFolded(candidates[i]) > folded + kFoldSlack) continue;
+    const auto gain = GainBeyondCost(candidates[simplest], candidates[i], sigma_px);
+    if (gain && *gain > most) most = *gain, best = static_cast<int>(i);
+  }
+  return best;
+}
+
+std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, const LensCandidate& best) {
   char text[300];
   const std::string name = ToString(chosen.config), best_name = ToString(best.config);
   if (&chosen == &best) {
     std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lenses tried", name.c_str());
+  } else if (&chosen != &simplest) {
+    std::snprintf(text, sizeof text, "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms (Schwarz's criterion)",
+                  name.c_str(), best_name.c_str(), ToString(simplest.config).c_str());
   } else {
     std::snprintf(text, sizeof text, "%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%",
                   name.c_str(), best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
@@ -97,15 +183,13 @@ std::string Explain(const LensCandidate& chosen, const LensCandidate& best) {
 
 /// The first candidate within one standard error of the best, of those whose lenses fold least inside the image.
 int SimplestWithin(const std::vector<LensCandidate>& candidates) {
-  constexpr double kSlack = 0.02;
   std::vector<double> folded(candidates.size(), std::numeric_limits<double>::infinity());
   for (size_t i = 0; i < candidates.size(); ++i) {
     if (!candidates[i].within_one_se) continue;
-    folded[i] = 0;
-    for (const geometry::Camera& camera : candidates[i].fit.state.cameras) folded[i] = std::max(folded[i], FoldedShare(camera));
+    folded[i] = MostFolded(candidates[i]);
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
-    if (folded[i] <= *std::min_element(folded.begin(), folded.end()) + kSlack && candidates[i].within_one_se) return static_cast<int>(i);
+    if (folded[i] <= *std::min_element(folded.begin(), folded.end()) + kFoldSlack && candidates[i].within_one_se) return static_cast<int>(i);
   }
   return -1;
 }
@@ -129,8 +213,10 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
                             difference.mean <= kBeyondDoubt * difference.standard_error;
     candidate.within_one_se = difference.mean <= difference.standard_error || negligible;
   }
-  const int chosen = SimplestWithin(*candidates);
-  if (chosen >= 0) *reason = Explain((*candidates)[chosen], *best);
+  const int simplest = SimplestWithin(*candidates);
+  if (simplest < 0) return simplest;
+  const int chosen = BestSupported(*candidates, simplest);
+  *reason = Explain((*candidates)[chosen], (*candidates)[simplest], *best);
   return chosen;
 }
 
@@ -201,35 +287,6 @@ void DropFailed(std::vector<LensCandidate>* candidates) {
 bool EnoughClusters(const LensPool& pool) {
   const std::vector<int> clusters = ClustersOfCameras(pool);
   return CountClusters(pool.cluster) >= kMinClusters && *std::max_element(clusters.begin(), clusters.end()) >= kMinClustersOfCamera;
-}
-
-/// The configuration by the residuals of the boards themselves, where these are too few to hold any out: Schwarz's criterion
-/// ("Estimating the dimension of a model", 1978), gross errors capped, the noise that of the best fit.
-int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* reason) {
-  constexpr double kCapSigmas = 6;
-  double sigma_px = std::numeric_limits<double>::infinity();
-  for (const LensCandidate& candidate : candidates) {
-    if (candidate.fit.bundle.sigma_px > 0) sigma_px = std::min(sigma_px, candidate.fit.bundle.sigma_px);
-  }
-  int best = -1;
-  double best_cost = std::numeric_limits<double>::infinity();
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const LensPool& fit = candidates[i].fit;
-    double cost = 0, corners = 0;
-    const auto distances = Standardized(fit.views, fit.state, fit.prior);
-    for (size_t v = 0; v < fit.views.size(); ++v) {
-      for (Eigen::Index k = 0; k < distances[v].size(); ++k) {
-        if (fit.prior[v][k] <= 0) continue;
-        const double sigmas = std::min(kCapSigmas, distances[v][k] / sigma_px);
-        cost += sigmas * sigmas, corners += 1;
-      }
-    }
-    cost += NumLensParams(candidates[i].config, static_cast<int>(fit.state.cameras.size())) * std::log(std::max(2.0, corners));
-    if (cost < best_cost) best_cost = cost, best = static_cast<int>(i);
-  }
-  if (best >= 0)
-    *reason = ToString(candidates[best].config) + " is what the few boards call for (Schwarz's criterion); too few to hold any out";
-  return best;
 }
 
 LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle) {

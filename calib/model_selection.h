@@ -37,11 +37,12 @@ struct SelectionOptions {
   std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (but for warp and stretch)
 };
 
-/// The configuration with the fewest numbers whose held-out error, over all cameras of the pool, is within one standard error
-/// (of the paired differences between views) of the best, or within 1 % and three standard errors of it, which is not worth a
-/// number; of these the simplest that does not fold inside the image, if there is one. With boards in fewer than 6 places the
-/// choice is by Schwarz's criterion among the simpler lenses. All cameras of a pool get one model: the views of one camera alone are too few to see a decentring that shifts its
-/// principal point, and hence its direction, by a pixel.
+/// Of the configurations whose held-out error, over all cameras of the pool, is within one standard error (of the paired
+/// differences between clusters of views) of the best, or within 1 % and three standard errors of it: the simplest that does not
+/// fold inside the image, if there is one; or the richer one whose residuals on all boards are better by more than its numbers
+/// cost (Schwarz's criterion), and not on a board or two alone. With boards in fewer than 6 places Schwarz's criterion alone decides
+/// among the simpler lenses. All cameras of a pool get one model: the views of one camera alone are too few to see a decentring
+/// that shifts its principal point, and hence its direction, by a pixel.
 LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle,
                       const RunContext& run);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/held_covariance.h"
 #include "calib/point_problem.h"
 #include "core/check.h"
 #include "core/median.h"
@@ -117,6 +118,71 @@ void Summarise(const PointScene& scene, const std::vector<PointObservation>& obs
   report->sigma_px = freedom > 0 ? std::sqrt(weighted / freedom) : 0;
 }
 
+/// Normal equations of lenses and cameras, the points eliminated, and what takes their diagonal with the points to 1; false where
+/// an observation does not project.
+bool NormalEquations(const PointScene& scene, const std::vector<PointObservation>& observations, const PointBundleOptions& options,
+                     Eigen::MatrixXd* h, Eigen::VectorXd* scale) {
+  PointProblem problem(scene, observations, options, PointProblem::Blocks::kPoints, 0);
+  SchurSystem system;
+  problem.AllocateSystem(&system);
+  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(3, system.num_blocks()));
+  *h = Eigen::MatrixXd::Zero(system.g.size(), system.g.size());
+  if (!problem.LinearizeTrial(&system)) return false;
+  *h = Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
+  *scale = system.h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  return true;
+}
+
+/// Which columns are lenses that were held, and their covariance.
+struct HeldColumns {
+  std::vector<Eigen::Index> estimated, held;
+  Eigen::MatrixXd covariance;
+};
+
+HeldColumns ColumnsOfHeld(const PointScene& scene, const PointProblem& layout,
+                          const std::vector<std::optional<Eigen::MatrixXd>>& held_lens) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(layout.num_global(), layout.num_global());
+  std::vector<bool> is_held(static_cast<size_t>(layout.num_global()), false);
+  for (size_t l = 0; l < std::min(held_lens.size(), scene.lenses.size()); ++l) {
+    const int column = layout.lens_column(static_cast<int>(l));
+    if (!held_lens[l] || column < 0) continue;
+    const Eigen::Index p = held_lens[l]->rows();
+    all.block(column, column, p, p) = *held_lens[l];
+    std::fill_n(is_held.begin() + column, p, true);
+  }
+  HeldColumns out;
+  for (size_t i = 0; i < is_held.size(); ++i) (is_held[i] ? out.held : out.estimated).push_back(static_cast<Eigen::Index>(i));
+  out.covariance = all(out.held, out.held);
+  return out;
+}
+
+/// Blocks and joint covariance from that of the problem's columns.
+PointBundleCovariance Spread(const PointScene& scene, const PointProblem& layout, const Eigen::MatrixXd& covariance,
+                             PointBundleCovariance out) {
+  for (size_t l = 0; l < scene.lenses.size(); ++l) {
+    const int column = layout.lens_column(static_cast<int>(l));
+    const Eigen::MatrixXd& d = layout.directions(static_cast<int>(l));
+    out.lens.push_back(Eigen::MatrixXd::Zero(d.rows(), d.rows()));
+    if (column >= 0) out.lens[l] = d * covariance.block(column, column, d.cols(), d.cols()) * d.transpose();
+  }
+  Eigen::Index rows = 0;
+  for (size_t c = 0; c < scene.cam_from_world.size(); ++c) rows += scene.LensOf(static_cast<int>(c)).params.size() + 6;
+  Eigen::MatrixXd by_columns = Eigen::MatrixXd::Zero(rows, covariance.rows());
+  Eigen::Index row = 0;
+  for (size_t c = 0; c < scene.cam_from_world.size(); ++c) {
+    const int lens = scene.lens_of_camera[c], lens_column = layout.lens_column(lens), pose = layout.camera_column(static_cast<int>(c));
+    const Eigen::MatrixXd& d = layout.directions(lens);
+    const Eigen::Index p = scene.LensOf(static_cast<int>(c)).params.size();
+    if (lens_column >= 0) by_columns.block(row, lens_column, p, d.cols()) = d;
+    if (pose >= 0) by_columns.block<6, 6>(row + p, pose).setIdentity();
+    row += p + 6;
+    out.cam_from_world.push_back(Eigen::Matrix<double, 6, 6>::Zero());
+    if (pose >= 0) out.cam_from_world[c] = covariance.block<6, 6>(pose, pose);
+  }
+  out.joint = by_columns * covariance * by_columns.transpose();
+  return out;
+}
+
 }  // namespace
 
 Eigen::MatrixXd FixedLens(const geometry::Camera& lens) { return Eigen::MatrixXd(lens.params.size(), 0); }
@@ -191,45 +257,36 @@ PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservati
 }
 
 PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std::vector<PointObservation>& observations,
-                                              const PointBundleOptions& options, double sigma_px) {
-  PointBundleOptions scaled = options;
-  if (scaled.distance) scaled.distance->sigma /= sigma_px;  // a length: sigma_px^2 below is not meant for it
-  PointProblem problem(scene, observations, scaled, PointProblem::Blocks::kPoints, 0);
-  SchurSystem system;
-  problem.AllocateSystem(&system);
-  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(3, system.num_blocks()));
-  PointBundleCovariance out;
-  out.lens.resize(scene.lenses.size());
-  out.cam_from_world.resize(scene.cam_from_world.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  if (!problem.LinearizeTrial(&system)) {
-    out.status = Status::kDegenerate, out.message = "an observation does not project at the solution";
-    return out;
+                                              const PointBundleOptions& options, double sigma_px,
+                                              const std::vector<std::optional<Eigen::MatrixXd>>& held_lens) {
+  PointBundleOptions freed = options;
+  if (freed.distance) freed.distance->sigma /= sigma_px;  // a length: sigma_px^2 below is not meant for it
+  freed.lens_directions.resize(scene.lenses.size());
+  for (size_t l = 0; l < held_lens.size(); ++l) {
+    if (held_lens[l]) freed.lens_directions[l] = AllDirections(scene.lenses[l]);
   }
-  Eigen::MatrixXd h = Reduce(system, 0, options.num_threads).h;
-  h.triangularView<Eigen::StrictlyUpper>() = h.transpose().triangularView<Eigen::StrictlyUpper>();
-  const Eigen::VectorXd scale = system.h.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(Eigen::MatrixXd(scale.asDiagonal() * h * scale.asDiagonal()));
+  const PointProblem layout(scene, observations, freed, PointProblem::Blocks::kPoints, 0);
+  PointBundleCovariance out;
+  Eigen::MatrixXd h;
+  Eigen::VectorXd scale;
+  if (!NormalEquations(scene, observations, freed, &h, &scale)) {
+    out.status = Status::kDegenerate, out.message = "an observation does not project at the solution";
+    return Spread(scene, layout, Eigen::MatrixXd::Zero(h.rows(), h.cols()), out);
+  }
+  const HeldColumns held = ColumnsOfHeld(scene, layout, held_lens);
+  const Eigen::VectorXd unit = scale(held.estimated);
+  const Eigen::MatrixXd own = unit.asDiagonal() * h(held.estimated, held.estimated) * unit.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(own);
   constexpr double kSmallest = 1e-12;  // of the normal equations with unit diagonal: rounding is 1e-16 times their size
-  if (h.rows() > 0 && !(eigen.eigenvalues()[0] > kSmallest)) {
+  if (own.rows() > 0 && !(eigen.eigenvalues()[0] > kSmallest)) {
     out.status = Status::kDegenerate;
     out.message = "the observations do not hold all cameras in place: something of their poses or lenses is free";
-    return out;
+    return Spread(scene, layout, Eigen::MatrixXd::Zero(h.rows(), h.cols()), out);
   }
-  const Eigen::MatrixXd covariance =
-      sigma_px * sigma_px *
-      (scale.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-       eigen.eigenvectors().transpose() * scale.asDiagonal());
-  for (size_t l = 0; l < scene.lenses.size(); ++l) {
-    const int column = problem.lens_column(static_cast<int>(l));
-    const Eigen::MatrixXd& d = problem.directions(static_cast<int>(l));
-    out.lens[l] = Eigen::MatrixXd::Zero(d.rows(), d.rows());
-    if (column >= 0) out.lens[l] = d * covariance.block(column, column, d.cols(), d.cols()) * d.transpose();
-  }
-  for (size_t c = 0; c < scene.cam_from_world.size(); ++c) {
-    const int column = problem.camera_column(static_cast<int>(c));
-    if (column >= 0) out.cam_from_world[c] = covariance.block<6, 6>(column, column);
-  }
-  return out;
+  const Eigen::MatrixXd inverse = unit.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                                  eigen.eigenvectors().transpose() * unit.asDiagonal();
+  return Spread(scene, layout,
+                CovarianceWithHeld(h, held.estimated, held.held, inverse, sigma_px * sigma_px * inverse, held.covariance), out);
 }
 
 }  // namespace mvstudio::calib

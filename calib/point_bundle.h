@@ -78,12 +78,15 @@ struct PointBundleCovariance {
   std::string message;
   std::vector<Eigen::MatrixXd> lens;                        ///< per lens (P, P), zero in fixed directions
   std::vector<Eigen::Matrix<double, 6, 6>> cam_from_world;  ///< per camera, left perturbation; zero for fixed ones
+  Eigen::MatrixXd joint;  ///< of all cameras, as geometry::Rig::joint_covariance; cameras of one lens share its errors
 };
 
 /// Covariances at a solution, times sigma_px^2: the inverse of the normal equations with the points eliminated. The frame and
-/// the scale must be held: by fixed points, or by a fixed camera and a known distance.
+/// the scale must be held: by fixed points, or by a fixed camera and a known distance. `held_lens`, per lens: the covariance (P, P)
+/// of a lens that `options` hold; it goes on into the poses. Empty, or nothing for a lens: it counts as exact.
 PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std::vector<PointObservation>& observations,
-                                              const PointBundleOptions& options, double sigma_px);
+                                              const PointBundleOptions& options, double sigma_px,
+                                              const std::vector<std::optional<Eigen::MatrixXd>>& held_lens = {});
 
 /// Residuals (2, number of observations) px, projection minus observation; infinite where a point does not project.
 Eigen::Matrix2Xd PointResiduals(const PointScene& scene, const std::vector<PointObservation>& observations);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "calib/point_bundle.h"
 #include "calib/point_resection_internal.h"
@@ -25,33 +26,69 @@ struct Normal {
   Eigen::VectorXd g;
 };
 
+/// First unknown of each camera's lens directions, and the number of unknowns.
+std::vector<Eigen::Index> LensColumns(const ResectionProblem& problem) {
+  std::vector<Eigen::Index> columns = {6};
+  for (const Eigen::MatrixXd& d : problem.directions) columns.push_back(columns.back() + d.cols());
+  return columns;
+}
+
+/// A click's residual and its derivatives.
+struct ClickLinearization {
+  Eigen::Vector2d residual;
+  Eigen::MatrixXd by_unknowns;  // (2, X)
+  Eigen::MatrixXd by_given;     // (2, P + 6): the camera's lens parameters and cam_from_rig
+};
+
+std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem, const PointClick& click,
+                                                 const std::vector<Eigen::Index>& columns) {
+  const auto c = static_cast<size_t>(click.camera_idx);
+  const Eigen::Vector3d turned = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
+  const Rigid3& cam_from_rig = problem.cam_from_rig[c];
+  const Eigen::Vector3d turned_in_cam = cam_from_rig.rotation * Eigen::Vector3d(turned + problem.rig_from_world.translation);
+  geometry::LensDerivatives d;
+  Eigen::Vector2d px;
+  if (!geometry::ProjectLens(problem.cameras[c], turned_in_cam + cam_from_rig.translation, &px, &d)) return std::nullopt;
+  const Eigen::MatrixXd& directions = problem.directions[c];
+  const Eigen::Index p = problem.cameras[c].params.size();
+  ClickLinearization out{px - click.px, Eigen::MatrixXd::Zero(2, columns.back()), Eigen::MatrixXd::Zero(2, p + 6)};
+  const Eigen::Matrix<double, 2, 3> d_rig = d.d_px_d_x_in_cam * cam_from_rig.rotation.toRotationMatrix();
+  out.by_unknowns.leftCols<3>() = -d_rig * geometry::CrossMatrix(turned);
+  out.by_unknowns.middleCols<3>(3) = d_rig;
+  for (int k = 0; k < d.count; ++k) out.by_given.col(d.columns[static_cast<size_t>(k)]) += d.d_px.col(k);
+  out.by_given.middleCols<3>(p) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(turned_in_cam);
+  out.by_given.middleCols<3>(p + 3) = d.d_px_d_x_in_cam;
+  if (directions.cols() > 0) out.by_unknowns.middleCols(columns[c], directions.cols()) = out.by_given.leftCols(p) * directions;
+  return out;
+}
+
 bool Linearize(const ResectionProblem& problem, const std::vector<bool>& used, Normal* out) {
-  Eigen::Index size = 6;
-  std::vector<Eigen::Index> column;
-  for (const Eigen::MatrixXd& d : problem.directions) column.push_back(size), size += d.cols();
-  *out = {0, Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  const std::vector<Eigen::Index> columns = LensColumns(problem);
+  *out = {0, Eigen::MatrixXd::Zero(columns.back(), columns.back()), Eigen::VectorXd::Zero(columns.back())};
   for (size_t i = 0; i < problem.clicks.size(); ++i) {
     if (!used[i]) continue;
-    const PointClick& click = problem.clicks[i];
-    const auto c = static_cast<size_t>(click.camera_idx);
-    const Eigen::Vector3d turned = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
-    geometry::LensDerivatives d;
-    Eigen::Vector2d px;
-    const Eigen::Vector3d x_in_cam = problem.cam_from_rig[c] * Eigen::Vector3d(turned + problem.rig_from_world.translation);
-    if (!geometry::ProjectLens(problem.cameras[c], x_in_cam, &px, &d)) return false;
-    const Eigen::Vector2d r = px - click.px;
-    Eigen::MatrixXd j = Eigen::MatrixXd::Zero(2, size);
-    const Eigen::Matrix<double, 2, 3> d_rig = d.d_px_d_x_in_cam * problem.cam_from_rig[c].rotation.toRotationMatrix();
-    j.leftCols<3>() = -d_rig * geometry::CrossMatrix(turned);
-    j.middleCols<3>(3) = d_rig;
-    const Eigen::MatrixXd& directions = problem.directions[c];
-    for (int k = 0; directions.cols() > 0 && k < d.count; ++k)
-      j.middleCols(column[c], directions.cols()) += d.d_px.col(k) * directions.row(d.columns[static_cast<size_t>(k)]);
-    out->cost += r.squaredNorm();
-    out->h += j.transpose() * j;
-    out->g += j.transpose() * r;
+    const auto click = LinearizeClick(problem, problem.clicks[i], columns);
+    if (!click) return false;
+    out->cost += click->residual.squaredNorm();
+    out->h += click->by_unknowns.transpose() * click->by_unknowns;
+    out->g += click->by_unknowns.transpose() * click->residual;
   }
   return std::isfinite(out->cost);
+}
+
+/// (X, N) mixed part of the normal equations: unknowns by what is given.
+Eigen::MatrixXd MixedNormal(const ResectionProblem& problem, const std::vector<bool>& used) {
+  const std::vector<Eigen::Index> columns = LensColumns(problem);
+  std::vector<Eigen::Index> begin = {0};
+  for (const geometry::Camera& camera : problem.cameras) begin.push_back(begin.back() + camera.params.size() + 6);
+  Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(columns.back(), begin.back());
+  for (size_t i = 0; i < problem.clicks.size(); ++i) {
+    const auto click = used[i] ? LinearizeClick(problem, problem.clicks[i], columns) : std::nullopt;
+    if (!click) continue;
+    const Eigen::Index first = begin[static_cast<size_t>(problem.clicks[i].camera_idx)];
+    mixed.middleCols(first, click->by_given.cols()) += click->by_unknowns.transpose() * click->by_given;
+  }
+  return mixed;
 }
 
 ResectionProblem Moved(const ResectionProblem& problem, const Eigen::VectorXd& step) {
@@ -202,8 +239,11 @@ int DistinctPoints(const std::vector<PointClick>& clicks) {
   return static_cast<int>(std::unique(ids.begin(), ids.end()) - ids.begin());
 }
 
-void FillCovariance(const ResectionProblem& problem, const Normal& normal, double sigma_px, PointResection* out) {
-  const Eigen::MatrixXd covariance = sigma_px * sigma_px * normal.h.inverse();
+void FillCovariance(const ResectionProblem& problem, const std::vector<bool>& used, const Normal& normal, double sigma_px,
+                    PointResection* out) {
+  const Eigen::MatrixXd inverse = normal.h.inverse(), covariance = sigma_px * sigma_px * inverse;
+  out->unknowns_covariance = covariance, out->unknowns_by_given = -inverse * MixedNormal(problem, used);
+  out->lens_directions = problem.directions;
   out->covariance = covariance.topLeftCorner<6, 6>();
   out->params_covariance.resize(problem.cameras.size());
   Eigen::Index column = 6;
@@ -276,7 +316,7 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
   constexpr int kEnoughToEstimate = 20;
   const double estimated = freedom > 0 ? std::sqrt(normal.cost / freedom) : 0;
   out.sigma_px = freedom >= kEnoughToEstimate ? estimated : std::max(estimated, options.click_sigma_px);
-  FillCovariance(problem, normal, out.sigma_px, &out);
+  FillCovariance(problem, used, normal, out.sigma_px, &out);
   if (!IsDetermined(problem, used, out)) {
     out.status = Status::kDegenerate;
     out.message =

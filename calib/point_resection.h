@@ -35,6 +35,11 @@ struct PointResection {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();  ///< of rig_from_world, left perturbation
   std::vector<geometry::Camera> cameras;                                         ///< as given, or with a refined lens
   std::vector<std::optional<Eigen::MatrixXd>> params_covariance;                 ///< per camera, of refined lenses
+  /// The same with what the errors of the given lenses and poses do. Unknowns: the six of rig_from_world, then each camera's lens
+  /// directions; given: for each camera its lens parameters and the six of cam_from_rig.
+  Eigen::MatrixXd unknowns_covariance;           ///< (X, X) for exact lenses and poses
+  Eigen::MatrixXd unknowns_by_given;             ///< (X, N) derivatives
+  std::vector<Eigen::MatrixXd> lens_directions;  ///< per camera (P, K): params = given + directions * unknowns
   std::string lens_reason;        ///< why the lens was refined or not; empty unless asked for
   Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projection minus click; infinite where it does not project
   std::vector<bool> rejected;     ///< per click: a gross error

@@ -122,6 +122,17 @@ std::vector<int> ProjectionUncertainty::Prepared::CamerasSeeing(const Eigen::Vec
   return seeing;
 }
 
+/// Columns whose inner products are the covariances of the given ones, in units of sigma_px^2.
+Eigen::MatrixXd ProjectionUncertainty::Prepared::Whitened(const Eigen::MatrixXd& by_global) const {
+  const Index n = static_cast<Index>(estimated.size());
+  Eigen::MatrixXd white(n + carried.cols(), by_global.cols());
+  Eigen::MatrixXd own = scale.asDiagonal() * by_global(estimated, Eigen::all);
+  if (n > 0) factor.matrixL().solveInPlace(own);
+  white.topRows(n) = own;
+  if (carried.cols() > 0) white.bottomRows(carried.cols()) = carried.transpose() * by_global / sigma_px;
+  return white;
+}
+
 /// v^T H^-1 v with the boards eliminated: (v_g - sum W^T V^-1 v_b)^T S^-1 (…) + sum v_b^T V^-1 v_b. All gradients are of one
 /// component. With few unknowns in play their joint covariance comes first, else every gradient is solved for.
 std::vector<Eigen::MatrixXd> ProjectionUncertainty::Prepared::CovariancesOfOne(
@@ -141,16 +152,16 @@ std::vector<Eigen::MatrixXd> ProjectionUncertainty::Prepared::CovariancesOfOne(
   const bool joint_first = active + 6 < total;
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(columns.total, joint_first ? active + 6 : total);
   if (joint_first) {
-    for (Index k = 0; k < active; ++k) right(rows[k], k) = scale[rows[k]];
-    right.rightCols<6>() = scale.asDiagonal() * component.by_global;
+    for (Index k = 0; k < active; ++k) right(rows[k], k) = 1;
+    right.rightCols<6>() = component.by_global;
   } else {
     Index at = 0;
     for (const Gradient* g : gradients) {
-      right.middleCols(at, g->by_global.cols()) = scale.asDiagonal() * (g->by_global + component.by_global * g->by_twist);
+      right.middleCols(at, g->by_global.cols()) = g->by_global + component.by_global * g->by_twist;
       at += g->by_global.cols();
     }
   }
-  if (columns.total > 0) factor.matrixL().solveInPlace(right);
+  right = Whitened(right);
   const Eigen::MatrixXd joint = joint_first ? Eigen::MatrixXd(right.transpose() * right) : Eigen::MatrixXd();
   std::vector<Eigen::MatrixXd> result;
   Index at = 0;
@@ -200,12 +211,12 @@ std::vector<double> ProjectionUncertainty::Prepared::WorstSigmas(const std::vect
 }
 
 ProjectionUncertainty::ProjectionUncertainty(const std::vector<View>& views, const RigState& state,
-                                             const BundleOptions& options, double sigma_px) {
+                                             const BundleOptions& options, double sigma_px, const HeldCovariance& held) {
   MVS_CHECK(state.world_from_board.size() >= state.frames.size(), "frames without a board");
   auto prepared = std::make_shared<Prepared>();
   prepared->state = state;
-  prepared->sigma_px = sigma_px;
-  prepared->Fill(views, options);
+  prepared->sigma_px = held.any() ? std::max(sigma_px, 1e-9) : sigma_px;  // held errors are counted in units of it
+  prepared->Fill(views, options, held);
   prepared_ = std::move(prepared);
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/held_covariance.h"
 #include "calib/view.h"
 #include "core/status.h"
 
@@ -52,8 +53,9 @@ struct UncertaintySummary {
 class ProjectionUncertainty {
  public:
   /// Normal equations at `state`, the solution of `options` on `views`, factorised once: sigma_px is the standard deviation per
-  /// coordinate of a corner of weight 1. See status().
-  ProjectionUncertainty(const std::vector<View>& views, const RigState& state, const BundleOptions& options, double sigma_px);
+  /// coordinate of a corner of weight 1. The errors of what `options` held count as `held` states them, else not. See status().
+  ProjectionUncertainty(const std::vector<View>& views, const RigState& state, const BundleOptions& options, double sigma_px,
+                        const HeldCovariance& held = {});
 
   /// kDegenerate when the data leave something undetermined, kBehindCamera when `state` does not project its own corners; every
   /// answer has this status then.

@@ -39,8 +39,10 @@ struct ProjectionUncertainty::Prepared {
   RigState state;
   RigColumns columns;
   double sigma_px = 1;
+  std::vector<Eigen::Index> estimated;   // (n) columns; the others were held
   Eigen::VectorXd scale;                 // (n) of the unit diagonal
-  Eigen::LLT<Eigen::MatrixXd> factor;    // of the scaled reduced matrix
+  Eigen::LLT<Eigen::MatrixXd> factor;    // of the scaled reduced matrix of the estimated columns
+  Eigen::MatrixXd carried;               // (columns.total, k) root of the covariance that the held columns bring
   std::vector<int> component_of_camera;  // -1: no corners
   std::vector<internal::Component> components;
   std::vector<geometry::Projector> projectors;
@@ -48,7 +50,9 @@ struct ProjectionUncertainty::Prepared {
   std::vector<Eigen::Vector3d> places;  // of boards, in world
 
   std::vector<int> LinkFrames(const std::vector<View>& views);
-  void Fill(const std::vector<View>& views, const BundleOptions& options);
+  void Fill(const std::vector<View>& views, const BundleOptions& options, const HeldCovariance& held);
+  void Carry(const Eigen::MatrixXd& normal, const FreedProblem& freed);
+  Eigen::MatrixXd Whitened(const Eigen::MatrixXd& by_global) const;
   void AddBoards(const SchurSystem& system, const std::vector<int>& frames, const std::vector<int>& component_of_frame,
                  int gauge_frame);
   void NotePlaces(const std::vector<View>& views);

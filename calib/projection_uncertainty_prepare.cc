@@ -1,4 +1,5 @@
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -118,12 +119,26 @@ void ProjectionUncertainty::Prepared::NotePlaces(const std::vector<View>& views)
   }
 }
 
-void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const BundleOptions& options) {
+/// With S = Q Q^T of the held columns, theirs and the estimated ones' common errors have the root [-H_xx^-1 H_xy; I] Q.
+void ProjectionUncertainty::Prepared::Carry(const Eigen::MatrixXd& normal, const FreedProblem& freed) {
+  carried = Eigen::MatrixXd::Zero(columns.total, static_cast<Index>(freed.held.size()));
+  if (freed.held.empty()) return;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(freed.covariance);
+  const Eigen::MatrixXd root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+  carried(freed.held, Eigen::all) = root;
+  if (estimated.empty()) return;
+  const Eigen::MatrixXd right = scale.asDiagonal() * normal(freed.estimated, freed.held);
+  carried(freed.estimated, Eigen::all) = -(scale.asDiagonal() * factor.solve(right)) * root;
+}
+
+void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const BundleOptions& options,
+                                           const HeldCovariance& held) {
   const std::vector<int> component_of_frame = LinkFrames(views);
   for (const geometry::Camera& camera : state.cameras) projectors.emplace_back(camera);
   NotePlaces(views);
-  RigProblem problem(views, state, options);
-  columns = problem.columns();
+  const FreedProblem freed = FreeHeld(views, state, options, held);
+  RigProblem problem(views, freed.state, freed.options);
+  columns = problem.columns(), estimated = freed.estimated;
   SchurSystem system;
   problem.AllocateSystem(&system);
   problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
@@ -131,7 +146,8 @@ void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const
     status = Status::kBehindCamera;
     return;
   }
-  Eigen::MatrixXd reduced = Reduce(system, 0, options.num_threads).h;
+  const Eigen::MatrixXd normal = Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
+  Eigen::MatrixXd reduced = normal(estimated, estimated);
   scale = (reduced.diagonal().array() > 0).select(reduced.diagonal().array().abs().sqrt().inverse(), 1);
   if (reduced.size() > 0) {
     reduced = scale.asDiagonal() * reduced * scale.asDiagonal();
@@ -141,6 +157,7 @@ void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const
       return;
     }
   }
+  Carry(normal, freed);
   std::vector<int> frames;  // one block each, ascending
   for (size_t f = 0; f < component_of_frame.size(); ++f) {
     if (component_of_frame[f] >= 0) frames.push_back(static_cast<int>(f));

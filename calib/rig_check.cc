@@ -308,7 +308,8 @@ void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* resu
   for (Rigid3& pose : work->own_pose) pose.translation *= result->scale;
 }
 
-void Solve(const RunContext& run, CheckWork* work, RigCheck* result) {
+/// `stated` receives the covariances of the new poses.
+void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::StatedCovariance* stated) {
   const int num_boards = static_cast<int>(work->problem.views_of_board.size());
   work->state.world_from_board.resize(static_cast<size_t>(num_boards));
   const int64_t present = std::count(work->present.begin(), work->present.end(), true);
@@ -322,8 +323,12 @@ void Solve(const RunContext& run, CheckWork* work, RigCheck* result) {
   PlaceBoards(work);
   for (size_t c = 0; c < work->checks.size(); ++c) {
     if (!work->moved[c]) continue;
-    Examine(work, static_cast<int>(c));
+    const int camera = static_cast<int>(c);
+    const Trial trial = Examine(work, camera);
     result->moved.push_back(work->checks[c].name);
+    stated->pose_known[c] = false;
+    if (stated->AnyKnown() && trial.solution.status == Status::kOk)
+      internal::CarryIntoRepair(*work, trial.state, SharedBoards(*work, camera), camera, trial.solution.covariance, stated);
   }
   HearVoters(-1, work);
 }
@@ -335,6 +340,7 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
   RequireKnown(rig, input);
   RigCheck result;
   result.repaired = rig;
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
   CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig.cameras) {
     work.problem.cameras.push_back(camera.camera);
@@ -355,15 +361,15 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
     work.all_views_of_board = work.problem.views_of_board;
     result.board_metrics = internal::MeasureLengths(input.boards, work);
     TakeScale(input.boards, &work, &result);
-    Solve(run, &work, &result);
+    Solve(run, &work, &result, &stated);
   }
   FillResiduals(&work, &result);
   for (size_t c = 0; c < work.checks.size(); ++c) {
     if (work.moved[c]) {
       result.repaired.cameras[c].cam_from_world = work.checks[c].cam_from_world;
-      result.repaired.cameras[c].cam_from_world_covariance.reset();
     }
   }
+  if (!result.moved.empty()) geometry::StoreCovariance(stated, &result.repaired);
   internal::JudgeCheck(options, &result);
   return result;
 }

@@ -63,7 +63,9 @@ struct RigCheck {
   double scale = 1;                    ///< lengths by the calibration over lengths on the board
   BoardMetrics board_metrics;          ///< board lengths triangulated with the calibration as it is
   int num_boards = 0;                  ///< boards that two cameras or more saw at one instant
-  geometry::Rig repaired;              ///< the rig with the moved cameras' new poses
+  /// The rig with the moved cameras' new poses. Their covariances hold what comes from the cameras that they were placed by, as far
+  /// as the rig states it; a rig that states nothing gets none.
+  geometry::Rig repaired;
   Verdict verdict;
 };
 

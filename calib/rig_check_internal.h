@@ -7,6 +7,7 @@
 #include "calib/view.h"
 #include "core/status.h"
 #include "geometry/camera.h"
+#include "geometry/rig_covariance.h"
 #include "geometry/rigid3.h"
 
 /// Board poses and the poses of some cameras from views, everything else fixed. For rig_check*.cc.
@@ -65,6 +66,13 @@ struct CheckWork {
 /// Fits every view by itself, drops corners and views that do not fit, estimates each camera's noise, and keeps the views of
 /// boards that two cameras share at one instant, with weights in px^-2.
 void PrepareCheck(const CalibrateInput& input, CheckWork* work);
+
+/// Enters the new pose of a camera that SolveCamera placed at `state` by `boards`, with the covariance `own` for an exact
+/// calibration, into what the rig states: its covariance holds the part that comes from the lenses and poses of the cameras that
+/// placed the boards and from its own lens, and is correlated with them. What is unknown of these adds nothing. The noise of
+/// boards that two repaired cameras were placed by counts as independent between them.
+void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera, const Matrix6d& own,
+                     geometry::StatedCovariance* stated);
 
 /// Distances of the corners from their projections, px; infinity for those that do not project.
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "calib/board_shape.h"
 #include "calib/rig_check_internal.h"
 #include "core/median.h"
 #include "geometry/alignment.h"
@@ -79,7 +80,7 @@ BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& w
   std::vector<Eigen::Matrix3Xd> truths;
   std::vector<double> edges;
   for (const Board& board : boards) {
-    truths.push_back(CornersInBoard(board));
+    truths.push_back(ShapedCorners(board, work.rig.boards));
     edges.push_back(EdgeOf(truths.back()));
   }
   Lengths lengths;
@@ -105,7 +106,7 @@ double MeasureScale(const std::vector<Board>& boards, const CheckWork& work) {
                    &b = work.problem.views[static_cast<size_t>(views[j])];
         const auto corners = Corners(work, {views[i], views[j]}, rig);
         if (corners.size() < kMinCorners) continue;
-        const Eigen::Matrix3Xd truth = CornersInBoard(boards[static_cast<size_t>(a.board)]);
+        const Eigen::Matrix3Xd truth = ShapedCorners(boards[static_cast<size_t>(a.board)], work.rig.boards);
         Eigen::Matrix3Xd on_board(3, static_cast<Eigen::Index>(corners.size())), in_world = on_board;
         Eigen::Index n = 0;
         for (const auto& [id, x] : corners) on_board.col(n) = truth.col(id), in_world.col(n++) = x;

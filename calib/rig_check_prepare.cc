@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 
+#include "calib/board_shape.h"
 #include "calib/resection.h"
 #include "calib/rig_check_internal.h"
 #include "core/median.h"
@@ -54,12 +55,15 @@ std::optional<OwnView> FitOwn(View view, const geometry::Camera& camera, double 
 /// Views with poses of their own, by camera of the rig. Views far worse than their camera's others are left out.
 std::vector<OwnView> OwnViews(const CalibrateInput& input, const std::vector<int64_t>& frames, CheckWork* work) {
   std::vector<OwnView> views;
+  std::vector<Eigen::Matrix3Xd> shaped;
+  for (const Board& board : input.boards) shaped.push_back(ShapedCorners(board, work->rig.boards));
   for (const Detection& detection : input.detections) {
     const int camera = work->rig.Find(input.cameras.at(static_cast<size_t>(detection.camera_idx)).name);
     CameraCheck& check = work->checks[static_cast<size_t>(camera)];
     if (detection.corner_ids.size() < kMinCorners) continue;
     View view = MakeView(input.boards, detection, frames);
     view.camera_idx = camera;
+    view.x_in_board = shaped[static_cast<size_t>(view.board)](Eigen::all, view.corner_ids);
     auto own =
         FitOwn(view, work->problem.cameras[static_cast<size_t>(camera)], work->options.reject_sigmas, &check.num_rejected);
     if (own) {

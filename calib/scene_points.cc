@@ -4,10 +4,12 @@
 #include <cstdio>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <set>
 
 #include "calib/csv_table.h"
 #include "calib/formats_internal.h"
+#include "calib/scene_carry.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {
@@ -102,22 +104,11 @@ std::vector<std::string> GrossErrors(const ScenePoints& points, const std::vecto
   return gross;
 }
 
-/// Covariance of cam_from_world = cam_from_rig * rig_from_world for a left perturbation of rig_from_world.
-Eigen::Matrix<double, 6, 6> CameraCovariance(const geometry::Rigid3& cam_from_rig, const Eigen::Matrix<double, 6, 6>& of_rig) {
-  Eigen::Matrix<double, 6, 6> j = Eigen::Matrix<double, 6, 6>::Zero();
-  const Eigen::Matrix3d r = cam_from_rig.rotation.toRotationMatrix();
-  j.topLeftCorner<3, 3>() = r;
-  j.bottomRightCorner<3, 3>() = r;
-  return j * of_rig * j.transpose();
-}
-
 void AddCameras(const geometry::Rig& group, const PointResection& resection, geometry::Rig* rig) {
   for (size_t c = 0; c < group.cameras.size(); ++c) {
     geometry::RigCamera camera = group.cameras[c];
     camera.camera = resection.cameras[c];
-    camera.cam_from_world_covariance = CameraCovariance(camera.cam_from_world, resection.covariance);
     camera.cam_from_world = camera.cam_from_world * resection.rig_from_world;
-    if (resection.params_covariance[c]) camera.params_covariance = resection.params_covariance[c];
     rig->cameras.push_back(camera);
   }
 }
@@ -141,16 +132,27 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
   }
   SceneResectionReport report;
   report.rig.gauge = "the marked points";
-  const auto solve = [&](const std::string& name, const geometry::Rig& group, const std::vector<PointClick>& clicks) {
+  PlacedCovariance covariance(intrinsics, rigid);
+  const auto solve = [&](const std::string& name, const geometry::Rig& group, const std::vector<size_t>& indices,
+                         const std::vector<PointClick>& clicks) {
     const PointResection resection = ResectFromPoints(group.cameras, clicks, points.x_in_world, options);
     report.cameras.push_back({name, resection, static_cast<int>(clicks.size()), GrossErrors(points, clicks, resection, group)});
-    if (resection.status == Status::kOk) AddCameras(group, resection, &report.rig);
+    if (resection.status != Status::kOk) return;
+    AddCameras(group, resection, &report.rig);
+    covariance.Add(indices, resection);
+  };
+  const auto finish = [&] {
+    if (!report.rig.cameras.empty()) geometry::StoreCovariance(covariance.Joint(), &report.rig);
+    report.given_unknown = covariance.unknown();
+    return report;
   };
   if (rigid) {
     std::vector<PointClick> clicks = points.clicks;
     for (PointClick& click : clicks) click.camera_idx = rig_idx[static_cast<size_t>(click.camera_idx)];
-    solve("rig", intrinsics, clicks);
-    return report;
+    std::vector<size_t> all(intrinsics.cameras.size());
+    std::iota(all.begin(), all.end(), size_t{0});
+    solve("rig", intrinsics, all, clicks);
+    return finish();
   }
   for (size_t c = 0; c < intrinsics.cameras.size(); ++c) {
     geometry::Rig group;
@@ -161,9 +163,9 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
       if (rig_idx[static_cast<size_t>(click.camera_idx)] == static_cast<int>(c))
         clicks.push_back({0, click.point_idx, click.px});
     }
-    if (!clicks.empty()) solve(intrinsics.cameras[c].camera.name, group, clicks);
+    if (!clicks.empty()) solve(intrinsics.cameras[c].camera.name, group, {c}, clicks);
   }
-  return report;
+  return finish();
 }
 
 }  // namespace mvstudio::calib

@@ -22,7 +22,7 @@ struct ScenePoints {
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths);
 
 struct SceneResectionReport {
-  geometry::Rig rig;  ///< the cameras that could be placed, with covariances; world is the frame of the points
+  geometry::Rig rig;  ///< the cameras that could be placed, with covariances (PlacedCovariance); world is the frame of the points
   struct CameraResult {
     std::string name;
     PointResection resection;
@@ -30,6 +30,7 @@ struct SceneResectionReport {
     std::vector<std::string> gross;  ///< points that disagree, with their distance: "door: 143 px"
   };
   std::vector<CameraResult> cameras;  ///< in the order of the intrinsics; only those that see a point
+  std::vector<std::string> given_unknown;  ///< placed cameras whose given lens, or pose in the group, has no covariance
 };
 
 /// Places each camera of `intrinsics` that the clicks name by itself. With `rigid`, the poses in `intrinsics` are kept relative

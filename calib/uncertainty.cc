@@ -181,6 +181,15 @@ Eigen::VectorXd UnitScale(const Eigen::MatrixXd& normal) {
   return scale;
 }
 
+/// Sets free what was held, with its covariance: `result` holds that of the others.
+void CarryHeld(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+               const Eigen::MatrixXd& inverse, const HeldCovariance& held, RigCovariance* result) {
+  const FreedProblem freed = FreeHeld(views, state, options, held);
+  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, freed.state, freed.options, &result->columns);
+  result->joint =
+      CovarianceWithHeld(normal, freed.estimated, freed.held, inverse, result->joint, freed.covariance);
+}
+
 }  // namespace
 
 Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state) {
@@ -208,7 +217,7 @@ std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& s
 }
 
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-                                double sigma_px) {
+                                double sigma_px, const HeldCovariance& held) {
   RigCovariance result;
   const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &result.columns);
   const Eigen::Index n = normal.rows();
@@ -221,9 +230,10 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
     NameNullDirections(eigen.eigenvectors().leftCols(null), views, state, &result);
     return result;
   }
-  const Eigen::MatrixXd root =
-      sigma_px * scale.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
-  result.joint = root * root.transpose();
+  const Eigen::MatrixXd root = scale.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd inverse = root * root.transpose();
+  result.joint = sigma_px * sigma_px * inverse;
+  if (held.any()) CarryHeld(views, state, options, inverse, held, &result);
   SplitCovariance(state, &result);
   return result;
 }

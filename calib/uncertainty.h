@@ -5,13 +5,15 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/held_covariance.h"
 #include "calib/rig_problem.h"
 #include "core/status.h"
 #include "geometry/rig.h"
 
 namespace mvstudio::calib {
 
-/// Covariance of a solved rig, boards marginalised. What the options fix has covariance zero.
+/// Covariance of a solved rig, boards marginalised. What the options fix has covariance zero, or the one that HeldCovariance gives
+/// it; then what was estimated holds the part that comes from it.
 struct RigCovariance {
   Status status = Status::kOk;            ///< kDegenerate when the data leave something undetermined
   std::string message;                    ///< says what cannot be told apart and why
@@ -27,7 +29,7 @@ struct RigCovariance {
 /// eigenvalues of the matrix with unit diagonal. Eigenvalues below 1e-12 of the largest count as zero: what is not determined is
 /// named by its direction instead of inverted.
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-                                double sigma_px);
+                                double sigma_px, const HeldCovariance& held = {});
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);
 
 /// Cameras whose lenses take part in what the data determine least, at any state.

@@ -163,7 +163,8 @@ void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Jud
   if (camera.coverage < kWarnCoverage) {
     out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
   }
-  if (!camera.covers_image) {
+  // Beyond the circle of a wide lens there is no picture.
+  if (!camera.covers_image && !geometry::IsWide(camera.model)) {
     out->Warn(
         "CAL-FOLD",
         Text("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),

@@ -12,6 +12,7 @@ constexpr double kWarnLost = 0.05;                            // of its boards
 // A camera's error in the rig over its error by itself, and the pixels beyond which that counts.
 constexpr double kWarnRatio = 2, kFailRatio = 6, kWarnExcessPx = 0.3, kFailExcessPx = 2;
 constexpr double kFailMotionPx = 1;
+constexpr double kMinReadoutSigmas = 5, kWarnReadoutPx = 0.3, kFailReadoutPx = 3;
 // Held-out corners beyond 5 px: as for a camera by itself.
 constexpr double kWarnGross = 0.005, kFailGross = 0.05;
 // Of triangulated corners against the pictures they come from, median; and of lengths over the size of the board.
@@ -20,13 +21,27 @@ constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
 
 const char* const kSyncHint = "check that frames with the same number were taken at the same time, and that no camera was moved";
 
+std::string Between(const CameraMotion& motion) {
+  return Text("between frames %lld and %lld", static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx));
+}
+
+void JudgeLensChange(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
+  const std::string text = Text("the lens of camera %s changed %s: focal length times %.5g +- %.1g, principal point moved by %.1f, %.1f px "
+                                "(%.1f px in its image)",
+                                names.c_str(), Between(motion).c_str(), motion.focal_scale, motion.focal_scale_sigma,
+                                motion.centre_shift_px.x(), motion.centre_shift_px.y(), motion.shift_px);
+  out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-LENSCHANGED", text,
+             "focus, zoom, stabiliser, crop or scale: fix them and film again, or treat it as two cameras with a lens each: --split-at " +
+                 motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens");
+}
+
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   std::string names;
   for (const std::string& name : motion.cameras) names += (names.empty() ? "" : " or ") + name;
-  const double degrees = RadToDeg(motion.rotation_rad), sigma = RadToDeg(motion.rotation_sigma_rad);
-  const std::string text = Text("camera %s moved between frames %lld and %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
-                                names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
-                                degrees, sigma, 1e3 * motion.translation_m, motion.shift_px);
+  if (motion.kind == CameraMotion::Kind::kLens) return JudgeLensChange(motion, names, scale, out);
+  const std::string text =
+      Text("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)", names.c_str(), Between(motion).c_str(),
+           RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
   const std::string hint =
       motion.cameras.size() > 1
           ? "two cameras only know of each other: film again, or leave out what came after frame " + std::to_string(motion.last_before)
@@ -56,6 +71,15 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
                                 camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
   if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
   if (ratio > kWarnRatio && excess > kWarnExcessPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
+}
+
+void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
+  const Readout& readout = camera.readout;
+  if (!(std::abs(readout.frames) > kMinReadoutSigmas * readout.sigma_frames)) return;
+  out->Limit(readout.shift_px, kWarnReadoutPx * scale, kFailReadoutPx * scale, "CAL-ROLLING",
+             Text("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its corners by %.2f px",
+                  camera.name.c_str(), readout.frames, readout.sigma_frames, readout.shift_px),
+             "hold the board still in every picture that is used, or use a camera with a global shutter");
 }
 
 void JudgeAssumed(const CameraReport& camera, Judgement* out) {
@@ -114,6 +138,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     largest = std::max(largest, scale);
     JudgeRejected(camera, out);
     if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
+    JudgeReadout(camera, scale, out);
     JudgeAssumed(camera, out);
   }
   for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);

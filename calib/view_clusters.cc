@@ -56,8 +56,9 @@ std::vector<int> ClusterViews(const std::vector<View>& views) {
   for (const View& view : views) {
     std::vector<Leader>& own = leaders[{view.camera_idx, view.board}];
     const auto found = std::find_if(own.rbegin(), own.rend(), [&](const Leader& leader) { return SamePlace(leader, view); });
-    if (found == own.rend()) own.push_back(MakeLeader(view, next++));
-    clusters.push_back(found == own.rend() ? own.back().cluster : found->cluster);
+    const bool is_new = found == own.rend();
+    if (is_new) own.push_back(MakeLeader(view, next));
+    clusters.push_back(is_new ? next++ : found->cluster);
   }
   return clusters;
 }

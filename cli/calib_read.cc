@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/units.h"
 #include "dataset/panoptic.h"
+#include "geometry/plausible.h"
 
 namespace mvstudio::cli {
 
@@ -39,7 +40,8 @@ void AddReadOptions(CLI::App* sub, CalibReadOptions& options) {
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
-            "qca: the distortion is divided by this (64: as Pose2Sim does; 1: coefficients as they stand)")
+            "qca: the distortion is divided by this when read, multiplied when written (1: coefficients as they stand; 64: as "
+            "Pose2Sim does)")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
 }
@@ -57,9 +59,22 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, c
   read.qca_distortion_divisor = options.qca_distortion_divisor;
   const auto named = calib::CalibrationFormatFromString(options.from);
   const calib::CalibrationFormat format = named ? *named : calib::DetectFormat(paths.front());
-  if (format != calib::CalibrationFormat::kPanoptic) return calib::ReadCalibration(format, paths, read);
-  if (paths.size() > 1) throw UsageError(paths[1] + ": Panoptic's calibration is one file");
-  return {dataset::ReadPanopticCalibration(paths[0]), {}};
+  if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
+    throw UsageError(paths[1] + ": Panoptic's calibration is one file");
+  }
+  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic
+                                    ? calib::ImportedRig{dataset::ReadPanopticCalibration(paths[0]), {}}
+                                    : calib::ReadCalibration(format, paths, read);
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
+    imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
+  }
+  return imported;
+}
+
+void AddDoubts(const geometry::Rig& rig, CommandResult* result) {
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    result->warnings.push_back({doubt.code, doubt.text, doubt.hint});
+  }
 }
 
 void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result) {

@@ -11,17 +11,21 @@ namespace mvstudio::cli {
 /// How the commands of `calib` read calibrations.
 struct CalibReadOptions {
   std::string from = "auto", size, unit = "m";
-  double qca_distortion_divisor = 64;
+  double qca_distortion_divisor = 1;
 };
 
 /// --from, --size, --unit, --qca-distortion-divisor.
 void AddReadOptions(CLI::App* sub, CalibReadOptions& options);
 
-/// A calibration of any format in one or several files. Throws UsageError, IoError, FormatError.
+/// A calibration of any format in one or several files; what is doubtful of it (geometry/plausible.h) stands among its notes.
+/// Throws UsageError, IoError, FormatError.
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 
 /// Notes become warnings.
 void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result);
+
+/// The same of a calibration that was read without notes: what is doubtful becomes warnings.
+void AddDoubts(const geometry::Rig& rig, CommandResult* result);
 
 /// Metres per m, cm or mm.
 double MetresPerUnit(const std::string& unit);

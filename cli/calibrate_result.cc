@@ -7,6 +7,7 @@
 #include <set>
 
 #include "calib/film_next.h"
+#include "cli/calib_read.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {
@@ -35,6 +36,11 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["num_views"] = camera.num_views;
   json["num_places"] = camera.num_places;
   json["num_lost_views"] = camera.num_lost_views;
+  if (std::isfinite(camera.readout.sigma_frames)) {
+    json["readout_frames"] = FiniteOrNull(camera.readout.frames);
+    json["readout_sigma_frames"] = FiniteOrNull(camera.readout.sigma_frames);
+    json["readout_shift_px"] = FiniteOrNull(camera.readout.shift_px);
+  }
   json["repeat_correlation"] = FiniteOrNull(camera.repeat_correlation);
   json["num_corners"] = camera.num_corners;
   json["num_rejected"] = camera.num_rejected + (found ? found->num_corners_dropped : 0);
@@ -43,6 +49,11 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["covers_image"] = camera.covers_image;
   if (found) json["boards_not_used"] = found->reasons;
   return json;
+}
+
+/// False where the lens was held at a calibration that states no covariance of it.
+bool LensSigmaKnown(const calib::CalibrateReport& report, size_t camera) {
+  return camera < report.rig.cameras.size() && report.rig.cameras[camera].params_covariance.has_value();
 }
 
 /// At most 2000 kept corners of each camera: [x_px, y_px, dx, dy].
@@ -150,12 +161,16 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
 ordered_json Motions(const calib::CalibrateReport& report) {
   ordered_json json = ordered_json::array();
   for (const calib::CameraMotion& motion : report.motions) {
-    json.push_back({{"cameras", motion.cameras},
+    json.push_back({{"kind", motion.kind == calib::CameraMotion::Kind::kLens ? "lens" : "moved"},
+                    {"cameras", motion.cameras},
                     {"last_frame_before", motion.last_before},
                     {"first_frame_after", motion.frame_idx},
                     {"rotation_deg", FiniteOrNull(RadToDeg(motion.rotation_rad))},
                     {"rotation_sigma_deg", FiniteOrNull(RadToDeg(motion.rotation_sigma_rad))},
                     {"translation_mm", FiniteOrNull(1e3 * motion.translation_m)},
+                    {"focal_scale", FiniteOrNull(motion.focal_scale)},
+                    {"focal_scale_sigma", FiniteOrNull(motion.focal_scale_sigma)},
+                    {"centre_shift_px", {FiniteOrNull(motion.centre_shift_px.x()), FiniteOrNull(motion.centre_shift_px.y())}},
                     {"shift_px", FiniteOrNull(motion.shift_px)},
                     {"significance", FiniteOrNull(motion.significance)}});
   }
@@ -214,8 +229,10 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   FillBoards(report, metrics);
   m["model_selection"] = Selection(report);
   m["cameras"] = ordered_json::array();
-  for (size_t c = 0; c < report.cameras.size(); ++c)
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
     m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
+    if (!LensSigmaKnown(report, c)) m["cameras"].back()["focal_sigma_px"] = nullptr;
+  }
   AddCoverage(report, metrics);
   AddMaps(report, metrics);
   if (report.cameras.size() > 1) m["covisibility"] = Covisibility(report);
@@ -241,9 +258,11 @@ std::string Volume(double mm) {
 std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
   char line[300];
   std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
-  for (const calib::CameraReport& c : report.cameras) {
-    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6.2f %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
-                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, c.focal_sigma_px, c.rms_px, c.holdout_rms_px,
+  for (size_t i = 0; i < report.cameras.size(); ++i) {
+    const calib::CameraReport& c = report.cameras[i];
+    const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
+    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6s %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
+                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px, c.holdout_rms_px,
                   c.num_views, 100 * c.coverage);
     text += line;
   }

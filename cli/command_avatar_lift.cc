@@ -229,7 +229,8 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   if (!(arguments.smooth >= 0 && arguments.smooth <= 100)) throw UsageError("--smooth must be 0 to 100");
   if (arguments.stride < 1) throw UsageError("--stride must be 1 or more");
   const avatar::Lifter lifter = avatar::LoadLifter(arguments.lifter);
-  const geometry::Rig rig = ReadCalibrationFiles({arguments.calib}, {}).rig;
+  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, {});
+  const geometry::Rig& rig = imported.rig;
   const int index = rig.Find(arguments.camera);
   if (index < 0) {
     std::string names;
@@ -240,6 +241,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const double size_m = SizeFor(arguments, lifter);
   CommandResult result;
   result.inputs = {arguments.pose2d, arguments.lifter, arguments.calib};
+  AddNotes(imported.notes, &result);
   const OutputFolder place(arguments.out, result.inputs, {"points.csv", "covariance.csv", "pose3d.json"});
   std::optional<Eigen::Vector3d> up;
   if (arguments.level) up = camera.cam_from_world.rotation * Eigen::Vector3d::UnitZ();

@@ -8,12 +8,14 @@
 
 #include "avatar/io/render.h"
 #include "avatar/io/render_backdrop.h"
+#include "cli/calib_read.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/output.h"
 #include "dataset/image_io.h"
+#include "dataset/panoptic.h"
 #include "dataset/video_io.h"
 
 namespace mvstudio::cli {
@@ -135,6 +137,7 @@ void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const avatar:
 }
 
 void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar::AvatarModel& model, CommandResult* result) {
+  if (!a.options.calib.empty()) AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
   if (!plan.skipped.empty()) {
     result->exit = kExitPartial;
     result->warnings.push_back(

@@ -98,6 +98,7 @@ std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat for
   calib::WriteOptions options;
   options.metres_per_unit = MetresPerUnit(arguments.out_unit);
   options.allow_approximation_px = arguments.allow_approximation_px;
+  options.qca_distortion_divisor = arguments.read.qca_distortion_divisor;
   if (format != CalibrationFormat::kPanoptic) {
     const calib::ExportReport report = calib::WriteCalibration(*rig, format, arguments.out, options);
     AddNotes(report.notes, result);

@@ -4,6 +4,7 @@
 #include "calib/rig_check.h"
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
+#include "cli/calibration_use.h"
 #include "cli/command_calib.h"
 #include "cli/corner_input.h"
 #include "cli/options.h"
@@ -99,6 +100,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   FillMetrics(check, &result.metrics);
   result.text = Summary(check);
+  ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
@@ -111,6 +113,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
     geometry::WriteRig(check.repaired, arguments.repair);
     result.outputs.push_back({arguments.repair, "calibration"});
     result.text += "wrote " + arguments.repair + "\n";
+    WarnOfCovariance(check.repaired, &result);
   }
   return result;
 }

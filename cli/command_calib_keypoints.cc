@@ -4,12 +4,15 @@
 #include <cmath>
 
 #include "cli/calib_read.h"
+#include "cli/calibration_use.h"
+#include "cli/likely_cause.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/units.h"
+#include "geometry/rig_covariance.h"
 #include "geometry/rig_io.h"
 
 namespace mvstudio::cli {
@@ -43,15 +46,13 @@ struct Posed {
 
 Posed PosedCameras(const PoseInput& input) {
   Posed posed;
-  posed.rig = input.rig;
-  posed.rig.cameras.clear(), posed.rig.joint_covariance.reset();
   for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
     const std::string& name = input.rig.cameras[c].camera.name;
     const auto is_it = [&](const dataset::Pose2dTrack& track) { return track.camera == name; };
     if (std::none_of(input.tracks.begin(), input.tracks.end(), is_it)) continue;
     posed.camera_of.push_back(c);
-    posed.rig.cameras.push_back(input.rig.cameras[c]);
   }
+  posed.rig = geometry::SubsetOf(input.rig, posed.camera_of);
   for (const triangulate::DetectedFrame& frame : input.frames) {
     triangulate::DetectedFrame& own = posed.frames.emplace_back();
     own.frame = frame.frame;
@@ -173,6 +174,28 @@ std::string Summary(const calib::KeypointRefineReport& report) {
   return text;
 }
 
+triangulate::CauseOptions CauseOptionsOf(const KeypointArguments& arguments) {
+  triangulate::CauseOptions options;
+  options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  return options;
+}
+
+/// What part of a sample of the detections fits, and exit 4 with the likeliest cause when that is next to nothing.
+void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
+               const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
+  const triangulate::CauseOptions options = CauseOptionsOf(arguments);
+  const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, options, run);
+  result->metrics["detections_carried"] = after.carried;
+  if (after.carried >= kLostShare) return;
+  result->exit = kExitQualityGate;
+  const std::string hint = AddLikelyCause(RankCauses(posed.rig, posed.frames, body, options, run), "CAL-CAUSE",
+                                          "check that calibration and poses belong to the same cameras", result);
+  result->errors.push_back({"CAL-LOST",
+                            Format("only %.1f %% of the detections fit together, with the calibration that was written as well",
+                                   100 * after.carried),
+                            hint});
+}
+
 /// The whole rig with the adjusted cameras in their places.
 geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camera_of, const geometry::Rig& adjusted) {
   if (camera_of.size() == whole.cameras.size()) return adjusted;
@@ -241,18 +264,23 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.metrics["status"] = std::string(ToString(report.status));
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"CAL-UNSOLVED", report.message, "people or markers must be seen by several cameras at once, in many places"});
+    const std::string hint =
+        AddLikelyCause(RankCauses(posed.rig, posed.frames, BodyOf(input.skeleton), CauseOptionsOf(arguments), context.run),
+                       "CAL-CAUSE", "people or markers must be seen by several cameras at once, in many places", &result);
+    result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
     result.text = report.message + "\n";
     return result;
   }
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
+  CheckLoss(arguments, posed, report.rig, BodyOf(input.skeleton), context.run, &result);
   result.folder = out;
   const std::string path = out + "/calibration.json";
-  geometry::WriteRig(report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig), path);
+  const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
+  geometry::WriteRig(written, path);
   result.outputs.push_back({path, "calibration"});
   result.text = Summary(report) + "wrote " + path + "\n";
+  WarnOfCovariance(written, &result);
   return result;
 }
 

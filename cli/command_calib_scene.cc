@@ -7,6 +7,7 @@
 
 #include "calib/detect_board.h"
 #include "cli/calib_read.h"
+#include "cli/calibration_use.h"
 #include "core/error.h"
 #include "core/paths.h"
 #include "core/units.h"
@@ -96,6 +97,7 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const std::string&
     return result;
   }
   WriteCalibration(report.rig, out, &result);
+  WarnOfCovariance(report.rig, &result, report.given_unknown);
   if (failed > 0) result.exit = kExitPartial;
   return result;
 }
@@ -115,7 +117,8 @@ std::vector<calib::SceneImage> FindImages(const SceneArguments& arguments, const
     calib::SceneImage image{
         name, path,
         known >= 0 ? lenses.cameras[static_cast<size_t>(known)].camera : calib::GuessLens(name, picture.width, picture.height),
-        known >= 0};
+        known >= 0,
+        known >= 0 ? lenses.cameras[static_cast<size_t>(known)].params_covariance : std::nullopt};
     if (image.lens.width_px != picture.width || image.lens.height_px != picture.height)
       throw UsageError(path + " has another size than the calibration of camera " + name + " says");
     images.push_back(image);
@@ -208,6 +211,7 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
   }
   AddGross("", report.gross, &result);
   WriteCalibration(report.rig, out, &result);
+  WarnOfCovariance(report.rig, &result);
   for (const std::string& camera : report.missing) {
     result.exit = kExitPartial;
     result.errors.push_back({"CAL-UNPLACED", "camera " + camera + " shares too few features with the others",

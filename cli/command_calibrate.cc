@@ -6,6 +6,7 @@
 #include "calib/corner_files.h"
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
+#include "cli/calibration_use.h"
 #include "cli/command_calib.h"
 #include "cli/command_calib_keypoints.h"
 #include "cli/command_calib_scene.h"
@@ -98,6 +99,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   result.text = CalibrateSummary(report, path);
   for (const auto& reason : report.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
+  WarnOfCovariance(report.rig, &result);
   return result;
 }
 

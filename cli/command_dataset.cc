@@ -76,6 +76,10 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   if (arguments.options.masks) result.metrics["masks"] = MaskMetrics(report);
   result.metrics["per_camera"] = CameraMetrics(report);
   result.metrics["wall_s"] = wall_s;
+  if (report.calibration_offset_frames > 0)
+    result.metrics["calibration_offsets"] = {{"applied", false},
+                                             {"largest_frames", report.calibration_offset_frames},
+                                             {"reason", "pictures are taken whole; a timeline of the take is what chooses them"}};
   for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
   result.outputs.push_back({arguments.out, "dataset"});
   result.outputs.push_back(

@@ -2,8 +2,11 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
+#include "cli/calibration_use.h"
 #include "cli/commands.h"
+#include "cli/likely_cause.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
@@ -18,6 +21,7 @@
 #include "dataset/pose3d_trc.h"
 #include "dataset/sync_file.h"
 #include "dataset/timeline_source.h"
+#include "triangulate/cause.h"
 #include "triangulate/skeleton_refine.h"
 #include "triangulate/stream.h"
 #include "triangulate/sync.h"
@@ -34,7 +38,7 @@ struct Arguments {
   std::string out, trc, truth;
   bool align_truth = false;
   int chunk_frames = 0;
-  std::string sync;
+  std::string sync, calibration_offsets = "auto";
   bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
@@ -91,17 +95,39 @@ void ApplySync(const std::string& path, PoseInput* input, CommandResult* result)
 }
 
 /// Frame numbers become instants, as everything later counts them. Offsets of a sync file are kept to a fraction of a frame;
-/// else each camera's nearest frame is taken.
-void ApplySession(const FoundTake& found, const Arguments& arguments, PoseInput* input, CommandResult* result) {
+/// else each camera's nearest frame is taken. False when nothing of the session says how the cameras' clocks relate.
+bool ApplySession(const FoundTake& found, const Arguments& arguments, PoseInput* input, CommandResult* result) {
   const auto timeline = TimelineOf(found.session, found.take, arguments.session.allow_outside, true, result);
   const std::string sync = dataset::SyncPathOf(found.session, found.take, arguments.session.allow_outside);
   if (!arguments.sync.empty() || (timeline && timeline->clock == dataset::TimelineClock::kOffsets && !sync.empty())) {
     RenumberByClock(found, arguments.session, input);
     input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
     ApplySync(arguments.sync.empty() ? sync : arguments.sync, input, result);
-  } else if (timeline && RenumberByTimeline(*timeline, input)) {
-    input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
+    return true;
   }
+  if (!timeline) return false;
+  if (RenumberByTimeline(*timeline, input)) input->frames = ToFrames(input->tracks, input->rig, arguments.pose.calib);
+  return timeline->clock != dataset::TimelineClock::kStart;
+}
+
+/// Frames of all cameras that belong together: by what the take states, else by what the calibration does.
+void ApplyTiming(const std::optional<FoundTake>& found, const Arguments& arguments, const RunContext& run, PoseInput* input,
+                 CommandResult* result) {
+  bool stated = !arguments.sync.empty();
+  if (found) {
+    stated = ApplySession(*found, arguments, input, result);
+  } else if (stated) {
+    ApplySync(arguments.sync, input, result);
+  }
+  if (stated) return ReportOffsetsUnused(input->rig, "the take states its own timing", result);
+  ApplyCalibrationOffsets(arguments.calibration_offsets, arguments.options, run, input, result);
+}
+
+/// Why the sigmas do not hold the calibration's uncertainty; empty: they do, as far as it is known.
+std::string WhyWithoutCovariance(const triangulate::TakeOptions& options, const std::string& method) {
+  if (!options.calibration_covariance) return "--calibration-covariance is off";
+  if (options.ignore_distortion) return "it belongs to lenses that --ignore-distortion leaves out";
+  return method == "exhaustive-dlt" ? "exhaustive-dlt states no covariance" : "";
 }
 
 /// Joints of each person together, where that predicts left-out cameras better.
@@ -126,8 +152,10 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const PoseInput& 
       triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), arguments.options, run);
   RefineTake(arguments, input, run, &take, result);
   statistics->Add(take);
-  statistics->AddFrames(input.frames);
-  dataset::WritePose3d(ToPose3d(take, input.skeleton), arguments.out);
+  statistics->AddFrames(input.frames, arguments.options);
+  dataset::Pose3d pose = ToPose3d(take, input.skeleton);
+  pose.covariance_note = CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
+  dataset::WritePose3d(pose, arguments.out);
   return take;
 }
 
@@ -161,35 +189,60 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const PoseParts&
     const auto frames = parts.Read(begin, begin + chunk, result);
     const triangulate::TakeResult part = stream.Push(frames, run);
     statistics->Add(part);
-    statistics->AddFrames(frames);
+    statistics->AddFrames(frames, arguments.options);
     *rows = ToPose3d(part, input.skeleton).rows;
     begin += chunk;
     return true;
   };
-  dataset::WritePose3d(input.skeleton.name, next, arguments.out);
+  dataset::WritePose3d(input.skeleton.name, next, arguments.out,
+                       CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)));
   return settled;
+}
+
+using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
+
+/// When the take is lost or does not fit: why. `sample` gives frames of it.
+void SayWhy(const Arguments& arguments, const PoseInput& input, const GiveFrames& sample, const RunContext& run,
+            CommandResult* result) {
+  if (result->errors.empty()) return;
+  geometry::Rig rig = input.rig;
+  if (arguments.options.ignore_distortion) {
+    for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
+  }
+  triangulate::CauseOptions options;
+  options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  Notice& error = result->errors.back();
+  error.hint = AddLikelyCause(RankCauses(rig, sample(), BodyOf(input.skeleton), options, run), "TRI-CAUSE", error.hint, result);
 }
 
 /// What is said of a take however it was read.
 void Conclude(const Arguments& arguments, const PoseInput& input, const triangulate::TakeResult& take,
-              const PointStatistics& statistics, CommandResult* result) {
+              const PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   statistics.AddTo(input.skeleton, &result->metrics);
   AddTakeMetrics(take, input.skeleton, &result->metrics);
   AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   AddComparisons(arguments, result);
   CheckConsistency(take, input.rig, result);
+  CheckLoss(statistics, result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;
     result->errors.push_back(
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
+  SayWhy(arguments, input, sample, run, result);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
   }
-  result->text = Summary(*result);
+  result->text = Summary(*result) + "\n";
+  ReportCovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method), result);
+  if (result->metrics.contains("calibration_offsets")) {
+    const ordered_json& offsets = result->metrics["calibration_offsets"];
+    result->text += std::string("calibration's time offsets: ") + (offsets["applied"].get<bool>() ? "applied" : "not applied") +
+                    ", " + offsets["reason"].get<std::string>() + "\n";
+  }
 }
 
 void CheckArguments(const Arguments& arguments) {
@@ -225,19 +278,18 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   result.folder = arguments.out;
   if (arguments.chunk_frames > 0) {
     const PoseParts parts(arguments.pose, &result);
+    ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
     PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
-    Conclude(arguments, parts.input(), take, statistics, &result);
+    const auto sample = [&] { return Sample(parts, static_cast<size_t>(arguments.chunk_frames)); };
+    Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
     PoseInput input = ReadPoseInput(arguments.pose, &result);
-    if (found) {
-      ApplySession(*found, arguments, &input, &result);
-    } else if (!arguments.sync.empty()) {
-      ApplySync(arguments.sync, &input, &result);
-    }
+    ApplyTiming(found, arguments, context.run, &input, &result);
     PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
-    Conclude(arguments, input, take, statistics, &result);
+    Conclude(
+        arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
   }
   return result;
 }
@@ -254,6 +306,11 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   AddOptions(sub, arguments->options);
   AddOption(sub, "--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
+  AddOption(sub, "--calibration-offsets", arguments->calibration_offsets,
+            "time offsets that the calibration states, where the take has no timing of its own: auto (when left-out cameras "
+            "confirm them), on or off")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "on", "off"}));
   AddFlag(sub, "--refine", arguments->refine,
           "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "
           "cameras better; not with --chunk-frames");

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <set>
 
+#include "cli/calib_read.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/paths.h"
@@ -84,6 +85,7 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
 
 void AddCalibration(const MaskArguments& arguments, const std::string& path, MaskJob* job, CommandResult* result) {
   const geometry::Rig rig = dataset::ReadAnyCalibration(path);
+  AddDoubts(rig, result);
   result->inputs.push_back(path);
   for (MaskCamera& camera : job->cameras) {
     const int idx = rig.Find(camera.footage.camera);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "cli/likely_cause.h"
+
 namespace mvstudio::cli {
 namespace {
 
@@ -101,6 +103,7 @@ void PointStatistics::Add(const triangulate::TakeResult& take) {
     ++num_tried_;
     ++counts_[entry.point.status];
     if (entry.point.status != Status::kOk) continue;
+    num_lower_bounds_ += entry.point.num_unknown_cameras > 0 && !entry.point.calibration_covariance.isZero(0);
     const float rms = static_cast<float>(entry.point.rms_px);
     const float sigma = static_cast<float>(1000 * std::sqrt(entry.point.covariance.trace() / 3));
     rms_px_.push_back(rms), sigma_mm_.push_back(sigma);
@@ -111,9 +114,11 @@ void PointStatistics::Add(const triangulate::TakeResult& take) {
   num_persons_ = std::max(num_persons_, take.num_persons);
 }
 
-void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& frames) {
+void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& frames,
+                                const triangulate::TakeOptions& options) {
   num_frames_ += static_cast<int>(frames.size());
   for (const triangulate::DetectedFrame& frame : frames) {
+    num_carriable_ += NumCarriable(frame, options.min_score, options.max_persons, options.min_views);
     frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
     for (size_t c = 0; c < frame.people.size(); ++c) frames_with_people_[c] += !frame.people[c].empty();
   }
@@ -135,6 +140,8 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   ordered_json& m = *metrics;
   m["num_points"] = rms_px_.size();
   m["num_joints_tried"] = num_tried_;
+  m["num_sigma_lower_bounds"] = num_lower_bounds_;
+  m["num_joints_carriable"] = num_carriable_;
   m["num_persons"] = num_persons_;
   m["status_counts"] = ordered_json::object();
   for (const auto& [status, count] : counts_) m["status_counts"][std::string(ToString(status))] = count;
@@ -212,6 +219,19 @@ void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* resul
         {"TRI-SIDES-SWAPPED", camera.message,
          "they were swapped back; check the detector on this camera's pictures (mirrored? seen from behind?)"});
   }
+}
+
+void CheckLoss(const PointStatistics& statistics, CommandResult* result) {
+  const double carriable = static_cast<double>(statistics.num_carriable());
+  if (statistics.num_ok() == 0 || statistics.num_ok() >= kLostShare * carriable) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"TRI-LOST",
+                            "only " + std::to_string(statistics.num_ok()) + " of " +
+                                std::to_string(statistics.num_carriable()) +
+                                " joints that several cameras see could be "
+                                "triangulated",
+                            "check that calibration and poses belong to the same cameras and that all cameras count frames "
+                            "alike"});
 }
 
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result) {

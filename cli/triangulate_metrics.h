@@ -16,11 +16,14 @@ class PointStatistics {
  public:
   PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs);
   void Add(const triangulate::TakeResult& take);
-  void AddFrames(const std::vector<triangulate::DetectedFrame>& frames);  /// Cameras that hardly ever see anybody.
+  void AddFrames(const std::vector<triangulate::DetectedFrame>& frames, const triangulate::TakeOptions& options);
+  /// Cameras that hardly ever see anybody.
   void WarnOfAbsence(const PoseInput& input, CommandResult* result) const;
 
   int num_ok() const { return static_cast<int>(rms_px_.size()); }
   int num_tried() const { return num_tried_; }
+  /// Joints that enough cameras see for a point.
+  int64_t num_carriable() const { return num_carriable_; }
   void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
 
  private:
@@ -31,7 +34,9 @@ class PointStatistics {
   std::vector<triangulate::LimbLength> limb_lengths_;
   std::vector<int> frames_with_people_;  // by camera
   int num_frames_ = 0;
+  int num_lower_bounds_ = 0;  // points whose sigma holds the calibration's part of some of their cameras only
   int num_tried_ = 0, num_persons_ = 0;
+  int64_t num_carriable_ = 0;
   double solve_s_ = 0;
 };
 
@@ -43,6 +48,9 @@ void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohm
 
 /// Cameras that are off or scaled, or that take left for right.
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
+
+/// Nearly all joints that could be triangulated were lost: exit 4, "TRI-LOST".
+void CheckLoss(const PointStatistics& statistics, CommandResult* result);
 
 /// Detections that scatter by a noticeable part of the picture do not belong to this calibration: exit 4.
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);

@@ -17,6 +17,7 @@
 #include "dataset/json_internal.h"
 #include "dataset/panoptic.h"
 #include "dataset/session.h"
+#include "geometry/plausible.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -201,6 +202,20 @@ std::vector<std::string> InputsOf(const BuildInputs& inputs) {
   return paths;
 }
 
+/// Pictures are taken whole: an offset of half a frame or more shows another instant.
+void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildReport* report) {
+  double& largest = report->calibration_offset_frames;
+  for (const CameraFootage& footage : inputs.footage) {
+    const int c = footage.timeline ? -1 : rig.Find(footage.camera);
+    if (c < 0 || !rig.cameras[static_cast<size_t>(c)].time_offset) continue;
+    largest = std::max(largest, std::abs(rig.cameras[static_cast<size_t>(c)].time_offset->frames));
+  }
+  if (largest < 0.5) return;
+  char text[160];
+  std::snprintf(text, sizeof text, "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
+  report->warnings.push_back({"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
@@ -215,6 +230,9 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   BuildReport report;
+  for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
+  }
   report.sequence = options.sequence;
   report.frames = static_cast<int>(poses.size());
   geometry::Rig built_rig;
@@ -226,6 +244,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
     AddGaps(r, &report);
     if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
   }
+  NoteOffsets(inputs, rig, &report);
   const double frame_rate_hz = TakeFrameRate(results, options, &report.warnings);
   WritePanopticCalibration(built_rig, folder.work_path() + "/calibration_" + options.sequence + ".json",
                            "mvstudio, " + fs::path(inputs.calibration).filename().string());

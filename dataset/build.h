@@ -81,12 +81,13 @@ struct BuildReport {
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras that have any: then the dataset is partial
   std::vector<BuildWarning> warnings;
+  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states of a camera without a timeline; not applied
 };
 
 /// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in
 /// an image's name) is frame n of the 3D joints, unless the footage has a timeline: then the 3D joints' frames are its instants
 /// and each camera gives the frame that shows the instant, or none (listed in `gaps`). The folder appears whole or not at all.
-/// Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration, sizes that cannot
+/// The calibration's time offsets are not applied: a dataset holds whole pictures. Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration, sizes that cannot
 /// be explained, and gaps with `require_complete`.
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run = {});

@@ -6,6 +6,7 @@
 #include "core/files.h"
 #include "dataset/panoptic.h"
 #include "dataset/panoptic_internal.h"
+#include "geometry/plausible.h"
 #include "geometry/rig_io.h"
 
 namespace mvstudio::dataset {
@@ -173,9 +174,8 @@ geometry::RigCamera internal::ToRigCamera(const PanopticCamera& from, const std:
   RigCamera camera;
   camera.camera = ToCamera(from, path, where);
   const Eigen::Matrix3d& r = from.cam_from_world_rotation;
-  const double determinant = r.determinant();
-  if (!(determinant > 0))
-    throw FormatError(path, where + ".R", "is not a rotation: its determinant is " + NumberText(determinant));
+  const std::string wrong = geometry::WhyNotARotation(r);
+  if (!wrong.empty()) throw FormatError(path, where + ".R", "is " + wrong);
   camera.cam_from_world.rotation = geometry::NearestRotation(r * OursFromPanoptic().transpose(), drift);
   if (!(*drift <= 1e-3))
     throw FormatError(path, where + ".R", "is not a rotation: it is " + NumberText(*drift) + " from the nearest one");

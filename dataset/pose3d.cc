@@ -172,11 +172,12 @@ std::map<RowKey, Eigen::Matrix3d> ReadCovariances(const std::string& path) {
   return covariances;
 }
 
-std::string ReadSkeletonName(const std::string& path) {
+void ReadHead(const std::string& path, Pose3d* pose) {
   const internal::Json root = internal::ParseJsonFile(path);
   const internal::JsonView view(path, root);
   if (view["schema"].Text() != kSchema) view["schema"].Fail(std::string("must be ") + kSchema);
-  return view["skeleton"].Text();
+  pose->skeleton = view["skeleton"].Text();
+  if (view.Has("covariance_note")) pose->covariance_note = view["covariance_note"].Text();
 }
 
 /// Mean of the source joints; false when one of them is missing.
@@ -207,11 +208,11 @@ void WritePose3d(const Pose3d& pose, const std::string& folder) {
         *rows = pose.rows;
         return written = true;
       },
-      folder);
+      folder, pose.covariance_note);
 }
 
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder) {
+                 const std::string& folder, const std::string& covariance_note) {
   AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
       head(InFolder(folder, "pose3d.json"));
   WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
@@ -221,9 +222,10 @@ void WritePose3d(const std::string& skeleton, const std::function<bool(std::vect
     AppendToFile(points.temporary(), PointsText(rows));
     AppendToFile(covariance.temporary(), CovarianceText(rows));
   }
-  const nlohmann::ordered_json header = {
+  nlohmann::ordered_json header = {
       {"schema", kSchema}, {"skeleton", skeleton},         {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", "right-handed, z up"}};
+  if (!covariance_note.empty()) header["covariance_note"] = covariance_note;
   WriteFile(head.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &head});
 }
@@ -237,7 +239,7 @@ std::vector<JointRow> ReadPointsCsv(const std::string& path) {
 
 Pose3d ReadPose3d(const std::string& folder) {
   Pose3d pose;
-  pose.skeleton = ReadSkeletonName(InFolder(folder, "pose3d.json"));
+  ReadHead(InFolder(folder, "pose3d.json"), &pose);
   pose.rows = ReadPointsCsv(InFolder(folder, "points.csv"));
   const std::string covariance_path = InFolder(folder, "covariance.csv");
   if (!std::filesystem::exists(covariance_path)) return pose;

@@ -29,6 +29,7 @@ struct JointRow {
 struct Pose3d {
   std::string skeleton;        ///< name, kept in pose3d.json beside the table
   std::vector<JointRow> rows;  ///< sorted by frame, person, joint in skeleton order
+  std::string covariance_note = {};  ///< what the covariances hold and leave out, kept in pose3d.json; empty: nothing is said
 };
 
 /// `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates are empty
@@ -37,7 +38,7 @@ void WritePose3d(const Pose3d& pose, const std::string& folder);
 /// The same files for takes longer than memory: `next` fills the rows that follow, false at the end. They appear when all are
 /// written.
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder);
+                 const std::string& folder, const std::string& covariance_note = {});
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
 std::vector<JointRow> ReadPointsCsv(const std::string& path);

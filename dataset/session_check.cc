@@ -15,6 +15,7 @@
 #include "dataset/pose2d.h"
 #include "dataset/timeline_source.h"
 #include "dataset/video_io.h"
+#include "geometry/plausible.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -162,6 +163,9 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
   const std::string path = CalibrationOf(session, allow_outside);
   if (path.empty()) return;
   const geometry::Rig rig = ReadAnyCalibration(path);
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    findings->push_back({false, doubt.code, doubt.text, doubt.hint});
+  }
   std::set<std::string> filmed;
   for (const InspectedFootage& f : report.footage) {
     filmed.insert(f.camera);

@@ -3,6 +3,7 @@
 
 #include "dataset/panoptic_internal.h"
 #include "dataset/verify_internal.h"
+#include "geometry/plausible.h"
 
 namespace mvstudio::dataset::internal {
 namespace {
@@ -24,19 +25,6 @@ void CheckPanel(const PanopticCamera& camera, const std::string& path, const std
   }
 }
 
-/// The polynomial must be invertible at the corners and the middles of the edges.
-bool CoversPicture(const geometry::Camera& camera) {
-  const geometry::Projector projector(camera);
-  const double x[] = {-0.5, (camera.width_px - 1) / 2.0, camera.width_px - 0.5};
-  const double y[] = {-0.5, (camera.height_px - 1) / 2.0, camera.height_px - 0.5};
-  for (const double u : x) {
-    for (const double v : y) {
-      if (projector.Unproject({u, v}).status != Status::kOk) return false;
-    }
-  }
-  return true;
-}
-
 void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig,
                   Findings* findings) {
   const PanopticCamera fields = ReadPanopticCameraFields(json);
@@ -47,11 +35,19 @@ void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::s
     findings->Warning("DAT-CALIB", path, json.where() + ".R: is " + NumberText(drift) + " from the nearest rotation");
   if (!names->insert(fields.name).second)
     return findings->Error("DAT-NAME", path, json.where() + ".name: " + Quoted(fields.name) + " is there twice");
-  if (!CoversPicture(camera.camera)) {
+  if (geometry::ShareWithoutRay(camera.camera) > 0) {
     findings->Warning("DAT-LENS", path,
                       json.where() + ".distCoef: the lens folds over inside the picture; its corners have no ray");
   }
   rig->cameras.push_back(camera);
+}
+
+/// Folds and units have words of their own here.
+void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings* findings) {
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    if (doubt.code == "CAL-LENS-FOLDS" || (doubt.code == "CAL-DISTANCES" && rig.cameras.size() >= 3)) continue;
+    findings->Warning("DAT-CALIB", path, doubt.text);
+  }
 }
 
 /// What only all cameras together show.
@@ -103,7 +99,7 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
   } catch (const FormatError& error) {
     findings->Error("DAT-CALIB", path, WithoutPath(error));
   }
-  if (!rig.cameras.empty()) CheckPlaces(rig, path, findings);
+  if (!rig.cameras.empty()) CheckPlaces(rig, path, findings), CheckPlausible(rig, path, findings);
   return rig;
 }
 

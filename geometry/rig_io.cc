@@ -7,28 +7,22 @@
 #include <set>
 #include <vector>
 
-#include "core/check.h"
 #include "core/error.h"
 #include "core/files.h"
 #include "core/json_tree.h"
 #include "core/label.h"
 #include "core/log.h"
+#include "geometry/rig_io_internal.h"
 
 namespace mvstudio::geometry {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using internal::Json;
 constexpr size_t kMaxDepth = 16;
 constexpr int kMaxSizePx = 1 << 20;
 
-/// Foreign text on one line, at most 60 bytes of it.
-std::string Escaped(const std::string& text) {
-  constexpr size_t kMaxBytes = 60;
-  const std::string shown = Json(text.substr(0, kMaxBytes)).dump(-1, ' ', true, Json::error_handler_t::replace);
-  return shown.substr(1, shown.size() - 2) + (text.size() > kMaxBytes ? "…" : "");
-}
-
-std::string Shown(const std::string& text) { return "'" + Escaped(text) + "'"; }
+using internal::Escaped;
+using internal::Shown;
 
 /// Keys that nobody asks for: the first few are named, the others counted.
 class UnknownKeys {
@@ -205,9 +199,29 @@ void ReadLens(const Node& node, Camera* camera) {
   ReadIntrinsics(node.At("intrinsics"), camera);
 }
 
+TimeOffset ReadTimeOffset(const Node& node) {
+  constexpr double kMaxFrames = 1e6;  // as in sync.json
+  node.RequireObject({"frames", "sigma_frames"});
+  const TimeOffset offset{node.At("frames").Number(), node.At("sigma_frames").Number()};
+  if (std::abs(offset.frames) > kMaxFrames) node.At("frames").Fail("must lie within 1e6 frames");
+  if (offset.sigma_frames < 0) node.At("sigma_frames").Fail("must not be negative");
+  return offset;
+}
+
+RigBoard ReadBoard(const Node& node) {
+  node.RequireObject({"board", "bend_m", "stretch"});
+  RigBoard board;
+  board.board = node.At("board").Text();
+  if (node.Find("bend_m")) board.bend_m = node.At("bend_m").Vector(2);
+  if (node.Find("stretch")) board.stretch = node.At("stretch").Vector(2);
+  constexpr double kMaxStretch = 0.5;  // beyond it no board is left
+  if (!(board.stretch.cwiseAbs().maxCoeff() < kMaxStretch)) node.At("stretch").Fail("must lie within 0.5");
+  return board;
+}
+
 RigCamera ReadCamera(const Node& node) {
   node.RequireObject({"name", "model", "size_px", "spline", "intrinsics", "cam_from_world", "intrinsics_covariance",
-                      "cam_from_world_covariance"});
+                      "cam_from_world_covariance", "time_offset"});
   RigCamera camera;
   camera.camera.name = node.At("name").Text();
   const std::string why = WhyNotALabel(camera.camera.name);
@@ -227,6 +241,7 @@ RigCamera ReadCamera(const Node& node) {
   if (node.Find("cam_from_world_covariance")) {
     camera.cam_from_world_covariance = ReadCovariance(node.At("cam_from_world_covariance"), 6);
   }
+  if (node.Find("time_offset")) camera.time_offset = ReadTimeOffset(node.At("time_offset"));
   return camera;
 }
 
@@ -243,86 +258,13 @@ Eigen::MatrixXd ReadJointCovariance(const Node& node, const Rig& rig) {
   return joint;
 }
 
-template <class Derived>
-Json VectorToJson(const Eigen::MatrixBase<Derived>& vector) {
-  Json json = Json::array();
-  for (Eigen::Index i = 0; i < vector.size(); ++i) json.push_back(static_cast<double>(vector[i]));
-  return json;
-}
-
-Json MatrixToJson(const Eigen::MatrixXd& matrix) {
-  Json json = Json::array();
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) json.push_back(VectorToJson(Eigen::VectorXd(matrix.row(i))));
-  return json;
-}
-
-/// One line for each entry, so that files can be read and compared by eye.
-std::string CameraToText(const RigCamera& camera) {
-  const bool splined = camera.camera.model == LensModel::kSplined;
-  const std::vector<std::string> names = ParamNames(splined ? LensModel::kPinhole : camera.camera.model);
-  Json intrinsics;
-  for (size_t i = 0; i < names.size(); ++i) intrinsics[names[i]] = camera.camera.params[static_cast<Eigen::Index>(i)];
-  if (splined) intrinsics["control_points"] = VectorToJson(camera.camera.params.tail(camera.camera.params.size() - 4));
-  Json json;
-  json["name"] = camera.camera.name;
-  json["model"] = ToString(camera.camera.model);
-  json["size_px"] = {camera.camera.width_px, camera.camera.height_px};
-  if (splined) {
-    const SplineGrid& grid = camera.camera.spline;
-    json["spline"] = {{"order", grid.order}, {"cols", grid.cols}, {"rows", grid.rows}, {"fov_x_deg", grid.fov_x_deg}};
-  }
-  json["intrinsics"] = intrinsics;
-  json["cam_from_world"] = {{"rotation_xyzw", VectorToJson(camera.cam_from_world.rotation.coeffs())},
-                            {"translation", VectorToJson(camera.cam_from_world.translation)}};
-  if (camera.params_covariance) json["intrinsics_covariance"] = MatrixToJson(*camera.params_covariance);
-  if (camera.cam_from_world_covariance) json["cam_from_world_covariance"] = MatrixToJson(*camera.cam_from_world_covariance);
-  std::string text;
-  for (const auto& [key, value] : json.items()) {
-    text += (text.empty() ? "    {\n      " : ",\n      ") + Json(key).dump() + ": " + value.dump();
-  }
-  return text + "\n    }";
-}
-
-/// One line a row of the lower triangle; nothing where the covariance is absent, stale or too large for a text file.
-std::string JointCovarianceToText(const Rig& rig) {
-  constexpr Eigen::Index kMaxUnknowns = 1500;
-  if (!HasJointCovariance(rig) || rig.joint_covariance->rows() > kMaxUnknowns) return "";
-  const Eigen::MatrixXd& joint = *rig.joint_covariance;
-  std::string text = ",\n  \"joint_covariance_lower\": [\n";
-  for (Eigen::Index i = 0; i < joint.rows(); ++i) {
-    text += (i ? ",\n    " : "    ") + VectorToJson(Eigen::VectorXd(joint.row(i).head(i + 1))).dump();
-  }
-  return text + "\n  ]";
-}
-
-void ValidateForWriting(const Rig& rig) {
-  MVS_CHECK(!rig.cameras.empty(), "a rig without cameras cannot be written");
-  std::set<std::string> names;
-  for (const RigCamera& camera : rig.cameras) {
-    const std::string who = "camera '" + camera.camera.name + "': ";
-    Validate(camera.camera);
-    MVS_CHECK(!camera.camera.name.empty() && names.insert(camera.camera.name).second, who << "the name is empty or used twice");
-    const std::string why = WhyNotALabel(camera.camera.name);
-    if (!why.empty())
-      throw UsageError("camera " + Shown(camera.camera.name) + " " + why + ": no calibration can hold that name");
-    MVS_CHECK(camera.cam_from_world.translation.allFinite(), who << "the translation is not finite");
-    MVS_CHECK(std::abs(camera.cam_from_world.rotation.norm() - 1) < 1e-9, who << "the rotation is not a unit quaternion");
-    const auto& params = camera.params_covariance;
-    const Eigen::Index count = camera.camera.params.size();
-    MVS_CHECK(!params || (params->rows() == count && params->cols() == count && params->allFinite()),
-              who << "the covariance of the intrinsics has the wrong size or is not finite");
-    MVS_CHECK(!camera.cam_from_world_covariance || camera.cam_from_world_covariance->allFinite(),
-              who << "the covariance of cam_from_world is not finite");
-  }
-}
-
 }  // namespace
 
 Rig RigFromJsonText(const std::string& text, const std::string& path_for_messages) {
   const Json json = ParseChecked(text, path_for_messages);
   UnknownKeys unknown(path_for_messages);
   const Node root{&json, &path_for_messages, "", &unknown};
-  root.RequireObject({"schema", "unit", "gauge", "cameras", "joint_covariance_lower"});
+  root.RequireObject({"schema", "unit", "gauge", "boards", "cameras", "joint_covariance_lower", "joint_covariance_left_out"});
   const std::string schema = root.At("schema").Text();
   if (schema != kCalibrationSchema) root.At("schema").Fail(Shown(schema) + ", this version reads " + kCalibrationSchema);
   if (root.At("unit").Text() != "m") root.At("unit").Fail(Shown(root.At("unit").Text()) + ", this schema is in \"m\"");
@@ -336,25 +278,16 @@ Rig RigFromJsonText(const std::string& text, const std::string& path_for_message
     if (!names.insert(camera.camera.name).second) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
     rig.cameras.push_back(std::move(camera));
   }
+  if (root.Find("boards")) {
+    const Node boards = root.At("boards");
+    if (!boards.value->is_array()) boards.Fail("a list of boards was expected");
+    for (size_t i = 0; i < boards.value->size(); ++i) rig.boards.push_back(ReadBoard(boards.At(i)));
+  }
   unknown.Finish();
   if (root.Find("joint_covariance_lower")) rig.joint_covariance = ReadJointCovariance(root.At("joint_covariance_lower"), rig);
   return rig;
 }
 
-std::string RigToJsonText(const Rig& rig) {
-  ValidateForWriting(rig);
-  try {
-    std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() +
-                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n  \"cameras\": [\n";
-    for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
-    return text + "\n  ]" + JointCovarianceToText(rig) + "\n}\n";
-  } catch (const Json::exception& error) {
-    throw ContractViolation(std::string("a camera name or the gauge is not UTF-8: ") + error.what());
-  }
-}
-
 Rig ReadRig(const std::string& path) { return RigFromJsonText(ReadFile(path), path); }
-
-void WriteRig(const Rig& rig, const std::string& path) { WriteFileAtomic(path, RigToJsonText(rig)); }
 
 }  // namespace mvstudio::geometry

@@ -1,5 +1,7 @@
 #include "triangulate/calibration_covariance.h"
 
+#include <algorithm>
+
 #include "geometry/cross_matrix.h"
 #include "geometry/lens_derivatives.h"
 
@@ -28,7 +30,11 @@ bool Gradient(const PreparedRig& rig, const Observation& seen, const Eigen::Vect
 }  // namespace
 
 void AddCalibrationCovariance(const PreparedRig& rig, const std::vector<Observation>& observations, Point* point) {
-  if (point->status != Status::kOk || rig.covariance.size() == 0) return;
+  if (point->status != Status::kOk) return;
+  point->num_unknown_cameras = static_cast<int>(std::count_if(point->used.begin(), point->used.end(), [&](int used) {
+    return !rig.covariance_known[static_cast<size_t>(observations[static_cast<size_t>(used)].camera_idx)];
+  }));
+  if (rig.covariance.size() == 0) return;
   std::vector<Eigen::Index> begin, size;
   Eigen::Index total = 0;
   for (const int used : point->used) {

@@ -1,8 +1,10 @@
 #include "triangulate/prepared_rig.h"
 
 #include <cmath>
+#include <utility>
 
 #include "core/check.h"
+#include "geometry/rig_covariance.h"
 
 namespace mvstudio::triangulate {
 
@@ -25,25 +27,9 @@ std::vector<int> FindDuplicates(const geometry::Rig& rig) {
 }
 
 void CopyCovariance(const geometry::Rig& rig, PreparedRig* prepared) {
-  prepared->covariance_begin = {0};
-  bool complete = true;
-  for (const geometry::RigCamera& camera : rig.cameras) {
-    const Eigen::Index p = camera.camera.params.size();
-    complete &= camera.params_covariance && camera.params_covariance->rows() == p && camera.cam_from_world_covariance;
-    prepared->covariance_begin.push_back(prepared->covariance_begin.back() + p + 6);
-  }
-  if (!complete) return;
-  if (HasJointCovariance(rig)) {
-    prepared->covariance = *rig.joint_covariance;
-    return;
-  }
-  const Eigen::Index size = prepared->covariance_begin.back();
-  prepared->covariance = Eigen::MatrixXd::Zero(size, size);
-  for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const Eigen::Index begin = prepared->covariance_begin[c], p = rig.cameras[c].camera.params.size();
-    prepared->covariance.block(begin, begin, p, p) = *rig.cameras[c].params_covariance;
-    prepared->covariance.block<6, 6>(begin + p, begin + p) = *rig.cameras[c].cam_from_world_covariance;
-  }
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) prepared->covariance_known[c] = stated.Knows(c);
+  if (stated.AnyKnown()) prepared->covariance = std::move(stated.joint);
 }
 
 bool SeenBefore(const PreparedRig& rig, const std::vector<Observation>& observations, size_t i) {
@@ -74,6 +60,10 @@ PreparedRig Prepare(const geometry::Rig& rig, bool ignore_distortion) {
                                 -rotation.transpose() * translation, std::sqrt(axis.fx() * axis.fy()), rounding});
   }
   prepared.duplicate_of = FindDuplicates(rig);
+  prepared.covariance_begin = {0};
+  for (const geometry::RigCamera& camera : rig.cameras)
+    prepared.covariance_begin.push_back(prepared.covariance_begin.back() + camera.camera.params.size() + 6);
+  prepared.covariance_known.assign(rig.cameras.size(), false);
   if (!ignore_distortion) CopyCovariance(rig, &prepared);
   return prepared;
 }

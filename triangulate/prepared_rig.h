@@ -32,9 +32,11 @@ struct PreparedRig {
   std::vector<int> duplicate_of;  ///< per camera: an earlier camera with the same lens and pose, or -1
   /// Covariance of the calibration: for each camera its lens parameters and the six of cam_from_world (left perturbation). Empty
   /// when the rig carries none or its lenses are ignored. Without joint_covariance the blocks count as independent, which
-  /// overstates the error: a lens and its pose err together.
+  /// overstates the error: a lens and its pose err together. Rows of a camera that lacks a block are zero there, which stands
+  /// for unknown: see covariance_known.
   Eigen::MatrixXd covariance;
   std::vector<Eigen::Index> covariance_begin;  ///< (cameras + 1) first row of each camera
+  std::vector<bool> covariance_known;          ///< per camera: of its lens and its pose
 };
 
 /// With `ignore_distortion`, every lens is taken as a pinhole with its own focal lengths and principal point.

@@ -355,8 +355,10 @@ std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const Se
         if (!bridged) sigmas.push_back(sigma), ratios.push_back(single.trace() / covariance.trace());
         if (bridged) {
           point.used.clear();
-          point.calibration_covariance =  // that of the last seen instant, which is there
-              window.At(*NearestOk(window, f, j, -1, problem.terms->max_fill_frames), j).point.calibration_covariance;
+          const Point& seen =  // the last instant at which it was, which is there
+              window.At(*NearestOk(window, f, j, -1, problem.terms->max_fill_frames), j).point;
+          point.calibration_covariance = seen.calibration_covariance;
+          point.num_unknown_cameras = seen.num_unknown_cameras;
         }
         point.status = Status::kOk;
         point.x_in_world = problem.rig->origin_in_world + at.x_in_local[cell];

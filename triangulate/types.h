@@ -21,6 +21,7 @@ struct Point {
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, from the observations' sigmas and the calibration's covariance
   Eigen::Matrix3d calibration_covariance = Eigen::Matrix3d::Zero();  ///< m^2, the calibration's share of `covariance`
+  int num_unknown_cameras = 0;  ///< of those that carry the point: cameras whose calibration error is unknown and not in `covariance`
   int num_observations = 0;                              ///< that were offered
   std::vector<int> used;                                 ///< indices of the observations that carry the point, ascending
   double rms_px = 0;                                     ///< sqrt(mean |r|^2) over `used`

@@ -155,8 +155,9 @@ CalibrateReport GoodReport() {
   report.rig_holdout_rms_px = std::numeric_limits<double>::quiet_NaN();
   for (const char* name : {"a", "b"}) {
     CameraReport camera;
-    camera.name = name, camera.num_views = 40, camera.focal_px = 1000, camera.focal_sigma_px = 1, camera.rms_px = 0.2;
+    camera.name = name, camera.num_views = camera.num_places = 40, camera.focal_px = 1000, camera.focal_sigma_px = 1, camera.rms_px = 0.2;
     camera.holdout_rms_px = 0.22, camera.coverage = 0.8;
+    camera.num_corners = 2500, camera.alone_rms_px = 0.19;
     report.cameras.push_back(camera);
     report.uncertainty.cameras.push_back({name, 2, 0.02, 0.1, 0.3});
   }

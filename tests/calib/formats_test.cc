@@ -1,5 +1,6 @@
 #include "calib/formats.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -19,6 +20,7 @@ using geometry::LensModel;
 using geometry::Rig;
 using mvstudio::testing::DataRoot;
 using mvstudio::testing::TempDir;
+using ::testing::HasSubstr;
 
 constexpr char kToml[] = R"(# two cameras
 [cam_b]
@@ -49,8 +51,8 @@ constexpr char kQca[] = R"(<?xml version='1.0'?>
     <camera serial="7" viewrotation="0">
       <fov_video bottom="1079" left="10" right="1929" top="20"/>
       <transform r11="1" r12="0" r13="0" r21="0" r22="0" r23="1" r31="0" r32="-1" r33="0" x="1000" y="-2000" z="1500"/>
-      <intrinsic centerPointU="62080" centerPointV="35840" focalLengthU="64000" focalLengthV="64064" radialDistortion1="-6.4"
-        radialDistortion2="3.2" radialDistortion3="0" skew="0" tangentalDistortion1="0.064" tangentalDistortion2="0.128"/>
+      <intrinsic centerPointU="62080" centerPointV="35840" focalLengthU="64000" focalLengthV="64064" radialDistortion1="-0.1"
+        radialDistortion2="0.05" radialDistortion3="0" skew="0" tangentalDistortion1="0.001" tangentalDistortion2="0.002"/>
     </camera>
   </cameras>
 </calibration>
@@ -172,10 +174,34 @@ TEST(Qca, ConventionsByHand) {
 
 TEST(Qca, DistortionDivisorIsAnOption) {
   const TempDir folder;
-  WriteFileAtomic(folder / "a.qca.txt", kQca);
+  WriteFileAtomic(folder / "a.qca.txt", Replaced(kQca, "-0.1", "-6.4"));
+  const ImportedRig as_they_stand = ReadQca(folder / "a.qca.txt");
+  EXPECT_NEAR(as_they_stand.rig.cameras[0].camera.params[4], -6.4, 1e-15);
+  EXPECT_THAT(as_they_stand.notes.back().text, HasSubstr("a k1 of 6.4 is no lens's"));
   ReadOptions options;
-  options.qca_distortion_divisor = 1;
-  EXPECT_NEAR(ReadQca(folder / "a.qca.txt", options).rig.cameras[0].camera.params[4], -6.4, 1e-15);
+  options.qca_distortion_divisor = 64;
+  EXPECT_NEAR(ReadQca(folder / "a.qca.txt", options).rig.cameras[0].camera.params[4], -0.1, 1e-15);
+}
+
+TEST(Qca, TheDivisorHoldsInBothDirections) {
+  const TempDir folder;
+  ReadOptions read;
+  WriteOptions write;
+  read.qca_distortion_divisor = write.qca_distortion_divisor = 64;
+  const Rig rig = Read(CalibrationFormat::kQca, kQca).rig;  // k1 = -0.1
+  const ExportReport plain = WriteCalibration(rig, CalibrationFormat::kQca, folder / "plain.qca.txt");
+  EXPECT_TRUE(plain.notes.empty());
+  EXPECT_NEAR(ReadQca(folder / "plain.qca.txt").rig.cameras[0].camera.params[4], -0.1, 1e-15);
+  EXPECT_TRUE(ReadQca(folder / "plain.qca.txt").notes.empty());
+  const ExportReport times_64 = WriteCalibration(rig, CalibrationFormat::kQca, folder / "times.qca.txt", write);
+  ASSERT_EQ(times_64.notes.size(), 1u);
+  EXPECT_EQ(times_64.notes[0].code, "CAL-QCADISTORTION");
+  EXPECT_NEAR(ReadQca(folder / "times.qca.txt", read).rig.cameras[0].camera.params[4], -0.1, 1e-15);
+  // A file of plain coefficients that is divided all the same.
+  Rig weak = rig;
+  weak.cameras[0].camera.params[4] = -0.04;
+  WriteCalibration(weak, CalibrationFormat::kQca, folder / "weak.qca.txt");
+  EXPECT_THAT(ReadQca(folder / "weak.qca.txt", read).notes.back().text, HasSubstr("and these look like it"));
 }
 
 TEST(Qca, ErrorsNameThePlace) {
@@ -293,7 +319,9 @@ TEST(RealFiles, QcaAndTomlGiveTheSameRig) {
   const std::string folder = DataRoot() + "/pose2sim/calibration/";
   EXPECT_EQ(DetectFormat(folder + "Calib.qca.txt"), CalibrationFormat::kQca);
   EXPECT_EQ(DetectFormat(folder + "Calib_qualisys.toml"), CalibrationFormat::kToml);
-  const Rig qca = ReadQca(folder + "Calib.qca.txt").rig, toml = ReadToml(folder + "Calib_qualisys.toml").rig;
+  ReadOptions as_pose2sim;
+  as_pose2sim.qca_distortion_divisor = 64;
+  const Rig qca = ReadQca(folder + "Calib.qca.txt", as_pose2sim).rig, toml = ReadToml(folder + "Calib_qualisys.toml").rig;
   ASSERT_EQ(toml.cameras.size(), 4u);
   ASSERT_EQ(qca.cameras.size(), 4u);
   for (size_t i = 0; i < 4; ++i) {

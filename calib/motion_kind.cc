@@ -1,0 +1,114 @@
+#include "calib/motion_kind.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr double kMinStandardErrors = 3, kCapSigmas = 6;
+
+/// The two adjustments of one camera that was split.
+struct Split {
+  std::string before, after;  // names
+  CalibrateReport one_lens, two_lenses;
+};
+
+/// The rig as the start of the split one: both parts as the camera was.
+geometry::Rig StartOf(const geometry::Rig& rig, const std::string& camera, const std::string& later) {
+  geometry::Rig start = rig;
+  geometry::RigCamera part = rig.cameras[static_cast<size_t>(rig.Find(camera))];
+  part.camera.name = later;
+  start.cameras.push_back(part);
+  return start;
+}
+
+CalibrateReport Adjusted(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
+                         const std::string& split_at, const RunContext& run) {
+  options.motions = false;
+  options.share_intrinsics = options.time_offset = "none";
+  options.holdout.clear();
+  options.holdout_folds = 0;
+  options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? "off" : "on";
+  options.stretch = solved.board_stretch.empty() ? "off" : "on";
+  options.split_at.assign(1, split_at);
+  return Calibrate(input, options, run);
+}
+
+std::optional<Split> SplitAt(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                             const std::string& camera, int64_t frame_idx, const RunContext& run) {
+  Split split;
+  split.before = camera;
+  split.after = camera + "@" + std::to_string(frame_idx);
+  CalibrateInput parts = input;
+  parts.start = StartOf(solved.rig, camera, split.after);
+  const std::string at = camera + ":" + std::to_string(frame_idx);
+  split.one_lens = Adjusted(parts, solved, options, at, run);
+  split.two_lenses = Adjusted(parts, solved, options, at + ":lens", run);
+  const bool ok = split.one_lens.status == Status::kOk && split.two_lenses.status == Status::kOk;
+  return ok ? std::optional<Split>(std::move(split)) : std::nullopt;
+}
+
+using ViewKey = std::pair<int, int64_t>;  // camera, frame
+
+/// Squared errors per view in standard deviations of the fit with two lenses, capped.
+std::map<ViewKey, double> SquaresOfViews(const CalibrateReport& report, const CalibrateReport& two_lenses) {
+  std::map<ViewKey, double> squares;
+  for (const CornerResidual& corner : report.residuals) {
+    const double sigma = two_lenses.cameras[static_cast<size_t>(corner.camera_idx)].sigma_px;
+    if (!(sigma > 0)) continue;
+    const double relative = std::min(kCapSigmas, corner.residual_px.norm() / sigma);
+    squares[{corner.camera_idx, corner.frame_idx}] += relative * relative;
+  }
+  return squares;
+}
+
+/// By how much the second lens lowers chi-square beyond what it costs; nothing when that is in doubt.
+std::optional<double> EvidenceForLens(const Split& split) {
+  const auto one = SquaresOfViews(split.one_lens, split.two_lenses), two = SquaresOfViews(split.two_lenses, split.two_lenses);
+  double gain = 0, squares = 0;
+  for (const auto& [view, value] : one) {
+    const auto found = two.find(view);
+    if (found == two.end()) continue;
+    const double difference = value - found->second;
+    gain += difference, squares += difference * difference;
+  }
+  const CameraReport& later = split.two_lenses.cameras.back();
+  const double cost = later.num_params * std::log(std::max(2, later.num_corners));
+  if (!(gain > cost) || !(gain > kMinStandardErrors * std::sqrt(squares))) return std::nullopt;
+  return gain - cost;
+}
+
+double FocalSigma(const CameraReport& camera) { return camera.focal_sigma_px / camera.focal_px; }
+
+void Describe(const Split& split, CameraMotion* motion) {
+  const geometry::Rig& rig = split.two_lenses.rig;
+  const auto b = static_cast<size_t>(rig.Find(split.before)), a = static_cast<size_t>(rig.Find(split.after));
+  const CameraReport &before = split.two_lenses.cameras[b], &after = split.two_lenses.cameras[a];
+  motion->kind = CameraMotion::Kind::kLens;
+  motion->cameras = {split.before};
+  motion->focal_scale = after.focal_px / before.focal_px;
+  motion->focal_scale_sigma = motion->focal_scale * std::hypot(FocalSigma(before), FocalSigma(after));
+  motion->centre_shift_px = rig.cameras[a].camera.params.segment<2>(2) - rig.cameras[b].camera.params.segment<2>(2);
+}
+
+}  // namespace
+
+void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                   const RunContext& run, CameraMotion* motion) {
+  double most = 0;
+  const std::vector<std::string> names = motion->cameras;
+  for (const std::string& name : names) {
+    if (solved.rig.Find(name) < 0) continue;
+    const auto split = SplitAt(input, solved, options, name, motion->frame_idx, run);
+    const auto evidence = split ? EvidenceForLens(*split) : std::nullopt;
+    if (!evidence || *evidence <= most) continue;
+    most = *evidence;
+    Describe(*split, motion);
+  }
+}
+
+}  // namespace mvstudio::calib

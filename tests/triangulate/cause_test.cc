@@ -1,0 +1,223 @@
+#include "triangulate/cause.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "geometry/plausible.h"
+#include "tests/triangulate/people.h"
+#include "tests/triangulate/support.h"
+
+namespace mvstudio::triangulate {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr int kFrames = 200;
+
+/// HD cameras around people, each with a lens of its own.
+geometry::Rig MakeStudio(int num_cameras = 5) {
+  geometry::Rig rig;
+  for (int i = 0; i < num_cameras; ++i) {
+    const double angle = 2 * kPi * (i + 0.3) / num_cameras;
+    rig.cameras.push_back(LookAt("cam_" + std::to_string(i), {4.5 * std::cos(angle), 4.5 * std::sin(angle), i % 2 ? 2.4 : 1.3},
+                                 {0, 0, 0.9}, 1150 + 30 * i, 1920, 1088));
+    geometry::Camera& lens = rig.cameras.back().camera;
+    const Eigen::Vector4d pinhole = lens.params.head<4>();
+    lens.model = geometry::LensModel::kBrown5;
+    lens.params.resize(9);
+    lens.params << pinhole, -0.25 + 0.01 * i, 0.12, 1e-3, -5e-4, -0.05;
+  }
+  return rig;
+}
+
+/// People who walk and wave, without a period that a shift in time could fall into.
+std::vector<Walker> WalkersAt(int frame, int count) {
+  std::vector<Walker> walkers(static_cast<size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    Walker& w = walkers[static_cast<size_t>(i)];
+    const double t = frame / 30.0, phase = 2.1 * i;
+    w.position = {0.9 * std::sin(0.7 * t + phase) + 0.2 * std::sin(1.9 * t), 0.9 * std::cos(0.5 * t + phase)};
+    w.heading = phase + 0.6 * t + 0.5 * std::sin(1.3 * t);
+    w.phase = 5 * t + phase;
+    w.arm_left = 0.4 + 0.8 * std::sin(2.3 * t + phase), w.arm_right = 0.3 + 0.9 * std::sin(1.7 * t);
+  }
+  return walkers;
+}
+
+std::vector<DetectedFrame> Film(const geometry::Rig& rig, int num_people = 1) {
+  DetectorOptions options;
+  options.noise_px = 3;
+  Rng rng(17);
+  std::vector<DetectedFrame> frames;
+  for (int f = 0; f < kFrames; ++f) frames.push_back(Detect(rig, WalkersAt(f, num_people), f, options, &rng).frame);
+  return frames;
+}
+
+TakeBody Body() { return {25, {WalkerMirror()}}; }
+
+CauseReport Search(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int max_persons = 1) {
+  CauseOptions options;
+  options.max_persons = max_persons;
+  return RankCauses(rig, frames, Body(), options);
+}
+
+void ExpectFound(const CauseReport& report, Cause cause, const std::string& words) {
+  ASSERT_FALSE(report.trials.empty());
+  EXPECT_EQ(report.trials[0].cause, cause) << ToString(report.trials[0].cause) << ": " << report.trials[0].assumption;
+  EXPECT_TRUE(report.trials[0].clear) << report.trials[0].carried << " " << report.as_given.carried;
+  EXPECT_THAT(report.message, HasSubstr(words));
+  EXPECT_GT(report.trials[0].carried, 0.8);
+  EXPECT_LT(report.trials[0].residual_px, report.as_given.residual_px);
+}
+
+TEST(Cause, AGoodTakeNamesNone) {
+  const geometry::Rig rig = MakeStudio();
+  for (const int people : {1, 3}) {
+    const CauseReport report = Search(rig, Film(rig, people), people);
+    EXPECT_EQ(report.message, "");
+    EXPECT_GT(report.as_given.carried, 0.8);
+    for (const CauseTrial& trial : report.trials) EXPECT_FALSE(trial.clear) << trial.assumption;
+  }
+}
+
+TEST(Cause, NorDoesOneThatNoAssumptionExplains) {
+  const geometry::Rig rig = MakeStudio();
+  std::vector<DetectedFrame> frames = Film(rig);
+  Rng rng(3);
+  for (DetectedFrame& frame : frames) {
+    for (auto& people : frame.people) {
+      for (DetectedPerson& person : people) {
+        for (Keypoint& key : person) key.px = {rng.Uniform(0, 1919), rng.Uniform(0, 1087)};
+      }
+    }
+  }
+  const CauseReport report = Search(rig, frames);
+  EXPECT_EQ(report.message, "");
+  EXPECT_LT(report.as_given.carried, 0.1);
+}
+
+/// As in a file found in the wild: the pictures are undistorted, the file still lists terms, one of them absurd.
+TEST(Cause, DistortionThatThePicturesDoNotHave) {
+  geometry::Rig pinholes = MakeStudio();
+  for (geometry::RigCamera& camera : pinholes.cameras) camera.camera = PinholeOf(camera.camera);
+  const std::vector<DetectedFrame> frames = Film(pinholes, 2);
+  geometry::Rig listed = pinholes;
+  for (geometry::RigCamera& camera : listed.cameras) {
+    const Eigen::Vector4d pinhole = camera.camera.params;
+    camera.camera.model = geometry::LensModel::kBrown5;
+    camera.camera.params.resize(9);
+    camera.camera.params << pinhole, -0.05, 0.02, 6.459, 0.4, 0.1;
+  }
+  const CauseReport report = Search(listed, frames, 2);
+  ExpectFound(report, Cause::kDistortion, "without distortion");
+  EXPECT_LT(report.as_given.carried, 0.1);
+}
+
+TEST(Cause, TermsInAnotherOrder) {
+  const geometry::Rig rig = MakeStudio();
+  geometry::Rig read = rig;
+  for (geometry::RigCamera& camera : read.cameras) {
+    Eigen::VectorXd& p = camera.camera.params;
+    const double k3 = p[8], p1 = p[6], p2 = p[7];
+    p[6] = k3, p[7] = p1, p[8] = p2;  // the file says k1 k2 k3 p1 p2
+  }
+  ExpectFound(Search(read, Film(rig)), Cause::kTermOrder, "k1 k2 k3 p1 p2");
+}
+
+TEST(Cause, PicturesOfHalfTheSize) {
+  const geometry::Rig rig = MakeStudio();
+  std::vector<DetectedFrame> frames = Film(rig);
+  for (DetectedFrame& frame : frames) {
+    for (auto& people : frame.people) {
+      for (DetectedPerson& person : people) {
+        for (Keypoint& key : person) key.px *= 0.5;
+      }
+    }
+  }
+  ExpectFound(Search(rig, frames), Cause::kImageSize, "the pictures half the calibrated size");
+}
+
+TEST(Cause, PicturesCroppedFrom1088To1080) {
+  const geometry::Rig rig = MakeStudio();
+  DetectorOptions sharp;
+  sharp.noise_px = 0.5, sharp.outlier_joints = 0, sharp.false_people = 0;
+  Rng rng(5);
+  std::vector<DetectedFrame> frames;
+  for (int f = 0; f < kFrames; ++f) frames.push_back(Detect(rig, WalkersAt(f, 1), f, sharp, &rng).frame);
+  for (DetectedFrame& frame : frames) {
+    for (DetectedPerson& person : frame.people[3]) {
+      for (Keypoint& key : person) key.px.y() -= 8;
+    }
+  }
+  ExpectFound(Search(rig, frames), Cause::kImageSize, "the pictures of cam_3 cropped to 1080 px high at the top");
+}
+
+TEST(Cause, ACameraThatIsSecondsLate) {
+  const geometry::Rig rig = MakeStudio(4);
+  std::vector<DetectedFrame> frames = Film(rig);
+  constexpr int kLate = 61;
+  for (int f = kFrames - 1; f >= 0; --f) {
+    auto& people = frames[static_cast<size_t>(f)].people;
+    for (const size_t camera : {1u, 3u}) {
+      people[camera] = f >= kLate ? frames[static_cast<size_t>(f - kLate)].people[camera] : std::vector<DetectedPerson>();
+    }
+  }
+  const CauseReport report = Search(rig, frames);
+  ExpectFound(report, Cause::kTimeOffset, "with cam_");
+  EXPECT_THAT(report.message, ::testing::AnyOf(HasSubstr("61.0 frames"), HasSubstr("60.9 frames"), HasSubstr("61.1 frames")));
+}
+
+TEST(Cause, TwoCamerasExchanged) {
+  const geometry::Rig rig = MakeStudio(4);
+  std::vector<DetectedFrame> frames = Film(rig);
+  for (DetectedFrame& frame : frames) std::swap(frame.people[0], frame.people[2]);
+  ExpectFound(Search(rig, frames), Cause::kExchanged, "the detections of cam_0 and cam_2 exchanged");
+}
+
+/// The detector takes the mirrored left hand for a right one.
+TEST(Cause, AMirroredCamera) {
+  const geometry::Rig rig = MakeStudio(4);
+  std::vector<DetectedFrame> frames = Film(rig);
+  for (DetectedFrame& frame : frames) {
+    for (DetectedPerson& person : frame.people[1]) {
+      for (Keypoint& key : person) key.px.x() = 1919 - key.px.x();
+      for (const auto& [left, right] : WalkerMirror())
+        std::swap(person[static_cast<size_t>(left)], person[static_cast<size_t>(right)]);
+    }
+  }
+  ExpectFound(Search(rig, frames), Cause::kMirrored, "the pictures of cam_1 mirrored");
+}
+
+TEST(Cause, DoesNotDependOnThreads) {
+  const geometry::Rig rig = MakeStudio(4);
+  std::vector<DetectedFrame> frames = Film(rig, 2);
+  for (DetectedFrame& frame : frames) std::swap(frame.people[0], frame.people[2]);
+  RunContext one, two;
+  one.num_threads = 1, two.num_threads = 2;
+  const CauseReport a = RankCauses(rig, frames, Body(), {}, one), b = RankCauses(rig, frames, Body(), {}, two);
+  EXPECT_EQ(a.message, b.message);
+  ASSERT_EQ(a.trials.size(), b.trials.size());
+  for (size_t i = 0; i < a.trials.size(); ++i) EXPECT_EQ(a.trials[i].residual_px, b.trials[i].residual_px);
+}
+
+TEST(Cause, TakesWithoutAnythingToGoBy) {
+  const geometry::Rig rig = MakeStudio(3);
+  EXPECT_EQ(RankCauses(rig, {}, Body(), {}).message, "");
+  EXPECT_TRUE(RankCauses(rig, {DetectedFrame{0, {{}, {}, {}}}}, Body(), {}).trials.empty());
+  std::vector<DetectedFrame> alone = Film(rig);  // one camera sees people
+  for (DetectedFrame& frame : alone) frame.people[0].clear(), frame.people[1].clear();
+  EXPECT_TRUE(RankCauses(rig, alone, Body(), {}).trials.empty());
+}
+
+TEST(NumCarriable, CountsJointsThatEnoughCamerasSee) {
+  const Keypoint seen{{1, 1}, 0.9}, weak{{1, 1}, 0.1};
+  DetectedFrame frame;
+  frame.people = {{{seen, seen}, {seen, seen}}, {{seen, weak}, {seen, weak}, {seen, weak}}, {}};
+  EXPECT_EQ(NumCarriable(frame, 0.3, 9), 2);  // two people's first joint; the posters of one camera do not count
+  EXPECT_EQ(NumCarriable(frame, 0.3, 1), 1);
+  EXPECT_EQ(NumCarriable(frame, 0.05, 9), 4);
+  EXPECT_EQ(NumCarriable(frame, 0.3, 9, 3), 0);
+}
+
+}  // namespace
+}  // namespace mvstudio::triangulate
