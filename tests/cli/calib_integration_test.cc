@@ -171,6 +171,42 @@ TEST(CalibEval, NamesTheBumpedCameraAndRepairs) {
   EXPECT_THAT(RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners}).out, HasSubstr("camera cam2 has moved"));
 }
 
+/// Calibrate, bump, repair, refine with held lenses: covariances come along, and what lacks one is named.
+TEST(CalibCovariance, IsCarriedByRepairAndRefine) {
+  const TempDir folder;
+  const Scene scene = MakeRig(3);
+  const std::string corners = WriteCorners(folder, scene);
+  ASSERT_EQ(RunCli({"calibrate", "--corners", corners, "--model", "brown4", "--out", folder / "run"}).exit, 0);
+  geometry::Rig rig = geometry::ReadRig(folder / "run" + "/calibration.json");
+  ASSERT_TRUE(geometry::HasJointCovariance(rig));
+  rig.cameras[2].cam_from_world.rotation =
+      geometry::RotationExp(Eigen::Vector3d(0, DegToRad(0.5), 0)) * rig.cameras[2].cam_from_world.rotation;
+  geometry::WriteRig(rig, folder / "bumped.json");
+  CliRun run = RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners, "--repair", folder / "repaired.json", "--json"});
+  EXPECT_FALSE(run.Json()["metrics"]["calibration_covariance"]["used"]);
+  EXPECT_TRUE(run.Json()["metrics"]["covariance_missing"].empty()) << run.out;
+  const geometry::Rig repaired = geometry::ReadRig(folder / "repaired.json");
+  EXPECT_TRUE(geometry::HasJointCovariance(repaired));
+  ASSERT_TRUE(repaired.cameras[2].cam_from_world_covariance);
+
+  run = RunCli({"calib", "refine", "--calib", folder / "repaired.json", "--fix", "lenses", "--corners", corners, "--out", folder / "held",
+                "--json"});
+  EXPECT_TRUE(run.Json()["metrics"]["covariance_missing"].empty()) << run.out;
+  const geometry::Rig held = geometry::ReadRig(folder / "held" + "/calibration.json");
+  EXPECT_LT((*held.cameras[1].params_covariance - *repaired.cameras[1].params_covariance).norm(),
+            1e-6 * repaired.cameras[1].params_covariance->norm());
+
+  rig.cameras[1].params_covariance.reset();
+  geometry::WriteRig(rig, folder / "partial.json");
+  run = RunCli({"calib", "refine", "--calib", folder / "partial.json", "--fix", "lenses", "--corners", corners, "--out", folder / "part",
+                "--json"});
+  EXPECT_EQ(run.Json()["metrics"]["covariance_missing"], nlohmann::json({"cam1"})) << run.out;
+  EXPECT_TRUE(run.Json()["metrics"]["cameras"][1]["focal_sigma_px"].is_null());
+  const geometry::Rig partial = geometry::ReadRig(folder / "part" + "/calibration.json");
+  EXPECT_FALSE(partial.cameras[1].params_covariance) << "unknown, not zero";
+  EXPECT_LT(partial.cameras[1].cam_from_world_covariance->trace(), held.cameras[1].cam_from_world_covariance->trace());
+}
+
 TEST(CalibEval, ErrorsOfTheCaller) {
   const TempDir folder;
   const Scene scene = MakeRig(2);

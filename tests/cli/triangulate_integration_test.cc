@@ -1,11 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
 #include "dataset/pose2d.h"
 #include "dataset/pose3d.h"
+#include "dataset/sync_file.h"
 #include "geometry/rig_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/triangulate/support.h"
@@ -19,7 +21,7 @@ using ::testing::HasSubstr;
 constexpr int kFrames = 60;
 
 /// Where a walking BODY_25 stands, metres; stiff but for its arms and legs.
-Eigen::Vector3d JointAt(int frame, int joint) {
+Eigen::Vector3d JointAt(double frame, int joint) {
   const double along = -0.4 + 0.8 * frame / kFrames, swing = 0.15 * std::sin(0.3 * frame);
   return {along + (joint % 3 - 1) * (0.2 + swing), 0.15 * (joint % 5 - 2), -0.8 + 0.07 * joint};
 }
@@ -29,7 +31,8 @@ struct Take {
   body::Skeleton skeleton = body::SkeletonByName("body25");
   std::vector<dataset::Pose2dTrack> tracks;
 
-  explicit Take(double noise_px = 1) {
+  /// `late_frames`: the second camera's picture f shows what is at f + late_frames.
+  explicit Take(double noise_px = 1, double late_frames = 0) {
     Rng rng(31);
     for (const geometry::RigCamera& camera : rig.cameras) {
       dataset::Pose2dTrack& track = tracks.emplace_back();
@@ -37,7 +40,8 @@ struct Take {
       for (int f = 0; f < kFrames; ++f) {
         dataset::Person2d person;
         for (int j = 0; j < 25; ++j) {
-          const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * JointAt(f, j)).px;
+          const double instant = f + (&camera == &rig.cameras[1] ? late_frames : 0);
+          const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * JointAt(instant, j)).px;
           person.keypoints.push_back({px.x() + noise_px * rng.Normal(), px.y() + noise_px * rng.Normal(), 0.9});
         }
         track.frames[f] = {person};
@@ -150,6 +154,77 @@ TEST(TriangulateCommand, ACameraGivenTwiceIsNamedAndAddsNothing) {
   EXPECT_THAT(twice.out, HasSubstr("TRI-DUPLICATE"));
   EXPECT_NEAR(twice.Json()["metrics"]["median_sigma_mm"].get<double>(), once.Json()["metrics"]["median_sigma_mm"].get<double>(),
               0.02);
+}
+
+/// Gives every camera but those in `without` a covariance: 0.1 px and 1 mm.
+void GiveCovariances(const std::vector<size_t>& without, geometry::Rig* rig) {
+  for (size_t c = 0; c < rig->cameras.size(); ++c) {
+    geometry::RigCamera& camera = rig->cameras[c];
+    camera.params_covariance.reset(), camera.cam_from_world_covariance.reset();
+    if (std::find(without.begin(), without.end(), c) != without.end()) continue;
+    const Eigen::Index p = camera.camera.params.size();
+    camera.params_covariance = Eigen::MatrixXd::Zero(p, p);
+    camera.params_covariance->diagonal().head<4>().setConstant(0.01);
+    camera.cam_from_world_covariance = 1e-6 * Eigen::Matrix<double, 6, 6>::Identity();
+  }
+}
+
+TEST(TriangulateCommand, SaysWhoseCalibrationErrorIsUnknown) {
+  Take take(0.2);
+  const auto run = [&](const std::vector<size_t>& without, std::vector<std::string> more = {}) {
+    const TempDir folder;
+    GiveCovariances(without, &take.rig);
+    more.insert(more.end(), {"--out", folder / "out", "--json"});
+    const CliRun ran = RunCli(Words(Words({"triangulate"}, take.Write(folder)), more));
+    EXPECT_EQ(ran.exit, 0) << ran.out << ran.err;
+    const nlohmann::json json = ran.Json();
+    EXPECT_EQ(dataset::ReadPose3d(folder / "out").covariance_note, json["metrics"]["calibration_covariance"]["reason"]);
+    return json;
+  };
+  const nlohmann::json whole = run({}), partial = run({1}), none = run({0, 1, 2, 3, 4}), off = run({}, {"--no-calibration-covariance"});
+  const auto sigma = [](const nlohmann::json& json) { return json["metrics"]["median_sigma_mm"].get<double>(); };
+  EXPECT_TRUE(whole["metrics"]["calibration_covariance"]["used"]);
+  EXPECT_TRUE(whole["warnings"].empty()) << whole["warnings"];
+  EXPECT_EQ(whole["metrics"]["num_sigma_lower_bounds"], 0);
+  EXPECT_TRUE(partial["metrics"]["calibration_covariance"]["used"]);
+  ASSERT_EQ(partial["metrics"]["calibration_covariance"]["missing"].size(), 1u);
+  EXPECT_EQ(partial["metrics"]["calibration_covariance"]["missing"][0]["camera"], take.rig.cameras[1].camera.name);
+  EXPECT_EQ(partial["metrics"]["calibration_covariance"]["missing"][0]["lacks"], "lens and pose");
+  EXPECT_GT(partial["metrics"]["num_sigma_lower_bounds"], 1000);
+  ASSERT_EQ(partial["warnings"].size(), 1u);
+  EXPECT_EQ(partial["warnings"][0]["code"], "CAL-COVARIANCE-MISSING");
+  EXPECT_FALSE(none["metrics"]["calibration_covariance"]["used"]);
+  EXPECT_FALSE(off["metrics"]["calibration_covariance"]["used"]);
+  EXPECT_GT(sigma(partial), 0.6 * sigma(whole)) << "one missing block does not drop the others";
+  EXPECT_LT(sigma(none), 0.5 * sigma(whole));
+}
+
+TEST(TriangulateCommand, AppliesTheOffsetsOfTheCalibrationWhereTheTakeConfirmsThem) {
+  const auto run = [](double late_frames, std::vector<std::string> more) {
+    const TempDir folder;
+    Take take(0.5, late_frames);
+    take.rig.cameras[1].time_offset = geometry::TimeOffset{-0.6, 0.01};
+    if (more == std::vector<std::string>{"--sync"}) {
+      dataset::SyncFile sync;
+      sync.reference = take.rig.cameras[0].camera.name;
+      for (const geometry::RigCamera& camera : take.rig.cameras)
+        sync.cameras.push_back({camera.camera.name, "Ok", &camera == &take.rig.cameras[1] ? -late_frames : 0.0, 0, 0});
+      dataset::WriteSync(sync, folder / "sync.json");
+      more.push_back(folder / "sync.json");
+    }
+    more.insert(more.end(), {"--out", folder / "out", "--json"});
+    return RunCli(Words(Words({"triangulate"}, take.Write(folder)), more)).Json();
+  };
+  const nlohmann::json late = run(0.6, {}), still = run(0, {}), on = run(0, {"--calibration-offsets", "on"}), own = run(0.6, {"--sync"});
+  EXPECT_TRUE(late["metrics"]["calibration_offsets"]["applied"]) << late["metrics"]["calibration_offsets"];
+  EXPECT_FALSE(still["metrics"]["calibration_offsets"]["applied"]);
+  EXPECT_EQ(still["warnings"][0]["code"], "TRI-OFFSETS-UNUSED");
+  EXPECT_TRUE(on["metrics"]["calibration_offsets"]["applied"]);
+  EXPECT_FALSE(own["metrics"]["calibration_offsets"]["applied"]) << "not twice";
+  const auto rms = [](const nlohmann::json& json) { return json["metrics"]["median_rms_px"].get<double>(); };
+  EXPECT_NEAR(rms(late), rms(still), 0.2);
+  EXPECT_NEAR(rms(own), rms(late), 0.05) << "applied once either way";
+  EXPECT_GT(rms(on), 1.3 * rms(still));
 }
 
 TEST(TriangulateCommand, BadArgumentsEndWithTheirExitCodes) {

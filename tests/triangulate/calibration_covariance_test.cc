@@ -101,6 +101,30 @@ TEST(CalibrationCovariance, NothingIsAddedWithoutOne) {
   const Eigen::Matrix3d before = point.covariance;
   AddCalibrationCovariance(Prepare(rig), seen, &point);
   EXPECT_EQ(point.covariance, before);
+  EXPECT_EQ(point.num_unknown_cameras, 4);
+}
+
+/// One camera without a block: the others' part stays, what is lost is its own, and the point says so.
+TEST(CalibrationCovariance, AMissingBlockLeavesTheOthersInPlace) {
+  Rng rng(8);
+  geometry::Rig rig = MakeRing(4);
+  GiveCovariance(&rig, &rng, 1);
+  const std::vector<Observation> seen = Observe(rig, RandomPoint(&rng));
+  const Point alone = TriangulatePoint(Prepare(rig), seen);
+  Point whole = alone, partial = alone, others = alone;
+  AddCalibrationCovariance(Prepare(rig), seen, &whole);
+  EXPECT_EQ(whole.num_unknown_cameras, 0);
+  // The same as an exact fourth camera, but marked.
+  geometry::Rig exact = rig, missing = rig;
+  missing.cameras[3].params_covariance.reset(), missing.cameras[3].cam_from_world_covariance.reset();
+  exact.joint_covariance->bottomRows<15>().setZero(), exact.joint_covariance->rightCols<15>().setZero();
+  exact.cameras[3].params_covariance->setZero(), exact.cameras[3].cam_from_world_covariance->setZero();
+  AddCalibrationCovariance(Prepare(missing), seen, &partial);
+  AddCalibrationCovariance(Prepare(exact), seen, &others);
+  EXPECT_EQ(partial.num_unknown_cameras, 1);
+  EXPECT_EQ(others.num_unknown_cameras, 0);
+  EXPECT_LT((partial.covariance - others.covariance).norm(), 1e-12 * others.covariance.norm());
+  EXPECT_GT(partial.calibration_covariance.trace(), 0.1 * whole.calibration_covariance.trace());
 }
 
 TEST(CalibrationCovariance, AStaleOneIsNotUsed) {
