@@ -17,6 +17,7 @@ namespace {
 constexpr double kMaxDecentring = 0.05;                    // measured lenses: CMU Panoptic 0.0012, webcams 0.01
 constexpr double kMaxOutside = 0.3;                        // of a side
 constexpr double kMinFocal = 0.15, kMaxFocal = 30;         // of the diagonal
+constexpr double kMinFocalOfWideLens = 0.05;               // all round in a circle as high as the picture: 0.08
 constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
 constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
@@ -46,6 +47,7 @@ double Decentring(const Camera& camera) {
 }
 
 bool FoldsInside(const Camera& camera) {
+  if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
   if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
   return ShareWithoutRay(camera) > 0;
 }
@@ -101,7 +103,7 @@ std::string LookAtFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
   const std::string focal = "focal lengths of " + Number(camera.fx()) + " and " + Number(camera.fy()) + " px";
-  if (low < kMinFocal * diagonal || high > kMaxFocal * diagonal) {
+  if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal || high > kMaxFocal * diagonal) {
     return focal + " are absurd for a picture of " + std::to_string(camera.width_px) + " x " +
            std::to_string(camera.height_px) + " px";
   }
