@@ -55,7 +55,8 @@ bool FoldsInside(const Camera& camera) {
 /// The order that makes sense where the one read does not; empty when there is none.
 std::string BetterOrder(const Camera& camera) {
   for (const TermOrder& other : OtherTermOrders(camera)) {
-    if (Decentring(other.camera) < kMaxDecentring / 5 && !FoldsInside(other.camera)) return other.name;
+    if (other.camera.model == camera.model && Decentring(other.camera) < kMaxDecentring / 5 && !FoldsInside(other.camera))
+      return other.name;
   }
   return "";
 }
@@ -153,7 +154,7 @@ void LookAtOrder(const Rig& rig, std::vector<RigDoubt>* doubts) {
     if (!LooksShifted(camera) || Decentring(camera) > kMaxDecentring) return "";
     return "p1 = " + Number(camera.params[6]) + " is far larger than p2 and k3, as when the file lists k1 k2 k3 p1 p2";
   };
-  Report(rig, "CAL-TERM-ORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
+  Report(rig, "CAL-TERMORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
 }
 
 std::vector<TermOrder> Reordered(const Camera& camera, const std::vector<std::pair<const char*, std::vector<int>>>& orders) {
@@ -216,11 +217,11 @@ std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
   Report(rig, "CAL-DECENTRING", compare + "; --ignore-distortion where the pictures are undistorted already", LookAtDecentring,
          &doubts);
   LookAtOrder(rig, &doubts);
-  Report(rig, "CAL-LENS-FOLDS", "points there are left out; calibrate with boards up to the corners, or a simpler lens",
-         LookAtFold, &doubts);
-  Report(rig, "CAL-CENTRE-OUTSIDE", "check the size of the pictures and of the calibration, and that cx, cy are pixels",
-         LookAtCentre, &doubts);
-  Report(rig, "CAL-FOCAL", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
+  Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
+         &doubts);
+  Report(rig, "CAL-CENTRE", "check the size of the pictures and of the calibration, and that cx, cy are pixels", LookAtCentre,
+         &doubts);
+  Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
          LookAtFocal, &doubts);
   LookAtDistances(rig, &doubts);
   return doubts;
