@@ -180,17 +180,23 @@ triangulate::CauseOptions CauseOptionsOf(const KeypointArguments& arguments) {
   return options;
 }
 
+/// The remedy of the likeliest cause, or `otherwise`.
+std::string SayWhy(const KeypointArguments& arguments, const Posed& posed, const triangulate::TakeBody& body,
+                   const std::string& otherwise, const RunContext& run, CommandResult* result) {
+  return AddLikelyCause(RankCauses(posed.rig, posed.frames, body, CauseOptionsOf(arguments), run), "CAL-CAUSE", otherwise,
+                        result);
+}
+
 /// What part of a sample of the detections fits, and exit 4 with the likeliest cause when that is next to nothing.
 void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
                const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
-  const triangulate::CauseOptions options = CauseOptionsOf(arguments);
-  const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, options, run);
+  const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
   if (after.carried >= kLostShare) return;
   result->exit = kExitQualityGate;
-  const std::string hint = AddLikelyCause(RankCauses(posed.rig, posed.frames, body, options, run), "CAL-CAUSE",
-                                          "check that calibration and poses belong to the same cameras", result);
-  result->errors.push_back({"CAL-LOST",
+  const std::string hint =
+      SayWhy(arguments, posed, body, "check that calibration and poses belong to the same cameras", run, result);
+  result->errors.push_back({"CAL-NOFIT",
                             Format("only %.1f %% of the detections fit together, with the calibration that was written as well",
                                    100 * after.carried),
                             hint});
@@ -264,9 +270,10 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.metrics["status"] = std::string(ToString(report.status));
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    const std::string hint =
-        AddLikelyCause(RankCauses(posed.rig, posed.frames, BodyOf(input.skeleton), CauseOptionsOf(arguments), context.run),
-                       "CAL-CAUSE", "people or markers must be seen by several cameras at once, in many places", &result);
+    std::string hint = "people or markers must be seen by several cameras at once, in many places";
+    if (FitAsGiven(posed.rig, posed.frames, CauseOptionsOf(arguments), context.run).carried < 0.5) {
+      hint = SayWhy(arguments, posed, BodyOf(input.skeleton), hint, context.run, &result);
+    }
     result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
     result.text = report.message + "\n";
     return result;

@@ -17,6 +17,7 @@ namespace {
 constexpr double kMaxDecentring = 0.05;                    // measured lenses: CMU Panoptic 0.0012, webcams 0.01
 constexpr double kMaxOutside = 0.3;                        // of a side
 constexpr double kMinFocal = 0.15, kMaxFocal = 30;         // of the diagonal
+constexpr double kMinFocalOfWideLens = 0.05;               // all round in a circle as high as the picture: 0.08
 constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
 constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
@@ -46,6 +47,7 @@ double Decentring(const Camera& camera) {
 }
 
 bool FoldsInside(const Camera& camera) {
+  if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
   if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
   return ShareWithoutRay(camera) > 0;
 }
@@ -53,7 +55,8 @@ bool FoldsInside(const Camera& camera) {
 /// The order that makes sense where the one read does not; empty when there is none.
 std::string BetterOrder(const Camera& camera) {
   for (const TermOrder& other : OtherTermOrders(camera)) {
-    if (Decentring(other.camera) < kMaxDecentring / 5 && !FoldsInside(other.camera)) return other.name;
+    if (other.camera.model == camera.model && Decentring(other.camera) < kMaxDecentring / 5 && !FoldsInside(other.camera))
+      return other.name;
   }
   return "";
 }
@@ -101,7 +104,7 @@ std::string LookAtFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
   const std::string focal = "focal lengths of " + Number(camera.fx()) + " and " + Number(camera.fy()) + " px";
-  if (low < kMinFocal * diagonal || high > kMaxFocal * diagonal) {
+  if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal || high > kMaxFocal * diagonal) {
     return focal + " are absurd for a picture of " + std::to_string(camera.width_px) + " x " +
            std::to_string(camera.height_px) + " px";
   }
@@ -151,7 +154,7 @@ void LookAtOrder(const Rig& rig, std::vector<RigDoubt>* doubts) {
     if (!LooksShifted(camera) || Decentring(camera) > kMaxDecentring) return "";
     return "p1 = " + Number(camera.params[6]) + " is far larger than p2 and k3, as when the file lists k1 k2 k3 p1 p2";
   };
-  Report(rig, "CAL-TERM-ORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
+  Report(rig, "CAL-TERMORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
 }
 
 std::vector<TermOrder> Reordered(const Camera& camera, const std::vector<std::pair<const char*, std::vector<int>>>& orders) {
@@ -214,11 +217,11 @@ std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
   Report(rig, "CAL-DECENTRING", compare + "; --ignore-distortion where the pictures are undistorted already", LookAtDecentring,
          &doubts);
   LookAtOrder(rig, &doubts);
-  Report(rig, "CAL-LENS-FOLDS", "points there are left out; calibrate with boards up to the corners, or a simpler lens",
-         LookAtFold, &doubts);
-  Report(rig, "CAL-CENTRE-OUTSIDE", "check the size of the pictures and of the calibration, and that cx, cy are pixels",
-         LookAtCentre, &doubts);
-  Report(rig, "CAL-FOCAL", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
+  Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
+         &doubts);
+  Report(rig, "CAL-CENTRE", "check the size of the pictures and of the calibration, and that cx, cy are pixels", LookAtCentre,
+         &doubts);
+  Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
          LookAtFocal, &doubts);
   LookAtDistances(rig, &doubts);
   return doubts;

@@ -16,12 +16,13 @@ struct RigDoubt {
 
 /// What is doubtful of a calibration, at most one doubt a kind; the cameras that share it are listed in it.
 /// - CAL-DECENTRING: |p1| or |p2| above 0.05. Measured lenses stay below 0.01.
-/// - CAL-TERM-ORDER: the distortion makes sense in another order of its terms (OtherTermOrders).
-/// - CAL-LENS-FOLDS: the projection is not monotone within the image. A wide lens may leave corners dark, so of it only folds
-///   less than 60 degrees off the axis count.
-/// - CAL-CENTRE-OUTSIDE: the principal point is more than 30 % of a side outside the image. Crops stay within that as a rule.
-/// - CAL-FOCAL: the focal length is below 0.15 or above 30 diagonals (147 and 2 degrees corner to corner; a wide lens: px a
-///   radian), or fx and fy differ by more than a fourth, as when width and height are exchanged.
+/// - CAL-TERMORDER: the distortion makes sense in another order of its terms (OtherTermOrders).
+/// - CAL-FOLD: the projection is not monotone within the image. A wide lens may leave corners dark, so of it only folds
+///   less than 60 degrees off the axis count; a splined one is never meant.
+/// - CAL-CENTRE: the principal point is more than 30 % of a side outside the image. Crops stay within that as a rule.
+/// - CAL-FOCALSIZE: the focal length is below 0.15 or above 30 diagonals (147 and 2 degrees corner to corner; of a wide lens
+/// below
+///   0.05, px a radian), or fx and fy differ by more than a fourth, as when width and height are exchanged.
 /// - CAL-DISTANCES: cameras stand more than 100 m apart, or two closer than 5 mm, three closer than 20 mm: the unit may be
 ///   another. Where the world's origin lies does not matter.
 /// Nothing here makes a rig unusable: wide fields and exotic optics are real.

@@ -18,6 +18,7 @@ using internal::Assumption;
 
 constexpr double kLimitSigmas = 4;  // as TakeOptions::max_residual_sigmas
 constexpr double kSigmaOfDiagonal = 0.005;
+constexpr double kAlike = 1.1;
 constexpr double kMaxRatio = 0.7, kMinErrors = 4, kMinCarried = 0.5;
 
 /// Of one frame: detections that points could carry, those that points do, and the sum of min(residual, limit) over the former.
@@ -253,13 +254,29 @@ void TryOffsets(const Take& take, const Judge& judge, const RunContext& run, Cau
   Try(assumption, FitFrames(take.rig, before, judge), judge, report);
 }
 
-std::string Message(const CauseTrial& given, const CauseTrial& best) {
-  char text[200];
+/// Of clear trials as good as the best, to kAlike, the one of the simplest cause comes first.
+void PreferSimpler(std::vector<CauseTrial>* trials) {
+  auto chosen = trials->begin();
+  for (auto trial = trials->begin(); trial != trials->end(); ++trial) {
+    const bool alike = trial->clear && trial->residual_px <= kAlike * trials->front().residual_px;
+    if (alike && trial->cause < chosen->cause) chosen = trial;
+  }
+  if (chosen != trials->begin()) std::rotate(trials->begin(), chosen, chosen + 1);
+}
+
+std::string Message(const CauseTrial& given, const std::vector<CauseTrial>& trials) {
+  char text[240];
   std::snprintf(
       text, sizeof text,
       ", %.3g %% of the detections in a sample fit together, as given %.2g %%; mean residual %.2f px instead of %.2f px",
-      100 * best.carried, 100 * given.carried, best.residual_px, given.residual_px);
-  return best.assumption + text;
+      100 * trials[0].carried, 100 * given.carried, trials[0].residual_px, given.residual_px);
+  std::string message = trials[0].assumption + text;
+  for (size_t i = 1; i < trials.size(); ++i) {
+    if (!trials[i].clear || trials[i].residual_px > kAlike * trials[0].residual_px) continue;
+    std::snprintf(text, sizeof text, " (%.2f px)", trials[i].residual_px);
+    message += "; much the same " + trials[i].assumption + text;
+  }
+  return message;
 }
 
 }  // namespace
@@ -305,7 +322,8 @@ CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame
   TryOffsets(take, judge, run, &report);
   std::stable_sort(report.trials.begin(), report.trials.end(),
                    [](const CauseTrial& a, const CauseTrial& b) { return a.residual_px < b.residual_px; });
-  if (!report.trials.empty() && report.trials[0].clear) report.message = Message(report.as_given, report.trials[0]);
+  PreferSimpler(&report.trials);
+  if (!report.trials.empty() && report.trials[0].clear) report.message = Message(report.as_given, report.trials);
   return report;
 }
 

@@ -50,7 +50,9 @@ struct CauseTrial {
 
 struct CauseReport {
   CauseTrial as_given;
-  std::vector<CauseTrial> trials;  ///< the best of each cause, smallest residual first
+  /// The best of each cause, smallest residual first; of clear ones within 10 % of the smallest, the first cause of the list
+  /// above leads.
+  std::vector<CauseTrial> trials;
   /// One line with figures when the first trial is clear; else empty.
   std::string message;
 };

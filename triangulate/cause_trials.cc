@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -19,18 +20,15 @@ using geometry::Rig;
 /// What another lens than the given one would be; false: this camera is not concerned.
 using ChangeLens = std::function<bool(Camera*)>;
 
-/// The rig with the lens of one camera, or of all with -1, changed; false when that concerns none.
-bool WithLens(const Rig& rig, const ChangeLens& change, int only, Rig* changed) {
-  *changed = rig;
+/// The rig, without covariances, with the lens of one camera, or of all with -1, changed; nothing when that concerns none.
+std::optional<Rig> WithLens(const Rig& rig, const ChangeLens& change, int only) {
+  Rig changed;
   bool any = false;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    if (only >= 0 && static_cast<size_t>(only) != c) continue;
-    geometry::RigCamera& camera = changed->cameras[c];
-    any |= change(&camera.camera);
-    camera.params_covariance.reset();
+    changed.cameras.push_back({rig.cameras[c].camera, rig.cameras[c].cam_from_world, std::nullopt, std::nullopt});
+    if (only < 0 || static_cast<size_t>(only) == c) any |= change(&changed.cameras.back().camera);
   }
-  changed->joint_covariance.reset();
-  return any;
+  return any ? std::optional(changed) : std::nullopt;
 }
 
 void AddDistortion(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
@@ -39,12 +37,12 @@ void AddDistortion(const Rig& rig, const std::vector<DetectedFrame>& frames, std
     *camera = geometry::PinholeOf(*camera);
     return true;
   };
-  Rig changed;
-  if (!WithLens(rig, pinhole, -1, &changed)) return;
+  const auto changed = WithLens(rig, pinhole, -1);
+  if (!changed) return;
   list->push_back({Cause::kDistortion, "without distortion",
                    "if the pictures are undistorted already, give the calibration of the undistorted ones (triangulate: "
                    "--ignore-distortion)",
-                   changed, frames});
+                   *changed, frames});
 }
 
 void AddTermOrders(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
@@ -61,10 +59,10 @@ void AddTermOrders(const Rig& rig, const std::vector<DetectedFrame>& frames, std
       }
       return false;
     };
-    Rig changed;
-    if (!WithLens(rig, reorder, -1, &changed)) continue;
+    const auto changed = WithLens(rig, reorder, -1);
+    if (!changed) continue;
     list->push_back({Cause::kTermOrder, "with the distortion read as " + name,
-                     "write the file anew with its terms in the order of its format", changed, frames});
+                     "write the file anew with its terms in the order of its format", *changed, frames});
   }
 }
 
@@ -119,12 +117,12 @@ void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   const int num_cameras = static_cast<int>(rig.cameras.size());
   for (const Resize& resize : Resizes()) {
     for (int only = -1; only < num_cameras; ++only) {
-      Rig changed;
-      if (!WithLens(rig, resize.change, only, &changed)) continue;
+      const auto changed = WithLens(rig, resize.change, only);
+      if (!changed) continue;
       const std::string whose =
           only < 0 ? "the pictures" : "the pictures of " + rig.cameras[static_cast<size_t>(only)].camera.name;
       list->push_back({Cause::kImageSize, "with " + whose + " " + resize.text,
-                       "detect in pictures of the calibrated size, or calibrate in the size and crop of the pictures", changed,
+                       "detect in pictures of the calibrated size, or calibrate in the size and crop of the pictures", *changed,
                        frames});
     }
   }

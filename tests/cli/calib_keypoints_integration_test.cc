@@ -77,5 +77,23 @@ TEST(CalibKeypoints, TooLittleIsIllPosed) {
   EXPECT_FALSE(std::filesystem::exists(folder / "run/calibration.json"));
 }
 
+/// Two cameras under each other's name. The adjustment cannot turn one into the other: exit 4 or 5, never a plain success.
+TEST(CalibKeypoints, ALostTakeNamesItsCause) {
+  MVS_NEEDS_DATA("pose2sim");
+  const TempDir folder;
+  Words words = Refine(folder / "run");
+  for (std::string& word : words) {
+    if (word.rfind("cam_01=", 0) == 0) {
+      word.replace(0, 6, "cam_03");
+    } else if (word.rfind("cam_03=", 0) == 0) {
+      word.replace(0, 6, "cam_01");
+    }
+  }
+  const CliRun run = RunCli(words);
+  EXPECT_TRUE(run.exit == 4 || run.exit == 5) << run.out;
+  EXPECT_THAT(run.out, HasSubstr("CAL-CAUSE"));
+  EXPECT_THAT(run.out, HasSubstr("the detections of cam_01 and cam_03 exchanged"));
+}
+
 }  // namespace
 }  // namespace mvstudio::testing

@@ -49,6 +49,28 @@ struct Take {
     }
   }
 
+  /// Several people, filmed without distortion; the calibration lists one all the same, as a file found in the wild does.
+  void ListDistortionThatIsNot(int num_people, double noise_px = 1) {
+    Rng rng(5);
+    for (size_t c = 0; c < tracks.size(); ++c) {
+      geometry::RigCamera& camera = rig.cameras[c];
+      const geometry::Camera pinhole = geometry::PinholeOf(camera.camera);
+      for (int f = 0; f < kFrames; ++f) {
+        auto& people = tracks[c].frames[f] = {};
+        for (int i = 0; i < num_people; ++i) {
+          dataset::Person2d& person = people.emplace_back();
+          const Eigen::Vector3d place(0, 0.9 * (i - 0.5 * (num_people - 1)), 0.1 * i);
+          for (int j = 0; j < 25; ++j) {
+            const Eigen::Vector2d px = geometry::Project(pinhole, camera.cam_from_world * (JointAt(f, j) + place)).px;
+            person.keypoints.push_back({px.x() + noise_px * rng.Normal(), px.y() + noise_px * rng.Normal(), 0.9});
+          }
+        }
+      }
+      const double sign = c % 2 ? -1 : 1;
+      camera.camera.params.tail<5>() << -0.05, 0.02, sign * 6.459, -sign * 3.1, 0.3;
+    }
+  }
+
   /// Files of the take and the words that name them on the command line.
   std::vector<std::string> Write(const TempDir& folder) const {
     geometry::WriteRig(rig, folder / "calibration.json");
@@ -90,6 +112,35 @@ TEST(TriangulateCommand, GivesPointsAndWhatTheOthersSayOfEachCamera) {
   EXPECT_GT(metrics["holdout"]["median_px"].get<double>(), 1.17);
   EXPECT_LT(metrics["holdout"]["median_px"].get<double>(), 1.7);
   EXPECT_LT(WorstErrorMm(folder / "out"), 25);
+}
+
+/// A distortion that the published pictures no longer have: once 52 joints of 7,000, "warn" and exit 0.
+TEST(TriangulateCommand, ALostTakeNamesItsCauseAndExitsWith4) {
+  const TempDir folder;
+  Take take;
+  take.ListDistortionThatIsNot(3);
+  const CliRun run =
+      RunCli(Words({"triangulate", "--max-persons", "3", "--out", folder / "out", "--json"}, take.Write(folder)));
+  EXPECT_EQ(run.exit, 4) << run.out;
+  const nlohmann::json json = run.Json();
+  EXPECT_LT(json["metrics"]["num_points"].get<double>(), 0.05 * json["metrics"]["num_joints_carriable"].get<double>());
+  EXPECT_THAT(json["errors"].dump(), HasSubstr("TRI-LOST"));
+  EXPECT_THAT(json["errors"].dump(), HasSubstr("--ignore-distortion"));
+  EXPECT_THAT(json["warnings"].dump(), HasSubstr("CAL-DECENTRING"));
+  EXPECT_THAT(json["warnings"].dump(), HasSubstr("likeliest cause: without distortion"));
+  EXPECT_EQ(json["metrics"]["causes"][1]["cause"], "distortion");
+  EXPECT_TRUE(std::filesystem::exists(folder / "out/points.csv"));  // what there is is kept
+}
+
+TEST(TriangulateCommand, NoCauseIsSoughtWhereTheTakeFits) {
+  const TempDir folder;
+  Take take;
+  take.ListDistortionThatIsNot(3);
+  const CliRun run = RunCli(Words(
+      {"triangulate", "--ignore-distortion", "--max-persons", "3", "--out", folder / "out", "--json"}, take.Write(folder)));
+  EXPECT_EQ(run.exit, 0) << run.out;
+  EXPECT_GT(run.Json()["metrics"]["num_points"].get<double>(), 0.9 * kFrames * 75);
+  EXPECT_FALSE(run.Json()["metrics"].contains("causes"));
 }
 
 TEST(TriangulateCommand, ChunksGiveThePointsOfTheWhole) {

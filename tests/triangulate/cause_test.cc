@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr int kFrames = 200;
+constexpr int kFrames = 160;
 
 /// HD cameras around people, each with a lens of its own.
 geometry::Rig MakeStudio(int num_cameras = 5) {
@@ -72,7 +72,7 @@ void ExpectFound(const CauseReport& report, Cause cause, const std::string& word
 
 TEST(Cause, AGoodTakeNamesNone) {
   const geometry::Rig rig = MakeStudio();
-  for (const int people : {1, 3}) {
+  for (const int people : {1, 2}) {
     const CauseReport report = Search(rig, Film(rig, people), people);
     EXPECT_EQ(report.message, "");
     EXPECT_GT(report.as_given.carried, 0.8);
@@ -110,11 +110,12 @@ TEST(Cause, DistortionThatThePicturesDoNotHave) {
   }
   const CauseReport report = Search(listed, frames, 2);
   ExpectFound(report, Cause::kDistortion, "without distortion");
-  EXPECT_LT(report.as_given.carried, 0.1);
+  EXPECT_LT(report.as_given.carried, 0.3);
 }
 
 TEST(Cause, TermsInAnotherOrder) {
-  const geometry::Rig rig = MakeStudio();
+  geometry::Rig rig = MakeStudio();
+  for (geometry::RigCamera& camera : rig.cameras) camera.camera.params[8] = 0.4;
   geometry::Rig read = rig;
   for (geometry::RigCamera& camera : read.cameras) {
     Eigen::VectorXd& p = camera.camera.params;
@@ -194,7 +195,9 @@ TEST(Cause, DoesNotDependOnThreads) {
   for (DetectedFrame& frame : frames) std::swap(frame.people[0], frame.people[2]);
   RunContext one, two;
   one.num_threads = 1, two.num_threads = 2;
-  const CauseReport a = RankCauses(rig, frames, Body(), {}, one), b = RankCauses(rig, frames, Body(), {}, two);
+  CauseOptions options;
+  options.max_frames = 12;
+  const CauseReport a = RankCauses(rig, frames, Body(), options, one), b = RankCauses(rig, frames, Body(), options, two);
   EXPECT_EQ(a.message, b.message);
   ASSERT_EQ(a.trials.size(), b.trials.size());
   for (size_t i = 0; i < a.trials.size(); ++i) EXPECT_EQ(a.trials[i].residual_px, b.trials[i].residual_px);
