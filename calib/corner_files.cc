@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 
 #include "calib/corner_files_internal.h"
 #include "core/check.h"
@@ -124,6 +125,46 @@ void CheckCorners(const std::string& path, const CornerFile& file) {
                       "corner " + std::to_string(detection.corner_ids.back()) + " is not on the board, which has " +
                           std::to_string(board.num_corners()) + "; is --board the right one?");
   }
+}
+
+/// Is the corner at 0 0, or where another one of its view is? Detectors write so what they did not find.
+std::vector<bool> Placeholders(const Detection& detection) {
+  std::map<std::pair<double, double>, int> seen;
+  for (const auto& px : detection.points_px.colwise()) ++seen[{px.x(), px.y()}];
+  std::vector<bool> placeholder;
+  for (const auto& px : detection.points_px.colwise()) placeholder.push_back(seen[{px.x(), px.y()}] > 1 || px.isZero(0));
+  return placeholder;
+}
+
+Detection Without(const Detection& detection, const std::vector<bool>& left_out) {
+  Detection rest = detection;
+  rest.corner_ids.clear();
+  std::vector<int> kept;
+  for (size_t i = 0; i < left_out.size(); ++i) {
+    if (left_out[i]) continue;
+    kept.push_back(static_cast<int>(i));
+    rest.corner_ids.push_back(detection.corner_ids[i]);
+  }
+  rest.points_px = detection.points_px(Eigen::all, kept).eval();
+  if (detection.sigmas_px.size() > 0) rest.sigmas_px = detection.sigmas_px(kept).eval();
+  return rest;
+}
+
+void DropPlaceholders(CornerFile* file) {
+  Eigen::Index dropped = 0;
+  std::vector<Detection> kept;
+  for (const Detection& detection : file->detections) {
+    const std::vector<bool> placeholder = Placeholders(detection);
+    dropped += std::count(placeholder.begin(), placeholder.end(), true);
+    kept.push_back(Without(detection, placeholder));
+    if (kept.back().num_corners() == 0) kept.pop_back();
+  }
+  if (dropped == 0) return;
+  file->detections = std::move(kept);
+  file->notes.push_back({"CAL-PLACEHOLDER",
+                         std::to_string(dropped) + " corners lie at 0 0, or exactly where another corner of the same view lies: "
+                                                   "they count as corners that were not found",
+                         "leave out corners that were not found, or write them as the format says"});
 }
 
 /// Column c of a row becomes cols - 1 - c; points change the sign of x. False for the kinds whose numbering has a meaning
@@ -284,6 +325,7 @@ CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& opti
   } else {
     throw UsageError("--corners-format '" + format + "': expected auto, vnl, caliscope, opencv or csv");
   }
+  DropPlaceholders(&file);
   CheckCorners(path, file);
   ApplySizes(options, &file);
   CheckOrientation(&file);

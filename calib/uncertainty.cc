@@ -174,6 +174,20 @@ Eigen::MatrixXd ReducedNormalMatrix(const std::vector<View>& views, const RigSta
   return Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
 }
 
+/// Equations that are no numbers: a lens at the edge of what it can project.
+void NameNonFinite(const Eigen::MatrixXd& normal, const RigState& state, RigCovariance* result) {
+  for (const Group& group : MakeGroups(state, result->columns)) {
+    const bool broken = std::any_of(group.columns.begin(), group.columns.end(),
+                                    [&](int column) { return !std::isfinite(normal(column, column)); });
+    auto& cameras = result->undetermined_lenses;
+    if (broken && group.is_lens && std::find(cameras.begin(), cameras.end(), group.camera) == cameras.end())
+      cameras.push_back(group.camera);
+    if (broken) result->undetermined.push_back(group.name + " cannot be determined");
+  }
+  result->status = Status::kDegenerate;
+  result->message = result->undetermined.empty() ? "the solution is not finite" : result->undetermined.front();
+}
+
 /// Takes the diagonal to 1.
 Eigen::VectorXd UnitScale(const Eigen::MatrixXd& normal) {
   Eigen::VectorXd scale(normal.rows());
@@ -221,6 +235,10 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
   RigCovariance result;
   const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &result.columns);
   const Eigen::Index n = normal.rows();
+  if (!normal.allFinite()) {
+    NameNonFinite(normal, state, &result);
+    return result;
+  }
   const Eigen::VectorXd scale = UnitScale(normal);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
