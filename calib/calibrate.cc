@@ -384,6 +384,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   if (options.intrinsics_only) {
     SeparateViews(&work);
   } else {
+    report->numbering = FindNumberingFaults(work.views, work.cam_from_board, NamesOf(work.state.cameras));
     if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
   }
@@ -506,6 +507,8 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   const std::vector<int> order = ByName(input);
   CalibrateReport report = CalibrateSorted(Permuted(input, order), named, run);
   RestoreOrder(order, &report);
+  if (report.status != Status::kOk && !report.numbering.empty())
+    report.message = ToString(report.numbering[0]) + "; " + report.message;
   report.verdict = Judge(report);
   return report;
 }

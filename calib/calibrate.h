@@ -11,6 +11,7 @@
 #include "calib/board_metrics.h"
 #include "calib/bundle.h"
 #include "calib/detection.h"
+#include "calib/numbering.h"
 #include "calib/projection_uncertainty.h"
 #include "calib/readout.h"
 #include "core/progress.h"
@@ -163,6 +164,7 @@ struct CalibrateReport {
   double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without; rms within 5 px
   double rig_holdout_gross_fraction = 0;  ///< of their corners, beyond 5 px or of boards that could not be placed; NaN without
   std::vector<CameraMotion> motions;
+  std::vector<NumberingFault> numbering;
   UncertaintySummary uncertainty;
   std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;

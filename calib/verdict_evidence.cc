@@ -141,6 +141,9 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     JudgeReadout(camera, scale, out);
     JudgeAssumed(camera, out);
   }
+  for (const NumberingFault& fault : report.numbering)
+    out->Fail("CAL-NUMBERING", ToString(fault), "number the board's corners alike in all cameras; boards that look the same after half a turn "
+                                                "(even by even, odd by odd) invite it");
   for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);
   JudgeMissing(report, out);
   JudgeRigHoldout(report, out);

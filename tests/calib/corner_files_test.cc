@@ -69,6 +69,23 @@ TEST(Vnl, LevelsBecomeSigmasAndMissingCornersAreSkipped) {
   EXPECT_EQ(file.detections[1].sigma_px, 1);
 }
 
+TEST(Vnl, PlaceholdersAreNotFound) {
+  TempDir folder;
+  const CornerFile file = ReadCornerFile(Write(folder, "a.vnl",
+                                               "# filename x y level\n"
+                                               "c-1.jpg 0 0 0\nc-1.jpg 30 20 1\nc-1.jpg 10 40 0\nc-1.jpg 30 40 0\n"
+                                               "c-2.jpg 7 8 0\nc-2.jpg 7 8 0\nc-2.jpg 10 40 0\nc-2.jpg 30 40 0\n"
+                                               "c-3.jpg 0 0 0\nc-3.jpg 0 0 0\nc-3.jpg 0 0 0\nc-3.jpg 0 0 0\n"),
+                                         WithBoard(Grid(2, 2, 0.1)));
+  ASSERT_EQ(file.detections.size(), 2u);
+  EXPECT_EQ(file.detections[0].corner_ids, (std::vector<int>{1, 2, 3}));
+  EXPECT_EQ(file.detections[0].sigmas_px[0], 2);
+  EXPECT_EQ(file.detections[1].corner_ids, (std::vector<int>{2, 3}));
+  ASSERT_EQ(file.notes.size(), 1u);
+  EXPECT_EQ(file.notes[0].code, "CAL-PLACEHOLDER");
+  EXPECT_SAYS(file.notes[0].text, "7 corners");
+}
+
 TEST(Vnl, WeightsAreInverseSigmas) {
   TempDir folder;
   const std::string path = Write(folder, "a.vnl",
