@@ -192,7 +192,7 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geo
                const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
   const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
-  if (after.carried >= kLostShare) return;
+  if (after.num_detections == 0 || after.carried >= kLostShare) return;
   result->exit = kExitQualityGate;
   const std::string hint =
       SayWhy(arguments, posed, body, "check that calibration and poses belong to the same cameras", run, result);

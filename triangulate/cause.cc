@@ -145,6 +145,7 @@ FrameFit Sum(const std::vector<FrameFit>& fits) {
 void SetFigures(const std::vector<FrameFit>& fits, CauseTrial* trial) {
   const FrameFit sum = Sum(fits);
   const double offered = std::max(sum.offered, 1);
+  trial->num_detections = sum.offered;
   trial->carried = sum.carried / offered;
   trial->residual_px = sum.cost_px / offered;
 }
@@ -206,9 +207,17 @@ Sample Draw(const std::vector<DetectedFrame>& frames, const Judge& judge) {
   return sample;
 }
 
+/// Views that a point needs: two always agree somewhere along their epipolar lines, so three where the take has them.
+int ViewsNeeded(const Take& take, double min_score) {
+  int64_t by_two = 0, by_three = 0;
+  for (const DetectedFrame& frame : take.frames) {
+    by_two += NumCarriable(frame, min_score, 1, 2) > 0, by_three += NumCarriable(frame, min_score, 1, 3) > 0;
+  }
+  return 2 * by_three >= by_two ? 3 : 2;
+}
+
 Judge JudgeOf(const Take& take, const CauseOptions& options, const RunContext& run) {
-  Judge judge{options, SigmaPx(take.rig, options), std::min<int>(3, static_cast<int>(take.rig.cameras.size())), 1};
-  judge.num_threads = run.num_threads;
+  Judge judge{options, SigmaPx(take.rig, options), ViewsNeeded(take, options.min_score), run.num_threads};
   return judge;
 }
 
@@ -229,8 +238,7 @@ std::map<Cause, size_t> BestOfEach(const std::vector<Assumption>& list, const Ju
 /// Adds the trial; `given` are the same frames without the assumption.
 void Try(const Assumption& assumption, const std::vector<FrameFit>& given, const Judge& judge, CauseReport* report) {
   const std::vector<FrameFit> tried = FitFrames(assumption.rig, assumption.frames, judge);
-  CauseTrial& trial =
-      report->trials.emplace_back(CauseTrial{assumption.cause, assumption.text, assumption.remedy, 0, 0, false});
+  CauseTrial& trial = report->trials.emplace_back(CauseTrial{assumption.cause, assumption.text, assumption.remedy});
   SetFigures(tried, &trial);
   trial.clear = trial.carried >= kMinCarried && Sum(tried).cost_px <= kMaxRatio * Sum(given).cost_px &&
                 GainInErrors(given, tried) >= kMinErrors;

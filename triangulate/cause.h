@@ -39,9 +39,10 @@ struct CauseTrial {
   Cause cause = Cause::kNone;
   std::string assumption;  ///< "without distortion", "with cameras a and b exchanged", …
   std::string remedy;      ///< what to do when it is true
-  /// Detections that a point carries with min(3, cameras) views or more, of those that points could carry.
+  int num_detections = 0;  ///< of the sample, that points could carry; 0: nothing is known
+  /// Part of these that a point carries, with three views or more; two where three cameras hardly ever see a joint.
   double carried = 0;
-  /// Mean over the latter of the residual, 4 sigma where there is none or a larger one.
+  /// Mean over all of them of the residual, 4 sigma where there is none or a larger one.
   double residual_px = 0;
   /// The residual falls by 30 % or more against the take as given and by 4 standard errors (one sample a frame), and at least
   /// half of the detections fit.

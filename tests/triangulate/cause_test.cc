@@ -212,6 +212,18 @@ TEST(Cause, TakesWithoutAnythingToGoBy) {
   EXPECT_TRUE(RankCauses(rig, alone, Body(), {}).trials.empty());
 }
 
+/// Each joint is seen by two cameras at a time: less is known, but something.
+TEST(Cause, TwoViewsAPoint) {
+  const geometry::Rig rig = MakeStudio(4);
+  std::vector<DetectedFrame> frames = Film(rig);
+  for (DetectedFrame& frame : frames)
+    frame.people[frame.frame / 9 % 4].clear(), frame.people[(frame.frame / 9 + 1) % 4].clear();
+  const CauseTrial trial = FitAsGiven(rig, frames, {});
+  EXPECT_GT(trial.num_detections, 500);
+  EXPECT_GT(trial.carried, 0.8);
+  EXPECT_EQ(FitAsGiven(rig, {}, {}).num_detections, 0);
+}
+
 TEST(NumCarriable, CountsJointsThatEnoughCamerasSee) {
   const Keypoint seen{{1, 1}, 0.9}, weak{{1, 1}, 0.1};
   DetectedFrame frame;
