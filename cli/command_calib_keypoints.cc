@@ -157,19 +157,19 @@ std::string SayWhy(const KeypointArguments& arguments, const Posed& posed, const
                         result);
 }
 
-/// What part of a sample of the detections fits, and exit 4 with the likeliest cause when that is next to nothing.
+/// What part of a sample of the detections fits. Next to nothing, or less than half where an assumption explains it: exit 4.
 void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
                const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
   const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
-  if (after.num_detections == 0 || after.carried >= kLostShare) return;
-  result->exit = kExitQualityGate;
+  if (after.num_detections == 0 || after.carried >= 0.5) return;
+  const size_t num_warnings = result->warnings.size();
   const std::string hint =
       SayWhy(arguments, posed, body, "check that calibration and poses belong to the same cameras", run, result);
-  result->errors.push_back({"CAL-NOFIT",
-                            Format("only %.1f %% of the detections fit together, with the calibration that was written as well",
-                                   100 * after.carried),
-                            hint});
+  if (after.carried >= kLostShare && result->warnings.size() == num_warnings) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back(
+      {"CAL-NOFIT", Format("only %.1f %% of the detections fit the calibration that was written", 100 * after.carried), hint});
 }
 
 /// The whole rig with the adjusted cameras in their places.
