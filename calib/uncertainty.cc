@@ -188,6 +188,10 @@ void NameNonFinite(const Eigen::MatrixXd& normal, const RigState& state, RigCova
   result->message = result->undetermined.empty() ? "the solution is not finite" : result->undetermined.front();
 }
 
+bool AnyWeight(const std::vector<View>& views) {
+  return std::any_of(views.begin(), views.end(), [](const View& view) { return (view.weights.array() > 0).any(); });
+}
+
 /// Takes the diagonal to 1.
 Eigen::VectorXd UnitScale(const Eigen::MatrixXd& normal) {
   Eigen::VectorXd scale(normal.rows());
@@ -239,17 +243,26 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
     NameNonFinite(normal, state, &result);
     return result;
   }
+  if (n == 0 && !AnyWeight(views)) {
+    result.status = Status::kDegenerate;
+    result.message = "no corner agrees with the others";
+    return result;
+  }
   const Eigen::VectorXd scale = UnitScale(normal);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-  const Eigen::VectorXd& values = eigen.eigenvalues();
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(n);
+  if (n > 0) eigen.compute(scaled);  // of nothing, Eigen reads past its end
+  const Eigen::VectorXd values = n > 0 ? Eigen::VectorXd(eigen.eigenvalues()) : Eigen::VectorXd();
   const auto null = n == 0 ? 0 : (values.array() < kRankTolerance * values[n - 1]).count();
   if (null > 0) {
     NameNullDirections(eigen.eigenvectors().leftCols(null), views, state, &result);
     return result;
   }
-  const Eigen::MatrixXd root = scale.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd inverse = root * root.transpose();
+  Eigen::MatrixXd inverse(n, n);
+  if (n > 0) {
+    const Eigen::MatrixXd root = scale.asDiagonal() * eigen.eigenvectors() * values.cwiseSqrt().cwiseInverse().asDiagonal();
+    inverse = root * root.transpose();
+  }
   result.joint = sigma_px * sigma_px * inverse;
   if (held.any()) CarryHeld(views, state, options, inverse, held, &result);
   SplitCovariance(state, &result);

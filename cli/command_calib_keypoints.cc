@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "cli/calib_read.h"
 #include "cli/calibration_use.h"
@@ -180,25 +181,30 @@ triangulate::CauseOptions CauseOptionsOf(const KeypointArguments& arguments) {
   return options;
 }
 
-/// The remedy of the likeliest cause, or `otherwise`.
-std::string SayWhy(const KeypointArguments& arguments, const Posed& posed, const triangulate::TakeBody& body,
-                   const std::string& otherwise, const RunContext& run, CommandResult* result) {
-  return AddLikelyCause(RankCauses(posed.rig, posed.frames, body, CauseOptionsOf(arguments), run), "CAL-CAUSE", otherwise,
-                        result);
+/// The causes of a take of which less than half fits the given rig; nothing else is looked at.
+std::optional<triangulate::CauseReport> WhyNoFit(const KeypointArguments& arguments, const Posed& posed,
+                                                 const triangulate::TakeBody& body, const RunContext& run) {
+  const triangulate::CauseOptions options = CauseOptionsOf(arguments);
+  if (FitAsGiven(posed.rig, posed.frames, options, run).carried >= 0.5) return std::nullopt;
+  return RankCauses(posed.rig, posed.frames, body, options, run);
 }
 
-/// What part of a sample of the detections fits, and exit 4 with the likeliest cause when that is next to nothing.
+/// What part of a sample of the detections fits. Exit 4 where that is next to nothing, or where one assumption about what is
+/// wrong explains the take better than the adjustment does.
 void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
                const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
   const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
-  if (after.num_detections == 0 || after.carried >= kLostShare) return;
+  if (after.num_detections == 0) return;
+  std::string hint = "check that calibration and poses belong to the same cameras";
+  const auto why = WhyNoFit(arguments, posed, body, run);
+  if (why) hint = AddLikelyCause(*why, "CAL-CAUSE", hint, result);
+  const bool explained = why && !why->message.empty() && why->trials[0].residual_px < after.residual_px;
+  if (after.carried >= kLostShare && !explained) return;
   result->exit = kExitQualityGate;
-  const std::string hint =
-      SayWhy(arguments, posed, body, "check that calibration and poses belong to the same cameras", run, result);
   result->errors.push_back({"CAL-NOFIT",
-                            Format("only %.1f %% of the detections fit together, with the calibration that was written as well",
-                                   100 * after.carried),
+                            Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px",
+                                   100 * after.carried, after.residual_px),
                             hint});
 }
 
@@ -271,9 +277,8 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
     std::string hint = "people or markers must be seen by several cameras at once, in many places";
-    if (FitAsGiven(posed.rig, posed.frames, CauseOptionsOf(arguments), context.run).carried < 0.5) {
-      hint = SayWhy(arguments, posed, BodyOf(input.skeleton), hint, context.run, &result);
-    }
+    const auto why = WhyNoFit(arguments, posed, BodyOf(input.skeleton), context.run);
+    if (why) hint = AddLikelyCause(*why, "CAL-CAUSE", hint, &result);
     result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
     result.text = report.message + "\n";
     return result;

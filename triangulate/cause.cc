@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "core/parallel.h"
 #include "triangulate/cause_internal.h"
@@ -18,7 +19,7 @@ using internal::Assumption;
 
 constexpr double kLimitSigmas = 4;  // as TakeOptions::max_residual_sigmas
 constexpr double kSigmaOfDiagonal = 0.005;
-constexpr double kAlike = 1.1;
+constexpr double kAlike = 1.03;
 constexpr double kMaxRatio = 0.7, kMinErrors = 4, kMinCarried = 0.5;
 
 /// Of one frame: detections that points could carry, those that points do, and the sum of min(residual, limit) over the former.
@@ -150,13 +151,23 @@ void SetFigures(const std::vector<FrameFit>& fits, CauseTrial* trial) {
   trial->residual_px = sum.cost_px / offered;
 }
 
-/// By how many standard errors the cost falls, one sample a frame.
-double GainInErrors(const std::vector<FrameFit>& given, const std::vector<FrameFit>& tried) {
-  double sum = 0, squares = 0;
-  for (size_t f = 0; f < given.size(); ++f) sum += given[f].cost_px - tried[f].cost_px;
-  const double mean = sum / static_cast<double>(given.size());
-  for (size_t f = 0; f < given.size(); ++f) squares += std::pow(given[f].cost_px - tried[f].cost_px - mean, 2);
-  return squares > 0 ? sum / std::sqrt(squares) : sum > 0 ? 1e9 : 0;
+/// By how many standard errors the mean residual of a frame falls, with frames that are the same in both or others.
+double GainInErrors(const std::vector<FrameFit>& given, const std::vector<FrameFit>& tried, bool same_frames) {
+  const auto mean_and_variance = [](const std::vector<double>& values) {
+    double sum = 0, squares = 0;
+    for (const double value : values) sum += value;
+    const double count = static_cast<double>(values.size()), mean = sum / std::max(count, 1.0);
+    for (const double value : values) squares += (value - mean) * (value - mean);
+    return std::pair(mean, squares / std::max(count * (count - 1), 1.0));
+  };
+  std::vector<double> before, after, gain;
+  for (const FrameFit& fit : given) before.push_back(fit.cost_px / std::max(fit.offered, 1));
+  for (const FrameFit& fit : tried) after.push_back(fit.cost_px / std::max(fit.offered, 1));
+  for (size_t f = 0; same_frames && f < before.size(); ++f) gain.push_back(before[f] - after[f]);
+  const auto [mean_before, variance_before] = mean_and_variance(before);
+  const auto [mean_after, variance_after] = mean_and_variance(after);
+  const double variance = same_frames ? mean_and_variance(gain).second : variance_before + variance_after;
+  return variance > 0 ? (mean_before - mean_after) / std::sqrt(variance) : mean_before > mean_after ? 1e9 : 0;
 }
 
 /// The cameras with the most detections, in the rig's order.
@@ -235,31 +246,26 @@ std::map<Cause, size_t> BestOfEach(const std::vector<Assumption>& list, const Ju
   return best;
 }
 
-/// Adds the trial; `given` are the same frames without the assumption.
+/// Adds the trial; `given` are the frames without the assumption.
 void Try(const Assumption& assumption, const std::vector<FrameFit>& given, const Judge& judge, CauseReport* report) {
   const std::vector<FrameFit> tried = FitFrames(assumption.rig, assumption.frames, judge);
   CauseTrial& trial = report->trials.emplace_back(CauseTrial{assumption.cause, assumption.text, assumption.remedy});
   SetFigures(tried, &trial);
-  trial.clear = trial.carried >= kMinCarried && Sum(tried).cost_px <= kMaxRatio * Sum(given).cost_px &&
-                GainInErrors(given, tried) >= kMinErrors;
+  const bool same_frames = assumption.cause != Cause::kTimeOffset;
+  trial.clear = trial.carried >= kMinCarried && trial.residual_px <= kMaxRatio * report->as_given.residual_px &&
+                GainInErrors(given, tried, same_frames) >= kMinErrors;
 }
 
-/// Frames that are there only with or only without the offsets are left out.
-void TryOffsets(const Take& take, const Judge& judge, const RunContext& run, CauseReport* report) {
+/// Other offsets have other frames in common; the sample is drawn anew.
+void TryOffsets(const Take& take, const std::vector<FrameFit>& given, const Judge& judge, const RunContext& run,
+                CauseReport* report) {
   const std::vector<double> offsets = internal::OffsetsAskedFor(take.rig, take.frames, judge.options, run);
   if (offsets.empty()) return;
-  std::map<int, const DetectedFrame*> by_number;
-  for (const DetectedFrame& frame : take.frames) by_number[frame.frame] = &frame;
-  std::vector<DetectedFrame> before, after;
-  for (DetectedFrame& frame : Draw(ApplyOffsets(take.frames, offsets), judge).judge) {
-    const auto found = by_number.find(frame.frame);
-    if (found == by_number.end()) continue;
-    before.push_back(*found->second), after.push_back(std::move(frame));
-  }
-  if (after.empty()) return;
-  const Assumption assumption{Cause::kTimeOffset, internal::OffsetText(take.rig, offsets),
-                              "run `mvstudio sync` and give its result with --sync", take.rig, std::move(after)};
-  Try(assumption, FitFrames(take.rig, before, judge), judge, report);
+  std::vector<DetectedFrame> frames = Draw(ApplyOffsets(take.frames, offsets), judge).judge;
+  if (frames.size() < 2) return;
+  Try({Cause::kTimeOffset, internal::OffsetText(take.rig, offsets), "run `mvstudio sync` and give its result with --sync",
+       take.rig, std::move(frames)},
+      given, judge, report);
 }
 
 /// Of clear trials as good as the best, to kAlike, the one of the simplest cause comes first.
@@ -327,7 +333,7 @@ CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame
   const auto choosing = internal::Assumptions(take.rig, sample.choose, body.mirror);
   const auto judging = internal::Assumptions(take.rig, sample.judge, body.mirror);  // the same list over other frames
   for (const auto& [cause, i] : BestOfEach(choosing, judge, run)) Try(judging[i], given, judge, &report);
-  TryOffsets(take, judge, run, &report);
+  TryOffsets(take, given, judge, run, &report);
   std::stable_sort(report.trials.begin(), report.trials.end(),
                    [](const CauseTrial& a, const CauseTrial& b) { return a.residual_px < b.residual_px; });
   PreferSimpler(&report.trials);

@@ -51,7 +51,7 @@ struct CauseTrial {
 
 struct CauseReport {
   CauseTrial as_given;
-  /// The best of each cause, smallest residual first; of clear ones within 10 % of the smallest, the first cause of the list
+  /// The best of each cause, smallest residual first; of clear ones within 3 % of the smallest, the first cause of the list
   /// above leads.
   std::vector<CauseTrial> trials;
   /// One line with figures when the first trial is clear; else empty.

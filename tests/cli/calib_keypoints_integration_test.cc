@@ -89,7 +89,7 @@ TEST(CalibKeypoints, ALostTakeNamesItsCause) {
       word.replace(0, 6, "cam_01");
     }
   }
-  const CliRun run = RunCli(words);
+  const CliRun run = RunCli(words + Words{"--keypoint-frames", "12", "--keypoint-folds", "2", "--no-keypoint-lenses"});
   EXPECT_TRUE(run.exit == 4 || run.exit == 5) << run.out;
   EXPECT_THAT(run.out, HasSubstr("CAL-CAUSE"));
   EXPECT_THAT(run.out, HasSubstr("the detections of cam_01 and cam_03 exchanged"));

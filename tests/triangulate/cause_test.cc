@@ -115,7 +115,7 @@ TEST(Cause, DistortionThatThePicturesDoNotHave) {
 
 TEST(Cause, TermsInAnotherOrder) {
   geometry::Rig rig = MakeStudio();
-  for (geometry::RigCamera& camera : rig.cameras) camera.camera.params[8] = 0.4;
+  for (geometry::RigCamera& camera : rig.cameras) camera.camera.params.tail<5>() << -0.45, 0.25, 1e-3, -5e-4, 0.3;
   geometry::Rig read = rig;
   for (geometry::RigCamera& camera : read.cameras) {
     Eigen::VectorXd& p = camera.camera.params;
