@@ -189,12 +189,14 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
 
 using HeldLenses = std::vector<std::optional<Eigen::MatrixXd>>;
 
-/// Covariances of the lenses that were given, per lens of the problem.
+/// Covariances of the lenses that were given, per lens of the problem. Those of splined lenses, with their hundreds of numbers, are
+/// not carried and so count as unknown.
 HeldLenses HeldLensesOf(const SceneAdjustment& work, const ColmapScene& scene, const std::vector<SceneImage>& images) {
   HeldLenses held(work.scene.lenses.size());
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
     for (const SceneImage& image : images) {
-      const bool fits = image.lens_covariance && image.lens_covariance->rows() == image.lens.params.size();
+      const bool fits = image.lens_covariance && image.lens_covariance->rows() == image.lens.params.size() &&
+                        image.lens.params.size() <= kMaxLensDirections;
       if (image.camera == scene.rig.cameras[c].camera.name && image.lens_known && fits)
         held[static_cast<size_t>(work.scene.lens_of_camera[c])] = image.lens_covariance;
     }

@@ -261,7 +261,8 @@ PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std
                                               const std::vector<std::optional<Eigen::MatrixXd>>& held_lens) {
   PointBundleOptions freed = options;
   if (freed.distance) freed.distance->sigma /= sigma_px;  // a length: sigma_px^2 below is not meant for it
-  freed.lens_directions.resize(scene.lenses.size());
+  for (size_t l = freed.lens_directions.size(); l < scene.lenses.size(); ++l)
+    freed.lens_directions.push_back(FixedLens(scene.lenses[l]));
   for (size_t l = 0; l < held_lens.size(); ++l) {
     if (held_lens[l]) freed.lens_directions[l] = AllDirections(scene.lenses[l]);
   }

@@ -36,6 +36,9 @@ struct KnownDistance {
   double distance = 0, sigma = 0;  ///< in the unit of the scene; the sigma is at least 1e-6 of the distance
 };
 
+/// Directions that one lens may have.
+inline constexpr int kMaxLensDirections = 32;
+
 struct PointBundleOptions {
   std::vector<Eigen::MatrixXd>
       lens_directions;                      ///< per lens (P, K): the directions in which its parameters may move; empty: none
@@ -83,7 +86,8 @@ struct PointBundleCovariance {
 
 /// Covariances at a solution, times sigma_px^2: the inverse of the normal equations with the points eliminated. The frame and
 /// the scale must be held: by fixed points, or by a fixed camera and a known distance. `held_lens`, per lens: the covariance (P, P)
-/// of a lens that `options` hold; it goes on into the poses. Empty, or nothing for a lens: it counts as exact.
+/// of a lens of up to kMaxLensDirections parameters that `options` hold; it goes on into the poses. Empty, or nothing for a lens: it
+/// counts as exact.
 PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std::vector<PointObservation>& observations,
                                               const PointBundleOptions& options, double sigma_px,
                                               const std::vector<std::optional<Eigen::MatrixXd>>& held_lens = {});

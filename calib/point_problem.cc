@@ -47,7 +47,7 @@ PointProblem::PointProblem(const PointScene& scene, const std::vector<PointObser
   for (size_t l = 0; l < scene.lenses.size(); ++l) {
     const Eigen::Index params = scene.lenses[l].params.size();
     directions_.push_back(l < options.lens_directions.size() ? options.lens_directions[l] : Eigen::MatrixXd(params, 0));
-    MVS_CHECK(directions_[l].rows() == params && directions_[l].cols() <= 32, "directions of lens " << l);
+    MVS_CHECK(directions_[l].rows() == params && directions_[l].cols() <= kMaxLensDirections, "directions of lens " << l);
   }
   PlaceUnknowns();
   CollectTerms();

@@ -24,8 +24,8 @@ geometry::Rig MakeGiven(const testing::Scene& scene) {
   Eigen::MatrixXd root(n, n);
   for (Eigen::Index i = 0; i < root.size(); ++i) root.data()[i] = 0.3 * rng.Normal();
   root.diagonal().array() += 1;
-  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(n, 2e-4);
-  for (size_t c = 0; c < rig.cameras.size(); ++c) sigma.segment(stated.begin[c], p).head<4>().setConstant(0.1);
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(n, 6e-5);  // small enough not to count as motions
+  for (size_t c = 0; c < rig.cameras.size(); ++c) sigma.segment(stated.begin[c], p).head<4>().setConstant(0.03);
   root = sigma.asDiagonal() * root;
   stated.joint = root * root.transpose(), stated.correlated = true;
   stated.lens_known.assign(rig.cameras.size(), true), stated.pose_known = stated.lens_known;

@@ -86,7 +86,7 @@ TEST(StatedCovariance, OneMissingBlockLeavesTheOthers) {
     EXPECT_TRUE(stated.lens_known[1]);
     EXPECT_FALSE(stated.pose_known[1]);
     EXPECT_FALSE(stated.Knows(1));
-    EXPECT_EQ((stated.joint.topRightCorner(14, 10)), (whole.topRightCorner(14, 10)));
+    EXPECT_LT((stated.joint.topRightCorner(14, 10) - whole.topRightCorner(14, 10)).norm(), 1e-15);
     EXPECT_EQ((stated.joint.middleRows<6>(14).norm()), 0);
     EXPECT_EQ((stated.joint.middleCols<6>(14).norm()), 0);
   }
