@@ -13,6 +13,7 @@
 #include "calib/camera_motion.h"
 #include "calib/motion_kind.h"
 #include "calib/mrcal_engine.h"
+#include "calib/omitted_terms.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
 #include "calib/view_clusters.h"
@@ -240,10 +241,20 @@ void DiscountHeldBoards(Work* work, CalibrateReport* report) {
   }
 }
 
+/// The solution as its uncertainty is counted: lenses that were chosen might have the terms that they were spared.
+WithOmitted Considered(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, double sigma_px) {
+  std::vector<bool> chosen;
+  for (size_t c = 0; c < work.state.cameras.size(); ++c)
+    chosen.push_back(internal::MaySimplify(input, options, work, static_cast<int>(c)));
+  return AddOmittedTerms(work.state, work.bundle, chosen, sigma_px);
+}
+
 /// `culprits` receives the cameras whose lenses the boards do not determine.
-void AddCovariance(const CalibrateInput& input, const Work& work, CalibrateReport* report, std::vector<int>* culprits) {
+void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, CalibrateReport* report,
+                   std::vector<int>* culprits) {
   const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
-  const RigCovariance covariance = ComputeCovariance(work.evidence, work.state, work.bundle, report->sigma_px, held);
+  const WithOmitted considered = Considered(input, options, work, report->sigma_px);
+  const RigCovariance covariance = ComputeCovariance(work.evidence, considered.state, considered.options, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
     *culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
@@ -288,7 +299,8 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   }
   if (report->status != Status::kOk) return;
   const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
-  const ProjectionUncertainty uncertainty(work.evidence, work.state, work.bundle, report->sigma_px, held);
+  const WithOmitted considered = Considered(input, options, work, report->sigma_px);
+  const ProjectionUncertainty uncertainty(work.evidence, considered.state, considered.options, report->sigma_px, held);
   report->uncertainty = uncertainty.Summarize();
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
@@ -346,7 +358,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
-  AddCovariance(input, *work, report, culprits);
+  AddCovariance(input, options, *work, report, culprits);
   if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }
