@@ -8,7 +8,7 @@ namespace {
 
 using geometry::LensModel;
 
-constexpr double kDecentring = 6e-4, kSecondTerm = 0.1, kThirdTerm = 0.06;
+constexpr double kDecentring = 6e-4, kSecondTerm = 0.1;
 
 struct Extension {
   LensModel model;
@@ -21,7 +21,6 @@ std::optional<Extension> ExtensionOf(LensModel model) {
     case LensModel::kPinhole: return Extension{LensModel::kPinholeP, {kDecentring, kDecentring}};
     case LensModel::kBrown1: return Extension{LensModel::kBrown4, {kSecondTerm, kDecentring, kDecentring}};
     case LensModel::kBrown2: return Extension{LensModel::kBrown4, {kDecentring, kDecentring}};
-    case LensModel::kBrown4: return Extension{LensModel::kBrown5, {kThirdTerm}};
     case LensModel::kKannalaBrandt4: return Extension{LensModel::kKannalaBrandt4P, {kDecentring, kDecentring}};
     case LensModel::kUcm: return Extension{LensModel::kUcmP, {kDecentring, kDecentring}};
     case LensModel::kEucm: return Extension{LensModel::kEucmP, {kDecentring, kDecentring}};

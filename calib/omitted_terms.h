@@ -12,9 +12,9 @@ struct WithOmitted {
   BundleOptions options;  ///< with what is known of the added terms as a prior
 };
 
-/// For the lenses of `chosen` cameras, whose models were chosen for their simplicity: decentring is known to 6e-4, k2 to 0.1, k3
-/// to 0.06 (standard deviations; about what 68 % of the 520 calibrated cameras of CMU's Panoptic Studio have at most). Lenses of
-/// five terms and more, and splined ones, stay. `sigma_px` is that of a corner of weight 1. Covariances at the result are those of
+/// For the lenses of `chosen` cameras, whose models were chosen for their simplicity: decentring is known to 6e-4 and k2 to 0.1
+/// (standard deviations; about what 68 % of the 520 calibrated cameras of CMU's Panoptic Studio have at most). Lenses of four terms
+/// with decentring and more, and splined ones, stay. `sigma_px` is that of a corner of weight 1. Covariances at the result are those of
 /// "consider parameters" (Schmidt, 1966) as far as the prior holds, and those of the richer lens where the boards know better.
 WithOmitted AddOmittedTerms(const RigState& state, const BundleOptions& options, const std::vector<bool>& chosen, double sigma_px);
 

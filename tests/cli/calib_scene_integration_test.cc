@@ -154,7 +154,8 @@ TEST_F(ScenePoints, AWrongClickIsNamed) {
       RunCli({"calibrate", "--start", WriteLenses(), "--scene-points", Write(folder_ / "clicks.csv", marks.clicks),
               "--scene-points", Write(folder_ / "places.csv", marks.places), "--out", folder_ / "calib", "--json"});
   ASSERT_EQ(run.exit, 0) << run.out;
-  ASSERT_EQ(run.Json()["warnings"].size(), 1u) << run.out;
+  ASSERT_EQ(run.Json()["warnings"].size(), 2u) << run.out;
+  EXPECT_EQ(run.Json()["warnings"][1]["code"], "CAL-COVARIANCE-MISSING") << "the given lenses state none";
   EXPECT_EQ(run.Json()["warnings"][0]["code"], "CAL-CLICK");
   EXPECT_THAT(run.Json()["warnings"][0]["text"].get<std::string>(), HasSubstr("camera cam1: point mark4"));
   EXPECT_EQ(run.Json()["metrics"]["cameras"][1]["num_used"], 9);

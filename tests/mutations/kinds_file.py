@@ -142,12 +142,14 @@ def file_twice(rng):
     return edited(rng, edit, "csv")
 
 
-@kind("file", [r"0, 0", r"zero", r"pixel", r"CAL-REJECTED", r"CAL-GROSS", r"same place"])
+@kind("file", [r"0, 0", r"zero", r"pixel", r"CAL-REJECTED", r"CAL-GROSS", r"same place", r"not found"])
 def file_zeros(rng):
     """Corners that were not found stand as 0 0."""
     rec = make(rng, partial=True, frames=40)
-    for px in rec.corners.values():
+    rec.judged = {}
+    for key, px in rec.corners.items():
         lost = ~np.isfinite(px[:, 0]) | (rng.uniform(size=len(px)) < 0.03)
+        rec.judged[key] = np.where(lost[:, None], np.nan, px)
         px[lost] = 0
     return rec
 
