@@ -368,20 +368,20 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
 void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
               CalibrateReport* report) {
   constexpr int kMaxAttempts = 30;
-  std::optional<CalibrateReport> first;
+  std::optional<std::pair<Work, CalibrateReport>> first;  // failure
   for (int i = 0; i < kMaxAttempts; ++i) {
-    Work trial = *work;
-    CalibrateReport result = *report;
+    std::pair<Work, CalibrateReport> trial(*work, *report);
     std::vector<int> culprits;
-    Attempt(input, options, world, run, &trial, &result, &culprits);
-    const bool solved = result.status == Status::kOk;
-    if (!solved && !first) first = result;
-    if (!solved && internal::SimplifyLenses(input, options, culprits, result.message, work, report)) continue;
-    *report = solved ? result : *first;
-    *work = std::move(trial);
-    return;
+    Attempt(input, options, world, run, &trial.first, &trial.second, &culprits);
+    if (trial.second.status == Status::kOk) {
+      std::tie(*work, *report) = std::move(trial);
+      return;
+    }
+    const std::string why = trial.second.message;
+    if (!first) first = std::move(trial);
+    if (!internal::SimplifyLenses(input, options, culprits, why, work, report)) break;
   }
-  *report = *first;
+  std::tie(*work, *report) = std::move(*first);
 }
 
 /// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution.
