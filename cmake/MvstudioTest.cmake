@@ -12,12 +12,26 @@ elseif(MVSTUDIO_SANITIZE MATCHES thread)
     "TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/cmake/sanitizers/tsan.txt:die_after_fork=0:second_deadlock_stack=1")
 endif()
 
+function(mvstudio_test_target target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # a third less to compile; what is tested keeps its own flags
+  target_link_libraries(${target} PRIVATE ${ARGN} mvstudio_test_support GTest::gmock GTest::gtest_main mvstudio_warnings)
+endfunction()
+
 # mvstudio_add_tests(MODULE DEPS...): one program and one ctest entry MODULE/unit for every MODULE/*_test.cc of the current folder.
 # A file ending in _slow_test.cc gets the label `slow`, _integration_test.cc `integration`, any other `unit`.
 function(mvstudio_add_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${module}/*_test.cc)
   if(NOT MVSTUDIO_AVATAR)
     list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|metrics|models|pose2d)_[a-z_0-9]*\\.cc$")  # commands that need libtorch
+  endif()
+  # One precompiled header for the tests of a module: they are compiled with the same flags.
+  set(pch test_${module}_pch)
+  add_library(${pch} STATIC ${CMAKE_SOURCE_DIR}/cmake/empty.cc)
+  mvstudio_test_target(${pch} ${ARGN})
+  if(module MATCHES "^(core|metrics|report|cli)$")
+    target_precompile_headers(${pch} PRIVATE ${CMAKE_SOURCE_DIR}/cmake/pch_test.h)
+  else()
+    target_precompile_headers(${pch} PRIVATE ${CMAKE_SOURCE_DIR}/cmake/pch_test_eigen.h)
   endif()
   foreach(source ${sources})
     get_filename_component(unit ${source} NAME_WE)
@@ -34,8 +48,8 @@ function(mvstudio_add_tests module)
     math(EXPR timeout "${timeout} * ${MVSTUDIO_TEST_PATIENCE}")
     string(REPLACE "/" "_" target "test_${module}_${unit}")
     add_executable(${target} ${source})
-    target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # a third less to compile; what is tested keeps its own flags
-    target_link_libraries(${target} PRIVATE ${ARGN} mvstudio_test_support GTest::gmock GTest::gtest_main mvstudio_warnings)
+    mvstudio_test_target(${target} ${ARGN})
+    target_precompile_headers(${target} REUSE_FROM ${pch})
     set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
     add_test(NAME ${module}/${unit} COMMAND ${target})
     set_tests_properties(${module}/${unit} PROPERTIES LABELS ${label} TIMEOUT ${timeout} ENVIRONMENT "${MVSTUDIO_TEST_ENVIRONMENT}")
