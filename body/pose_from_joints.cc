@@ -1,5 +1,4 @@
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -7,6 +6,7 @@
 #include "body/body_template.h"
 #include "core/check.h"
 #include "core/median.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::body {
 namespace {
@@ -185,10 +185,7 @@ class Poser {
     const double weight = count >= 3 ? 1e-9 : 0.05;
     correlation += weight * correlation.norm() * prior.toRotationMatrix();
     if (!(correlation.norm() > 1e-12)) return std::nullopt;
-    const Eigen::JacobiSVD<Matrix3d> svd(correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Matrix3d fix = Matrix3d::Identity();
-    fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-    return Quaterniond(Matrix3d(svd.matrixU() * fix * svd.matrixV().transpose()));
+    return Quaterniond(geometry::ProcrustesRotation(correlation));
   }
 
   void Head() {

@@ -19,6 +19,7 @@ struct Gauge {
 struct LensPrior {
   Eigen::VectorXd mean;    ///< (P), units of Camera::params
   Eigen::VectorXd weight;  ///< (P), px^2 over those units squared: (sigma of a corner of weight 1 / sigma of the parameter)^2
+  int num_omitted = 0;     ///< the last ones are at zero because the lens was chosen without them (omitted_terms.h)
 };
 
 struct BundleOptions {

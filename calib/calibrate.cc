@@ -334,6 +334,7 @@ std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& optio
 void AddReadout(const Work& work, CalibrateReport* report) {
   const std::vector<Readout> readouts = EstimateReadout(work.views, work.state, report->sigma_px);
   for (size_t c = 0; c < readouts.size(); ++c) report->cameras[c].readout = readouts[c];
+  report->bending = EstimateBending(work.views, work.state, report->sigma_px);
 }
 
 /// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras whose
@@ -521,6 +522,8 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   RestoreOrder(order, &report);
   if (report.status != Status::kOk && !report.numbering.empty())
     report.message = ToString(report.numbering[0]) + "; " + report.message;
+  report.layout = FindLayoutFault(input.boards, input.detections);
+  if (report.status != Status::kOk && report.layout) report.message = ToString(*report.layout) + "; " + report.message;
   report.verdict = Judge(report);
   return report;
 }

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "calib/bending.h"
 #include "calib/board.h"
+#include "calib/board_layout.h"
 #include "calib/board_metrics.h"
 #include "calib/bundle.h"
 #include "calib/detection.h"
@@ -103,6 +105,7 @@ struct CameraReport {
   std::string shares_lens_with;                      ///< names, separated by ", "
   double time_offset_frames = 0;
   Readout readout;                                   ///< rolling shutter
+  double outside_fraction = 0;  ///< of its corners, outside the image's size as told
   double coverage = 0;                               ///< share of the cells of a 10 x 8 grid over the image that hold a corner
   double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
   bool covers_image = true;                          ///< all image corners lie within the valid radius
@@ -165,6 +168,8 @@ struct CalibrateReport {
   double rig_holdout_gross_fraction = 0;  ///< of their corners, beyond 5 px or of boards that could not be placed; NaN without
   std::vector<CameraMotion> motions;
   std::vector<NumberingFault> numbering;
+  std::optional<LayoutFault> layout;
+  BoardBending bending;
   UncertaintySummary uncertainty;
   std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;

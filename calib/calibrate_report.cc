@@ -29,6 +29,18 @@ double Coverage(const std::vector<View>& views, int camera_idx, const CameraInpu
   return static_cast<double>(cells.size()) / (kCols * kRows);
 }
 
+double OutsideFraction(const std::vector<View>& views, int camera_idx, const CameraInput& camera) {
+  int outside = 0, all = 0;
+  for (const View& view : views) {
+    if (view.camera_idx != camera_idx) continue;
+    for (Eigen::Index i = 0; i < view.size(); ++i, ++all) {
+      const Eigen::Vector2d px = view.px.col(i);
+      outside += px.minCoeff() < -0.5 || px.x() > camera.width_px - 0.5 || px.y() > camera.height_px - 0.5;
+    }
+  }
+  return static_cast<double>(outside) / std::max(1, all);
+}
+
 bool CoversImage(const geometry::Projector& projector) {
   const geometry::Camera& camera = projector.camera();
   for (double u : {0.0, camera.width_px - 1.0}) {
@@ -83,6 +95,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     camera.num_params = static_cast<int>(lens.params.size());
     camera.focal_px = (lens.fx() + lens.fy()) / 2;
     camera.coverage = Coverage(work.views, static_cast<int>(c), input.cameras[c]);
+    camera.outside_fraction = OutsideFraction(work.views, static_cast<int>(c), input.cameras[c]);
     camera.valid_radius = projector.valid_radius();
     camera.covers_image = CoversImage(projector);
     if (!std::isfinite(camera.holdout_rms_px)) continue;

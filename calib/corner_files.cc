@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/files.h"
 #include "core/utf8.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::calib {
 namespace internal {
@@ -272,7 +273,7 @@ int ViewOrientation(const Board& board, const Detection& detection) {
   const Eigen::Matrix2Xd xy = x.topRows<2>(), px = detection.points_px.colwise() - detection.points_px.rowwise().mean();
   if (x.row(2).cwiseAbs().maxCoeff() > 1e-3 * xy.cwiseAbs().maxCoeff()) return 0;
   const auto thin = [](const Eigen::Matrix2Xd& p) {
-    const Eigen::Vector2d s = p.jacobiSvd().singularValues();
+    const Eigen::Vector2d s = geometry::SingularValues(p);
     return !(s[1] > 1e-3 * s[0]);
   };
   if (thin(xy) || thin(px)) return 0;

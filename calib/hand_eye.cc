@@ -12,6 +12,7 @@
 #include "calib/homography.h"
 #include "core/random.h"
 #include "geometry/cross_matrix.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -53,17 +54,14 @@ std::vector<Motion> Motions(const std::vector<HandEyePair>& pairs) {
 double AxisSpread(const std::vector<Motion>& motions) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Motion& motion : motions) scatter += motion.turn_a * motion.turn_a.transpose();
-  const Eigen::Vector3d size = Eigen::JacobiSVD<Eigen::Matrix3d>(scatter).singularValues();
+  const Eigen::Vector3d size = geometry::SingularValues(scatter);
   return std::sqrt(size[1] / static_cast<double>(std::max<size_t>(1, motions.size())));
 }
 
 Eigen::Quaterniond MeanRotation(const std::vector<Rigid3>& poses) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (const Rigid3& pose : poses) sum += pose.rotation.toRotationMatrix();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  return Eigen::Quaterniond(
-      Eigen::Matrix3d(svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose()));
+  return Eigen::Quaterniond(geometry::ProcrustesRotation(sum));
 }
 
 /// Park and Martin; q_from_p is the mean over the pairs.
@@ -72,9 +70,7 @@ std::optional<Solution> ClosedForm(const std::vector<HandEyePair>& pairs, const 
   if (AxisSpread(motions) < min_spread) return std::nullopt;
   Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
   for (const Motion& motion : motions) cross += motion.turn_a * motion.turn_b.transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  const Eigen::Matrix3d rotation = svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+  const Eigen::Matrix3d rotation = geometry::ProcrustesRotation(cross);
   Eigen::MatrixXd left(3 * motions.size(), 3);
   Eigen::VectorXd right(3 * motions.size());
   for (size_t m = 0; m < motions.size(); ++m) {

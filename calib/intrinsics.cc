@@ -23,6 +23,8 @@ constexpr int kMaxStartViews = 16;
 constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};            // horizontal fields of view of fisheye starts
 constexpr double kFlatDeg = 10;      // boards tilted less than this count as parallel to the image
+constexpr double kCap = 5e-3, kGoodSolution = 5e-4;  // of the image width
+constexpr double kLongestOther = 5;  // of the image width: longer lenses hardly have a distortion that misleads
 constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.
@@ -105,6 +107,36 @@ double MedianError(const MonoSolution& solution) {
   }
   return UpperMedian(errors, std::numeric_limits<double>::infinity());
 }
+
+bool Usable(const MonoSolution& solution) {
+  return solution.status == Status::kOk || solution.status == Status::kNotConverged;
+}
+
+/// Boards without a corner that counts.
+int NumLost(const MonoSolution& solution) {
+  int lost = 0;
+  for (const View& view : solution.views) lost += !(view.weights.array() > 0).any();
+  return lost;
+}
+
+/// Mean squared error of all corners, errors above half a percent of the image and boards without a pose counting as that much.
+double MeanCappedSquare(const MonoSolution& solution) {
+  if (solution.views.empty() || !Usable(solution)) return std::numeric_limits<double>::infinity();
+  const Camera& camera = solution.state.cameras[0];
+  const double cap = kCap * std::max(camera.width_px, camera.height_px);
+  const auto residuals = BundleResiduals(solution.views, solution.state);
+  double sum = 0;
+  Eigen::Index count = 0;
+  for (size_t v = 0; v < residuals.size(); ++v) {
+    const bool posed = (solution.views[v].weights.array() > 0).any();
+    for (Eigen::Index i = 0; i < residuals[v].cols(); ++i, ++count)
+      sum += posed ? std::pow(std::fmin(cap, residuals[v].col(i).norm()), 2) : cap * cap;
+  }
+  return sum / static_cast<double>(std::max<Eigen::Index>(1, count));
+}
+
+/// Median error above which a solution may be a false minimum.
+double GoodError(const Camera& camera) { return std::max(1.0, kGoodSolution * std::max(camera.width_px, camera.height_px)); }
 
 MonoSolution Undetermined(const std::string& name, size_t num_boards) {
   return Failed(Status::kDegenerate, "camera " + name + ": its " + std::to_string(num_boards) +
@@ -234,6 +266,51 @@ std::vector<Camera> StartsFor(const Camera& camera, LensModel model, const geome
   return starts;
 }
 
+/// All boards posed by `lens`, then adjusted under `model`.
+MonoSolution SolvePosed(const Camera& lens, LensModel model, const geometry::SplineGrid& spline, const std::vector<View>& views,
+                        const std::vector<View>& screened, const BundleOptions& options) {
+  MonoSolution posed = StartFrom(lens, screened);
+  if (posed.status != Status::kOk) return Failed(Status::kDegenerate, "no board pose found");
+  for (size_t v = 0; v < views.size(); ++v) {
+    posed.prior[v] = views[v].weights;
+    if ((posed.views[v].weights.array() > 0).any()) posed.views[v].weights = views[v].weights;
+  }
+  MonoSolution solution;
+  for (const Camera& start : StartsFor(lens, model, spline)) {
+    MonoSolution trial = posed;
+    trial.state.cameras[0] = start;
+    Solve(options, &trial);
+    if (solution.views.empty() || (Usable(trial) && MedianError(trial) < MedianError(solution))) solution = std::move(trial);
+  }
+  return solution;
+}
+
+/// The same; then all boards are posed again by the solved lens while that helps: an early lens may have taken the wrong one of a
+/// plane's two orientations, and rejected the board for it.
+MonoSolution SolveFrom(const Camera& lens, LensModel model, const geometry::SplineGrid& spline, const std::vector<View>& views,
+                       const std::vector<View>& screened, const BundleOptions& options) {
+  constexpr int kRounds = 4;
+  constexpr double kWorthIt = 0.99;
+  MonoSolution solution = SolvePosed(lens, model, spline, views, screened, options);
+  for (int round = 0; round < kRounds && Usable(solution) && NumLost(solution) > 0; ++round) {
+    MonoSolution again = SolvePosed(solution.state.cameras[0], model, spline, views, screened, options);
+    if (!Usable(again) || !(MeanCappedSquare(again) < kWorthIt * MeanCappedSquare(solution))) break;
+    solution = std::move(again);
+  }
+  return solution;
+}
+
+/// Perspective starts far from one that led to a poor solution.
+std::vector<Camera> OtherStarts(const Camera& camera) {
+  std::vector<Camera> starts;
+  const double size = std::max(camera.width_px, camera.height_px);
+  for (double factor : kStartFocals) {
+    if (geometry::IsWide(camera.model) || factor > kLongestOther) break;
+    starts.push_back(WithModel(geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, factor * size), LensModel::kBrown1, {}));
+  }
+  return starts;
+}
+
 }  // namespace
 
 double LargestAngle(const Camera& camera, const std::vector<View>& views) {
@@ -278,20 +355,17 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   }
   const bool wide = geometry::IsWide(start.camera.model);
   const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
-  MonoSolution posed = StartFrom(start.camera, screened);
-  if (posed.status != Status::kOk) return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
-  for (size_t v = 0; v < views.size(); ++v) {
-    posed.prior[v] = views[v].weights;
-    if ((posed.views[v].weights.array() > 0).any()) posed.views[v].weights = views[v].weights;
+  const geometry::SplineGrid spline = keep_model ? camera.spline : geometry::SplineGrid();
+  MonoSolution solution = SolveFrom(start.camera, model, spline, views, screened, options);
+  if (!(MedianError(solution) < GoodError(camera))) {
+    for (const Camera& other : OtherStarts(start.camera)) {
+      const MonoSolution trial = SolveFrom(other, model, spline, views, screened, options);
+      if (MeanCappedSquare(trial) < MeanCappedSquare(solution)) solution = trial;
+      if (MedianError(solution) < GoodError(camera)) break;
+    }
   }
-  MonoSolution solution;
-  for (const Camera& lens : StartsFor(start.camera, model, keep_model ? camera.spline : geometry::SplineGrid())) {
-    MonoSolution trial = posed;
-    trial.state.cameras[0] = lens;
-    Solve(options, &trial);
-    const bool solved = trial.status == Status::kOk || trial.status == Status::kNotConverged;
-    if (solution.views.empty() || (solved && MedianError(trial) < MedianError(solution))) solution = std::move(trial);
-  }
+  if (solution.status == Status::kDegenerate && solution.views.empty())
+    return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   const auto evidence = FocalEvidence(solution);
   if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {

@@ -1,8 +1,8 @@
-#include <Eigen/SVD>
 #include <cmath>
 
 #include "calib/keypoint_bundle.h"
 #include "geometry/alignment.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -34,7 +34,7 @@ bool CentresHoldFrame(const geometry::Rig& rig) {
   if (centres.cols() < 3) return false;
   const Eigen::Vector3d mean = centres.rowwise().mean();
   const Eigen::MatrixXd centred = (centres.colwise() - mean).transpose();
-  const Eigen::VectorXd sizes = Eigen::JacobiSVD<Eigen::MatrixXd>(centred).singularValues();
+  const Eigen::VectorXd sizes = geometry::SingularValues(centred);
   constexpr double kThinnest = 0.05;  // of the longest extent
   return sizes[1] > kThinnest * sizes[0];
 }

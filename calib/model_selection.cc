@@ -141,6 +141,15 @@ int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* r
   return best;
 }
 
+/// The same for clusters of views, which are what is independent of each other, as the observations; Akaike's cost at least. Cameras
+/// with lenses of their own have their own views alone.
+double ClusterCost(const LensCandidate& candidate) {
+  const std::vector<int> clusters = ClustersOfCameras(candidate.fit);
+  const double cameras = static_cast<double>(clusters.size());
+  const double each = candidate.config.shared ? CountClusters(candidate.fit.cluster) : std::accumulate(clusters.begin(), clusters.end(), 0) / cameras;
+  return NumLensParams(candidate.config, static_cast<int>(clusters.size())) * std::max(2.0, std::log(each));
+}
+
 /// Does `richer` explain the boards better than `simpler` by more than its numbers cost, and not on a board or two alone?
 /// Held-out errors hardly see a term that acts where few boards are, or that the boards' poses make up for.
 std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
@@ -148,7 +157,7 @@ std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCan
   if (a.size() != b.size()) return std::nullopt;
   double gain = 0, squares = 0;
   for (size_t i = 0; i < a.size(); ++i) gain += a[i] - b[i], squares += (a[i] - b[i]) * (a[i] - b[i]);
-  const double net = gain - (SchwarzCost(richer) - SchwarzCost(simpler));
+  const double net = gain - (ClusterCost(richer) - ClusterCost(simpler));
   return net > 0 && gain > kLikely * std::sqrt(squares) ? std::optional<double>(net) : std::nullopt;
 }
 

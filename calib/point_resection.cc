@@ -10,6 +10,7 @@
 #include "calib/point_resection_internal.h"
 #include "core/check.h"
 #include "geometry/cross_matrix.h"
+#include "geometry/decompositions.h"
 #include "geometry/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -191,7 +192,7 @@ Eigen::Vector3d Extents(const ResectionProblem& problem, const std::vector<bool>
   for (size_t i = 0; i < points.size(); ++i) x.col(static_cast<Eigen::Index>(i)) = problem.x_in_world.col(points[i]);
   x.colwise() -= Eigen::Vector3d(x.rowwise().mean());
   Eigen::Vector3d extents = Eigen::Vector3d::Zero();
-  const Eigen::VectorXd values = x.jacobiSvd().singularValues();
+  const Eigen::VectorXd values = geometry::SingularValues(x);
   extents.head(values.size()) = values;
   return extents;
 }
@@ -269,7 +270,7 @@ bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used
   const Eigen::Matrix3d world_r_rig = problem.rig_from_world.rotation.toRotationMatrix().transpose();
   j << -world_r_rig * geometry::CrossMatrix(problem.rig_from_world.translation), -world_r_rig;
   const Eigen::Matrix3d centre = j * out.covariance * j.transpose();
-  const double worst = std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(centre).eigenvalues()[2]));
+  const double worst = std::sqrt(std::max(0.0, geometry::SymmetricEigenvalues(centre)[2]));
   return out.covariance.allFinite() && worst <= 0.25 * nearest;
 }
 

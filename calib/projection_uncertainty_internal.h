@@ -42,7 +42,7 @@ struct ProjectionUncertainty::Prepared {
   std::vector<Eigen::Index> estimated;   // (n) columns; the others were held
   Eigen::VectorXd scale;                 // (n) of the unit diagonal
   Eigen::LLT<Eigen::MatrixXd> factor;    // of the scaled reduced matrix of the estimated columns
-  Eigen::MatrixXd carried;               // (columns.total, k) root of the covariance that the held columns bring
+  Eigen::MatrixXd carried;               // (columns.total, k) root of the covariance that held columns and omitted terms bring
   std::vector<int> component_of_camera;  // -1: no corners
   std::vector<internal::Component> components;
   std::vector<geometry::Projector> projectors;
@@ -52,6 +52,7 @@ struct ProjectionUncertainty::Prepared {
   std::vector<int> LinkFrames(const std::vector<View>& views);
   void Fill(const std::vector<View>& views, const BundleOptions& options, const HeldCovariance& held);
   void Carry(const Eigen::MatrixXd& normal, const FreedProblem& freed);
+  void CarryOmitted(const Eigen::VectorXd& gradient, const BundleOptions& options);
   Eigen::MatrixXd Whitened(const Eigen::MatrixXd& by_global) const;
   void AddBoards(const SchurSystem& system, const std::vector<int>& frames, const std::vector<int>& component_of_frame,
                  int gauge_frame);

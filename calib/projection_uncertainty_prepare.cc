@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "calib/omitted_terms.h"
 #include "calib/projection_uncertainty_internal.h"
 #include "core/check.h"
 #include "core/median.h"
@@ -121,14 +122,34 @@ void ProjectionUncertainty::Prepared::NotePlaces(const std::vector<View>& views)
 
 /// With S = Q Q^T of the held columns, theirs and the estimated ones' common errors have the root [-H_xx^-1 H_xy; I] Q.
 void ProjectionUncertainty::Prepared::Carry(const Eigen::MatrixXd& normal, const FreedProblem& freed) {
-  carried = Eigen::MatrixXd::Zero(columns.total, static_cast<Index>(freed.held.size()));
-  if (freed.held.empty()) return;
+  const Index held = static_cast<Index>(freed.held.size());
+  carried.conservativeResize(columns.total, carried.cols() + held);
+  carried.rightCols(held).setZero();
+  if (held == 0) return;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(freed.covariance);
   const Eigen::MatrixXd root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
-  carried(freed.held, Eigen::all) = root;
+  auto block = carried.rightCols(held);
+  block(freed.held, Eigen::all) = root;
   if (estimated.empty()) return;
   const Eigen::MatrixXd right = scale.asDiagonal() * normal(freed.estimated, freed.held);
-  carried(freed.estimated, Eigen::all) = -(scale.asDiagonal() * factor.solve(right)) * root;
+  block(freed.estimated, Eigen::all) = -(scale.asDiagonal() * factor.solve(right)) * root;
+}
+
+/// The shift by terms that lenses were spared is one more root.
+void ProjectionUncertainty::Prepared::CarryOmitted(const Eigen::VectorXd& gradient, const BundleOptions& options) {
+  carried = Eigen::MatrixXd::Zero(columns.total, 0);
+  std::vector<Index> rows;  // among the estimated columns
+  for (const Index column : OmittedColumns(columns, options)) {
+    const auto found = std::lower_bound(estimated.begin(), estimated.end(), column);
+    if (found != estimated.end() && *found == column) rows.push_back(found - estimated.begin());
+  }
+  if (rows.empty()) return;
+  const Index n = static_cast<Index>(estimated.size());
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, static_cast<Index>(rows.size()));
+  for (size_t k = 0; k < rows.size(); ++k) inverse(rows[k], static_cast<Index>(k)) = scale[rows[k]];
+  inverse = scale.asDiagonal() * factor.solve(inverse);
+  carried = Eigen::MatrixXd::Zero(columns.total, 1);
+  carried(estimated, 0) = OmittedShift(inverse, rows, gradient(estimated));
 }
 
 void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const BundleOptions& options,
@@ -146,7 +167,8 @@ void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const
     status = Status::kBehindCamera;
     return;
   }
-  const Eigen::MatrixXd normal = Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
+  const ReducedSystem equations = Reduce(system, 0, options.num_threads);
+  const Eigen::MatrixXd normal = equations.h.selfadjointView<Eigen::Lower>();
   Eigen::MatrixXd reduced = normal(estimated, estimated);
   scale = (reduced.diagonal().array() > 0).select(reduced.diagonal().array().abs().sqrt().inverse(), 1);
   if (reduced.size() > 0) {
@@ -157,6 +179,7 @@ void ProjectionUncertainty::Prepared::Fill(const std::vector<View>& views, const
       return;
     }
   }
+  CarryOmitted(equations.g, options);
   Carry(normal, freed);
   std::vector<int> frames;  // one block each, ascending
   for (size_t f = 0; f < component_of_frame.size(); ++f) {

@@ -1,6 +1,5 @@
 #include "calib/rig_links.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +7,7 @@
 #include <tuple>
 
 #include "calib/homography.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -67,9 +67,7 @@ Rigid3 FitMarks(const std::vector<Measurement>& measurements, const Eigen::Vecto
       cross += weights[static_cast<Index>(k)] * (measurements[k].a_from_b * mark - mean_a) * (mark - mean_b).transpose();
     }
   }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  const Eigen::Matrix3d rotation = svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+  const Eigen::Matrix3d rotation = geometry::ProcrustesRotation(cross);
   *anchor = mean_b;
   return {Eigen::Quaterniond(rotation).normalized(), mean_a - rotation * mean_b};
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/omitted_terms.h"
 #include "core/check.h"
 
 namespace mvstudio::calib {
@@ -163,15 +164,17 @@ void SplitCovariance(const RigState& state, RigCovariance* result) {
 }
 
 /// Normal equations of the global unknowns at `state`.
-Eigen::MatrixXd ReducedNormalMatrix(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-                                    RigColumns* columns) {
+ReducedSystem ReducedEquations(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                               RigColumns* columns) {
   RigProblem problem(views, state, options);
   *columns = problem.columns();
   SchurSystem system;
   problem.AllocateSystem(&system);
   problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
   MVS_CHECK(problem.LinearizeTrial(&system), "the solution does not project its own corners");
-  return Reduce(system, 0, options.num_threads).h.selfadjointView<Eigen::Lower>();
+  ReducedSystem reduced = Reduce(system, 0, options.num_threads);
+  reduced.h = Eigen::MatrixXd(reduced.h.selfadjointView<Eigen::Lower>());
+  return reduced;
 }
 
 /// Equations that are no numbers: a lens at the edge of what it can project.
@@ -203,7 +206,7 @@ Eigen::VectorXd UnitScale(const Eigen::MatrixXd& normal) {
 void CarryHeld(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
                const Eigen::MatrixXd& inverse, const HeldCovariance& held, RigCovariance* result) {
   const FreedProblem freed = FreeHeld(views, state, options, held);
-  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, freed.state, freed.options, &result->columns);
+  const Eigen::MatrixXd normal = ReducedEquations(views, freed.state, freed.options, &result->columns).h;
   result->joint =
       CovarianceWithHeld(normal, freed.estimated, freed.held, inverse, result->joint, freed.covariance);
 }
@@ -225,7 +228,7 @@ Eigen::MatrixXd CameraCovariance(const RigCovariance& covariance, const RigState
 
 std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& state, const BundleOptions& options) {
   RigColumns columns;
-  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &columns);
+  const Eigen::MatrixXd normal = ReducedEquations(views, state, options, &columns).h;
   std::vector<int> cameras;
   if (normal.rows() == 0 || !normal.allFinite()) return cameras;
   const Eigen::VectorXd scale = UnitScale(normal);
@@ -237,7 +240,8 @@ std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& s
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
                                 double sigma_px, const HeldCovariance& held) {
   RigCovariance result;
-  const Eigen::MatrixXd normal = ReducedNormalMatrix(views, state, options, &result.columns);
+  const ReducedSystem equations = ReducedEquations(views, state, options, &result.columns);
+  const Eigen::MatrixXd& normal = equations.h;
   const Eigen::Index n = normal.rows();
   if (!normal.allFinite()) {
     NameNonFinite(normal, state, &result);
@@ -264,6 +268,11 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
     inverse = root * root.transpose();
   }
   result.joint = sigma_px * sigma_px * inverse;
+  const std::vector<Eigen::Index> omitted = OmittedColumns(result.columns, options);
+  if (!omitted.empty()) {
+    const Eigen::VectorXd shift = OmittedShift(inverse(Eigen::all, omitted), omitted, equations.g);
+    result.joint += shift * shift.transpose();
+  }
   if (held.any()) CarryHeld(views, state, options, inverse, held, &result);
   SplitCovariance(state, &result);
   return result;

@@ -27,7 +27,7 @@ struct RigCovariance {
 
 /// sigma^2 (J^T W J)^-1 of the global unknowns, the boards' poses eliminated by the Schur complement, inverted by the
 /// eigenvalues of the matrix with unit diagonal. Eigenvalues below 1e-12 of the largest count as zero: what is not determined is
-/// named by its direction instead of inverted.
+/// named by its direction instead of inverted. Terms that lenses were spared count with OmittedShift.
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
                                 double sigma_px, const HeldCovariance& held = {});
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);

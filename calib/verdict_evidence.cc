@@ -122,6 +122,34 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
              kSyncHint);
 }
 
+/// Corners just outside the border may be a detector's.
+void JudgeSize(const CameraReport& camera, Judgement* out) {
+  constexpr double kWarn = 0.01, kFail = 0.1;
+  if (!(camera.outside_fraction > kWarn)) return;
+  const std::string text = Text("camera %s: %.0f %% of its corners lie outside the image of the size that was told", camera.name.c_str(),
+                                100 * camera.outside_fraction);
+  const char* const hint = "give the size of the images that the corners were found in";
+  camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);
+}
+
+/// More than twice the variance that noise explains, beyond doubt.
+void JudgeBending(const CalibrateReport& report, Judgement* out) {
+  constexpr double kRatio = 2, kSigmas = 6;
+  const BoardBending& bending = report.bending;
+  if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas)) return;
+  out->Warn("CAL-BENDING",
+            Text("the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
+                 1e3 * bending.rms_m, bending.variance_ratio),
+            "use a rigid board; the uncertainties do not count this");
+}
+
+void JudgeUnit(const CalibrateReport& report, Judgement* out) {
+  constexpr double kSmallest = 0.002, kLargest = 20;  // diagonals of boards that somebody prints, metres
+  const double size = report.board_size_m;
+  if (!(size > 0) || (size >= kSmallest && size <= kLargest)) return;
+  out->Warn("CAL-UNIT", Text("the board is %.3g m in size", size), "check the unit of the board's squares: mm, cm or m");
+}
+
 }  // namespace
 
 double PixelScale(const CalibrateReport& report, size_t camera) {
@@ -139,11 +167,15 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     JudgeRejected(camera, out);
     if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
     JudgeReadout(camera, scale, out);
+    JudgeSize(camera, out);
     JudgeAssumed(camera, out);
   }
   for (const NumberingFault& fault : report.numbering)
     out->Fail("CAL-NUMBERING", ToString(fault), "number the board's corners alike in all cameras; boards that look the same after half a turn "
                                                 "(even by even, odd by odd) invite it");
+  if (report.layout) out->Fail("CAL-BOARD", ToString(*report.layout), "correct the board's columns and rows");
+  JudgeUnit(report, out);
+  JudgeBending(report, out);
   for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);
   JudgeMissing(report, out);
   JudgeRigHoldout(report, out);

@@ -1,6 +1,5 @@
 #include "cli/calib_read.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,6 +9,7 @@
 #include "core/error.h"
 #include "core/units.h"
 #include "dataset/panoptic.h"
+#include "geometry/decompositions.h"
 #include "geometry/plausible.h"
 
 namespace mvstudio::cli {
@@ -113,7 +113,7 @@ CameraSigmas SigmasOf(const geometry::RigCamera& camera) {
   Eigen::Matrix<double, 3, 6> j;
   j << 0, t.z(), -t.y(), -1, 0, 0, -t.z(), 0, t.x(), 0, -1, 0, t.y(), -t.x(), 0, 0, 0, -1;
   const auto largest = [](const Eigen::Matrix3d& m) {
-    return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m).eigenvalues()[2]));
+    return std::sqrt(std::max(0.0, geometry::SymmetricEigenvalues(m)[2]));
   };
   sigmas.rotation_rad = largest(cov.topLeftCorner<3, 3>());
   sigmas.position_m = largest(j * cov * j.transpose());

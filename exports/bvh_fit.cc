@@ -1,9 +1,9 @@
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "exports/bvh.h"
 #include "exports/joint_files.h"
+#include "geometry/decompositions.h"
 
 namespace mvstudio::exports {
 namespace {
@@ -69,10 +69,7 @@ Eigen::Matrix3d NearestTurn(const std::vector<Eigen::Vector3d>& from, const std:
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < from.size(); ++i) sum += to[i] * from[i].transpose(), scale += from[i].squaredNorm();
   sum += kPriorWeight * scale * prior;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  if ((svd.matrixU() * svd.matrixV().transpose()).determinant() < 0) signs[2] = -1;
-  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  return geometry::ProcrustesRotation(sum);
 }
 
 /// Mean length over the frames that show both ends.

@@ -1,10 +1,10 @@
-#include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "core/median.h"
+#include "geometry/decompositions.h"
 #include "triangulate/skeleton_refine_internal.h"
 
 namespace mvstudio::triangulate::internal {
@@ -322,7 +322,7 @@ void Describe(const Problem& problem, size_t cell, const Eigen::Vector3d& x_in_l
 }
 
 double LargestSigma(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly).eigenvalues()[2]);
+  return std::sqrt(geometry::SymmetricEigenvalues(covariance)[2]);
 }
 
 Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const SelectedInverse& inverse) {

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <cmath>
 
+#include "calib/projection_uncertainty.h"
 #include "calib/uncertainty.h"
 #include "tests/calib/synthetic.h"
 
@@ -44,7 +47,7 @@ RigCovariance CovarianceOf(const Solved& solved, const WithOmitted& with) {
 TEST(OmittedTerms, ProjectionsStayAndFixedModelsStay) {
   const Solved solved = SolvedWithout(0, 0, LensModel::kBrown2, 0.2, 1);
   const WithOmitted with = AddOmittedTerms(solved.state, {}, {true, false}, solved.report.sigma_px);
-  EXPECT_EQ(with.state.cameras[0].model, LensModel::kBrown4);
+  EXPECT_EQ(with.state.cameras[0].model, LensModel::kBrown5);
   EXPECT_EQ(with.state.cameras[1].model, LensModel::kBrown2);
   const auto a = BundleResiduals(solved.views, solved.state), b = BundleResiduals(solved.views, with.state);
   for (size_t v = 0; v < a.size(); ++v) EXPECT_LT((a[v] - b[v]).norm(), 1e-9);
@@ -67,6 +70,7 @@ TEST(OmittedTerms, EveryModelHasAllItsNumbersAndAPriorOnTheNewOnesAlone) {
     ASSERT_EQ(weight.size(), camera.params.size());
     EXPECT_TRUE(weight.head(before.size()).isZero(0));
     EXPECT_GT(weight.tail(camera.params.size() - before.size()).minCoeff(), 0);
+    EXPECT_EQ(with.options.lens_prior[0].num_omitted, camera.params.size() - before.size());
     const Eigen::Vector3d x(0.1, -0.2, 1);
     geometry::Camera old = camera;
     old.model = model, old.params = before;
@@ -84,6 +88,40 @@ TEST(OmittedTerms, TheCentreIsAsUncertainAsWithTheTermsButNoMoreThanThePriorAllo
   const double rich = sigma(CovarianceOf(solved, with));
   EXPECT_GT(stated, 1.2 * lean);
   EXPECT_LT(stated, rich);
+}
+
+TEST(OmittedTerms, TheShiftIsTheRicherSolutionLessTheLeanOne) {
+  Rng rng(3);
+  Eigen::MatrixXd rows(12, 6);
+  for (Eigen::Index i = 0; i < rows.size(); ++i) rows.data()[i] = rng.Normal();
+  const Eigen::MatrixXd normal = rows.transpose() * rows, inverse = normal.inverse();
+  Eigen::VectorXd gradient(6);
+  for (Eigen::Index i = 0; i < 6; ++i) gradient[i] = rng.Normal();
+  const std::vector<Eigen::Index> omitted = {2, 5}, lean = {0, 1, 3, 4};
+  Eigen::VectorXd expected = -normal.llt().solve(gradient);
+  expected(lean) += Eigen::MatrixXd(normal(lean, lean)).llt().solve(Eigen::VectorXd(gradient(lean)));
+  const Eigen::VectorXd shift = OmittedShift(inverse(Eigen::all, omitted), omitted, gradient);
+  EXPECT_LT((shift - expected).norm(), 1e-10 * expected.norm());
+}
+
+/// A decentring ten times what the prior expects, of which the boards know.
+TEST(OmittedTerms, SigmasCoverTermsThatTheBoardsSee) {
+  const Solved solved = SolvedWithout(6e-3, -6e-3, LensModel::kBrown2, 0.2, 4);
+  const WithOmitted with = AddOmittedTerms(solved.state, {}, {true, true}, solved.report.sigma_px);
+  WithOmitted without_shift = with;
+  for (LensPrior& prior : without_shift.options.lens_prior) prior.num_omitted = 0;
+  const RigCovariance covariance = CovarianceOf(solved, with), narrow = CovarianceOf(solved, without_shift);
+  const ProjectionUncertainty pixels(solved.views, with.state, with.options, solved.report.sigma_px);
+  const ProjectionUncertainty narrow_pixels(solved.views, without_shift.state, without_shift.options, solved.report.sigma_px);
+  for (int c = 0; c < 2; ++c) {
+    for (int i = 2; i < 4; ++i) {
+      const double error = solved.state.cameras[c].params[i] - (i == 2 ? 322.5 : 236.25);
+      EXPECT_LT(std::abs(error), 3 * std::sqrt(covariance.params[c](i, i)));
+      EXPECT_GT(std::abs(error), 5 * std::sqrt(narrow.params[c](i, i)));
+    }
+    const Eigen::Vector2d corner(10, 10);
+    EXPECT_GT(pixels.PixelCovariance(c, corner, 2).worst_px(), narrow_pixels.PixelCovariance(c, corner, 2).worst_px());
+  }
 }
 
 /// Lenses whose decentring is about what the boards cannot tell from none: errors of the centre over their sigmas.
