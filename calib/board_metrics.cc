@@ -19,6 +19,7 @@ namespace {
 
 using Eigen::Index;
 
+constexpr double kMinParallaxRad = 0.01;  // rays that meet at less say more of the noise than of lengths
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// The cameras at the instant of a frame: those with a time offset stand where the board, not having moved yet, looks as it did
@@ -157,7 +158,7 @@ BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::ve
   triangulate::PreparedRig rig;
   for (const auto& [place, of_board] : sights) {
     if (moving || rig.cameras.empty()) rig = RigAt(place.first, state);
-    const CornerCloud cloud = TriangulateCorners(rig, of_board, 0, &errors.pixels);
+    const CornerCloud cloud = TriangulateCorners(rig, of_board, kMinParallaxRad, &errors.pixels);
     if (!cloud.empty()) frames.insert(place.first);
     metrics.num_points += static_cast<int>(cloud.size());
     Measure(corners[place.second], neighbours[place.second], cloud, &errors);

@@ -19,7 +19,6 @@
 #include "calib/view_clusters.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
 #include "core/parallel.h"
 #include "geometry/rig_covariance.h"
 
@@ -135,11 +134,11 @@ bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* r
 void ReconsiderFrames(const Work& work, CalibrateReport* report) {
   constexpr double kWorse = 2, kSlackPx = 0.05;
   if (work.offsets.kind != FrameOffsets::Kind::kInconsistent) return;
-  std::vector<double> alone;
-  for (const MonoSolution& mono : work.monos) alone.push_back(mono.bundle.rms_px);
+  bool explained = true;
+  for (size_t c = 0; c < work.monos.size(); ++c)
+    explained = explained && report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx;
   FrameOffsets offsets = work.offsets;
-  if (report->rms_px <= kWorse * UpperMedian(alone) + kSlackPx)
-    Reconsider(work.views, work.prior, NamesOf(work.state.cameras), &offsets);
+  if (explained) Reconsider(work.views, work.prior, NamesOf(work.state.cameras), &offsets);
   report->frames_doubt = offsets.text;
 }
 
@@ -487,13 +486,29 @@ void SplitCamera(const std::string& text, CalibrateInput* input) {
   }
 }
 
+/// The camera that contradicts the others most, by more than twice its own error and 0.3 px; empty: none.
+std::string MostContradictory(const CalibrateReport& report) {
+  constexpr double kRatio = 2, kExcessPx = 0.3;
+  double most = kRatio;
+  std::string name;
+  for (const CameraReport& camera : report.cameras) {
+    const double ratio = camera.rms_px / camera.alone_rms_px;
+    if (ratio > most && camera.rms_px - camera.alone_rms_px > kExcessPx) most = ratio, name = camera.name;
+  }
+  return name;
+}
+
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
   const auto look_for_motions = [&](const CalibrateInput& in, CalibrateReport* solved) {
     if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || in.cameras.size() < 2) return;
     solved->motions = FindMotions(solved->rig, in);
-    for (CameraMotion& motion : solved->motions) ExplainMotion(in, *solved, options, run, &motion);
+    for (CameraMotion& motion : solved->motions) {
+      if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(in, *solved, options, run, &motion);
+    }
+    if (!solved->motions.empty()) return;
+    if (const auto change = FindLensChange(in, *solved, options, run, MostContradictory(*solved))) solved->motions.push_back(*change);
   };
   if (shift.empty()) look_for_motions(input, &report);
   if (shift.empty()) return report;
@@ -507,6 +522,16 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   return again;
 }
 
+/// " (only 3 boards in view of cam0)" where that may be why there is no solution.
+std::string FewBoards(const CalibrateInput& input) {
+  constexpr int kFew = 5;
+  std::vector<int> boards(input.cameras.size(), 0);
+  for (const Detection& d : input.detections) ++boards[static_cast<size_t>(d.camera_idx)];
+  const size_t fewest = static_cast<size_t>(std::min_element(boards.begin(), boards.end()) - boards.begin());
+  if (boards[fewest] >= kFew) return "";
+  return " (only " + std::to_string(boards[fewest]) + " boards in view of " + input.cameras[fewest].name + ")";
+}
+
 }  // namespace
 
 CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
@@ -517,13 +542,21 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
     throw UsageError("--engine " + options.engine + ": expected mvstudio or mrcal");
   CalibrateOptions named = options;
   if (named.world == "camera") named.world += ":" + input.cameras[0].name;
+  CalibrateReport report;
+  report.layout = FindLayoutFault(input.boards, input.detections);
+  if (report.layout) {
+    Stop(Status::kDegenerate, ToString(*report.layout), &report);
+    report.cameras.resize(input.cameras.size());
+    for (size_t c = 0; c < input.cameras.size(); ++c) report.cameras[c].name = input.cameras[c].name;
+    report.verdict = Judge(report);
+    return report;
+  }
   const std::vector<int> order = ByName(input);
-  CalibrateReport report = CalibrateSorted(Permuted(input, order), named, run);
+  report = CalibrateSorted(Permuted(input, order), named, run);
   RestoreOrder(order, &report);
   if (report.status != Status::kOk && !report.numbering.empty())
     report.message = ToString(report.numbering[0]) + "; " + report.message;
-  report.layout = FindLayoutFault(input.boards, input.detections);
-  if (report.status != Status::kOk && report.layout) report.message = ToString(*report.layout) + "; " + report.message;
+  if (report.status != Status::kOk) report.message += FewBoards(input);
   report.verdict = Judge(report);
   return report;
 }

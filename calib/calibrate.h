@@ -121,7 +121,9 @@ struct SelectionRow {
 
 /// A camera that did not stay as it was while the boards were filmed (FindMotions).
 struct CameraMotion {
-  enum class Kind { kMoved, kLens };  ///< kLens: its focus, zoom, crop or scale changed, which explains more than a motion
+  /// kLens: its focus, zoom, crop or scale changed, which explains more than a motion. kDrift: it moved steadily, from last_before to
+  /// frame_idx.
+  enum class Kind { kMoved, kLens, kDrift };
   Kind kind = Kind::kMoved;
   std::vector<std::string> cameras;  ///< the one that moved; several when it cannot be told which of them
   int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board

@@ -21,7 +21,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMinSignificance = 5, kMinShiftPx = 0.3;
 constexpr double kTie = 0.8;  // a rival that explains so much of what the best one does
 constexpr int kMaxStretches = 12, kBoardsOfStretch = 3;
-constexpr size_t kMaxStarts = 4;
+constexpr size_t kMaxStarts = 4, kMinSteady = 5;
+constexpr double kSteadier = 1.5;  // a cut is what a user can act on
 
 /// The pose of one camera in one stretch of time.
 struct StretchPose {
@@ -36,6 +37,7 @@ struct Change {
   std::vector<int> before, after;  // boards
   Rigid3 pose_before, pose_after;
   double rotation_sigma_rad = 0, significance = 0, gain = 0, shift_px = 0;
+  bool steady = false;  // from the first board to the last
 };
 
 int64_t FrameOf(const CheckWork& work, int board) {
@@ -192,7 +194,50 @@ void RefineCut(const CheckWork& work, Change* change) {
   change->after.assign(boards.begin() + static_cast<std::ptrdiff_t>(cut), boards.end());
 }
 
-/// The cut that divides the poses best.
+/// Poses that change in proportion to time, t from 0 to 1: what the change explains for what the poses scatter about it.
+std::optional<Change> SteadyChange(const CheckWork& work, int camera, const std::vector<StretchPose>& poses) {
+  if (poses.size() < kMinSteady) return std::nullopt;
+  const auto time = [&](size_t i) {
+    double sum = 0;
+    for (int board : poses[i].boards) sum += static_cast<double>(FrameOf(work, board));
+    return sum / static_cast<double>(poses[i].boards.size());
+  };
+  const double first = time(0), span = time(poses.size() - 1) - first;
+  if (!(span > 0)) return std::nullopt;
+  using Matrix12d = Eigen::Matrix<double, 12, 12>;
+  Matrix12d normal = Matrix12d::Zero();
+  Eigen::Matrix<double, 12, 1> right = Eigen::Matrix<double, 12, 1>::Zero();
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const double t = (time(i) - first) / span;
+    Eigen::Matrix<double, 6, 12> by;
+    by << Matrix6d::Identity(), t * Matrix6d::Identity();
+    normal += by.transpose() * poses[i].information * by;
+    right += by.transpose() * poses[i].information * Step(poses[0].cam_from_world, poses[i].cam_from_world);
+  }
+  const Matrix12d covariance = normal.inverse();
+  const Eigen::Matrix<double, 12, 1> line = covariance * right;
+  double scatter = 0;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const Vector6d off = Step(poses[0].cam_from_world, poses[i].cam_from_world) - line.head<6>() - (time(i) - first) / span * line.tail<6>();
+    scatter += off.dot(poses[i].information * off);
+  }
+  const double widening = std::max(1.0, scatter / (6.0 * (static_cast<double>(poses.size()) - 2)));
+  const Vector6d slope = line.tail<6>();
+  const Matrix6d slope_covariance = covariance.bottomRightCorner<6, 6>();
+  Change change;
+  change.camera = camera;
+  change.gain = slope.dot(slope_covariance.ldlt().solve(slope)) / widening;
+  change.significance = std::sqrt(change.gain / 6);
+  change.before = poses.front().boards, change.after = poses.back().boards;
+  change.pose_before = geometry::Perturb(line.head<6>(), poses[0].cam_from_world);
+  change.pose_after = geometry::Perturb(line.head<6>() + slope, poses[0].cam_from_world);
+  const Eigen::Vector3d axis = slope.head<3>().normalized();
+  change.rotation_sigma_rad = std::sqrt(widening * axis.dot(slope_covariance.topLeftCorner<3, 3>() * axis));
+  change.steady = true;
+  return change;
+}
+
+/// The cut that divides the poses best, or the steady change where that explains more.
 std::optional<Change> LargestChange(const CheckWork& work, int camera) {
   const std::vector<StretchPose> poses = PosesOverTime(work, camera);
   std::optional<Change> largest;
@@ -215,6 +260,8 @@ std::optional<Change> LargestChange(const CheckWork& work, int camera) {
     largest = change;
   }
   if (!largest) return largest;
+  const auto steady = SteadyChange(work, camera, poses);
+  if (steady && steady->gain > kSteadier * largest->gain) largest = steady;
   std::vector<int> all = largest->before;
   all.insert(all.end(), largest->after.begin(), largest->after.end());
   largest->shift_px = ShiftPx(work, all, camera, largest->pose_before, largest->pose_after);
@@ -228,6 +275,7 @@ bool Matters(const CheckWork& work, const Change& change) {
 
 /// Poses after the cut anew, from its boards alone.
 void SolveBothSides(const CheckWork& work, Change* change) {
+  if (change->steady) return;
   RefineCut(work, change);
   const auto before = PoseBy(work, change->camera, change->before), after = PoseBy(work, change->camera, change->after);
   if (before) change->pose_before = before->cam_from_world;
@@ -248,6 +296,7 @@ std::vector<Change> ChangesThatMatter(CheckWork* work) {
 
 CameraMotion Describe(const CheckWork& work, const std::vector<int64_t>& frames, const Change& change) {
   CameraMotion motion;
+  if (change.steady) motion.kind = CameraMotion::Kind::kDrift;
   motion.cameras = {work.checks[static_cast<size_t>(change.camera)].name};
   motion.frame_idx = frames[static_cast<size_t>(FrameOf(work, change.after.front()))];
   motion.last_before = frames[static_cast<size_t>(FrameOf(work, change.before.back()))];

@@ -300,15 +300,16 @@ MonoSolution SolveFrom(const Camera& lens, LensModel model, const geometry::Spli
   return solution;
 }
 
-/// Perspective starts far from one that led to a poor solution.
-std::vector<Camera> OtherStarts(const Camera& camera) {
-  std::vector<Camera> starts;
+/// The best of all perspective starts, with the terms that the first search does without.
+Start OtherStart(const Camera& camera, const std::vector<View>& views) {
+  const std::vector<View> some = Thin(views, kMaxStartViews);
   const double size = std::max(camera.width_px, camera.height_px);
+  Start best;
   for (double factor : kStartFocals) {
-    if (geometry::IsWide(camera.model) || factor > kLongestOther) break;
-    starts.push_back(WithModel(geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, factor * size), LensModel::kBrown1, {}));
+    const Camera pinhole = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, factor * size);
+    if (factor <= kLongestOther) TryStart(WithModel(pinhole, LensModel::kBrown4), some, &best);
   }
-  return starts;
+  return best;
 }
 
 }  // namespace
@@ -357,12 +358,10 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
   const geometry::SplineGrid spline = keep_model ? camera.spline : geometry::SplineGrid();
   MonoSolution solution = SolveFrom(start.camera, model, spline, views, screened, options);
-  if (!(MedianError(solution) < GoodError(camera))) {
-    for (const Camera& other : OtherStarts(start.camera)) {
-      const MonoSolution trial = SolveFrom(other, model, spline, views, screened, options);
-      if (MeanCappedSquare(trial) < MeanCappedSquare(solution)) solution = trial;
-      if (MedianError(solution) < GoodError(camera)) break;
-    }
+  if (!(MedianError(solution) < GoodError(camera)) && !wide) {
+    const Start other = OtherStart(camera, screened);
+    const MonoSolution trial = !std::isfinite(other.error_px) ? MonoSolution() : SolveFrom(other.camera, model, spline, views, screened, options);
+    if (MeanCappedSquare(trial) < MeanCappedSquare(solution)) solution = trial;
   }
   if (solution.status == Status::kDegenerate && solution.views.empty())
     return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");

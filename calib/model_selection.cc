@@ -17,6 +17,8 @@
 namespace mvstudio::calib {
 namespace {
 
+using geometry::LensModel;
+
 constexpr int kMinClusters = 6, kMinClustersOfCamera = 3;
 constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
 constexpr double kCapOfMedian = 6;                 // errors count as at most so many medians of the best candidate
@@ -141,15 +143,6 @@ int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* r
   return best;
 }
 
-/// The same for clusters of views, which are what is independent of each other, as the observations; Akaike's cost at least. Cameras
-/// with lenses of their own have their own views alone.
-double ClusterCost(const LensCandidate& candidate) {
-  const std::vector<int> clusters = ClustersOfCameras(candidate.fit);
-  const double cameras = static_cast<double>(clusters.size());
-  const double each = candidate.config.shared ? CountClusters(candidate.fit.cluster) : std::accumulate(clusters.begin(), clusters.end(), 0) / cameras;
-  return NumLensParams(candidate.config, static_cast<int>(clusters.size())) * std::max(2.0, std::log(each));
-}
-
 /// Does `richer` explain the boards better than `simpler` by more than its numbers cost, and not on a board or two alone?
 /// Held-out errors hardly see a term that acts where few boards are, or that the boards' poses make up for.
 std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
@@ -157,7 +150,7 @@ std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCan
   if (a.size() != b.size()) return std::nullopt;
   double gain = 0, squares = 0;
   for (size_t i = 0; i < a.size(); ++i) gain += a[i] - b[i], squares += (a[i] - b[i]) * (a[i] - b[i]);
-  const double net = gain - (ClusterCost(richer) - ClusterCost(simpler));
+  const double net = gain - (SchwarzCost(richer) - SchwarzCost(simpler));
   return net > 0 && gain > kLikely * std::sqrt(squares) ? std::optional<double>(net) : std::nullopt;
 }
 
@@ -173,6 +166,22 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
     if (gain && *gain > most) most = *gain, best = static_cast<int>(i);
   }
   return best;
+}
+
+/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards do not prefer: families are
+/// no simpler versions of each other, and a curve of one number claims to know the image where no board was.
+int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
+  const LensConfig& config = candidates[chosen].config;
+  const bool curve = config.model == LensModel::kUcm || config.model == LensModel::kEucm || config.model == LensModel::kDoubleSphere;
+  const bool decentred = config.model == LensModel::kUcmP || config.model == LensModel::kEucmP || config.model == LensModel::kDoubleSphereP;
+  const LensModel wanted = curve ? LensModel::kKannalaBrandt4 : LensModel::kKannalaBrandt4P;
+  for (size_t i = 0; (curve || decentred) && i < candidates.size(); ++i) {
+    const LensCandidate& other = candidates[i];
+    if (other.within_one_se && other.config.model == wanted && other.config.shared == config.shared &&
+        MostFolded(other) <= MostFolded(candidates[chosen]) + kFoldSlack)
+      return static_cast<int>(i);
+  }
+  return chosen;
 }
 
 std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, const LensCandidate& best) {
@@ -224,7 +233,12 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
   }
   const int simplest = SimplestWithin(*candidates);
   if (simplest < 0) return simplest;
-  const int chosen = BestSupported(*candidates, simplest);
+  const int supported = BestSupported(*candidates, simplest), chosen = OfRichestFamily(*candidates, supported);
+  if (chosen != supported) {
+    *reason = ToString((*candidates)[chosen].config) + " is within one standard error of the best (" + ToString(best->config) + ") like " +
+              ToString((*candidates)[supported].config) + ", which is no simpler version of it";
+    return chosen;
+  }
   *reason = Explain((*candidates)[chosen], (*candidates)[simplest], *best);
   return chosen;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 namespace mvstudio::calib {
@@ -82,6 +83,15 @@ std::optional<double> EvidenceForLens(const Split& split) {
   return gain - cost;
 }
 
+/// Frames in which a camera sees a board, ascending.
+std::vector<int64_t> FramesOf(const CalibrateInput& input, int camera) {
+  std::set<int64_t> frames;
+  for (const Detection& d : input.detections) {
+    if (d.camera_idx == camera) frames.insert(d.frame_idx);
+  }
+  return {frames.begin(), frames.end()};
+}
+
 double FocalSigma(const CameraReport& camera) { return camera.focal_sigma_px / camera.focal_px; }
 
 void Describe(const Split& split, CameraMotion* motion) {
@@ -109,6 +119,38 @@ void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, c
     most = *evidence;
     Describe(*split, motion);
   }
+}
+
+std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                                           const RunContext& run, const std::string& camera) {
+  constexpr size_t kMinFrames = 6;  // on either side
+  const int index = solved.rig.Find(camera);
+  if (index < 0) return std::nullopt;
+  const std::vector<int64_t> frames = FramesOf(input, index);
+  std::optional<CameraMotion> best;
+  double most = 0;
+  const auto try_cut = [&](double share) {
+    const size_t cut = static_cast<size_t>(share * static_cast<double>(frames.size()));
+    if (cut < kMinFrames || cut + kMinFrames > frames.size()) return false;
+    const auto split = SplitAt(input, solved, options, camera, frames[cut], run);
+    const auto evidence = split ? EvidenceForLens(*split) : std::nullopt;
+    if (!evidence || *evidence <= most) return false;
+    most = *evidence;
+    best = CameraMotion();
+    best->frame_idx = frames[cut], best->last_before = frames[cut - 1];
+    Describe(*split, &*best);
+    return true;
+  };
+  double at = 0.5;
+  for (double share : {0.5, 0.25, 0.75}) at = try_cut(share) ? share : at;
+  if (!best) return best;
+  for (double step : {0.125, 0.0625}) {
+    const double middle = at;
+    for (double share : {middle - step, middle + step}) at = try_cut(share) ? share : at;
+  }
+  const CameraReport& report = solved.cameras[static_cast<size_t>(index)];
+  best->shift_px = std::sqrt(std::max(0.0, report.rms_px * report.rms_px - report.alone_rms_px * report.alone_rms_px));
+  return best;
 }
 
 }  // namespace mvstudio::calib

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <optional>
+#include <string>
+
 #include "calib/calibrate.h"
 
 namespace mvstudio::calib {
@@ -10,5 +13,10 @@ namespace mvstudio::calib {
 /// the motion then says by how much, and names the camera for which that holds best. Left as it is when there is no solution.
 void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                    const RunContext& run, CameraMotion* motion);
+
+/// Did the lens of a camera that contradicts the others change, where no motion explains it? Cuts at quarters of the frames in which it
+/// sees boards, then at sixteenths about the best, are judged as in ExplainMotion; `shift_px` is what the rig adds to the camera's error.
+std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                                           const RunContext& run, const std::string& camera);
 
 }  // namespace mvstudio::calib

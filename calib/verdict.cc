@@ -90,7 +90,10 @@ std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int cam
   return otherwise;
 }
 
-void JudgePixels(const CameraUncertainty& camera, double scale, const std::string& hint, Judgement* out) {
+/// In the corners of the image: 1 % of its diagonal, what is known of lenses without a board there.
+double CornerLimit(const geometry::Camera& camera) { return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px)); }
+
+void JudgePixels(const CameraUncertainty& camera, double corner_limit, double scale, const std::string& hint, Judgement* out) {
   const char* name = camera.name.c_str();
   const std::string edge = Text("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
                                 name, camera.edge_px, kWarnEdgePx * scale);
@@ -100,7 +103,7 @@ void JudgePixels(const CameraUncertainty& camera, double scale, const std::strin
     out->Fail("CAL-UNCERTAIN", edge, hint);
   } else if (camera.edge_px > kWarnEdgePx * scale) {
     out->Warn("CAL-UNCERTAIN", edge, hint);
-  } else if (camera.corner_px > kWarnCornerPx * scale) {
+  } else if (camera.corner_px > corner_limit) {
     out->Warn("CAL-UNCERTAIN",
               Text("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
   }
@@ -204,7 +207,8 @@ Verdict Judge(const CalibrateReport& report) {
                                     [&](const CameraReport& other) { return other.name == camera.name; });
     const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
     const char* const more = "show the board near the image's edges, tilted, and in more places";
-    JudgePixels(camera, index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
+    const bool known = index >= 0 && index < static_cast<int>(report.rig.cameras.size());
+    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx, index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
                 index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
   }
   JudgeVolume(report.uncertainty,

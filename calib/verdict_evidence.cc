@@ -35,10 +35,19 @@ void JudgeLensChange(const CameraMotion& motion, const std::string& names, doubl
                  motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens");
 }
 
+void JudgeDrift(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
+  out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED",
+             Text("camera %s moved steadily from frame %lld to frame %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
+                  names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
+                  RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
+             "its mount gives way, or its clock runs at another rate: fasten it and film again");
+}
+
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   std::string names;
   for (const std::string& name : motion.cameras) names += (names.empty() ? "" : " or ") + name;
   if (motion.kind == CameraMotion::Kind::kLens) return JudgeLensChange(motion, names, scale, out);
+  if (motion.kind == CameraMotion::Kind::kDrift) return JudgeDrift(motion, names, scale, out);
   const std::string text =
       Text("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)", names.c_str(), Between(motion).c_str(),
            RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
@@ -132,11 +141,11 @@ void JudgeSize(const CameraReport& camera, Judgement* out) {
   camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);
 }
 
-/// More than twice the variance that noise explains, beyond doubt.
+/// Corners of rigid boards show up to 0.1 % of the board's size, for what detectors do to them.
 void JudgeBending(const CalibrateReport& report, Judgement* out) {
-  constexpr double kRatio = 2, kSigmas = 6;
+  constexpr double kRatio = 2, kSigmas = 6, kShare = 0.002;
   const BoardBending& bending = report.bending;
-  if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas)) return;
+  if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas && bending.rms_m > kShare * report.board_size_m)) return;
   out->Warn("CAL-BENDING",
             Text("the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
                  1e3 * bending.rms_m, bending.variance_ratio),

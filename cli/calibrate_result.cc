@@ -161,7 +161,8 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
 ordered_json Motions(const calib::CalibrateReport& report) {
   ordered_json json = ordered_json::array();
   for (const calib::CameraMotion& motion : report.motions) {
-    json.push_back({{"kind", motion.kind == calib::CameraMotion::Kind::kLens ? "lens" : "moved"},
+    using Kind = calib::CameraMotion::Kind;
+    json.push_back({{"kind", motion.kind == Kind::kLens ? "lens" : motion.kind == Kind::kDrift ? "drift" : "moved"},
                     {"cameras", motion.cameras},
                     {"last_frame_before", motion.last_before},
                     {"first_frame_after", motion.frame_idx},
@@ -190,6 +191,10 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   if (!report.board_warp_m.empty())
     m["board_warp_mm"] = {FiniteOrNull(1e3 * report.board_warp_m[0].x()), FiniteOrNull(1e3 * report.board_warp_m[0].y())};
   m["board_warp_reason"] = report.warp_reason;
+  if (report.bending.num_frames > 0)
+    m["board_bending"] = {{"rms_mm", FiniteOrNull(1e3 * report.bending.rms_m)},
+                          {"variance_ratio", FiniteOrNull(report.bending.variance_ratio)},
+                          {"sigmas", FiniteOrNull(report.bending.sigmas)}};
   if (!report.board_stretch.empty())
     m["board_stretch"] = {{"shear", FiniteOrNull(report.board_stretch[0].x())},
                           {"aspect", FiniteOrNull(report.board_stretch[0].y())}};

@@ -25,6 +25,7 @@ endif()
 # What is precompiled: parsing these headers is most of what a file costs otherwise (docs/notes/build-time.md).
 set(MVSTUDIO_PCH_STD ${CMAKE_SOURCE_DIR}/cmake/pch_std.h)
 set(MVSTUDIO_PCH_EIGEN ${CMAKE_SOURCE_DIR}/cmake/pch_eigen.h)
+set(MVSTUDIO_PCH_TORCH ${CMAKE_SOURCE_DIR}/cmake/pch_torch.h)
 
 # mvstudio_add_module(NAME [HEADER…]): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder, HEADERs
 # precompiled.

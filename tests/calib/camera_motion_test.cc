@@ -97,6 +97,34 @@ TEST(CameraMotion, ALensThatWasRefocusedOrCroppedIsNoMotion) {
   }
 }
 
+/// A camera whose mount gives way by `total_rad` over the recording.
+testing::Scene SaggingScene(double total_rad) {
+  testing::Scene scene = SceneWith({});
+  std::vector<Detection> all;
+  for (size_t f = 0; f < scene.truth.frames.size(); ++f) {
+    testing::Scene moved = scene;
+    geometry::Rigid3& pose = moved.truth.cam_from_world[1];
+    const Eigen::Quaterniond turn = geometry::RotationExp(Eigen::Vector3d(0, total_rad * static_cast<double>(f) / 40, 0));
+    pose.rotation = turn * pose.rotation, pose.translation = turn * pose.translation;
+    testing::ObserveAll(&moved, 0.3, 100 + f);
+    for (const Detection& detection : moved.detections)
+      if (detection.frame_idx == scene.truth.frames[f]) all.push_back(detection);
+  }
+  scene.detections = all;
+  return scene;
+}
+
+TEST(CameraMotion, AMountThatGivesWayIsSteady) {
+  const double total = DegToRad(1.5);
+  const CalibrateReport report = Calibrated(SaggingScene(total));
+  ASSERT_FALSE(report.motions.empty());
+  const CameraMotion& motion = report.motions[0];
+  EXPECT_EQ(motion.kind, CameraMotion::Kind::kDrift);
+  EXPECT_EQ(motion.cameras, std::vector<std::string>{"cam1"});
+  EXPECT_NEAR(motion.rotation_rad / total, 0.9, 0.12);
+  EXPECT_NE(report.verdict.status, "pass");
+}
+
 TEST(CameraMotion, AKickIsNoLens) {
   const CalibrateReport report = Calibrated(SceneWith({{1, 20, {0.004, 0.009, 0.003}, {0.002, 0, 0.004}}}));
   ASSERT_EQ(report.motions.size(), 1u);
