@@ -300,16 +300,21 @@ MonoSolution SolveFrom(const Camera& lens, LensModel model, const geometry::Spli
   return solution;
 }
 
-/// The best of all perspective starts, with the terms that the first search does without.
-Start OtherStart(const Camera& camera, const std::vector<View>& views) {
+/// May the solution be a false minimum?
+bool PoorStart(const Camera& camera, const MonoSolution& solution) { return !(MedianError(solution) < GoodError(camera)); }
+
+/// A start, and the best of all focal lengths under a lens without decentring.
+std::vector<Camera> SymmetricStarts(const Camera& camera, const std::vector<View>& views) {
   const std::vector<View> some = Thin(views, kMaxStartViews);
   const double size = std::max(camera.width_px, camera.height_px);
   Start best;
   for (double factor : kStartFocals) {
     const Camera pinhole = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, factor * size);
-    if (factor <= kLongestOther) TryStart(WithModel(pinhole, LensModel::kBrown4), some, &best);
+    if (factor <= kLongestOther) TryStart(WithModel(pinhole, LensModel::kBrown2), some, &best);
   }
-  return best;
+  std::vector<Camera> starts = {camera};
+  if (std::isfinite(best.error_px)) starts.push_back(best.camera);
+  return starts;
 }
 
 }  // namespace
@@ -358,10 +363,13 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   const LensModel model = keep_model ? camera.model : wide ? LensModel::kKannalaBrandt4 : LensModel::kBrown4;
   const geometry::SplineGrid spline = keep_model ? camera.spline : geometry::SplineGrid();
   MonoSolution solution = SolveFrom(start.camera, model, spline, views, screened, options);
-  if (!(MedianError(solution) < GoodError(camera)) && !wide) {
-    const Start other = OtherStart(camera, screened);
-    const MonoSolution trial = !std::isfinite(other.error_px) ? MonoSolution() : SolveFrom(other.camera, model, spline, views, screened, options);
+  // Decentring gives a poor start false freedom, and too few terms leave boards in the wrong one of a plane's orientations.
+  for (const Camera& lens : PoorStart(camera, solution) ? SymmetricStarts(start.camera, screened) : std::vector<Camera>()) {
+    const MonoSolution symmetric = SolveFrom(lens, LensModel::kBrown2, {}, views, screened, options);
+    if (!Usable(symmetric)) continue;
+    const MonoSolution trial = SolveFrom(symmetric.state.cameras[0], model, spline, views, screened, options);
     if (MeanCappedSquare(trial) < MeanCappedSquare(solution)) solution = trial;
+    if (!PoorStart(camera, solution)) break;
   }
   if (solution.status == Status::kDegenerate && solution.views.empty())
     return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -92,6 +93,43 @@ std::vector<int64_t> FramesOf(const CalibrateInput& input, int camera) {
   return {frames.begin(), frames.end()};
 }
 
+/// Squared errors of all corners in those of the cameras by themselves, capped; infinite without a solution. The last camera of
+/// `report` is a part of `camera`.
+double CappedSquares(const CalibrateReport& report, const CalibrateReport& solved, size_t camera) {
+  if (report.status != Status::kOk) return std::numeric_limits<double>::infinity();
+  double sum = 0;
+  for (const CornerResidual& corner : report.residuals) {
+    const size_t of = static_cast<size_t>(corner.camera_idx) < solved.cameras.size() ? static_cast<size_t>(corner.camera_idx) : camera;
+    const double relative = corner.residual_px.norm() / solved.cameras[of].alone_rms_px;
+    sum += std::pow(std::fmin(kCapSigmas, relative), 2);
+  }
+  return sum;
+}
+
+/// Index of the frame from which on a second lens explains most: at eighths of the camera's frames, then nearer and nearer.
+std::optional<size_t> BestCut(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                              const RunContext& run, const std::string& camera, const std::vector<int64_t>& frames) {
+  constexpr size_t kMinFrames = 4;  // on either side
+  constexpr size_t kParts = 8;
+  CalibrateInput parts = input;
+  std::optional<size_t> best;
+  double least = std::numeric_limits<double>::infinity();
+  const auto try_cut = [&](size_t cut) {
+    if (cut < kMinFrames || cut + kMinFrames > frames.size()) return;
+    const std::string frame = std::to_string(frames[cut]);
+    parts.start = StartOf(solved.rig, camera, camera + "@" + frame);
+    const CalibrateReport two = Adjusted(parts, solved, options, camera + ":" + frame + ":lens", run);
+    const double squares = CappedSquares(two, solved, static_cast<size_t>(solved.rig.Find(camera)));
+    if (squares < least) least = squares, best = cut;
+  };
+  for (size_t k = 1; k < kParts; ++k) try_cut(k * frames.size() / kParts);
+  for (size_t step = (frames.size() + 2 * kParts - 1) / (2 * kParts); best && step > 0; step /= 2) {
+    const size_t middle = *best;
+    try_cut(middle - step), try_cut(middle + step);
+  }
+  return best;
+}
+
 double FocalSigma(const CameraReport& camera) { return camera.focal_sigma_px / camera.focal_px; }
 
 void Describe(const Split& split, CameraMotion* motion) {
@@ -123,34 +161,18 @@ void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, c
 
 std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                                            const RunContext& run, const std::string& camera) {
-  constexpr size_t kMinFrames = 6;  // on either side
   const int index = solved.rig.Find(camera);
   if (index < 0) return std::nullopt;
   const std::vector<int64_t> frames = FramesOf(input, index);
-  std::optional<CameraMotion> best;
-  double most = 0;
-  const auto try_cut = [&](double share) {
-    const size_t cut = static_cast<size_t>(share * static_cast<double>(frames.size()));
-    if (cut < kMinFrames || cut + kMinFrames > frames.size()) return false;
-    const auto split = SplitAt(input, solved, options, camera, frames[cut], run);
-    const auto evidence = split ? EvidenceForLens(*split) : std::nullopt;
-    if (!evidence || *evidence <= most) return false;
-    most = *evidence;
-    best = CameraMotion();
-    best->frame_idx = frames[cut], best->last_before = frames[cut - 1];
-    Describe(*split, &*best);
-    return true;
-  };
-  double at = 0.5;
-  for (double share : {0.5, 0.25, 0.75}) at = try_cut(share) ? share : at;
-  if (!best) return best;
-  for (double step : {0.125, 0.0625}) {
-    const double middle = at;
-    for (double share : {middle - step, middle + step}) at = try_cut(share) ? share : at;
-  }
+  const auto cut = BestCut(input, solved, options, run, camera, frames);
+  const auto split = cut ? SplitAt(input, solved, options, camera, frames[*cut], run) : std::nullopt;
+  if (!split || !EvidenceForLens(*split)) return std::nullopt;
+  CameraMotion motion;
+  motion.frame_idx = frames[*cut], motion.last_before = frames[*cut - 1];
+  Describe(*split, &motion);
   const CameraReport& report = solved.cameras[static_cast<size_t>(index)];
-  best->shift_px = std::sqrt(std::max(0.0, report.rms_px * report.rms_px - report.alone_rms_px * report.alone_rms_px));
-  return best;
+  motion.shift_px = std::sqrt(std::max(0.0, report.rms_px * report.rms_px - report.alone_rms_px * report.alone_rms_px));
+  return motion;
 }
 
 }  // namespace mvstudio::calib

@@ -14,8 +14,9 @@ namespace mvstudio::calib {
 void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                    const RunContext& run, CameraMotion* motion);
 
-/// Did the lens of a camera that contradicts the others change, where no motion explains it? Cuts at quarters of the frames in which it
-/// sees boards, then at sixteenths about the best, are judged as in ExplainMotion; `shift_px` is what the rig adds to the camera's error.
+/// Did the lens of a camera that contradicts the others change, where no motion explains it? The cut at which a lens for each
+/// part explains most is searched at eighths of its frames, then nearer and nearer, and judged as in ExplainMotion; `shift_px` is
+/// what the rig adds to the camera's error.
 std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                                            const RunContext& run, const std::string& camera);
 
