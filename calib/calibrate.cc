@@ -218,6 +218,7 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
             CalibrateReport* report) {
   work->bundle.num_threads = ResolveThreads(run.num_threads);
   if (!Keep(Solve(input, options, work), report)) return false;
+  if (const auto separate = internal::SeparateLenses(input, options, work, report); separate && !Keep(*separate, report)) return false;
   if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason))
     return true;
   return Keep(internal::SolveWithTimeOffsets(work), report);

@@ -66,6 +66,11 @@ bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, c
 bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<int>& cameras,
                     const std::string& why, Work* work, CalibrateReport* report);
 
+/// Cameras were given one lens because their boards by themselves do not tell their lenses apart: the rig's corners may, of long lenses
+/// above all. The adjustment with a lens for each where that pays, in `work`; nothing where it does not, or where sharing was asked for.
+std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const CalibrateOptions& options, Work* work,
+                                           CalibrateReport* report);
+
 /// Cameras whose lenses have most numbers.
 std::vector<int> MostDemanding(const Work& work);
 

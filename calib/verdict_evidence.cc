@@ -10,7 +10,7 @@ namespace {
 constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;  // of a camera's corners
 constexpr double kWarnLost = 0.05;                            // of its boards
 // A camera's error in the rig over its error by itself, and the pixels beyond which that counts.
-constexpr double kWarnRatio = 2, kFailRatio = 6, kWarnExcessPx = 0.3, kFailExcessPx = 2;
+constexpr double kWarnRatio = 1.5, kFailRatio = 6, kWarnExcessPx = 0.3, kFailExcessPx = 2;
 constexpr double kFailMotionPx = 1;
 constexpr double kMinReadoutSigmas = 5, kWarnReadoutPx = 0.3, kFailReadoutPx = 3;
 // Held-out corners beyond 5 px: as for a camera by itself.

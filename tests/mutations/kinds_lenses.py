@@ -37,7 +37,7 @@ def zoomed(rng):
     return changed_from(rng, scene, lambda camera: scaled_picture(camera, factor, (np.array(camera.size) - 1) / 2))
 
 
-@kind("lens changes", [r"\bcrop", r"stabili[sz]"] + MOVED)
+@kind("lens changes", [r"\bcrop", r"stabili[sz]", r"principal point moved"] + MOVED)
 def recropped(rng):
     """The crop of a camera's picture shifts by 10 to 60 px, once (as electronic stabilisation does)."""
     shift = rng.uniform(10, 60) * np.array([1, 0])

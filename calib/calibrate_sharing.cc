@@ -1,0 +1,70 @@
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+#include "calib/calibrate_steps.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr double kCapSigmas = 6, kMinStandardErrors = 3;
+
+/// Squared residuals of every view in standard deviations of its camera, capped.
+std::vector<double> SquaresOfViews(const Work& work, const std::vector<double>& sigmas_px) {
+  const auto residuals = BundleResiduals(work.views, work.state);
+  std::vector<double> squares(work.views.size(), 0);
+  for (size_t v = 0; v < work.views.size(); ++v) {
+    const View& view = work.views[v];
+    const double sigma = sigmas_px[static_cast<size_t>(view.camera_idx)];
+    if (!(sigma > 0)) continue;
+    for (Eigen::Index i = 0; i < view.size(); ++i)
+      squares[v] += std::pow(std::fmin(kCapSigmas, residuals[v].col(i).norm() / sigma), 2);
+  }
+  return squares;
+}
+
+/// How many numbers the lenses have.
+int NumLensNumbers(const RigState& state) {
+  std::set<int> counted;
+  int numbers = 0;
+  for (size_t c = 0; c < state.cameras.size(); ++c) {
+    if (counted.insert(state.lens_group[c]).second) numbers += static_cast<int>(state.cameras[c].params.size());
+  }
+  return numbers;
+}
+
+/// Do lenses of their own explain the rig's corners by more than they cost (Schwarz), and not a few views alone?
+bool Pays(const Work& shared, const Work& separate, const std::vector<double>& sigmas_px) {
+  const std::vector<double> a = SquaresOfViews(shared, sigmas_px), b = SquaresOfViews(separate, sigmas_px);
+  double gain = 0, squares = 0, corners = 0;
+  for (size_t v = 0; v < a.size(); ++v) {
+    gain += a[v] - b[v], squares += (a[v] - b[v]) * (a[v] - b[v]);
+    corners += static_cast<double>(shared.views[v].size());
+  }
+  const double cost = (NumLensNumbers(separate.state) - NumLensNumbers(shared.state)) * std::log(std::max(2.0, corners));
+  return gain > cost && gain > kMinStandardErrors * std::sqrt(squares);
+}
+
+}  // namespace
+
+std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const CalibrateOptions& options, Work* work,
+                                           CalibrateReport* report) {
+  const std::set<int> groups(work->state.lens_group.begin(), work->state.lens_group.end());
+  const bool shared = !work->state.lens_group.empty() && groups.size() < work->state.cameras.size();
+  if (!shared || options.share_intrinsics != "auto" || !input.same_lens.empty() || options.engine != "mvstudio") return std::nullopt;
+  Work separate = *work;
+  std::iota(separate.state.lens_group.begin(), separate.state.lens_group.end(), 0);
+  BundleReport solved = SolveBundle(&separate.views, &separate.state, separate.bundle);
+  if (solved.status != Status::kOk || solved.camera_sigma_px.size() != work->state.cameras.size()) return std::nullopt;
+  if (!Pays(*work, separate, solved.camera_sigma_px)) return std::nullopt;
+  *work = std::move(separate);
+  for (CameraReport& camera : report->cameras) {
+    if (camera.shares_lens_with.empty()) continue;
+    camera.model_reason += "; a lens of its own, as the rig's corners call for one (Schwarz's criterion)";
+    camera.shares_lens_with.clear();
+  }
+  return solved;
+}
+
+}  // namespace mvstudio::calib::internal
