@@ -375,7 +375,7 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
     return Failed(Status::kDegenerate, "camera " + camera.name + ": no board pose found");
   if (!solution.message.empty()) solution.message = "camera " + camera.name + ": " + solution.message;
   const auto evidence = FocalEvidence(solution);
-  if (solution.status == Status::kOk || solution.status == Status::kNotConverged) {
+  if (Usable(solution)) {
     // Tilted boards that say little alone may say enough together with the other cameras.
     if (options.lens_prior.empty() && evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg)
       return Undetermined(camera.name, views.size());

@@ -111,11 +111,12 @@ std::optional<size_t> BestCut(const CalibrateInput& input, const CalibrateReport
                               const RunContext& run, const std::string& camera, const std::vector<int64_t>& frames) {
   constexpr size_t kMinFrames = 4;  // on either side
   constexpr size_t kParts = 8;
+  if (frames.size() < 2 * kMinFrames) return std::nullopt;
   CalibrateInput parts = input;
   std::optional<size_t> best;
   double least = std::numeric_limits<double>::infinity();
   const auto try_cut = [&](size_t cut) {
-    if (cut < kMinFrames || cut + kMinFrames > frames.size()) return;
+    if (cut < kMinFrames || cut > frames.size() - kMinFrames) return;
     const std::string frame = std::to_string(frames[cut]);
     parts.start = StartOf(solved.rig, camera, camera + "@" + frame);
     const CalibrateReport two = Adjusted(parts, solved, options, camera + ":" + frame + ":lens", run);
@@ -125,7 +126,8 @@ std::optional<size_t> BestCut(const CalibrateInput& input, const CalibrateReport
   for (size_t k = 1; k < kParts; ++k) try_cut(k * frames.size() / kParts);
   for (size_t step = (frames.size() + 2 * kParts - 1) / (2 * kParts); best && step > 0; step /= 2) {
     const size_t middle = *best;
-    try_cut(middle - step), try_cut(middle + step);
+    if (step < middle) try_cut(middle - step);
+    try_cut(middle + step);
   }
   return best;
 }
