@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <set>
 #include <tuple>
@@ -16,33 +15,13 @@
 #include "calib/omitted_terms.h"
 #include "calib/rig_init.h"
 #include "calib/uncertainty.h"
+#include "calib/verdict_internal.h"
 #include "calib/view_clusters.h"
-#include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "geometry/rig_covariance.h"
 
 namespace mvstudio::calib {
 namespace internal {
-
-World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras) {
-  World world;
-  const auto colon = text.find(':');
-  const std::string kind = text.substr(0, colon), value = colon == std::string::npos ? "" : text.substr(colon + 1);
-  if (kind == "camera") {
-    if (value.empty()) return world;
-    const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const CameraInput& c) { return c.name == value; });
-    if (found == cameras.end()) throw UsageError("--world " + text + ": there is no camera called '" + value + "'");
-    world.camera = static_cast<int>(found - cameras.begin());
-    return world;
-  }
-  if (kind != "board" || value.empty() || value.find_first_not_of("0123456789") != std::string::npos || value.size() > 9) {
-    throw UsageError("--world " + text + ": expected camera, camera:NAME or board:FRAME");
-  }
-  world.is_board = true;
-  world.frame_idx = std::stoll(value);
-  return world;
-}
 
 void Stop(Status status, const std::string& message, CalibrateReport* report) {
   report->status = status;
@@ -65,50 +44,6 @@ Rigid3 WorldFromFloorBoard() {
   Rigid3 world_from_board;
   world_from_board.rotation = Eigen::Quaterniond(0, 1, 0, 0);
   return world_from_board;
-}
-
-struct HoldoutRule {
-  int step = 0, first = 0;  // of instants; step 0: none
-};
-
-/// `--holdout every:N` or `every:N:K`.
-HoldoutRule ParseHoldout(const std::string& text) {
-  if (text.empty()) return {};
-  const auto number = [](const std::string& digits) {
-    const bool ok = !digits.empty() && digits.size() <= 6 && digits.find_first_not_of("0123456789") == std::string::npos;
-    return ok ? std::stoi(digits) : -1;
-  };
-  const std::string rest = text.rfind("every:", 0) == 0 ? text.substr(6) : "";
-  const auto colon = rest.find(':');
-  HoldoutRule rule;
-  rule.step = number(rest.substr(0, colon));
-  rule.first = colon == std::string::npos ? rule.step - 1 : number(rest.substr(colon + 1));
-  if (rule.step < 2 || rule.first < 0 || rule.first >= rule.step)
-    throw UsageError("--holdout " + text + ": expected every:N with N at least 2, or every:N:K with K from 0 to N - 1");
-  return rule;
-}
-
-/// Weights with mean 1, so that sigma_px is that of an average corner.
-void NormalizeWeights(std::vector<View>* views) {
-  double sum = 0;
-  Eigen::Index count = 0;
-  for (const View& view : *views) sum += view.weights.sum(), count += view.size();
-  for (View& view : *views) view.weights *= sum > 0 ? static_cast<double>(count) / sum : 1;
-}
-
-void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
-  std::vector<View> all = MakeViews(input.boards, input.detections, &work->frames);
-  NormalizeWeights(&all);
-  const HoldoutRule rule = ParseHoldout(options.holdout);
-  for (View& view : all) {
-    const auto& listed = input.held_out_frames;
-    const bool named = std::find(listed.begin(), listed.end(), work->frames[view.frame]) != listed.end();
-    const bool out = named || (rule.step > 0 && view.frame % rule.step == rule.first);
-    (out ? work->held_out : work->views).push_back(std::move(view));
-  }
-  for (const View& view : work->views) work->prior.push_back(view.weights);
-  work->known_poses.resize(input.cameras.size());
-  work->state.rig_from_board.resize(input.boards.size());
 }
 
 std::vector<std::string> NamesOf(const std::vector<geometry::Camera>& cameras) {
@@ -218,7 +153,8 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
             CalibrateReport* report) {
   work->bundle.num_threads = ResolveThreads(run.num_threads);
   if (!Keep(Solve(input, options, work), report)) return false;
-  if (const auto separate = internal::SeparateLenses(input, options, work, report); separate && !Keep(*separate, report)) return false;
+  if (const auto separate = internal::SeparateLenses(input, options, work, report); separate && !Keep(*separate, report))
+    return false;
   if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason))
     return true;
   return Keep(internal::SolveWithTimeOffsets(work), report);
@@ -254,7 +190,8 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
                    std::vector<int>* culprits) {
   const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
   const WithOmitted considered = Considered(input, options, work, report->sigma_px);
-  const RigCovariance covariance = ComputeCovariance(work.evidence, considered.state, considered.options, report->sigma_px, held);
+  const RigCovariance covariance =
+      ComputeCovariance(work.evidence, considered.state, considered.options, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
     *culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
@@ -266,26 +203,10 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
       culprits->push_back(static_cast<int>(c));
       const std::string& alone = work.alone_failed[c];
-      const std::string text = "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted";
+      const std::string text =
+          "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted";
       Stop(Status::kDegenerate, alone.empty() ? text : alone, report);
     }
-  }
-}
-
-void CheckInput(const CalibrateInput& input) {
-  MVS_CHECK(!input.cameras.empty(), "no cameras");
-  std::set<std::string> names;
-  for (const CameraInput& camera : input.cameras) {
-    MVS_CHECK(camera.width_px > 0 && camera.height_px > 0,
-              "camera " << camera.name << " is " << camera.width_px << "x" << camera.height_px);
-    if (!names.insert(camera.name).second) throw UsageError("camera '" + camera.name + "' is given twice");
-  }
-  std::set<std::tuple<int, int64_t, int>> seen;
-  for (const Detection& d : input.detections) {
-    MVS_CHECK(d.camera_idx >= 0 && d.camera_idx < static_cast<int>(input.cameras.size()),
-              "detection of camera " << d.camera_idx);
-    MVS_CHECK(seen.insert({d.camera_idx, d.frame_idx, d.board_idx}).second,
-              "camera " << d.camera_idx << " has frame " << d.frame_idx << " twice");
   }
 }
 
@@ -337,10 +258,10 @@ void AddReadout(const Work& work, CalibrateReport* report) {
   report->bending = EstimateBending(work.views, work.state, report->sigma_px);
 }
 
-/// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras whose
-/// lenses may be the reason.
-void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
-             CalibrateReport* report, std::vector<int>* culprits) {
+/// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras
+/// whose lenses may be the reason.
+void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run,
+             Work* work, CalibrateReport* report, std::vector<int>* culprits) {
   if (options.intrinsics_only) {
     work->state.world_from_board = work->cam_from_board;
   } else {
@@ -366,8 +287,8 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
 
 /// Tries again with simpler lenses while the boards do not determine those chosen; `work` and `report` hold what the cameras by
 /// themselves say, and receive the solution or the first failure.
-void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run, Work* work,
-              CalibrateReport* report) {
+void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run,
+              Work* work, CalibrateReport* report) {
   constexpr int kMaxAttempts = 30;
   std::optional<std::pair<Work, CalibrateReport>> first;  // failure
   for (int i = 0; i < kMaxAttempts; ++i) {
@@ -379,7 +300,12 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
       return;
     }
     const std::string why = trial.second.message;
+    const bool separated = trial.first.separated;
     if (!first) first = std::move(trial);
+    if (separated) {  // before anything is simplified: one lens for all, which the boards may determine
+      work->may_separate = false;
+      continue;
+    }
     if (!internal::SimplifyLenses(input, options, culprits, why, work, report)) break;
   }
   std::tie(*work, *report) = std::move(*first);
@@ -390,7 +316,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
                                  CalibrateReport* report) {
   const World world = internal::ParseWorld(options.world, input.cameras);
   Work work;
-  MakeWork(input, options, &work);
+  internal::MakeWork(input, options, &work);
   ProgressStage stage(run, "calibrating", 3);
   if (!internal::CalibrateLenses(input, options, run, &work, report)) return {};
   stage.Advance(1, "lenses");
@@ -408,93 +334,14 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   return {};
 }
 
-/// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
-std::vector<int> ByName(const CalibrateInput& input) {
-  std::vector<int> order(input.cameras.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return input.cameras[a].name < input.cameras[b].name; });
-  return order;
-}
-
-CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& order) {
-  CalibrateInput sorted = input;
-  std::vector<int> position(order.size());
-  for (size_t i = 0; i < order.size(); ++i)
-    sorted.cameras[i] = input.cameras[order[i]], position[order[i]] = static_cast<int>(i);
-  for (Detection& d : sorted.detections) d.camera_idx = position[d.camera_idx];
-  for (std::vector<int>& group : sorted.same_lens) {
-    for (int& camera : group) camera = position[camera];
-  }
-  std::stable_sort(sorted.detections.begin(), sorted.detections.end(), [](const Detection& a, const Detection& b) {
-    return std::tie(a.camera_idx, a.frame_idx, a.board_idx) < std::tie(b.camera_idx, b.frame_idx, b.board_idx);
-  });
-  return sorted;
-}
-
-void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
-  const CalibrateReport sorted = *report;
-  report->rig.joint_covariance = geometry::ReorderedJointCovariance(sorted.rig, order);
-  for (size_t i = 0; i < order.size(); ++i) {
-    if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
-    if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];
-    if (!sorted.uncertainty_maps.empty()) report->uncertainty_maps[order[i]] = sorted.uncertainty_maps[i];
-    if (!sorted.uncertainty.cameras.empty()) report->uncertainty.cameras[order[i]] = sorted.uncertainty.cameras[i];
-  }
-  for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
-  for (auto& component : report->components) {
-    for (int& camera : component) camera = order[camera];
-    std::sort(component.begin(), component.end());
-  }
-}
-
-struct SplitAt {
-  std::string name;
-  int64_t frame = 0;
-  bool own_lens = false;
-};
-
-/// "NAME:FRAME" or "NAME:FRAME:lens"; names may hold colons.
-SplitAt ParseSplit(const std::string& text) {
-  SplitAt split;
-  std::string rest = text;
-  const std::string suffix = ":lens";
-  if (rest.size() > suffix.size() && rest.compare(rest.size() - suffix.size(), suffix.size(), suffix) == 0) {
-    split.own_lens = true;
-    rest.resize(rest.size() - suffix.size());
-  }
-  const auto colon = rest.rfind(':');
-  const std::string frame = colon == std::string::npos ? "" : rest.substr(colon + 1);
-  if (frame.empty() || frame.size() > 9 || frame.find_first_not_of("0123456789") != std::string::npos)
-    throw UsageError("--split-at " + text + ": expected CAMERA:FRAME or CAMERA:FRAME:lens");
-  split.name = rest.substr(0, colon);
-  split.frame = std::stoll(frame);
-  return split;
-}
-
-/// The camera's later frames become those of another camera.
-void SplitCamera(const std::string& text, CalibrateInput* input) {
-  const SplitAt split = ParseSplit(text);
-  const auto found =
-      std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == split.name; });
-  if (found == input->cameras.end()) throw UsageError("--split-at " + text + ": there is no camera called '" + split.name + "'");
-  const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
-  CameraInput later = *found;
-  later.name += "@" + std::to_string(split.frame);
-  input->cameras.push_back(later);
-  if (!split.own_lens) input->same_lens.push_back({before, after});
-  for (Detection& d : input->detections) {
-    if (d.camera_idx == before && d.frame_idx >= split.frame) d.camera_idx = after;
-  }
-}
-
-/// The camera that contradicts the others most, by more than twice its own error and 0.3 px; empty: none.
+/// The camera that contradicts the others most, as the verdict counts it; empty: none.
 std::string MostContradictory(const CalibrateReport& report) {
-  constexpr double kRatio = 2, kExcessPx = 0.3;
-  double most = kRatio;
+  double most = internal::kContradictsRatio;
   std::string name;
-  for (const CameraReport& camera : report.cameras) {
-    const double ratio = camera.rms_px / camera.alone_rms_px;
-    if (ratio > most && camera.rms_px - camera.alone_rms_px > kExcessPx) most = ratio, name = camera.name;
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    const CameraReport& camera = report.cameras[c];
+    const double ratio = camera.rms_px / camera.alone_rms_px, excess = camera.rms_px - camera.alone_rms_px;
+    if (ratio > most && excess > internal::kContradictsPx * internal::PixelScale(report, c)) most = ratio, name = camera.name;
   }
   return name;
 }
@@ -509,7 +356,8 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
       if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(in, *solved, options, run, &motion);
     }
     if (!solved->motions.empty()) return;
-    if (const auto change = FindLensChange(in, *solved, options, run, MostContradictory(*solved))) solved->motions.push_back(*change);
+    if (const auto change = FindLensChange(in, *solved, options, run, MostContradictory(*solved)))
+      solved->motions.push_back(*change);
   };
   if (shift.empty()) look_for_motions(input, &report);
   if (shift.empty()) return report;
@@ -530,15 +378,16 @@ std::string FewBoards(const CalibrateInput& input) {
   for (const Detection& d : input.detections) ++boards[static_cast<size_t>(d.camera_idx)];
   const size_t fewest = static_cast<size_t>(std::min_element(boards.begin(), boards.end()) - boards.begin());
   if (boards[fewest] >= kFew) return "";
-  return " (only " + std::to_string(boards[fewest]) + " boards in view of " + input.cameras[fewest].name + ")";
+  return " (only " + std::to_string(boards[fewest]) + (boards[fewest] == 1 ? " board" : " boards") + " in view of " +
+         input.cameras[fewest].name + ")";
 }
 
 }  // namespace
 
 CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
   CalibrateInput input = given;
-  for (const std::string& text : options.split_at) SplitCamera(text, &input);
-  CheckInput(input);
+  for (const std::string& text : options.split_at) internal::SplitCamera(text, &input);
+  internal::CheckInput(input);
   if (options.engine != "mvstudio" && options.engine != "mrcal")
     throw UsageError("--engine " + options.engine + ": expected mvstudio or mrcal");
   CalibrateOptions named = options;
@@ -552,9 +401,9 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
     report.verdict = Judge(report);
     return report;
   }
-  const std::vector<int> order = ByName(input);
-  report = CalibrateSorted(Permuted(input, order), named, run);
-  RestoreOrder(order, &report);
+  const std::vector<int> order = internal::ByName(input);
+  report = CalibrateSorted(internal::Permuted(input, order), named, run);
+  internal::RestoreOrder(order, &report);
   if (report.status != Status::kOk && !report.numbering.empty())
     report.message = ToString(report.numbering[0]) + "; " + report.message;
   if (report.status != Status::kOk) report.message += FewBoards(input);

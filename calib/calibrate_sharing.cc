@@ -4,6 +4,7 @@
 #include <set>
 
 #include "calib/calibrate_steps.h"
+#include "calib/evidence.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -36,14 +37,15 @@ int NumLensNumbers(const RigState& state) {
 
 /// Do lenses of their own explain the rig's corners by more than they cost (Schwarz), and not a few views alone?
 bool Pays(const Work& shared, const Work& separate, const std::vector<double>& sigmas_px) {
-  const std::vector<double> a = SquaresOfViews(shared, sigmas_px), b = SquaresOfViews(separate, sigmas_px);
-  double gain = 0, squares = 0, corners = 0;
-  for (size_t v = 0; v < a.size(); ++v) {
-    gain += a[v] - b[v], squares += (a[v] - b[v]) * (a[v] - b[v]);
+  std::vector<double> differences = SquaresOfViews(shared, sigmas_px);
+  const std::vector<double> apart = SquaresOfViews(separate, sigmas_px);
+  double corners = 0;
+  for (size_t v = 0; v < apart.size(); ++v) {
+    differences[v] -= apart[v];
     corners += static_cast<double>(shared.views[v].size());
   }
   const double cost = (NumLensNumbers(separate.state) - NumLensNumbers(shared.state)) * std::log(std::max(2.0, corners));
-  return gain > cost && gain > kMinStandardErrors * std::sqrt(squares);
+  return GainBeyondCost(differences, cost, kMinStandardErrors).has_value();
 }
 
 }  // namespace
@@ -52,13 +54,16 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
                                            CalibrateReport* report) {
   const std::set<int> groups(work->state.lens_group.begin(), work->state.lens_group.end());
   const bool shared = !work->state.lens_group.empty() && groups.size() < work->state.cameras.size();
-  if (!shared || options.share_intrinsics != "auto" || !input.same_lens.empty() || options.engine != "mvstudio") return std::nullopt;
+  if (!shared || !work->may_separate || options.share_intrinsics != "auto" || !input.same_lens.empty() ||
+      options.engine != "mvstudio")
+    return std::nullopt;
   Work separate = *work;
   std::iota(separate.state.lens_group.begin(), separate.state.lens_group.end(), 0);
   BundleReport solved = SolveBundle(&separate.views, &separate.state, separate.bundle);
   if (solved.status != Status::kOk || solved.camera_sigma_px.size() != work->state.cameras.size()) return std::nullopt;
   if (!Pays(*work, separate, solved.camera_sigma_px)) return std::nullopt;
   *work = std::move(separate);
+  work->separated = true;
   for (CameraReport& camera : report->cameras) {
     if (camera.shares_lens_with.empty()) continue;
     camera.model_reason += "; a lens of its own, as the rig's corners call for one (Schwarz's criterion)";

@@ -32,6 +32,7 @@ struct Work {
   std::vector<Eigen::VectorXd> prior;     // per view: weights before anything was rejected
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
+  bool may_separate = true, separated = false;  // lenses that were shared, see SeparateLenses
   std::vector<LensStep> lens_step;        // per camera
   std::vector<std::string> alone_failed;  // per camera: why it has no solution by itself without assumptions; empty: it has
   BundleOptions bundle;                   // of the last adjustment
@@ -43,6 +44,20 @@ struct Work {
 void Stop(Status status, const std::string& message, CalibrateReport* report);
 
 World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras);
+
+/// Cameras without a size or of one name, detections of no camera or given twice: UsageError or a broken contract.
+void CheckInput(const CalibrateInput& input);
+
+/// `--split-at`: the camera's later frames become those of another camera.
+void SplitCamera(const std::string& text, CalibrateInput* input);
+
+/// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
+std::vector<int> ByName(const CalibrateInput& input);
+CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& order);
+void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
+
+/// Views of the frames that take part and of those that are held out.
+void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
 /// Names after "lenses" or "poses" in `--fix`: one flag a camera.
 std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what, const std::vector<CameraInput>& cameras);

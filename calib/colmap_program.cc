@@ -102,12 +102,12 @@ std::pair<std::string, std::string> ToColmap(const geometry::Camera& lens, bool 
   }
 }
 
-struct Work {
+struct Project {
   std::string folder, program, database, log;
   int threads = 1;
 };
 
-void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Work& work, const ColmapOptions& options,
+void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Project& work, const ColmapOptions& options,
                  ProgressStage* stage) {
   std::string list;
   for (const std::string& name : names) list += name + "\n";
@@ -138,7 +138,7 @@ void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image,
 }
 
 /// Images whose lenses are not known share one, those of a size.
-void ExtractFeatures(const std::vector<SceneImage>& images, const Work& work, const ColmapOptions& options,
+void ExtractFeatures(const std::vector<SceneImage>& images, const Project& work, const ColmapOptions& options,
                      ProgressStage* stage) {
   MakeFolder(work.folder + "/images");
   std::map<std::pair<int, int>, std::pair<const SceneImage*, std::vector<std::string>>> unknown;
@@ -156,7 +156,7 @@ void ExtractFeatures(const std::vector<SceneImage>& images, const Work& work, co
   for (const auto& [size, group] : unknown) ExtractFrom(group.second, *group.first, work, options, stage);
 }
 
-void Map(const std::vector<SceneImage>& images, const Work& work, ProgressStage* stage) {
+void Map(const std::vector<SceneImage>& images, const Project& work, ProgressStage* stage) {
   bool known = true;
   for (const SceneImage& image : images) known &= image.lens_known;
   const std::string threads = std::to_string(work.threads), refine = known ? "0" : "1";
@@ -299,7 +299,7 @@ ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& 
                       const RunContext& run) {
   const std::string program = FindProgram(options.program);
   AtomicFolder output(work_folder, true, PathsOf(images));
-  const Work work{output.work_path(), program, output.work_path() + "/database.db", output.work_path() + "/colmap.log",
+  const Project work{output.work_path(), program, output.work_path() + "/database.db", output.work_path() + "/colmap.log",
                   ResolveThreads(run.num_threads)};
   ProgressStage stage(run, "colmap", static_cast<int64_t>(images.size()) + 2);
   ExtractFeatures(images, work, options, &stage);

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <optional>
 
 #include "calib/camera_noise.h"
+#include "calib/evidence.h"
 #include "calib/lens_configs.h"
 #include "calib/uncertainty.h"
 #include "calib/view_clusters.h"
@@ -124,7 +126,8 @@ double SmallestSigma(const std::vector<LensCandidate>& candidates) {
 double SchwarzCost(const LensCandidate& candidate) {
   double corners = 0;
   for (const Eigen::VectorXd& weights : candidate.fit.prior) corners += static_cast<double>((weights.array() > 0).count());
-  return NumLensParams(candidate.config, static_cast<int>(candidate.fit.state.cameras.size())) * std::log(std::max(2.0, corners));
+  return NumLensParams(candidate.config, static_cast<int>(candidate.fit.state.cameras.size())) *
+         std::log(std::max(2.0, corners));
 }
 
 double Sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
@@ -139,19 +142,19 @@ int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* r
     if (cost < best_cost) best_cost = cost, best = static_cast<int>(i);
   }
   if (best >= 0)
-    *reason = ToString(candidates[best].config) + " is what the few boards call for (Schwarz's criterion); too few to hold any out";
+    *reason =
+        ToString(candidates[best].config) + " is what the few boards call for (Schwarz's criterion); too few to hold any out";
   return best;
 }
 
 /// Does `richer` explain the boards better than `simpler` by more than its numbers cost, and not on a board or two alone?
 /// Held-out errors hardly see a term that acts where few boards are, or that the boards' poses make up for.
-std::optional<double> GainBeyondCost(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
-  const std::vector<double> a = ClusterSquares(simpler.fit, sigma_px), b = ClusterSquares(richer.fit, sigma_px);
+std::optional<double> GainOf(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
+  std::vector<double> a = ClusterSquares(simpler.fit, sigma_px);
+  const std::vector<double> b = ClusterSquares(richer.fit, sigma_px);
   if (a.size() != b.size()) return std::nullopt;
-  double gain = 0, squares = 0;
-  for (size_t i = 0; i < a.size(); ++i) gain += a[i] - b[i], squares += (a[i] - b[i]) * (a[i] - b[i]);
-  const double net = gain - (SchwarzCost(richer) - SchwarzCost(simpler));
-  return net > 0 && gain > kLikely * std::sqrt(squares) ? std::optional<double>(net) : std::nullopt;
+  std::transform(a.begin(), a.end(), b.begin(), a.begin(), std::minus<>());
+  return GainBeyondCost(a, SchwarzCost(richer) - SchwarzCost(simpler), kLikely);
 }
 
 /// Among the candidates that held-out boards do not tell from the best: `simplest`, or the richer one that the boards call for.
@@ -161,19 +164,22 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
   int best = simplest;
   double most = 0;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    if (!candidates[i].within_one_se || static_cast<int>(i) == simplest || MostFolded(candidates[i]) > folded + kFoldSlack) continue;
-    const auto gain = GainBeyondCost(candidates[simplest], candidates[i], sigma_px);
+    if (!candidates[i].within_one_se || static_cast<int>(i) == simplest || MostFolded(candidates[i]) > folded + kFoldSlack)
+      continue;
+    const auto gain = GainOf(candidates[simplest], candidates[i], sigma_px);
     if (gain && *gain > most) most = *gain, best = static_cast<int>(i);
   }
   return best;
 }
 
-/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards do not prefer: families are
-/// no simpler versions of each other, and a curve of one number claims to know the image where no board was.
+/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards do not prefer:
+/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   const LensConfig& config = candidates[chosen].config;
-  const bool curve = config.model == LensModel::kUcm || config.model == LensModel::kEucm || config.model == LensModel::kDoubleSphere;
-  const bool decentred = config.model == LensModel::kUcmP || config.model == LensModel::kEucmP || config.model == LensModel::kDoubleSphereP;
+  const bool curve =
+      config.model == LensModel::kUcm || config.model == LensModel::kEucm || config.model == LensModel::kDoubleSphere;
+  const bool decentred =
+      config.model == LensModel::kUcmP || config.model == LensModel::kEucmP || config.model == LensModel::kDoubleSphereP;
   const LensModel wanted = curve ? LensModel::kKannalaBrandt4 : LensModel::kKannalaBrandt4P;
   for (size_t i = 0; (curve || decentred) && i < candidates.size(); ++i) {
     const LensCandidate& other = candidates[i];
@@ -190,7 +196,9 @@ std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, 
   if (&chosen == &best) {
     std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lenses tried", name.c_str());
   } else if (&chosen != &simplest) {
-    std::snprintf(text, sizeof text, "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms (Schwarz's criterion)",
+    std::snprintf(text, sizeof text,
+                  "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms "
+                  "(Schwarz's criterion)",
                   name.c_str(), best_name.c_str(), ToString(simplest.config).c_str());
   } else {
     std::snprintf(text, sizeof text, "%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%",
@@ -207,7 +215,8 @@ int SimplestWithin(const std::vector<LensCandidate>& candidates) {
     folded[i] = MostFolded(candidates[i]);
   }
   for (size_t i = 0; i < candidates.size(); ++i) {
-    if (folded[i] <= *std::min_element(folded.begin(), folded.end()) + kFoldSlack && candidates[i].within_one_se) return static_cast<int>(i);
+    if (folded[i] <= *std::min_element(folded.begin(), folded.end()) + kFoldSlack && candidates[i].within_one_se)
+      return static_cast<int>(i);
   }
   return -1;
 }
@@ -235,8 +244,8 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
   if (simplest < 0) return simplest;
   const int supported = BestSupported(*candidates, simplest), chosen = OfRichestFamily(*candidates, supported);
   if (chosen != supported) {
-    *reason = ToString((*candidates)[chosen].config) + " is within one standard error of the best (" + ToString(best->config) + ") like " +
-              ToString((*candidates)[supported].config) + ", which is no simpler version of it";
+    *reason = ToString((*candidates)[chosen].config) + " is within one standard error of the best (" + ToString(best->config) +
+              ") like " + ToString((*candidates)[supported].config) + ", which is no simpler version of it";
     return chosen;
   }
   *reason = Explain((*candidates)[chosen], (*candidates)[simplest], *best);
@@ -309,7 +318,8 @@ void DropFailed(std::vector<LensCandidate>* candidates) {
 /// Enough boards in different places for errors on boards that took no part.
 bool EnoughClusters(const LensPool& pool) {
   const std::vector<int> clusters = ClustersOfCameras(pool);
-  return CountClusters(pool.cluster) >= kMinClusters && *std::max_element(clusters.begin(), clusters.end()) >= kMinClustersOfCamera;
+  return CountClusters(pool.cluster) >= kMinClusters &&
+         *std::max_element(clusters.begin(), clusters.end()) >= kMinClustersOfCamera;
 }
 
 LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle) {

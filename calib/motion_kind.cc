@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "calib/evidence.h"
+
 namespace mvstudio::calib {
 namespace {
 
@@ -71,17 +73,12 @@ std::map<ViewKey, double> SquaresOfViews(const CalibrateReport& report, const Ca
 /// By how much the second lens lowers chi-square beyond what it costs; nothing when that is in doubt.
 std::optional<double> EvidenceForLens(const Split& split) {
   const auto one = SquaresOfViews(split.one_lens, split.two_lenses), two = SquaresOfViews(split.two_lenses, split.two_lenses);
-  double gain = 0, squares = 0;
+  std::vector<double> differences;
   for (const auto& [view, value] : one) {
-    const auto found = two.find(view);
-    if (found == two.end()) continue;
-    const double difference = value - found->second;
-    gain += difference, squares += difference * difference;
+    if (const auto found = two.find(view); found != two.end()) differences.push_back(value - found->second);
   }
   const CameraReport& later = split.two_lenses.cameras.back();
-  const double cost = later.num_params * std::log(std::max(2, later.num_corners));
-  if (!(gain > cost) || !(gain > kMinStandardErrors * std::sqrt(squares))) return std::nullopt;
-  return gain - cost;
+  return GainBeyondCost(differences, later.num_params * std::log(std::max(2, later.num_corners)), kMinStandardErrors);
 }
 
 /// Frames in which a camera sees a board, ascending.
@@ -99,7 +96,8 @@ double CappedSquares(const CalibrateReport& report, const CalibrateReport& solve
   if (report.status != Status::kOk) return std::numeric_limits<double>::infinity();
   double sum = 0;
   for (const CornerResidual& corner : report.residuals) {
-    const size_t of = static_cast<size_t>(corner.camera_idx) < solved.cameras.size() ? static_cast<size_t>(corner.camera_idx) : camera;
+    const size_t of =
+        static_cast<size_t>(corner.camera_idx) < solved.cameras.size() ? static_cast<size_t>(corner.camera_idx) : camera;
     const double relative = corner.residual_px.norm() / solved.cameras[of].alone_rms_px;
     sum += std::pow(std::fmin(kCapSigmas, relative), 2);
   }
@@ -161,8 +159,8 @@ void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, c
   }
 }
 
-std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
-                                           const RunContext& run, const std::string& camera) {
+std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const CalibrateReport& solved,
+                                           const CalibrateOptions& options, const RunContext& run, const std::string& camera) {
   const int index = solved.rig.Find(camera);
   if (index < 0) return std::nullopt;
   const std::vector<int64_t> frames = FramesOf(input, index);

@@ -9,8 +9,7 @@ namespace {
 
 constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;  // of a camera's corners
 constexpr double kWarnLost = 0.05;                            // of its boards
-// A camera's error in the rig over its error by itself, and the pixels beyond which that counts.
-constexpr double kWarnRatio = 1.5, kFailRatio = 6, kWarnExcessPx = 0.3, kFailExcessPx = 2;
+constexpr double kFailRatio = 6, kFailExcessPx = 2;           // of a contradiction
 constexpr double kFailMotionPx = 1;
 constexpr double kMinReadoutSigmas = 5, kWarnReadoutPx = 0.3, kFailReadoutPx = 3;
 // Held-out corners beyond 5 px: as for a camera by itself.
@@ -19,28 +18,34 @@ constexpr double kWarnGross = 0.005, kFailGross = 0.05;
 constexpr double kWarnTriangulatedPx = 1, kFailTriangulatedPx = 5;
 constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
 
-const char* const kSyncHint = "check that frames with the same number were taken at the same time, and that no camera was moved";
+const char* const kSyncHint =
+    "check that frames with the same number were taken at the same time, and that no camera was moved";
 
 std::string Between(const CameraMotion& motion) {
-  return Text("between frames %lld and %lld", static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx));
+  return Text("between frames %lld and %lld", static_cast<long long>(motion.last_before),
+              static_cast<long long>(motion.frame_idx));
 }
 
 void JudgeLensChange(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
-  const std::string text = Text("the lens of camera %s changed %s: focal length times %.5g +- %.1g, principal point moved by %.1f, %.1f px "
-                                "(%.1f px in its image)",
-                                names.c_str(), Between(motion).c_str(), motion.focal_scale, motion.focal_scale_sigma,
-                                motion.centre_shift_px.x(), motion.centre_shift_px.y(), motion.shift_px);
+  const std::string text = Text(
+      "the lens of camera %s changed %s: focal length times %.5g +- %.1g, principal point moved by %.1f, %.1f px "
+      "(%.1f px in its image)",
+      names.c_str(), Between(motion).c_str(), motion.focal_scale, motion.focal_scale_sigma, motion.centre_shift_px.x(),
+      motion.centre_shift_px.y(), motion.shift_px);
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-LENSCHANGED", text,
-             "focus, zoom, stabiliser, crop or scale: fix them and film again, or treat it as two cameras with a lens each: --split-at " +
+             "focus, zoom, stabiliser, crop or scale: fix them and film again, or treat it as two cameras with a lens each: "
+             "--split-at " +
                  motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens");
 }
 
 void JudgeDrift(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
-  out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED",
-             Text("camera %s moved steadily from frame %lld to frame %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
-                  names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
-                  RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
-             "its mount gives way, or its clock runs at another rate: fasten it and film again");
+  out->Limit(
+      motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED",
+      Text("camera %s moved steadily from frame %lld to frame %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its "
+           "image)",
+           names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
+           RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
+      "its mount gives way, or its clock runs at another rate: fasten it and film again");
 }
 
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
@@ -48,12 +53,13 @@ void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   for (const std::string& name : motion.cameras) names += (names.empty() ? "" : " or ") + name;
   if (motion.kind == CameraMotion::Kind::kLens) return JudgeLensChange(motion, names, scale, out);
   if (motion.kind == CameraMotion::Kind::kDrift) return JudgeDrift(motion, names, scale, out);
-  const std::string text =
-      Text("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)", names.c_str(), Between(motion).c_str(),
-           RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
+  const std::string text = Text("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
+                                names.c_str(), Between(motion).c_str(), RadToDeg(motion.rotation_rad),
+                                RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
   const std::string hint =
       motion.cameras.size() > 1
-          ? "two cameras only know of each other: film again, or leave out what came after frame " + std::to_string(motion.last_before)
+          ? "two cameras only know of each other: film again, or leave out what came after frame " +
+                std::to_string(motion.last_before)
           : "treat it as two cameras, before and after: --split-at " + names + ":" + std::to_string(motion.frame_idx);
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
 }
@@ -70,7 +76,8 @@ void JudgeRejected(const CameraReport& camera, Judgement* out) {
              Text("camera %s: %.0f %% of its corners were rejected", name, 100 * share), kSyncHint);
   const double lost = static_cast<double>(camera.num_lost_views) / std::max(1, camera.num_views + camera.num_lost_views);
   out->Limit(lost, kWarnLost, 2, "CAL-LOST",
-             Text("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views, camera.num_views + camera.num_lost_views),
+             Text("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views,
+                  camera.num_views + camera.num_lost_views),
              kSyncHint);
 }
 
@@ -79,14 +86,15 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
   const std::string text = Text("camera %s: %.2f px in the rig against %.2f px by itself: it contradicts the other cameras",
                                 camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
   if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
-  if (ratio > kWarnRatio && excess > kWarnExcessPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
+  if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
 }
 
 void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
   const Readout& readout = camera.readout;
   if (!(std::abs(readout.frames) > kMinReadoutSigmas * readout.sigma_frames)) return;
   out->Limit(readout.shift_px, kWarnReadoutPx * scale, kFailReadoutPx * scale, "CAL-ROLLING",
-             Text("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its corners by %.2f px",
+             Text("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its "
+                  "corners by %.2f px",
                   camera.name.c_str(), readout.frames, readout.sigma_frames, readout.shift_px),
              "hold the board still in every picture that is used, or use a camera with a global shutter");
 }
@@ -103,7 +111,8 @@ void JudgeMissing(const CalibrateReport& report, Judgement* out) {
   const bool many = missing >= 2 && 2 * missing > report.cameras.size();
   for (const CameraReport& camera : report.cameras) {
     if (std::isfinite(camera.holdout_rms_px)) continue;
-    const std::string text = Text("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(), camera.num_views, camera.num_places);
+    const std::string text =
+        Text("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(), camera.num_views, camera.num_places);
     const char* const hint = "show it the board in 6 places or more";
     many ? out->Fail("CAL-NOHOLDOUT", text, hint) : out->Warn("CAL-NOHOLDOUT", text, hint);
   }
@@ -111,10 +120,11 @@ void JudgeMissing(const CalibrateReport& report, Judgement* out) {
 
 void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
   if (!(report.rig_holdout_gross_fraction > kWarnGross)) return;
-  const auto worst = std::max_element(report.cameras.begin(), report.cameras.end(), [](const CameraReport& a, const CameraReport& b) {
-    return (std::isfinite(a.rig_holdout_gross_fraction) ? a.rig_holdout_gross_fraction : -1) <
-           (std::isfinite(b.rig_holdout_gross_fraction) ? b.rig_holdout_gross_fraction : -1);
-  });
+  const auto worst =
+      std::max_element(report.cameras.begin(), report.cameras.end(), [](const CameraReport& a, const CameraReport& b) {
+        return (std::isfinite(a.rig_holdout_gross_fraction) ? a.rig_holdout_gross_fraction : -1) <
+               (std::isfinite(b.rig_holdout_gross_fraction) ? b.rig_holdout_gross_fraction : -1);
+      });
   out->Limit(report.rig_holdout_gross_fraction, kWarnGross, kFailGross, "CAL-RIGHOLDOUT",
              Text("frames held out: %.1f %% of the corners are off by more than 5 px, most in camera %s (%.0f %%)",
                   100 * report.rig_holdout_gross_fraction, worst->name.c_str(), 100 * worst->rig_holdout_gross_fraction),
@@ -124,10 +134,12 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
 void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   const BoardMetrics& boards = report.board_metrics;
   out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
-             Text("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px), kSyncHint);
+             Text("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px),
+             kSyncHint);
   const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
   out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
-             Text("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm, 100 * share),
+             Text("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,
+                  100 * share),
              kSyncHint);
 }
 
@@ -135,8 +147,8 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
 void JudgeSize(const CameraReport& camera, Judgement* out) {
   constexpr double kWarn = 0.01, kFail = 0.1;
   if (!(camera.outside_fraction > kWarn)) return;
-  const std::string text = Text("camera %s: %.0f %% of its corners lie outside the image of the size that was told", camera.name.c_str(),
-                                100 * camera.outside_fraction);
+  const std::string text = Text("camera %s: %.0f %% of its corners lie outside the image of the size that was told",
+                                camera.name.c_str(), 100 * camera.outside_fraction);
   const char* const hint = "give the size of the images that the corners were found in";
   camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);
 }
@@ -146,10 +158,12 @@ void JudgeBending(const CalibrateReport& report, Judgement* out) {
   constexpr double kRatio = 2, kSigmas = 6, kShare = 0.002;
   const BoardBending& bending = report.bending;
   if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas && bending.rms_m > kShare * report.board_size_m)) return;
-  out->Warn("CAL-BENDING",
-            Text("the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
-                 1e3 * bending.rms_m, bending.variance_ratio),
-            "use a rigid board; the uncertainties do not count this");
+  out->Warn(
+      "CAL-BENDING",
+      Text(
+          "the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
+          1e3 * bending.rms_m, bending.variance_ratio),
+      "use a rigid board; the uncertainties do not count this");
 }
 
 void JudgeUnit(const CalibrateReport& report, Judgement* out) {
@@ -180,8 +194,9 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     JudgeAssumed(camera, out);
   }
   for (const NumberingFault& fault : report.numbering)
-    out->Fail("CAL-NUMBERING", ToString(fault), "number the board's corners alike in all cameras; boards that look the same after half a turn "
-                                                "(even by even, odd by odd) invite it");
+    out->Fail("CAL-NUMBERING", ToString(fault),
+              "number the board's corners alike in all cameras; boards that look the same after half a turn "
+              "(even by even, odd by odd) invite it");
   if (report.layout) out->Fail("CAL-BOARD", ToString(*report.layout), "correct the board's columns and rows");
   JudgeUnit(report, out);
   JudgeBending(report, out);

@@ -4,7 +4,7 @@
 
 #include "calib/calibrate.h"
 
-/// The rules of Judge. For verdict*.cc.
+/// The rules of Judge. For verdict*.cc and calibrate.cc.
 namespace mvstudio::calib::internal {
 
 #if defined(__GNUC__)
@@ -30,6 +30,9 @@ class Judgement {
     verdict.reasons.push_back(reason);
   }
 };
+
+/// A camera contradicts the others from this ratio of its error in the rig to that by itself, and so many pixels more.
+constexpr double kContradictsRatio = 1.5, kContradictsPx = 0.3;
 
 /// What limits in pixels are multiplied by: 1 up to a full-HD image, in proportion to the diagonal beyond.
 double PixelScale(const CalibrateReport& report, size_t camera);

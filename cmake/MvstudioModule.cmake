@@ -1,7 +1,9 @@
 # Compiler launcher, warnings, sanitizers, and mvstudio_add_module().
 
+# Whole builds compile groups of files at once and do without ccache, whose misses cost a fifth; builds that are changed and built again
+# (preset dev) compile file by file (docs/notes/build-time.md).
 find_program(MVSTUDIO_CCACHE ccache)
-if(MVSTUDIO_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+if(MVSTUDIO_CCACHE AND NOT MVSTUDIO_UNITY AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   # The sloppiness is what ccache asks for to cache files that use a precompiled header.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${MVSTUDIO_CCACHE})
 endif()
@@ -22,13 +24,26 @@ if(MVSTUDIO_SANITIZE)
   add_link_options(-fsanitize=${MVSTUDIO_SANITIZE})
 endif()
 
-# What is precompiled: parsing these headers is most of what a file costs otherwise (docs/notes/build-time.md).
-set(MVSTUDIO_PCH_STD ${CMAKE_SOURCE_DIR}/cmake/pch_std.h)
-set(MVSTUDIO_PCH_EIGEN ${CMAKE_SOURCE_DIR}/cmake/pch_eigen.h)
-set(MVSTUDIO_PCH_TORCH ${CMAKE_SOURCE_DIR}/cmake/pch_torch.h)
+find_package(Python3 REQUIRED COMPONENTS Interpreter)
 
-# mvstudio_add_module(NAME [HEADER…]): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder, HEADERs
-# precompiled.
+# mvstudio_group_sources(TARGET SIZE): compiles up to SIZE source files of the target as one, where they share no name at file scope.
+function(mvstudio_group_sources target size)
+  if(NOT MVSTUDIO_UNITY)
+    return()
+  endif()
+  get_target_property(sources ${target} SOURCES)
+  execute_process(COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/cmake/unity_groups.py ${size} ${sources}
+    OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
+  string(REPLACE "\n" ";" groups "${groups}")
+  foreach(line ${groups})
+    string(REGEX MATCH "^(g[0-9]+) (.+)$" line "${line}")
+    set_source_files_properties(${CMAKE_MATCH_2} PROPERTIES UNITY_GROUP ${CMAKE_MATCH_1})
+  endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # GCC takes an included .cc file for a header
+endfunction()
+
+# mvstudio_add_module(NAME): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder.
 # Dependencies are given with target_link_libraries: PUBLIC for what the module's headers include, PRIVATE for the rest.
 function(mvstudio_add_module name)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
@@ -36,7 +51,5 @@ function(mvstudio_add_module name)
   add_library(mvstudio::${name} ALIAS mvstudio_${name})
   target_include_directories(mvstudio_${name} PUBLIC ${CMAKE_SOURCE_DIR})
   target_link_libraries(mvstudio_${name} PRIVATE mvstudio_warnings)
-  if(NOT ARGN STREQUAL "")
-    target_precompile_headers(mvstudio_${name} PRIVATE ${ARGN})
-  endif()
+  mvstudio_group_sources(mvstudio_${name} 8)
 endfunction()

@@ -14,27 +14,22 @@ endif()
 
 function(mvstudio_test_target target)
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # a third less to compile; what is tested keeps its own flags
-  target_link_libraries(${target} PRIVATE ${ARGN} mvstudio_test_support GTest::gmock GTest::gtest_main mvstudio_warnings)
+  target_link_libraries(${target} PRIVATE ${ARGN} mvstudio_test_support mvstudio_test_main GTest::gmock mvstudio_warnings)
 endfunction()
 
-# mvstudio_add_tests(MODULE DEPS...): one program and one ctest entry MODULE/unit for every MODULE/*_test.cc of the current folder.
+# mvstudio_add_tests(MODULE DEPS...): program test_MODULE from every MODULE/*_test.cc of the current folder, and one ctest entry
+# MODULE/UNIT for each of them, which runs the tests of that file alone.
 # A file ending in _slow_test.cc gets the label `slow`, _integration_test.cc `integration`, any other `unit`.
 function(mvstudio_add_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${module}/*_test.cc)
   if(NOT MVSTUDIO_AVATAR)
     list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|metrics|models|pose2d)_[a-z_0-9]*\\.cc$")  # commands that need libtorch
   endif()
-  # One precompiled header for the tests of a module: they are compiled with the same flags.
-  set(pch test_${module}_pch)
-  add_library(${pch} STATIC ${CMAKE_SOURCE_DIR}/cmake/empty.cc)
-  mvstudio_test_target(${pch} ${ARGN})
-  set(header pch_test_eigen.h)
-  if(module MATCHES "^(core|metrics|report|cli)$")
-    set(header pch_test.h)
-  elseif(module STREQUAL avatar)
-    set(header pch_test_torch.h)
-  endif()
-  target_precompile_headers(${pch} PRIVATE ${CMAKE_SOURCE_DIR}/cmake/${header})
+  set(target test_${module})
+  add_executable(${target} ${sources})
+  mvstudio_test_target(${target} ${ARGN})
+  mvstudio_group_sources(${target} 8)
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   foreach(source ${sources})
     get_filename_component(unit ${source} NAME_WE)
     string(REGEX REPLACE "_test$" "" unit ${unit})
@@ -48,19 +43,18 @@ function(mvstudio_add_tests module)
       set(timeout 300)
     endif()
     math(EXPR timeout "${timeout} * ${MVSTUDIO_TEST_PATIENCE}")
-    string(REPLACE "/" "_" target "test_${module}_${unit}")
-    add_executable(${target} ${source})
-    mvstudio_test_target(${target} ${ARGN})
-    target_precompile_headers(${target} REUSE_FROM ${pch})
-    set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-    add_test(NAME ${module}/${unit} COMMAND ${target})
+    add_test(NAME ${module}/${unit} COMMAND ${target} --file=${source})
     set_tests_properties(${module}/${unit} PROPERTIES LABELS ${label} TIMEOUT ${timeout} ENVIRONMENT "${MVSTUDIO_TEST_ENVIRONMENT}")
+    if(MVSTUDIO_SANITIZE)
+      # Also where the process that was ended is a child, and the test expects it to fail.
+      set_tests_properties(${module}/${unit} PROPERTIES FAIL_REGULAR_EXPRESSION "ERROR: [A-Za-z]+Sanitizer;WARNING: ThreadSanitizer;: runtime error: ")
+    endif()
   endforeach()
 endfunction()
 
-# mvstudio_plan_tests(FILE): what a run of all tests should know of the long ones. Lines "NAME SECONDS [nightly] [threads] [alone]":
+# mvstudio_plan_tests(FILE): what a run of all tests should know of the long ones. Lines "NAME SECONDS [nightly] [threads] [alone] [memory]":
 # long tests start first; `nightly` ones are left to `scripts/test nightly`; those with `threads` keep all processors busy and those that
-# need the machine `alone` run by themselves.
+# need the machine `alone` run by themselves. Those with `memory` write thousands of files: their temporary folders lie in memory.
 function(mvstudio_plan_tests file)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
   file(STRINGS ${file} lines REGEX "^[^#]")
@@ -76,6 +70,9 @@ function(mvstudio_plan_tests file)
     endif()
     if(threads IN_LIST words)
       set_tests_properties(${name} PROPERTIES PROCESSORS 2)
+    endif()
+    if(memory IN_LIST words AND IS_DIRECTORY /dev/shm)
+      set_tests_properties(${name} PROPERTIES ENVIRONMENT_MODIFICATION TMPDIR=set:/dev/shm)
     endif()
     if(alone IN_LIST words)
       set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)

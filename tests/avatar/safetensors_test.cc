@@ -14,11 +14,11 @@
 namespace mvstudio::avatar {
 namespace {
 
-class SafetensorsTest : public testing::Test {
+class SafetensorsTest : public ::testing::Test {
  protected:
   void SetUp() override {
     folder_ = std::filesystem::temp_directory_path() /
-              ("mvstudio_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+              ("mvstudio_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
     std::filesystem::create_directories(folder_);
     path_ = (folder_ / "file.safetensors").string();
   }

@@ -17,16 +17,16 @@ Rigid3 RandomPose(Rng* rng, double angle, double length) {
   return {geometry::RotationExp(angle * turn), length * shift};
 }
 
-struct Scene {
+struct HandEyeScene {
   Rigid3 a_from_b, q_from_p;
   std::vector<HandEyePair> pairs;
 };
 
 /// Body p 1 m in front of a; `axis`: the only one about which the boards turn, zero for all.
-Scene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, double translation_noise,
+HandEyeScene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, double translation_noise,
                 const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
   Rng rng(seed);
-  Scene scene{RandomPose(&rng, 1, 1), RandomPose(&rng, 0.7, 0.5), {}};
+  HandEyeScene scene{RandomPose(&rng, 1, 1), RandomPose(&rng, 0.7, 0.5), {}};
   for (int i = 0; i < num_pairs; ++i) {
     Rigid3 a_from_p = RandomPose(&rng, 0.4, 0.2);
     if (!axis.isZero()) a_from_p.rotation = geometry::RotationExp(rng.Normal() * axis);
@@ -46,7 +46,7 @@ Scene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, double tran
 TEST(HandEye, NoiseFreeToRounding) {
   for (int n : {3, 4, 30}) {
     for (uint64_t seed = 1; seed <= 5; ++seed) {
-      const Scene scene = MakeScene(n, seed, 0, 0);
+      const HandEyeScene scene = MakeScene(n, seed, 0, 0);
       const HandEye found = SolveHandEye(scene.pairs);
       ASSERT_EQ(found.status, Status::kOk) << found.message;
       EXPECT_LT(geometry::RotationAngle(found.a_from_b.rotation, scene.a_from_b.rotation), 1e-12);
@@ -63,7 +63,7 @@ TEST(HandEye, ErrorsAreAsPredicted) {
   constexpr int kSeeds = 60;
   double rotation = 0, translation = 0;
   for (int seed = 1; seed <= kSeeds; ++seed) {
-    const Scene scene = MakeScene(40, seed, 0.003, 0.003);
+    const HandEyeScene scene = MakeScene(40, seed, 0.003, 0.003);
     const HandEye found = SolveHandEye(scene.pairs);
     ASSERT_EQ(found.status, Status::kOk) << found.message;
     const Eigen::Vector3d turn = geometry::RotationLog(found.a_from_b.rotation * scene.a_from_b.rotation.conjugate());
@@ -79,7 +79,7 @@ TEST(HandEye, ErrorsAreAsPredicted) {
 
 TEST(HandEye, WrongPosesDoNotMatter) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
-    Scene scene = MakeScene(40, seed, 1e-3, 1e-3);
+    HandEyeScene scene = MakeScene(40, seed, 1e-3, 1e-3);
     Rng rng(seed + 50);
     for (size_t i = 0; i < scene.pairs.size(); i += 4) scene.pairs[i].b_from_q = RandomPose(&rng, 1, 1);
     const HandEye found = SolveHandEye(scene.pairs);
@@ -106,7 +106,7 @@ TEST(HandEye, TurnsAboutOneAxisAreRefused) {
 }
 
 TEST(HandEye, NoTurnsAtAllAreRefused) {
-  Scene scene = MakeScene(10, 3, 0, 0);
+  HandEyeScene scene = MakeScene(10, 3, 0, 0);
   for (HandEyePair& pair : scene.pairs) {
     pair.a_from_p.rotation = scene.pairs[0].a_from_p.rotation;
     pair.b_from_q = geometry::Inverse(scene.a_from_b) * pair.a_from_p * geometry::Inverse(scene.q_from_p);
@@ -115,7 +115,7 @@ TEST(HandEye, NoTurnsAtAllAreRefused) {
 }
 
 TEST(HandEye, TooFewAndNotFinite) {
-  Scene scene = MakeScene(3, 1, 0, 0);
+  HandEyeScene scene = MakeScene(3, 1, 0, 0);
   scene.pairs.pop_back();
   EXPECT_EQ(SolveHandEye(scene.pairs).status, Status::kTooFewViews);
   EXPECT_EQ(SolveHandEye({}).status, Status::kTooFewViews);
@@ -125,7 +125,7 @@ TEST(HandEye, TooFewAndNotFinite) {
 }
 
 TEST(HandEye, OrderOfTheDevicesIsAMatterOfNames) {
-  const Scene scene = MakeScene(12, 7, 2e-4, 2e-4);
+  const HandEyeScene scene = MakeScene(12, 7, 2e-4, 2e-4);
   std::vector<HandEyePair> swapped;
   for (const HandEyePair& pair : scene.pairs) swapped.push_back({pair.b_from_q, pair.a_from_p});
   const HandEye there = SolveHandEye(scene.pairs), back = SolveHandEye(swapped);

@@ -4,14 +4,11 @@
 #include "core/paths.h"
 #include "geometry/rig_io.h"
 #include "tests/exports/fixture.h"
-#include "tests/support/memory_folder.h"
 #include "tests/support/run_cli.h"
 
 /// dataset export and calib convert to the formats of datasets, as a user runs them.
 namespace mvstudio::testing {
 namespace {
-
-[[maybe_unused]] const bool kInMemory = TempFoldersInMemory();
 
 using exports::testing::MakeDataset;
 using exports::testing::MakeRig;

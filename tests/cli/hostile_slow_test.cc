@@ -9,7 +9,6 @@
 #include "core/files.h"
 #include "core/paths.h"
 #include "tests/support/hostile_files.h"
-#include "tests/support/memory_folder.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/sanitized.h"
 
@@ -17,8 +16,6 @@
 /// bounded memory and time. What a reader does with thousands of damaged files is in hostile_readers_integration_test.cc.
 namespace mvstudio::testing {
 namespace {
-
-[[maybe_unused]] const bool kInMemory = TempFoldersInMemory();
 
 namespace fs = std::filesystem;
 using ::testing::AnyOf;

@@ -2,14 +2,11 @@
 #include <gtest/gtest.h>
 
 #include "tests/exports/fixture.h"
-#include "tests/support/memory_folder.h"
 
 /// Every format read back by tests/clients/export_readers.py, which knows only the public rules of the formats, and compared
 /// with the dataset by projecting the joints.
 namespace mvstudio::exports::testing {
 namespace {
-
-[[maybe_unused]] const bool kInMemory = mvstudio::testing::TempFoldersInMemory();
 
 constexpr double kPinPx = 1e-6;
 

@@ -18,12 +18,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-using testing::AllOf;
-using testing::Contains;
-using testing::Field;
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::Field;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
 
 constexpr char kHostile[] = "<script>alert(\"x\")</script>&'";
 
@@ -42,10 +42,10 @@ Json Result(const std::string& command, const Json& metrics) {
 }
 
 /// A run folder of its own for each test, removed afterwards.
-class ReportTest : public testing::Test {
+class ReportTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
     run_ = (fs::temp_directory_path() / ("mvstudio-report-" + std::to_string(getpid()) + "-" + info->name())).string();
     fs::remove_all(run_);
     MakeFolder(run_);
@@ -235,7 +235,7 @@ TEST_F(ReportTest, EveryFigureIsWellFormedAndLabelled) {
   for (const std::string& figure : figures) {
     EXPECT_EQ(CheckMarkup(figure), "");
     EXPECT_THAT(figure, HasSubstr("aria-label=\""));
-    EXPECT_THAT(figure, Not(testing::ContainsRegex("=\"-?(nan|inf)")));
+    EXPECT_THAT(figure, Not(::testing::ContainsRegex("=\"-?(nan|inf)")));
   }
 }
 

@@ -11,7 +11,6 @@
 
 #include "core/error.h"
 #include "tests/support/hostile_files.h"
-#include "tests/support/memory_folder.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/sanitized.h"
 
@@ -20,8 +19,6 @@
 /// (docs/fuzzing.md) and starts from the same files. A test program includes this and names its readers with
 /// INSTANTIATE_TEST_SUITE_P.
 namespace mvstudio::testing {
-
-[[maybe_unused]] const bool kHostileInMemory = TempFoldersInMemory();
 
 struct HostileReader {
   std::string name;

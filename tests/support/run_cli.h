@@ -6,11 +6,13 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "tests/support/sanitized.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::testing {
@@ -35,6 +37,8 @@ inline std::string ShellQuote(const std::string& word) {
   return quoted + "'";
 }
 
+inline bool Mentions(const std::string& text, const std::string& words) { return text.find(words) != std::string::npos; }
+
 /// Path of the program under test: MVSTUDIO_BIN, as ctest sets it.
 inline std::string CliPath() {
   const char* path = std::getenv("MVSTUDIO_BIN");
@@ -48,7 +52,10 @@ inline CliRun RunCli(const std::vector<std::string>& words, const std::string& p
   for (const std::string& word : words) line += " " + ShellQuote(word);
   line += " >" + ShellQuote(folder.path() + "/out") + " 2>" + ShellQuote(folder.path() + "/err") + " </dev/null";
   const int status = std::system(line.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Slurp(folder.path() + "/out"), Slurp(folder.path() + "/err")};
+  const CliRun run{WIFEXITED(status) ? WEXITSTATUS(status) : -1, Slurp(folder.path() + "/out"), Slurp(folder.path() + "/err")};
+  // ctest looks for reports of sanitizers in what a test prints: one that expects a failure would otherwise swallow them.
+  if (kSanitized && (Mentions(run.err, "Sanitizer") || Mentions(run.err, "runtime error"))) std::cerr << run.err;
+  return run;
 }
 
 }  // namespace mvstudio::testing

@@ -1,1 +1,0 @@
-// A target that only precompiles headers needs a source file.
