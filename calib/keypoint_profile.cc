@@ -123,6 +123,7 @@ class GroupSum {
   }
 
   void Eliminate(const Eigen::LLT<Eigen::Matrix3d>& factor) {
+    if (mixed_.cols() == 0) return;  // seen by fixed cameras alone
     factor.matrixL().solveInPlace(mixed_);
     for (Eigen::Index a = 0; a < mixed_.cols(); ++a) {
       const Eigen::Vector3d left = mixed_.col(a);

@@ -47,11 +47,4 @@ CameraSigmas SigmasOf(const geometry::RigCamera& camera);
 /// num_cameras and cameras[].
 void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result);
 
-template <class... Values>
-std::string Format(const char* format, Values... values) {
-  char line[512];
-  std::snprintf(line, sizeof line, format, values...);
-  return line;
-}
-
 }  // namespace mvstudio::cli

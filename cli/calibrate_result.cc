@@ -8,6 +8,7 @@
 
 #include "calib/film_next.h"
 #include "cli/calib_read.h"
+#include "cli/format.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {

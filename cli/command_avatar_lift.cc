@@ -7,6 +7,7 @@
 #include "avatar/io/lift_take.h"
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"

@@ -6,6 +6,7 @@
 #include "calib/board_check.h"
 #include "calib/board_draw.h"
 #include "cli/commands.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
@@ -26,13 +27,6 @@ struct CheckArguments {
   std::string board;
   int max_images = 30;
 };
-
-template <class... Values>
-std::string Format(const char* format, Values... values) {
-  char line[512];
-  std::snprintf(line, sizeof line, format, values...);
-  return line;
-}
 
 CommandResult RunDraw(const DrawArguments& arguments) {
   const calib::Board board = calib::ParseBoard(arguments.board);

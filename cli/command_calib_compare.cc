@@ -5,6 +5,7 @@
 #include "calib/rig_compare.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/units.h"

@@ -4,6 +4,7 @@
 #include "calib/formats.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"

@@ -7,6 +7,7 @@
 #include "cli/calibration_use.h"
 #include "cli/command_calib.h"
 #include "cli/corner_input.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/units.h"

@@ -6,6 +6,7 @@
 
 #include "cli/calib_read.h"
 #include "cli/calibration_use.h"
+#include "cli/format.h"
 #include "cli/likely_cause.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"

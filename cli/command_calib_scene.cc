@@ -8,6 +8,7 @@
 #include "calib/detect_board.h"
 #include "cli/calib_read.h"
 #include "cli/calibration_use.h"
+#include "cli/format.h"
 #include "core/error.h"
 #include "core/paths.h"
 #include "core/units.h"

@@ -4,6 +4,7 @@
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
 #include "cli/console.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "core/units.h"
 

@@ -85,7 +85,7 @@ double Share(const std::vector<double>& values, double limit) {
 }
 
 /// Joints are brought into the truth's world by the alignment of the two rigs alone, never by one fitted to the joints.
-TruthComparison CompareWithTruth(const std::string& session, const std::string& run) {
+TruthComparison CompareRunWithTruth(const std::string& session, const std::string& run) {
   TruthComparison result;
   result.rig = geometry::CompareRigs(geometry::ReadRig(run + "/calibration.json"),
                                      geometry::ReadRig(session + "/truth/calibration.json"));
@@ -164,7 +164,7 @@ class Demo {
       cameras_.push_back(camera.camera.name);
     Stage(CalibrateWords());
     Stage(TriangulateWords());
-    truth_ = CompareWithTruth(session_, o_.out);
+    truth_ = CompareRunWithTruth(session_, o_.out);
     Stage(BuildWords());
     Stage({"dataset", "verify", o_.out + "/dataset", "--keep", o_.out});
     Stage(TrainWords());

@@ -5,6 +5,7 @@
 
 #include "cli/calib_read.h"
 #include "cli/commands.h"
+#include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose2d_detect.h"

@@ -2,9 +2,8 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstdlib>
-#include <cstring>
 
+#include "cli/companion.h"
 #include "cli/console.h"
 #include "cli/interrupt.h"
 #include "cli/redact.h"
@@ -15,25 +14,10 @@
 namespace mvstudio::cli {
 namespace {
 
-bool Trains(char** argv) {
-  bool trains = false;
-  for (char** word = argv; *word; ++word) trains = trains || !std::strcmp(*word, "avatar") || !std::strcmp(*word, "demo");
-  return trains;
-}
-
 /// Every training step frees and takes the same blocks: given back to the system in between, they cost an eighth of the time.
 void KeepFreedMemory() {
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
-}
-
-/// OpenMP threads spin at every barrier before they sleep; on busy or small machines that makes training ten times slower. The
-/// limit is read before main() begins, so the program starts itself once more with it. Measured: 1.7 -> 18.7 steps/s beside two
-/// busy processes, and 13 -> 18 alone (2 cores). Only the commands that train do it: starting costs half a second.
-void RestartWithShortSpins(char** argv) {
-  if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
-  setenv("GOMP_SPINCOUNT", "1000", 1);
-  execv("/proc/self/exe", argv);  // comes back only when that is not possible: then it is merely slower
 }
 
 std::string WithHint(const Notice& notice) { return notice.text + (notice.hint.empty() ? "" : " (" + notice.hint + ")"); }
@@ -108,10 +92,9 @@ int Main(int argc, char** argv) {
 }  // namespace mvstudio::cli
 
 int main(int argc, char** argv) {
-  mvstudio::cli::PrepareProcess();
-  if (mvstudio::cli::Trains(argv)) {
-    mvstudio::cli::RestartWithShortSpins(argv);
-    mvstudio::cli::KeepFreedMemory();
-  }
-  return mvstudio::cli::Main(argc, argv);
+  using namespace mvstudio::cli;
+  if (!Runs(argv) && !HandOver(argv)) return kExitMissingTool;
+  PrepareProcess();
+  if (Trains(argv)) KeepFreedMemory();
+  return Main(argc, argv);
 }

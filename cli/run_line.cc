@@ -8,6 +8,7 @@
 #include "cli/options.h"
 #include "cli/redact.h"
 #include "cli/result.h"
+#include "cli/short_help.h"
 #include "core/check.h"
 #include "core/manifest.h"
 
@@ -86,6 +87,7 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   Registry registry;
   RegisterAll(app, registry);
   CheckValues(app);
+  ShortenHelp(app);
 
   std::vector<std::string> argv = {"mvstudio"};
   argv.insert(argv.end(), words.begin(), words.end());

@@ -3,19 +3,14 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "cli/format.h"
+
 namespace mvstudio::cli {
 namespace {
 
 using dataset::CameraTimeline;
 using dataset::InspectedFootage;
 using nlohmann::ordered_json;
-
-template <class... Values>
-std::string Format(const char* format, Values... values) {
-  char line[400];
-  std::snprintf(line, sizeof(line), format, values...);
-  return line;
-}
 
 ordered_json RangesJson(const std::vector<std::pair<int64_t, int64_t>>& ranges) {
   ordered_json json = ordered_json::array();

@@ -58,9 +58,6 @@ void RegisterTradeoff(CLI::App& app, Registry& registry) {
   RegisterTradeoffCalibrate(*tradeoff, registry);
   RegisterTradeoffTriangulate(*tradeoff, registry);
   RegisterTradeoffPack(*tradeoff, registry);
-#if MVSTUDIO_HAS_AVATAR
-  RegisterTradeoffAvatar(*tradeoff, registry);
-#endif
 }
 
 }  // namespace mvstudio::cli

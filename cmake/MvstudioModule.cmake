@@ -4,8 +4,7 @@
 # (preset dev) compile file by file (docs/notes/build-time.md).
 find_program(MVSTUDIO_CCACHE ccache)
 if(MVSTUDIO_CCACHE AND NOT MVSTUDIO_UNITY AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # The sloppiness is what ccache asks for to cache files that use a precompiled header.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${MVSTUDIO_CCACHE})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${MVSTUDIO_CCACHE})
 endif()
 
 find_program(MVSTUDIO_MOLD mold)
@@ -22,6 +21,8 @@ endif()
 if(MVSTUDIO_SANITIZE)
   add_compile_options(-fsanitize=${MVSTUDIO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=undefined)
   add_link_options(-fsanitize=${MVSTUDIO_SANITIZE})
+  # Eigen would align by hand what it allocates, and OpenGV, which was built without sanitizers, would free it otherwise.
+  add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
 find_package(Python3 REQUIRED COMPONENTS Interpreter)

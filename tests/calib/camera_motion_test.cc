@@ -47,17 +47,7 @@ testing::Scene SceneWith(const std::vector<Kick>& kicks, int cameras = 4, double
   return scene;
 }
 
-/// With a given lens, since its choice takes most of the time.
-CalibrateOptions Plain() {
-  CalibrateOptions options;
-  options.model = "brown2";
-  options.warp = options.stretch = "off";
-  options.share_intrinsics = options.time_offset = "none";
-  options.holdout_folds = 2;
-  return options;
-}
-
-CalibrateReport Calibrated(const testing::Scene& scene, const CalibrateOptions& options = Plain()) {
+CalibrateReport Calibrated(const testing::Scene& scene, const CalibrateOptions& options = testing::PlainOptions()) {
   return Calibrate(testing::ToInput(scene), options, {});
 }
 
@@ -156,7 +146,7 @@ TEST(CameraMotion, ARigThatStandsStillHasNone) {
 
 TEST(CameraMotion, SplitWhereItMovedTheRigIsRight) {
   const testing::Scene scene = SceneWith({{1, 27, {0, 0.01, 0}}});
-  CalibrateOptions options = Plain();
+  CalibrateOptions options = testing::PlainOptions();
   options.split_at = {"cam1:82"};
   const CalibrateReport report = Calibrated(scene, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;

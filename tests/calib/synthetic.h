@@ -224,4 +224,14 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
   return image;
 }
 
+/// With a given lens, since its choice takes most of the time.
+inline CalibrateOptions PlainOptions() {
+  CalibrateOptions options;
+  options.model = "brown2";
+  options.warp = options.stretch = "off";
+  options.share_intrinsics = options.time_offset = "none";
+  options.holdout_folds = 2;
+  return options;
+}
+
 }  // namespace mvstudio::calib::testing

@@ -7,15 +7,6 @@
 namespace mvstudio::calib {
 namespace {
 
-CalibrateOptions Plain() {
-  CalibrateOptions options;
-  options.model = "brown2";
-  options.warp = options.stretch = "off";
-  options.share_intrinsics = options.time_offset = "none";
-  options.holdout_folds = 2;
-  return options;
-}
-
 testing::Scene MakeRecording() {
   testing::SceneOptions options;
   options.model = geometry::LensModel::kBrown2;
@@ -32,20 +23,20 @@ std::string Said(const CalibrateReport& report, const std::string& code) {
 
 TEST(Verdict, CornersBeyondTheToldSizeAreSaid) {
   CalibrateInput input = testing::ToInput(MakeRecording());
-  EXPECT_EQ(Said(Calibrate(input, Plain(), {}), "CAL-SIZE"), "");
+  EXPECT_EQ(Said(Calibrate(input, testing::PlainOptions(), {}), "CAL-SIZE"), "");
   input.cameras[1].width_px = 320, input.cameras[1].height_px = 240;
-  const CalibrateReport report = Calibrate(input, Plain(), {});
+  const CalibrateReport report = Calibrate(input, testing::PlainOptions(), {});
   EXPECT_NE(Said(report, "CAL-SIZE").find("cam1"), std::string::npos);
   EXPECT_NE(report.verdict.status, "pass");
 }
 
 TEST(Verdict, ABoardThatNobodyPrintsIsSaid) {
   CalibrateInput input = testing::ToInput(MakeRecording());
-  EXPECT_EQ(Said(Calibrate(input, Plain(), {}), "CAL-UNIT"), "");
+  EXPECT_EQ(Said(Calibrate(input, testing::PlainOptions(), {}), "CAL-UNIT"), "");
   for (const double wrong : {1000.0, 1e-4}) {
     CalibrateInput other = input;
     other.boards[0].square_m *= wrong;
-    EXPECT_NE(Said(Calibrate(other, Plain(), {}), "CAL-UNIT"), "") << wrong;
+    EXPECT_NE(Said(Calibrate(other, testing::PlainOptions(), {}), "CAL-UNIT"), "") << wrong;
   }
 }
 
@@ -53,7 +44,7 @@ TEST(Verdict, WhereThereIsNoSolutionACameraOfFewBoardsIsNamed) {
   CalibrateInput input = testing::ToInput(MakeRecording());
   auto& all = input.detections;
   all.erase(std::remove_if(all.begin(), all.end(), [](const Detection& d) { return d.frame_idx > 1; }), all.end());
-  const CalibrateReport report = Calibrate(input, Plain(), {});
+  const CalibrateReport report = Calibrate(input, testing::PlainOptions(), {});
   ASSERT_NE(report.status, Status::kOk);
   EXPECT_NE(report.message.find("only 1 board in view of cam"), std::string::npos) << report.message;
 }

@@ -49,7 +49,9 @@ class BadInput : public ::testing::Test {
   /// The command fails with `exit`, one line on stderr holding every one of `parts`, and leaves no output and no rubbish.
   void ExpectFailure(const std::vector<std::string>& words, int exit, const std::vector<std::string>& parts,
                      const std::string& output, const std::string& prefix = "") {
-    const CliRun run = RunCli(words, prefix);
+    std::vector<std::string> line = words;
+    line.insert(line.end(), {"--progress", "none"});  // a slow machine would report progress
+    const CliRun run = RunCli(line, prefix);
     EXPECT_EQ(run.exit, exit) << run.err;
     for (const std::string& part : parts) EXPECT_THAT(run.err, HasSubstr(part));
     EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;

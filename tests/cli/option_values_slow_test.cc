@@ -21,7 +21,7 @@ std::vector<std::string> Words(const std::string& text) {
 
 std::string HelpOf(const std::string& command) {
   std::vector<std::string> words = Words(command);
-  words.push_back("--help");
+  words.push_back("--help-all");
   return RunCli(words).out;
 }
 

@@ -279,11 +279,15 @@ class GeneratorTest(unittest.TestCase):
 class TableTest(unittest.TestCase):
     def test_rows_are_counted(self):
         base = {"kind": "a", "group": "g", "seed": 1, "clean": True, "warned": True, "failed": False, "messages": [["CAL-X", "", ""]],
-                "coverage": {"focal": [10, 7, 9]}}
-        text = tables.markdown([{"runs": [dict(base, outcome=judge.RIGHT), dict(base, seed=2, outcome=judge.SILENT)]}])
-        self.assertIn("| g: a | 2 | 1 | 1 |  |  |  |  |  | 1 |  |", text)
-        self.assertIn("2 are warned of, 0 fail (CAL-X 2)", text)
-        self.assertIn("| focal | others | 20 | 70.0 % | 90.0 % |", text)
+                "coverage": {"focal": [10, 7, 9]}, "true_models": ["brown5", "brown4"]}
+        text = tables.markdown([{"runs": [dict(base, outcome=judge.RIGHT), dict(base, seed=2, outcome=judge.SILENT),
+                                          dict(base, group="held still", outcome=judge.RIGHT),
+                                          dict(base, outcome=judge.RIGHT, true_models=["brown5", "brown2"])]}])
+        self.assertIn("| g: a | 3 | 2 | 2 |  |  |  |  |  | 1 |  |", text)
+        self.assertIn("4 are warned of, 0 fail (CAL-X 4)", text)
+        self.assertIn("| focal | lenses with decentring | 20 | 70.0 % | 90.0 % |", text)
+        self.assertIn("| focal | lenses without, some or all | 10 | 70.0 % | 90.0 % |", text)
+        self.assertIn("| focal | held still | 10 | 70.0 % | 90.0 % |", text)
 
 
 if __name__ == "__main__":

@@ -45,10 +45,10 @@ inline std::string CliPath() {
   return path ? path : "build/release/bin/mvstudio";
 }
 
-/// Runs `mvstudio WORDS…`; `prefix` is put before the command in the shell (ulimit, environment).
-inline CliRun RunCli(const std::vector<std::string>& words, const std::string& prefix = "") {
+/// Runs `PROGRAM WORDS…`; `prefix` is put before the command in the shell (ulimit, environment).
+inline CliRun RunProgram(const std::string& program, const std::vector<std::string>& words, const std::string& prefix = "") {
   TempDir folder;
-  std::string line = prefix + ShellQuote(CliPath());
+  std::string line = prefix + ShellQuote(program);
   for (const std::string& word : words) line += " " + ShellQuote(word);
   line += " >" + ShellQuote(folder.path() + "/out") + " 2>" + ShellQuote(folder.path() + "/err") + " </dev/null";
   const int status = std::system(line.c_str());
@@ -56,6 +56,10 @@ inline CliRun RunCli(const std::vector<std::string>& words, const std::string& p
   // ctest looks for reports of sanitizers in what a test prints: one that expects a failure would otherwise swallow them.
   if (kSanitized && (Mentions(run.err, "Sanitizer") || Mentions(run.err, "runtime error"))) std::cerr << run.err;
   return run;
+}
+
+inline CliRun RunCli(const std::vector<std::string>& words, const std::string& prefix = "") {
+  return RunProgram(CliPath(), words, prefix);
 }
 
 }  // namespace mvstudio::testing
