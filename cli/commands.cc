@@ -22,8 +22,8 @@ bool Runs(char** argv) {
   if (!MVSTUDIO_HAS_AVATAR) return true;  // the only program there is
   const char* const first = argv[0] ? argv[1] : nullptr;
   if (IsOneOf(first, {"tradeoff"})) return IsOneOf(argv[2], {"calibrate", "triangulate", "pack"});
-  return IsOneOf(first, {"board", "calib", "calibrate", "dataset", "doctor", "report", "session", "sync", "synth", "triangulate",
-                         "version"});
+  return IsOneOf(first, {"board", "calib", "calibrate", "dataset", "doctor", "report", "session", "sync", "synth",
+                         "triangulate", "version"});
 }
 
 void RegisterAll(CLI::App& app, Registry& registry) {

@@ -4,9 +4,12 @@
 
 #include <cerrno>
 #include <climits>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <string>
+
+#include "core/error.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -25,16 +28,15 @@ bool Trains(char** argv) {
   return trains;
 }
 
-bool HandOver(char** argv) {
+void HandOver(char** argv) {
   if (Trains(argv)) ShortenSpins();
-  static constexpr char kName[] = "mvstudio-avatar";
-  char path[PATH_MAX + sizeof kName] = "";
-  const ssize_t size = readlink("/proc/self/exe", path, PATH_MAX);
-  char* folder_end = size > 0 ? std::strrchr(path, '/') : nullptr;
-  std::strcpy(folder_end ? folder_end + 1 : path, kName);
-  execv(path, argv);
-  std::fprintf(stderr, "error: cannot start %s: %s (it belongs beside mvstudio: copy or build both)\n", path, std::strerror(errno));
-  return false;
+  char own[PATH_MAX + 1] = "";
+  const ssize_t size = readlink("/proc/self/exe", own, PATH_MAX);
+  if (size <= 0) throw MissingToolError("cannot find mvstudio-avatar: /proc/self/exe cannot be read");
+  const std::string path = std::filesystem::path(own).replace_filename("mvstudio-avatar").string();
+  execv(path.c_str(), argv);
+  throw MissingToolError("cannot start " + path + ": " + std::strerror(errno) +
+                         "; it belongs beside mvstudio: copy or build both");
 }
 
 }  // namespace mvstudio::cli

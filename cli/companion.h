@@ -11,7 +11,7 @@ bool Runs(char** argv);
 /// Whether `argv` names a command that trains.
 bool Trains(char** argv);
 
-/// Becomes `mvstudio-avatar`; it returns only when that is not possible, with false and a line on stderr.
-bool HandOver(char** argv);
+/// Becomes `mvstudio-avatar`. Comes back only by MissingToolError, when that is not possible.
+[[noreturn]] void HandOver(char** argv);
 
 }  // namespace mvstudio::cli

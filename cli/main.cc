@@ -1,6 +1,7 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 
 #include "cli/companion.h"
@@ -88,12 +89,24 @@ int Main(int argc, char** argv) {
   return Print(outcome, global.json);
 }
 
+/// Becomes the program that has the command, or says why not.
+int HandedOver(int argc, char** argv) {
+  LineOutcome outcome;
+  try {
+    HandOver(argv);
+  } catch (...) {
+    outcome.result = ResultOfCurrentException();
+  }
+  outcome.json = ResultToJson("", outcome.result, 0, {argv, argv + argc});
+  return Print(outcome, std::find(argv, argv + argc, std::string("--json")) != argv + argc);
+}
+
 }  // namespace
 }  // namespace mvstudio::cli
 
 int main(int argc, char** argv) {
   using namespace mvstudio::cli;
-  if (!Runs(argv) && !HandOver(argv)) return kExitMissingTool;
+  if (!Runs(argv)) return HandedOver(argc, argv);
   PrepareProcess();
   if (Trains(argv)) KeepFreedMemory();
   return Main(argc, argv);

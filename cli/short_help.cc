@@ -20,24 +20,29 @@ struct CommonOptions {
 /// Required options and positionals are always shown.
 constexpr CommonOptions kCommon[] = {
     {"calibrate",
-     "--board --camera --corners --from-scene --scene-points --session --take --every --max-frames --size --model --share-intrinsics "
+     "--board --camera --corners --from-scene --scene-points --session --take --every --max-frames --size --model "
+     "--share-intrinsics "
      "--start --fix --holdout --split-at --world --out"},
     {"calib refine",
      "--board --camera --corners --session --take --from-keypoints --pose2d --points2d --skeleton --train-frames --test-frames "
      "--max-persons --fix --model --out"},
     {"triangulate",
-     "--calib --pose2d --points2d --skeleton --session --take --out --method --min-score --max-persons --sync --refine --chunk-frames "
+     "--calib --pose2d --points2d --skeleton --session --take --out --method --min-score --max-persons --sync --refine "
+     "--chunk-frames "
      "--truth"},
-    {"pose2d", "--video --images --session --take --calib --out --backend --quality --max-persons --skeleton --overlays --overwrite"},
+    {"pose2d",
+     "--video --images --session --take --calib --out --backend --quality --max-persons --skeleton --overlays --overwrite"},
     {"mask",
      "--video --images --plate --session --take --calib --pose3d --pose2d --backend --soft --hull --truth --out --overwrite"},
     {"dataset build",
-     "--calib --video --images --plate --session --take --pose3d --masks --png --jpeg-quality --size-rule --require-complete --out "
+     "--calib --video --images --plate --session --take --pose3d --masks --png --jpeg-quality --size-rule --require-complete "
+     "--out "
      "--overwrite"},
     {"dataset pack",
      "--cameras --frames --split --codec --crop --full --undistort --match-colours --masks --person --shard --merge --single"},
     {"avatar train",
-     "--train-cameras --holdout-cameras --holdout-frames --split --validate-camera --patience --method --prior --inputs --pose3d "
+     "--train-cameras --holdout-cameras --holdout-frames --split --validate-camera --patience --method --prior --inputs "
+     "--pose3d "
      "--width --size --steps --batch --picture-every --init-from --device --ranks --overwrite"},
 };
 

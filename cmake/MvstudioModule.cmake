@@ -34,7 +34,7 @@ function(mvstudio_group_sources target size)
   endif()
   get_target_property(sources ${target} SOURCES)
   execute_process(COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/cmake/unity_groups.py ${size} ${sources}
-    OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
+    WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
   string(REPLACE "\n" ";" groups "${groups}")
   foreach(line ${groups})
     string(REGEX MATCH "^(g[0-9]+) (.+)$" line "${line}")

@@ -25,10 +25,22 @@ TEST_F(CompanionTest, OnlyTheCompanionLoadsLibtorch) {
 }
 
 TEST_F(CompanionTest, BothSayTheSame) {
-  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
-           {}, {"--help"}, {"version"}, {"nonsense"}, {"calibrate", "--nonsense"}, {"tradeoff"}, {"tradeoff", "--help"},
-           {"tradeoff", "pack", "--help"}, {"tradeoff", "avatar", "--help"}, {"metrics", "--help"}, {"calib"}, {"calib", "shown"},
-           {"--json", "version"}, {"dataset", "--help"}, {"report"}, {"avatar", "train"}}) {
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{{},
+                                                                                     {"--help"},
+                                                                                     {"version"},
+                                                                                     {"nonsense"},
+                                                                                     {"calibrate", "--nonsense"},
+                                                                                     {"tradeoff"},
+                                                                                     {"tradeoff", "--help"},
+                                                                                     {"tradeoff", "pack", "--help"},
+                                                                                     {"tradeoff", "avatar", "--help"},
+                                                                                     {"metrics", "--help"},
+                                                                                     {"calib"},
+                                                                                     {"calib", "shown"},
+                                                                                     {"--json", "version"},
+                                                                                     {"dataset", "--help"},
+                                                                                     {"report"},
+                                                                                     {"avatar", "train"}}) {
     const CliRun own = RunCli(words), all = RunProgram(Companion(), words);
     SCOPED_TRACE(words.empty() ? "no words" : words.front());
     EXPECT_EQ(own.exit, all.exit);
@@ -47,6 +59,8 @@ TEST_F(CompanionTest, SaysWhatIsMissingWhenItStandsAlone) {
   EXPECT_EQ(metrics.exit, 8);
   EXPECT_TRUE(Mentions(metrics.err, alone + "-avatar")) << metrics.err;
   EXPECT_EQ(std::count(metrics.err.begin(), metrics.err.end(), '\n'), 1) << metrics.err;
+  EXPECT_EQ(metrics.out, "");
+  EXPECT_EQ(RunProgram(alone, {"metrics", "a", "b", "--json"}).Json()["exit"], 8);
 }
 
 }  // namespace

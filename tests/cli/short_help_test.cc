@@ -8,9 +8,14 @@ namespace mvstudio::testing {
 namespace {
 
 TEST(ShortHelp, FitsAScreenAndSaysWhereTheRestIs) {
-  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
-           {"calibrate"}, {"calib", "refine"}, {"triangulate"}, {"pose2d"}, {"mask"}, {"dataset", "build"}, {"dataset", "pack"},
-           {"avatar", "train"}}) {
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{{"calibrate"},
+                                                                                       {"calib", "refine"},
+                                                                                       {"triangulate"},
+                                                                                       {"pose2d"},
+                                                                                       {"mask"},
+                                                                                       {"dataset", "build"},
+                                                                                       {"dataset", "pack"},
+                                                                                       {"avatar", "train"}}) {
     std::vector<std::string> words = command;
     words.push_back("--help");
     const CliRun brief = RunCli(words);
@@ -23,7 +28,8 @@ TEST(ShortHelp, FitsAScreenAndSaysWhereTheRestIs) {
     EXPECT_TRUE(Mentions(brief.out, " more with --help-all"));
     EXPECT_TRUE(Mentions(all.out, "More options:"));
     EXPECT_LE(std::count(brief.out.begin(), brief.out.end(), '\n'), 35);
-    EXPECT_EQ(all.out.find(brief.out.substr(0, brief.out.rfind("\n\n", brief.out.find(" more with")))), 0u) << "the rest comes after what is always shown";
+    const size_t shown = brief.out.rfind("\n\n", brief.out.find(" more with"));
+    EXPECT_EQ(all.out.find(brief.out.substr(0, shown)), 0u) << "the rest comes after what is always shown";
   }
 }
 
