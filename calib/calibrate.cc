@@ -382,6 +382,14 @@ std::string FewBoards(const CalibrateInput& input) {
          input.cameras[fewest].name + ")";
 }
 
+/// There is no solution: what is known besides may be why.
+void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
+  const std::string& doubt = report->frames_doubt;
+  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message += "; " + doubt;
+  if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
+  report->message += FewBoards(input);
+}
+
 }  // namespace
 
 CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
@@ -404,9 +412,7 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   const std::vector<int> order = internal::ByName(input);
   report = CalibrateSorted(internal::Permuted(input, order), named, run);
   internal::RestoreOrder(order, &report);
-  if (report.status != Status::kOk && !report.numbering.empty())
-    report.message = ToString(report.numbering[0]) + "; " + report.message;
-  if (report.status != Status::kOk) report.message += FewBoards(input);
+  if (report.status != Status::kOk) AddLikelyCauses(input, &report);
   report.verdict = Judge(report);
   return report;
 }

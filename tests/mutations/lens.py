@@ -114,12 +114,38 @@ def project(lens, x_in_cam):
         return np.stack([fx * a + cx, fy * b + cy], axis=-1)
 
 
-def rays(lens, px, steps=60):
-    """Unit rays (N, 3) of pixels (N, 2) by Newton's method on the stereographic plane; NaN where there is none."""
+def folded(lens, x_in_cam):
+    """Points (..., 3) so far aside that a perspective lens's polynomial has turned back: no lens shows them there."""
+    base, _ = base_of(lens.model)
+    if base not in PERSPECTIVE or PERSPECTIVE[base] == 0:
+        return np.zeros(np.shape(x_in_cam)[:-1], bool)
+    k1, k2, _, _, k3, k4, k5, k6 = np.concatenate([lens.params[4:4 + PERSPECTIVE[base]], np.zeros(12)])[:8]
+    r = np.linspace(0, 20, 4001)
+    s = r * r
+    picture = r * (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
+    turned = np.flatnonzero(np.diff(picture) <= 0)
+    limit = r[turned[0]] if len(turned) else np.inf
+    x = np.asarray(x_in_cam, float)
+    with np.errstate(all="ignore"):
+        return np.hypot(x[..., 0], x[..., 1]) / x[..., 2] > limit
+
+
+def rays(lens, px):
+    """Unit rays (N, 3) of pixels (N, 2), before the picture folds; NaN where there is none."""
     px = np.asarray(px, float)
     f, centre = axis_of(lens)
     picture = (px - centre) / f
-    u = np.clip(picture, -1.9, 1.9)
+    found = np.full((len(px), 3), np.nan)
+    for share in (1, 0.5, 0.2, 0):  # of the picture, where Newton's method starts
+        left = np.isnan(found[:, 0])
+        if left.any():
+            found[left] = newton_rays(lens, px[left], share * picture[left])
+    return found
+
+
+def newton_rays(lens, px, start, steps=60):
+    """By Newton's method on the stereographic plane; NaN where it ends elsewhere, or beyond the fold."""
+    u = np.clip(start, -1.9, 1.9)
     for _ in range(steps):
         here = project(lens, from_stereographic(u)) - px
         h = 1e-6
@@ -133,7 +159,7 @@ def rays(lens, px, steps=60):
     ray = from_stereographic(u)
     ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
     miss = np.linalg.norm(project(lens, ray) - px, axis=-1)
-    ray[~(miss < 1e-5)] = np.nan
+    ray[~(miss < 1e-5) | folded(lens, ray)] = np.nan
     return ray
 
 

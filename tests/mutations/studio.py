@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 import rigid
-from lens import Lens, project
+from lens import Lens, folded, project
 
 SIZES = [(640, 480), (1280, 720), (1280, 960), (1920, 1080)]
 BOARDS = [(9, 6), (8, 5), (7, 6), (8, 7), (6, 5)]  # one number odd, one even
@@ -163,7 +163,7 @@ def see(camera, board_points, world_from_board, partial):
     if facing < 0.34:
         return None
     px = project(camera.lens, x)
-    px[outside(camera, px)] = np.nan
+    px[outside(camera, px) | folded(camera.lens, x)] = np.nan
     if camera.lens.model == "kannala4":
         beyond = np.arctan2(np.hypot(x[:, 0], x[:, 1]), x[:, 2]) > field_of(camera) * 1.02
         px[beyond] = np.nan
