@@ -50,7 +50,7 @@ Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, d
                  int* iterations) {
   if (options.refine_time) {
     if (state->time_offset_frames.empty()) state->time_offset_frames.assign(state->cameras.size(), 0);
-    EstimateVelocities(views, state);
+    EstimateMotion(views, state);
   }
   if (options.refine_stretch && state->board_stretch.empty())
     state->board_stretch.assign(state->rig_from_board.size(), Eigen::Vector2d::Zero());
@@ -165,24 +165,39 @@ std::optional<std::pair<size_t, size_t>> MotionNeighbours(const std::vector<int6
   return std::make_pair(std::min(side, other), std::max(side, other));
 }
 
+/// Of the board from one frame to another, per frame: what turns its pose (left) and shifts its origin.
+geometry::Vector6d MeanVelocity(const RigState& state, size_t from, size_t to) {
+  const double frames = static_cast<double>(state.frames[to] - state.frames[from]);
+  const Rigid3 &a = state.world_from_board[from], &b = state.world_from_board[to];
+  geometry::Vector6d velocity;
+  velocity << geometry::RotationLog(b.rotation * a.rotation.conjugate()) / frames, (b.translation - a.translation) / frames;
+  return velocity;
+}
+
 }  // namespace
 
-void EstimateVelocities(const std::vector<View>& views, RigState* state) {
+void EstimateMotion(const std::vector<View>& views, RigState* state) {
   const size_t n = state->frames.size();
   std::vector<bool> seen(n, false);
   for (const View& view : views) seen[view.frame] = seen[view.frame] || (view.weights.array() > 0).any();
   state->board_velocity.assign(n, geometry::Vector6d::Zero());
+  state->board_acceleration.assign(n, geometry::Vector6d::Zero());
   for (size_t f = 0; f < n; ++f) {
     const auto neighbours = MotionNeighbours(state->frames, seen, f);
     if (!neighbours) continue;
     const auto [before, after] = *neighbours;
-    const double frames = static_cast<double>(state->frames[after] - state->frames[before]);
-    const Rigid3 &a = state->world_from_board[before], &b = state->world_from_board[after];
     geometry::Vector6d& velocity = state->board_velocity[f];
-    velocity << geometry::RotationLog(b.rotation * a.rotation.conjugate()) / frames, (b.translation - a.translation) / frames;
-    if (seen[f]) continue;
-    const double step = static_cast<double>(state->frames[f] - state->frames[before]);
-    state->world_from_board[f] = geometry::Perturb(step * velocity, a);
+    velocity = MeanVelocity(*state, before, after);
+    if (!seen[f]) {
+      const double step = static_cast<double>(state->frames[f] - state->frames[before]);
+      state->world_from_board[f] = geometry::Perturb(step * velocity, state->world_from_board[before]);
+    } else if (before < f && f < after) {  // the parabola through the three
+      const double to = static_cast<double>(state->frames[f] - state->frames[before]),
+                   from = static_cast<double>(state->frames[after] - state->frames[f]);
+      const geometry::Vector6d first = MeanVelocity(*state, before, f), second = MeanVelocity(*state, f, after);
+      velocity = (from * first + to * second) / (from + to);
+      state->board_acceleration[f] = 2 * (second - first) / (from + to);
+    }
   }
 }
 

@@ -29,7 +29,8 @@ struct BundleOptions {
   bool refine_boards = true;   ///< rig_from_board of all boards but the first
   bool refine_warp = false;    ///< board_warp_m
   bool refine_stretch = false;  ///< board_stretch
-  bool refine_time = false;    ///< time_offset_frames of all cameras but the first of each frame rate's clock (camera 0)
+  bool refine_time = false;    ///< time_offset_frames of all cameras but `time_reference`
+  int time_reference = 0;      ///< the camera whose instants are those of the frames
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
   std::vector<LensPrior> lens_prior;       ///< per camera; empty, or with empty vectors: none
@@ -65,9 +66,9 @@ struct BundleReport {
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
 
 /// Motion of the boards per frame, from the nearest frames before and after that are seen, at most two frames away; else from
-/// the frame itself and its neighbour, or two neighbours on one side. Zero without them. Frames that are not seen get the pose
-/// that their neighbours give them.
-void EstimateVelocities(const std::vector<View>& views, RigState* state);
+/// the frame itself and its neighbour, or two neighbours on one side. Zero without them. Frames between two neighbours have the
+/// velocity and acceleration of the parabola through the three. Frames that are not seen get the pose that their neighbours give.
+void EstimateMotion(const std::vector<View>& views, RigState* state);
 
 /// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.
 std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, const RigState& state);

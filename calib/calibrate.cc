@@ -10,6 +10,7 @@
 
 #include "calib/calibrate_steps.h"
 #include "calib/camera_motion.h"
+#include "calib/held_doubt.h"
 #include "calib/motion_kind.h"
 #include "calib/mrcal_engine.h"
 #include "calib/omitted_terms.h"
@@ -65,15 +66,15 @@ bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* r
   return false;
 }
 
-/// A doubt of the cameras by themselves stands unless the rig explains the boards about as well as each camera does alone.
+/// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
 void ReconsiderFrames(const Work& work, CalibrateReport* report) {
   constexpr double kWorse = 2, kSlackPx = 0.05;
   if (work.offsets.kind != FrameOffsets::Kind::kInconsistent) return;
-  bool explained = true;
+  std::vector<bool> explained;
   for (size_t c = 0; c < work.monos.size(); ++c)
-    explained = explained && report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx;
+    explained.push_back(report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx);
   FrameOffsets offsets = work.offsets;
-  if (explained) Reconsider(work.views, work.prior, NamesOf(work.state.cameras), &offsets);
+  Reconsider(work.views, work.prior, NamesOf(work.state.cameras), explained, &offsets);
   report->frames_doubt = offsets.text;
 }
 
@@ -359,8 +360,11 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
     if (const auto change = FindLensChange(in, *solved, options, run, MostContradictory(*solved)))
       solved->motions.push_back(*change);
   };
-  if (shift.empty()) look_for_motions(input, &report);
-  if (shift.empty()) return report;
+  if (shift.empty()) {
+    look_for_motions(input, &report);
+    report.held_doubt = FindHeldDoubt(input, report, options, run);
+    return report;
+  }
   CalibrateInput shifted = input;
   for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
@@ -385,7 +389,8 @@ std::string FewBoards(const CalibrateInput& input) {
 /// There is no solution: what is known besides may be why.
 void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
   const std::string& doubt = report->frames_doubt;
-  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message += "; " + doubt;
+  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message = doubt + "; " + report->message;
+  if (!report->held_doubt.empty()) report->message = report->held_doubt + "; " + report->message;
   if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
   report->message += FewBoards(input);
 }

@@ -160,6 +160,7 @@ struct CalibrateReport {
   std::vector<SelectionRow> selection;
   std::string warp_reason, stretch_reason, time_reason;
   std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that frames belong together; empty: none
+  std::string held_doubt;    ///< which given lens or pose that `fix` holds the boards contradict; empty: none
   std::string frames_doubt;  ///< why frames with the same number may not belong together; empty: no doubt
   std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it counts as flat
   std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it counts as square

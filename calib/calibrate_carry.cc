@@ -32,7 +32,7 @@ void KeepGiven(const HeldCovariance& held, size_t camera, geometry::StatedCovari
 void StoreTimeOffsets(const RigCovariance& covariance, const Work& work, geometry::Rig* rig) {
   for (size_t c = 0; c < work.state.time_offset_frames.size(); ++c) {
     const int column = covariance.columns.time[c];
-    if (c > 0 && column < 0) continue;  // no board moved in its sight
+    if (static_cast<int>(c) != work.bundle.time_reference && column < 0) continue;  // no board moved in its sight
     const double variance = column >= 0 ? covariance.joint(column, column) : 0;
     rig->cameras[c].time_offset = geometry::TimeOffset{0.0 - work.state.time_offset_frames[c], std::sqrt(variance)};
   }

@@ -20,8 +20,7 @@ constexpr double kClearlyOff = 0.05;  // a spread below this is no reason to ref
 constexpr double kBetterThanGiven = 1.35;
 constexpr double kBetterThanOthers = 2;
 
-/// Board poses of a camera by (frame, board).
-using Poses = std::map<std::pair<int64_t, int>, Rigid3>;
+using Poses = BoardPoses;
 
 struct RelativePose {
   Rigid3 a_from_b;
@@ -281,6 +280,16 @@ FramePair Judge(const Curve& curve, const Shifts& shift) {
   return pair;
 }
 
+/// " (from frame 17 on by 1, from frame 34 on by 2)"; empty when the steps are not known.
+std::string StepsText(const std::vector<FrameStep>& steps) {
+  std::string text;
+  for (size_t i = 1; i < steps.size(); ++i) {
+    text += (text.empty() ? " (from frame " : ", from frame ") + std::to_string(steps[i].frame) + " on by " +
+            std::to_string(steps[i].shift - steps[0].shift);
+  }
+  return text.empty() ? text : text + ")";
+}
+
 void Describe(const std::vector<std::string>& names, FrameOffsets* out) {
   std::string list;
   if (out->kind == FrameOffsets::Kind::kShifted) {
@@ -297,7 +306,7 @@ void Describe(const std::vector<std::string>& names, FrameOffsets* out) {
     std::set<std::string> pairs;
     for (const FramePair& pair : out->pairs) {
       if (pair.kind == FramePair::Kind::kInconsistent)
-        pairs.insert(names[static_cast<size_t>(pair.a)] + " and " + names[static_cast<size_t>(pair.b)]);
+        pairs.insert(names[static_cast<size_t>(pair.a)] + " and " + names[static_cast<size_t>(pair.b)] + StepsText(pair.steps));
     }
     for (const std::string& pair : pairs) list += (list.empty() ? ": " : ", ") + pair;
     out->text = "frames with the same number do not show the board in one place, with no constant shift of the numbers" + list;
@@ -337,7 +346,12 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
     if (const auto curve = MeasurePair(poses, a, b, options)) curves.push_back(*curve);
   }
   out.shift = SolveShifts(curves, camera_names.size(), options.max_shift);
-  for (const Curve& curve : curves) out.pairs.push_back(Judge(curve, out.shift));
+  for (const Curve& curve : curves) {
+    FramePair pair = Judge(curve, out.shift);
+    pair.steps = FindFrameSteps(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)], pair.shift);
+    if (!pair.steps.empty()) pair.kind = FramePair::Kind::kInconsistent;
+    out.pairs.push_back(pair);
+  }
   out.kind = Conclude(out);
   if (out.kind != FrameOffsets::Kind::kShifted) std::fill(out.shift.begin(), out.shift.end(), 0);
   Describe(camera_names, &out);
@@ -345,7 +359,7 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
 }
 
 void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
-                const std::vector<std::string>& camera_names, FrameOffsets* offsets) {
+                const std::vector<std::string>& camera_names, const std::vector<bool>& explained, FrameOffsets* offsets) {
   if (offsets->kind != FrameOffsets::Kind::kInconsistent) return;
   constexpr double kMostLost = 0.05;
   std::map<std::tuple<int, int, int>, bool> lost;  // by camera, frame and board
@@ -354,7 +368,8 @@ void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorX
     if (given > 0) lost[{views[v].camera_idx, views[v].frame, views[v].board}] = 2 * kept < given;
   }
   for (FramePair& pair : offsets->pairs) {
-    if (pair.kind != FramePair::Kind::kInconsistent) continue;
+    const bool both = explained[static_cast<size_t>(pair.a)] && explained[static_cast<size_t>(pair.b)];
+    if (pair.kind != FramePair::Kind::kInconsistent || !both) continue;
     int shared = 0, broken = 0;
     for (const auto& [view, lost_in_a] : lost) {
       const auto& [camera, frame, board] = view;
@@ -362,7 +377,9 @@ void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorX
       if (other == lost.end()) continue;
       ++shared, broken += lost_in_a || other->second;
     }
-    if (broken <= kMostLost * shared) pair.kind = FramePair::Kind::kConsistent;
+    if (broken > kMostLost * shared) continue;
+    pair.kind = FramePair::Kind::kConsistent;
+    pair.steps.clear();
   }
   offsets->kind = Conclude(*offsets);
   offsets->text = offsets->hint = "";

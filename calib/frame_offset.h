@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/frame_steps.h"
 #include "calib/view.h"
 
 namespace mvstudio::calib {
@@ -24,6 +25,7 @@ struct FramePair {
   double given_spread = 0;  ///< with the frames as given, see FindFrameOffsets
   double best_spread = 0;   ///< with `shift`
   double other_spread = 0;  ///< median over the other shifts: what unrelated frames give
+  std::vector<FrameStep> steps;  ///< of kInconsistent: how the numbers run apart, see FindFrameSteps; empty: not known
 };
 
 struct FrameOffsets {
@@ -43,7 +45,7 @@ struct FrameOffsets {
 /// pose in every frame, but only when its two pictures belong together. The measure is the spread of the relative pose: the
 /// median distance between the board's place in camera a, and where camera b and the pair's most central relative pose put it,
 /// divided by the board's distance. It is found for every pair and shift of up to max_shift frames; the cameras' shifts make
-/// the product of the spreads least. Shifts other than 0 are believed when they make the spreads of the pairs that they change
+/// the product of the spreads least. Numbers that run apart along the recording (FindFrameSteps) are inconsistent. Shifts other than 0 are believed when they make the spreads of the pairs that they change
 /// at least 1.35 times smaller; a pair agrees when nine of ten of its frames keep within half of what unrelated frames give.
 /// `cam_from_board[v]` belongs to views[v] and comes from that view alone; `frames` are the frame numbers of View::frame.
 FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board,
@@ -52,9 +54,9 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
 
 /// What a joint adjustment leaves of kInconsistent: lenses of a few views of one camera each may be too poor for the measure
 /// above. A pair agrees after all when neither camera has lost more than half of a board (weight 0 in `views`, more in `prior`)
-/// in nineteen of twenty that both see in a frame.
+/// in nineteen of twenty that both see in a frame, and both are `explained` (per camera).
 void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
-                const std::vector<std::string>& camera_names, FrameOffsets* offsets);
+                const std::vector<std::string>& camera_names, const std::vector<bool>& explained, FrameOffsets* offsets);
 
 /// Adds the shifts to the frame numbers.
 void ApplyFrameOffsets(const FrameOffsets& offsets, std::vector<Detection>* detections);

@@ -42,9 +42,9 @@ double CostOf(const KeypointFit& fit) {
   return fit.ok ? fit.cost : static_cast<double>(fit.joint->seen.size()) * std::log1p(1e4);
 }
 
-class Judge {
+class PlanJudge {
  public:
-  Judge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
+  PlanJudge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
         const KeypointChoiceOptions& options)
       : given_(given),
         start_(start),
@@ -234,7 +234,7 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
                                   const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,
                                   const RunContext& run) {
   const int num_threads = ResolveThreads(run.num_threads);
-  const Judge judge(given, start, joints, cauchy_px, options);
+  const PlanJudge judge(given, start, joints, cauchy_px, options);
   KeypointChoice choice;
   std::vector<Group> groups = {{"extrinsics", {}}};
   for (const KeypointPlan& fault : faults) {

@@ -58,7 +58,7 @@ void Add(const View& view, const RigState& state, const Eigen::Matrix2Xd& veloci
 
 std::vector<Readout> EstimateReadout(const std::vector<View>& views, const RigState& state, double sigma_px) {
   RigState moving = state;
-  EstimateVelocities(views, &moving);
+  EstimateMotion(views, &moving);
   const std::vector<Eigen::Matrix2Xd> velocities = CornerVelocities(views, moving);
   std::vector<Sums> sums(state.cameras.size());
   for (size_t v = 0; v < views.size(); ++v) Add(views[v], state, velocities[v], &sums[views[v].camera_idx]);

@@ -93,7 +93,7 @@ constexpr int kMinMovingFrames = 8;
 /// Frames whose boards' motion is known from their neighbours.
 int NumMovingFrames(const Work& work) {
   RigState state = work.state;
-  EstimateVelocities(work.views, &state);
+  EstimateMotion(work.views, &state);
   std::set<int> frames;
   for (const View& view : work.views) {
     if ((view.weights.array() > 0).any() && !state.board_velocity[view.frame].isZero()) frames.insert(view.frame);
@@ -140,10 +140,42 @@ bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std:
 
 }  // namespace
 
+namespace {
+
+/// The camera from whose instants the others' are off least in sum: the first of those in step where most are.
+int MostInStep(const Work& work) {
+  const std::vector<double>& late = work.state.time_offset_frames;
+  std::set<int> seen;
+  for (const View& view : work.views) {
+    if ((view.weights.array() > 0).any()) seen.insert(view.camera_idx);
+  }
+  int best = work.bundle.time_reference;
+  double least = std::numeric_limits<double>::infinity();
+  for (const int reference : seen) {
+    double sum = 0;
+    for (const int c : seen) sum += std::abs(late[c] - late[reference]);
+    if (sum < least * (1 - 1e-9)) least = sum, best = reference;
+  }
+  return best;
+}
+
+/// The frames' instants become those of another camera.
+void ChangeTimeReference(int reference, Work* work) {
+  RigState& state = work->state;
+  const double late = state.time_offset_frames[reference];
+  for (size_t f = 0; f < state.world_from_board.size(); ++f)
+    state.world_from_board[f] = geometry::Perturb(BoardStep(static_cast<int>(f), late, state), state.world_from_board[f]);
+  for (double& offset : state.time_offset_frames) offset -= late;
+  work->bundle.time_reference = reference;
+}
+
+}  // namespace
+
 BundleReport SolveWithTimeOffsets(Work* work) {
   BundleReport report;
   work->bundle.refine_time = true;
-  for (int round = 0; round < kTimeRounds; ++round) {
+  for (int round = 0; round < 1 + kTimeRounds; ++round) {
+    if (round == 1) ChangeTimeReference(MostInStep(*work), work);
     for (size_t v = 0; v < work->views.size(); ++v) {
       if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
     }

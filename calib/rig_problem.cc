@@ -65,7 +65,7 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
     }
     const bool gauge = options.gauge.kind == Gauge::Kind::kCamera && options.gauge.index == static_cast<int>(c);
     if (options.refine_cameras && !gauge && !Flag(options.fix_camera, c)) columns.camera[c] = columns.total, columns.total += 6;
-    if (options.refine_time && c > 0 && motion_seen[c]) columns.time[c] = columns.total++;
+    if (options.refine_time && static_cast<int>(c) != options.time_reference && motion_seen[c]) columns.time[c] = columns.total++;
   }
   for (size_t b = 0; b < boards; ++b) {
     if (!board_seen[b]) continue;
@@ -276,7 +276,7 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
   const bool moved = !trial_.time_offset_frames.empty();
   Matrix6 motion = Matrix6::Identity();  // of the moved board by the one in the frame
   if (moved) {
-    const geometry::Vector6d step = trial_.time_offset_frames[c] * trial_.board_velocity[view.frame];
+    const geometry::Vector6d step = BoardStep(view.frame, trial_.time_offset_frames[c], trial_);
     world_from_board = geometry::Perturb(step, world_from_board);
     motion.topLeftCorner<3, 3>() = geometry::RotationExp(step.head<3>()).toRotationMatrix();
   }
@@ -294,7 +294,10 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
   };
   append(columns_.camera[c], FactorToProduct(Rigid3(), cam, world_from_board * rig));
   append(columns_.board[b], FactorToProduct(cam * world_from_board, rig, Rigid3()));
-  if (moved) append(columns_.time[c], Eigen::Matrix<double, 6, 1>(by_moved_board * trial_.board_velocity[view.frame]));
+  if (moved) {
+    const geometry::Vector6d rate = BoardStepRate(view.frame, trial_.time_offset_frames[c], trial_);
+    append(columns_.time[c], Eigen::Matrix<double, 6, 1>(by_moved_board * rate));
+  }
   int row = 6;
   for (int column : {columns_.warp[b], columns_.stretch[b]}) {
     if (column < 0) continue;

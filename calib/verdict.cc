@@ -145,6 +145,8 @@ bool HasFigures(const CalibrateReport& report) {
 }
 
 void JudgeFrames(const CalibrateReport& report, Judgement* out) {
+  if (!report.held_doubt.empty())
+    out->Warn("CAL-HELD", report.held_doubt, "leave the camera out of --fix, or check that the calibration is that of this footage");
   if (!report.frames_doubt.empty())
     out->Warn("CAL-FRAMES", report.frames_doubt,
               report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"

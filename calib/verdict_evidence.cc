@@ -89,6 +89,20 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
   if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
 }
 
+/// A camera that is late sees boards at places that are interpolated: said where these do not explain its pictures.
+void JudgeLate(const CameraReport& camera, Judgement* out) {
+  constexpr double kLate = 0.05, kWorse = 1.2, kSlackPx = 0.02, kShare = 0.01;
+  const double all = camera.num_corners + camera.num_rejected;
+  const bool explained = camera.rms_px <= kWorse * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0 &&
+                         camera.num_rejected <= kShare * all;
+  if (std::abs(camera.time_offset_frames) < kLate || explained) return;
+  out->Warn("CAL-LATE",
+            Text("camera %s: its pictures are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
+                 "the rig against %.2f px by itself, %d corners rejected)",
+                 camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
+            "synchronise the cameras, or move the board slowly; clocks that drift and dropped frames look like this, too");
+}
+
 void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
   const Readout& readout = camera.readout;
   if (!(std::abs(readout.frames) > kMinReadoutSigmas * readout.sigma_frames)) return;
@@ -189,6 +203,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     largest = std::max(largest, scale);
     JudgeRejected(camera, out);
     if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
+    JudgeLate(camera, out);
     JudgeReadout(camera, scale, out);
     JudgeSize(camera, out);
     JudgeAssumed(camera, out);

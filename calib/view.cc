@@ -89,10 +89,22 @@ namespace {
 Rigid3 MovedBoard(int camera_idx, int frame, const RigState& state) {
   const Rigid3& world_from_board = state.world_from_board[frame];
   if (state.time_offset_frames.empty()) return world_from_board;
-  return geometry::Perturb(state.time_offset_frames[camera_idx] * state.board_velocity[frame], world_from_board);
+  return geometry::Perturb(BoardStep(frame, state.time_offset_frames[camera_idx], state), world_from_board);
 }
 
 }  // namespace
+
+geometry::Vector6d BoardStep(int frame, double late_frames, const RigState& state) {
+  geometry::Vector6d step = late_frames * state.board_velocity[frame];
+  if (!state.board_acceleration.empty()) step += late_frames * late_frames / 2 * state.board_acceleration[frame];
+  return step;
+}
+
+geometry::Vector6d BoardStepRate(int frame, double late_frames, const RigState& state) {
+  geometry::Vector6d rate = state.board_velocity[frame];
+  if (!state.board_acceleration.empty()) rate += late_frames * state.board_acceleration[frame];
+  return rate;
+}
 
 Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state) {
   if (state.time_offset_frames.empty()) return {};

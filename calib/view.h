@@ -37,6 +37,7 @@ struct RigState {
   std::vector<Eigen::Vector2d> board_stretch;  // per board: shear s and aspect a, x' = (1 + a) x + s y, y' = s x + (1 - a) y; empty: none
   std::vector<double> time_offset_frames;             // per camera: its instant minus that of the frame; empty: none
   std::vector<geometry::Vector6d> board_velocity;     // per frame, needed with time offsets: perturbation per frame
+  std::vector<geometry::Vector6d> board_acceleration; // per frame: perturbation per frame^2; empty: none
   std::vector<int> lens_group;  // per camera: cameras of one group share all parameters; empty: each its own
 };
 
@@ -54,8 +55,14 @@ std::vector<View> MakeViews(const std::vector<Board>& boards, const std::vector<
 /// Every second corner of a view, from `first` (0 or 1).
 View HalfOf(const View& view, int first);
 
-/// Motion of the boards, in world, from the instant of a frame to that of a camera's picture of it (RigState::time_offset_frames
-/// times board_velocity); identity without time offsets.
+/// Left perturbation of the boards from the instant of a frame to `late_frames` later, by their velocity and acceleration.
+geometry::Vector6d BoardStep(int frame, double late_frames, const RigState& state);
+
+/// Derivative of BoardStep by `late_frames`.
+geometry::Vector6d BoardStepRate(int frame, double late_frames, const RigState& state);
+
+/// Motion of the boards, in world, from the instant of a frame to that of a camera's picture of it (RigState::time_offset_frames);
+/// identity without time offsets.
 geometry::Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state);
 
 /// Pose of the view's board in its camera: cam_from_world * BoardMotion * world_from_board * rig_from_board.

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "calib/calibrate.h"
 #include "calib/corner_files.h"
 #include "calib/formats.h"
@@ -62,6 +65,59 @@ TEST(FrameOffset, SynchronisedIsConsistent) {
   EXPECT_EQ(offsets.kind, Kind::kConsistent);
   EXPECT_EQ(offsets.shift, (std::vector<int64_t>{0, 0, 0}));
   EXPECT_EQ(offsets.text, "");
+}
+
+/// Camera 1 lost the frames in `dropped`; what follows moves up.
+std::vector<Detection> WithDropped(const testing::Scene& scene, const std::vector<int64_t>& dropped) {
+  std::vector<Detection> detections;
+  for (Detection d : scene.detections) {
+    if (d.camera_idx == 1) {
+      if (std::count(dropped.begin(), dropped.end(), d.frame_idx) > 0) continue;
+      d.frame_idx -= std::count_if(dropped.begin(), dropped.end(), [&](int64_t f) { return f < d.frame_idx; });
+    }
+    detections.push_back(d);
+  }
+  return detections;
+}
+
+TEST(FrameSteps, DroppedFramesAreFoundWhereTheyAre) {
+  const testing::Scene scene = MovingScene(0.3, 0.2);
+  const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, WithDropped(scene, {15, 35, 36}));
+  ASSERT_EQ(offsets.kind, Kind::kInconsistent);
+  EXPECT_NE(offsets.text.find("cam0 and cam1 (from frame"), std::string::npos) << offsets.text;
+  for (const FramePair& pair : offsets.pairs) {
+    if (pair.a != 0 || pair.b != 1) continue;
+    ASSERT_EQ(pair.steps.size(), 3u) << offsets.text;
+    EXPECT_EQ(pair.steps[1].shift - pair.steps[0].shift, 1);
+    EXPECT_EQ(pair.steps[2].shift - pair.steps[0].shift, 3);
+    EXPECT_NEAR(static_cast<double>(pair.steps[1].frame), 15, 2);
+    EXPECT_NEAR(static_cast<double>(pair.steps[2].frame), 34, 2);
+  }
+}
+
+/// A clock that runs 3 % fast is two frames ahead in the end.
+TEST(FrameSteps, AClockThatDriftsIsNotConsistent) {
+  testing::Scene scene = MovingScene(0.3, 0.2);
+  std::vector<Detection> detections;
+  for (Detection d : scene.detections) {
+    const auto ahead = static_cast<int64_t>(std::lround(0.03 * static_cast<double>(d.frame_idx)));
+    if (d.camera_idx == 2) d.frame_idx -= ahead;
+    const auto twice = [&](const Detection& other) { return other.camera_idx == d.camera_idx && other.frame_idx == d.frame_idx; };
+    if (std::none_of(detections.begin(), detections.end(), twice)) detections.push_back(d);
+  }
+  const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, detections);
+  EXPECT_EQ(offsets.kind, Kind::kInconsistent);
+  EXPECT_NE(offsets.text.find("cam2"), std::string::npos) << offsets.text;
+}
+
+TEST(FrameSteps, NoneWhereFramesBelongTogether) {
+  for (const double step : {0.02, 0.1, 0.3, 0.6}) {
+    for (const double noise_px : {0.0, 0.3, 2.0}) {
+      const testing::Scene scene = MovingScene(noise_px, step);
+      for (const FramePair& pair : Find({scene.board}, scene.truth.cameras, scene.detections).pairs)
+        EXPECT_TRUE(pair.steps.empty()) << step << " " << noise_px;
+    }
+  }
 }
 
 TEST(FrameOffset, ShiftsAreFound) {
@@ -135,11 +191,13 @@ TEST(FrameOffset, ADoubtThatTheRigDispelsIsDropped) {
     return views;
   };
   const std::vector<Eigen::VectorXd> prior(40, Eigen::VectorXd::Constant(10, 1.0));
-  FrameOffsets kept = offsets;
-  Reconsider(views_with(2), prior, {"left", "right"}, &kept);
+  FrameOffsets kept = offsets, unexplained = offsets;
+  Reconsider(views_with(0), prior, {"left", "right"}, {true, false}, &unexplained);
+  EXPECT_EQ(unexplained.kind, Kind::kInconsistent);
+  Reconsider(views_with(2), prior, {"left", "right"}, {true, true}, &kept);
   EXPECT_EQ(kept.kind, Kind::kInconsistent);
   EXPECT_NE(kept.text.find("left and right"), std::string::npos) << kept.text;
-  Reconsider(views_with(1), prior, {"left", "right"}, &offsets);
+  Reconsider(views_with(1), prior, {"left", "right"}, {true, true}, &offsets);
   EXPECT_EQ(offsets.kind, Kind::kConsistent);
   EXPECT_EQ(offsets.text, "");
 }

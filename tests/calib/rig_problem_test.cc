@@ -31,6 +31,7 @@ Case MakeCase() {
   c.state.board_stretch = {Eigen::Vector2d(-2e-3, 1e-3), Eigen::Vector2d(1e-3, 3e-3)};
   c.state.time_offset_frames = {0, 0.3, -0.2};
   c.state.board_velocity.assign(c.state.frames.size(), geometry::Vector6d::Constant(0.02));
+  c.state.board_acceleration.assign(c.state.frames.size(), geometry::Vector6d::Constant(-0.03));
   c.state.cameras[2].params = c.state.cameras[1].params;
   c.state.lens_group = {0, 1, 1};
   c.views = MakeViews({scene.board}, scene.detections, &c.state.frames);

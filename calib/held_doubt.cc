@@ -1,0 +1,108 @@
+#include "calib/held_doubt.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <vector>
+
+#include "calib/calibrate_steps.h"
+#include "calib/rig_compare.h"
+#include "calib/verdict_internal.h"
+
+namespace mvstudio::calib {
+namespace {
+
+CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions options, const RunContext& run) {
+  options.fix.clear();
+  options.split_at.clear();  // it has been done
+  options.motions = false;
+  options.holdout.clear();
+  return Calibrate(input, options, run);
+}
+
+/// The camera whose error falls most, where it falls by enough to count; -1: none.
+int Relieved(const CalibrateReport& held, const CalibrateReport& freed) {
+  int best = -1;
+  double most = internal::kContradictsRatio;
+  for (size_t c = 0; c < held.cameras.size(); ++c) {
+    const double before = held.cameras[c].rms_px, after = freed.cameras[c].rms_px;
+    if (before / after > most && before - after > internal::kContradictsPx * internal::PixelScale(held, c))
+      most = before / after, best = static_cast<int>(c);
+  }
+  return best;
+}
+
+struct Change {
+  size_t camera = 0;
+  double amount = 0;
+};
+
+/// Radians by which camera `c` turned and moved (over the distance) as seen from `from`.
+double RelativeChange(const geometry::Rig& given, const geometry::Rig& freed, const std::string& from, const std::string& c) {
+  const auto relative = [&](const geometry::Rig& rig) {
+    return rig.cameras[static_cast<size_t>(rig.Find(c))].cam_from_world *
+           geometry::Inverse(rig.cameras[static_cast<size_t>(rig.Find(from))].cam_from_world);
+  };
+  const geometry::Rigid3 a = relative(given), b = relative(freed);
+  const double distance = std::max(a.translation.norm(), 1e-12);
+  return b.rotation.angularDistance(a.rotation) + (b.translation - a.translation).norm() / distance;
+}
+
+/// Of the held poses; an only pair of cameras changes alike.
+Change MostChangedPose(const geometry::Rig& given, const CalibrateReport& freed, const std::vector<bool>& held) {
+  Change most;
+  for (size_t c = 0; c < held.size(); ++c) {
+    double sum = 0;
+    int others = 0;
+    for (size_t other = 0; other < held.size(); ++other) {
+      const std::string &from = freed.cameras[other].name, &to = freed.cameras[c].name;
+      if (other != c && held[c] && given.Find(from) >= 0) sum += RelativeChange(given, freed.rig, from, to), ++others;
+    }
+    if (sum > others * most.amount) most = {c, sum / others};
+  }
+  return most;
+}
+
+/// Of the held lenses, px.
+Change MostChangedLens(const geometry::Rig& given, const CalibrateReport& freed, const std::vector<bool>& held) {
+  Change most;
+  for (size_t c = 0; c < held.size(); ++c) {
+    if (!held[c]) continue;
+    ProjectionDiffOptions far;
+    far.ranges_m = {std::numeric_limits<double>::infinity()};
+    const auto diff = CompareProjection(given.cameras[static_cast<size_t>(given.Find(freed.cameras[c].name))].camera,
+                                        freed.rig.cameras[static_cast<size_t>(freed.rig.Find(freed.cameras[c].name))].camera, far);
+    if (diff.status == Status::kOk && diff.ranges[0].rms_px > most.amount) most = {c, diff.ranges[0].rms_px};
+  }
+  return most;
+}
+
+std::string FallOf(const CameraReport& held, const CameraReport& freed) {
+  char text[200];
+  std::snprintf(text, sizeof text, "the error of %s falls from %.2f to %.2f px", held.name.c_str(), held.rms_px, freed.rms_px);
+  return text;
+}
+
+}  // namespace
+
+std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
+                          const RunContext& run) {
+  if (options.fix.empty() || !input.start) return "";
+  const CalibrateReport freed = WithNothingHeld(input, options, run);
+  if (freed.status != Status::kOk || freed.cameras.size() != input.cameras.size()) return "";
+  const bool refused = solved.status != Status::kOk;
+  const int relieved = refused ? -1 : Relieved(solved, freed);
+  if (!refused && relieved < 0) return "";
+  const Change pose = MostChangedPose(*input.start, freed, internal::ParseFix(options.fix, "poses", input.cameras));
+  const Change lens = MostChangedLens(*input.start, freed, internal::ParseFix(options.fix, "lenses", input.cameras));
+  if (pose.amount == 0 && lens.amount == 0) return "";
+  const bool is_pose = pose.amount > 0 && (lens.amount == 0 || pose.amount * freed.cameras[pose.camera].focal_px > lens.amount);
+  char text[300];
+  std::snprintf(text, sizeof text, "the given %s of camera %s contradicts the boards: with nothing held it changes by %.3g %s, and ",
+                is_pose ? "pose" : "lens", freed.cameras[is_pose ? pose.camera : lens.camera].name.c_str(),
+                is_pose ? pose.amount * 180 / M_PI : lens.amount, is_pose ? "degrees" : "px");
+  return text + (refused ? "there is a solution" : FallOf(solved.cameras[relieved], freed.cameras[relieved]));
+}
+
+}  // namespace mvstudio::calib

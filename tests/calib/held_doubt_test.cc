@@ -1,0 +1,50 @@
+#include "calib/held_doubt.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/calib/synthetic.h"
+
+namespace mvstudio::calib {
+namespace {
+
+/// Three cameras with their true calibration to start from.
+CalibrateInput Given() {
+  testing::SceneOptions options;
+  options.num_cameras = 3;
+  options.noise_px = 0.2;
+  const testing::Scene scene = testing::MakeScene(options);
+  CalibrateInput input = testing::ToInput(scene);
+  input.start = testing::TruthRig(scene);
+  return input;
+}
+
+std::string DoubtOf(const CalibrateInput& input, const std::string& fix) {
+  CalibrateOptions options = testing::PlainOptions();
+  options.model = "brown4";
+  options.fix = {fix};
+  return Calibrate(input, options, RunContext()).held_doubt;
+}
+
+/// About its axis: a turn aside looks like another principal point.
+TEST(HeldDoubt, ACameraThatWasRolledIsNamed) {
+  CalibrateInput input = Given();
+  geometry::Rigid3& pose = input.start->cameras[1].cam_from_world;
+  pose.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, 2 * M_PI / 180)) * pose.rotation;
+  const std::string doubt = DoubtOf(input, "poses");
+  EXPECT_NE(doubt.find("the given pose of camera cam1"), std::string::npos) << doubt;
+}
+
+TEST(HeldDoubt, AWrongLensIsNamed) {
+  CalibrateInput input = Given();
+  input.start->cameras[2].camera.params[4] += 0.4;
+  const std::string doubt = DoubtOf(input, "lenses:cam2");
+  EXPECT_NE(doubt.find("the given lens of camera cam2"), std::string::npos) << doubt;
+}
+
+TEST(HeldDoubt, TrueNumbersAreNotDoubted) {
+  const CalibrateInput input = Given();
+  for (const char* const fix : {"poses", "lenses", "lenses:cam1", "poses:cam0,cam2"}) EXPECT_EQ(DoubtOf(input, fix), "") << fix;
+}
+
+}  // namespace
+}  // namespace mvstudio::calib
