@@ -9,9 +9,7 @@
 #include <tuple>
 
 #include "calib/calibrate_steps.h"
-#include "calib/camera_motion.h"
 #include "calib/held_doubt.h"
-#include "calib/motion_kind.h"
 #include "calib/mrcal_engine.h"
 #include "calib/omitted_terms.h"
 #include "calib/rig_init.h"
@@ -335,33 +333,11 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   return {};
 }
 
-/// The camera that contradicts the others most, as the verdict counts it; empty: none.
-std::string MostContradictory(const CalibrateReport& report) {
-  double most = internal::kContradictsRatio;
-  std::string name;
-  for (size_t c = 0; c < report.cameras.size(); ++c) {
-    const CameraReport& camera = report.cameras[c];
-    const double ratio = camera.rms_px / camera.alone_rms_px, excess = camera.rms_px - camera.alone_rms_px;
-    if (ratio > most && excess > internal::kContradictsPx * internal::PixelScale(report, c)) most = ratio, name = camera.name;
-  }
-  return name;
-}
-
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
-  const auto look_for_motions = [&](const CalibrateInput& in, CalibrateReport* solved) {
-    if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || in.cameras.size() < 2) return;
-    solved->motions = FindMotions(solved->rig, in);
-    for (CameraMotion& motion : solved->motions) {
-      if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(in, *solved, options, run, &motion);
-    }
-    if (!solved->motions.empty()) return;
-    if (const auto change = FindLensChange(in, *solved, options, run, MostContradictory(*solved)))
-      solved->motions.push_back(*change);
-  };
   if (shift.empty()) {
-    look_for_motions(input, &report);
+    internal::LookForMotions(input, options, run, &report);
     report.held_doubt = FindHeldDoubt(input, report, options, run);
     return report;
   }
@@ -369,7 +345,7 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
   RunPipeline(shifted, options, run, &again);
-  look_for_motions(shifted, &again);
+  internal::LookForMotions(shifted, options, run, &again);
   again.frame_shift = shift;
   if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;

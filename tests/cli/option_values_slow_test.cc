@@ -19,9 +19,13 @@ std::vector<std::string> Words(const std::string& text) {
   return {std::istream_iterator<std::string>(in), {}};
 }
 
+/// All options of a command; the list of its subcommands where it has some, as `--help-all` would unfold them.
 std::string HelpOf(const std::string& command) {
   std::vector<std::string> words = Words(command);
-  words.push_back("--help-all");
+  words.push_back("--help");
+  const std::string help = RunCli(words).out;
+  if (help.find("Subcommands:") != std::string::npos) return help;
+  words.back() = "--help-all";
   return RunCli(words).out;
 }
 

@@ -90,9 +90,10 @@ def seeds_of(text):
 
 
 def sample():
-    """The runs of sample.txt: lines `KIND SEED`."""
-    lines = (HERE / "sample.txt").read_text().splitlines()
-    return [(line.split()[0], int(line.split()[1])) for line in lines if line.strip() and not line.startswith("#")]
+    """The runs of sample.txt: lines `KIND SEED [named]`; and those whose cause is to be named, when they are not right."""
+    lines = [line.split() for line in (HERE / "sample.txt").read_text().splitlines() if line.strip() and not line.startswith("#")]
+    runs = [(words[0], int(words[1])) for words in lines]
+    return runs, {run for run, words in zip(runs, lines) if words[2:] == ["named"]}
 
 
 def known():
@@ -175,12 +176,16 @@ def main():
     if options.real:
         import real
         return real.main(options)
-    tasks = sample() if options.sample else [(n, s) for n in kinds_of(options.kinds) for s in seeds_of(options.seeds)]
+    tasks, to_name = [(n, s) for n in kinds_of(options.kinds) for s in seeds_of(options.seeds)], set()
+    if options.sample:
+        tasks, to_name = sample()
     started = time.monotonic()
     rows = work_through(options, tasks)
     entries = known()
     print("\n" + tables.markdown([{"runs": rows}]) + "\n")
-    bad = [row for row in rows if row["outcome"] in judge.BAD]
+    unnamed = (judge.UNNAMED, judge.REFUSED_UNNAMED)
+    bad = [row for row in rows
+           if row["outcome"] in judge.BAD or (row["outcome"] in unnamed and (row["kind"], row["seed"]) in to_name)]
     for row in bad:
         print(f"{'known' if is_known(row, entries) else 'BAD'} {tables.line_of(row)}")
     new = [row for row in bad if not is_known(row, entries)]

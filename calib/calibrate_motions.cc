@@ -1,0 +1,68 @@
+#include "calib/calibrate_steps.h"
+#include "calib/camera_motion.h"
+#include "calib/motion_kind.h"
+#include "calib/verdict_internal.h"
+
+/// What moved or changed while the boards were filmed, once there is a solution.
+namespace mvstudio::calib::internal {
+namespace {
+
+/// The camera that contradicts the others most, as the verdict counts it; empty: none.
+std::string MostContradictory(const CalibrateReport& report) {
+  double most = kContradictsRatio;
+  std::string name;
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    const CameraReport& camera = report.cameras[c];
+    const double ratio = camera.rms_px / camera.alone_rms_px, excess = camera.rms_px - camera.alone_rms_px;
+    if (ratio > most && excess > kContradictsPx * PixelScale(report, c)) most = ratio, name = camera.name;
+  }
+  return name;
+}
+
+/// The rig with the lens that a camera has by itself: the rig's may have taken up part of a motion. Nothing where it has none.
+std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
+                                           const RunContext& run, const std::string& name) {
+  const auto at = static_cast<size_t>(solved.rig.Find(name));
+  if (solved.rig.cameras[at].camera.model == geometry::LensModel::kSplined) return std::nullopt;
+  CalibrateInput alone = input;
+  alone.start.reset();
+  alone.same_lens.clear();
+  alone.cameras = {input.cameras[at]};
+  alone.detections.clear();
+  for (Detection detection : input.detections) {
+    if (detection.camera_idx != static_cast<int>(at)) continue;
+    detection.camera_idx = 0;
+    alone.detections.push_back(std::move(detection));
+  }
+  options.model = ToString(solved.rig.cameras[at].camera.model);
+  options.intrinsics_only = true;
+  options.motions = false;
+  options.share_intrinsics = options.time_offset = "none";
+  options.world = "camera:" + name;
+  options.fix.clear();
+  options.split_at.clear();
+  options.holdout.clear();
+  const CalibrateReport report = Calibrate(alone, options, run);
+  if (report.status != Status::kOk) return std::nullopt;
+  geometry::Rig rig = solved.rig;
+  rig.cameras[at].camera = report.rig.cameras[0].camera;
+  return rig;
+}
+
+}  // namespace
+
+void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved) {
+  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || input.cameras.size() < 2) return;
+  solved->motions = FindMotions(solved->rig, input);
+  const std::string name = solved->motions.empty() ? MostContradictory(*solved) : "";
+  if (!name.empty()) {
+    if (const auto rig = WithLensAlone(input, *solved, options, run, name)) solved->motions = FindMotions(*rig, input);
+  }
+  for (CameraMotion& motion : solved->motions) {
+    if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(input, *solved, options, run, &motion);
+  }
+  if (!solved->motions.empty()) return;
+  if (const auto change = FindLensChange(input, *solved, options, run, name)) solved->motions.push_back(*change);
+}
+
+}  // namespace mvstudio::calib::internal
