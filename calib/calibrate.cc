@@ -333,19 +333,24 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   return {};
 }
 
+/// Why a solution, or that there is none, may be wrong.
+void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
+  internal::LookForMotions(input, options, run, report);
+  report->held_doubt = FindHeldDoubt(input, *report, options, run);
+}
+
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
   if (shift.empty()) {
-    internal::LookForMotions(input, options, run, &report);
-    report.held_doubt = FindHeldDoubt(input, report, options, run);
+    LookForCauses(input, options, run, &report);
     return report;
   }
   CalibrateInput shifted = input;
   for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
   RunPipeline(shifted, options, run, &again);
-  internal::LookForMotions(shifted, options, run, &again);
+  LookForCauses(shifted, options, run, &again);
   again.frame_shift = shift;
   if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;
