@@ -284,12 +284,21 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }
 
+/// One lens for several cameras stays although the corners contradict it, since those of their own have no solution.
+void AssumeSharing(const std::string& why, CalibrateReport* report) {
+  for (CameraReport& camera : report->cameras) {
+    if (camera.shares_lens_with.empty()) continue;
+    camera.given_up = "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
+    camera.assumes = true;
+  }
+}
+
 /// Tries again with simpler lenses while the boards do not determine those chosen; `work` and `report` hold what the cameras by
 /// themselves say, and receive the solution or the first failure.
 void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run,
               Work* work, CalibrateReport* report) {
   constexpr int kMaxAttempts = 30;
-  std::optional<std::pair<Work, CalibrateReport>> first;  // failure
+  std::optional<std::pair<Work, CalibrateReport>> first, shared;  // failure; one lens for several, which is the last resort
   for (int i = 0; i < kMaxAttempts; ++i) {
     std::pair<Work, CalibrateReport> trial(*work, *report);
     std::vector<int> culprits;
@@ -299,13 +308,17 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
       return;
     }
     const std::string why = trial.second.message;
-    const bool separated = trial.first.separated;
-    if (!first) first = std::move(trial);
-    if (separated) {  // before anything is simplified: one lens for all, which the boards may determine
-      work->may_separate = false;
-      continue;
+    if (trial.first.separated) {  // the corners contradict one lens for all: lenses of their own, as simple as it takes
+      shared.emplace(*work, *report);
+      shared->first.may_separate = false;
+      internal::GiveLensesOfTheirOwn(work, report);
     }
-    if (!internal::SimplifyLenses(input, options, culprits, why, work, report)) break;
+    if (!first) first = std::move(trial);
+    if (internal::SimplifyLenses(input, options, culprits, why, work, report)) continue;
+    if (!shared) break;
+    std::tie(*work, *report) = std::move(*shared);
+    AssumeSharing(why, report);
+    shared.reset();
   }
   std::tie(*work, *report) = std::move(*first);
 }

@@ -60,16 +60,23 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
   Work separate = *work;
   std::iota(separate.state.lens_group.begin(), separate.state.lens_group.end(), 0);
   BundleReport solved = SolveBundle(&separate.views, &separate.state, separate.bundle);
-  if (solved.status != Status::kOk || solved.camera_sigma_px.size() != work->state.cameras.size()) return std::nullopt;
+  const bool usable = solved.status == Status::kOk || solved.status == Status::kNotConverged;
+  if (!usable || solved.camera_sigma_px.size() != work->state.cameras.size()) return std::nullopt;
   if (!Pays(*work, separate, solved.camera_sigma_px)) return std::nullopt;
   *work = std::move(separate);
   work->separated = true;
+  GiveLensesOfTheirOwn(work, report);
+  return solved;
+}
+
+void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report) {
+  std::iota(work->state.lens_group.begin(), work->state.lens_group.end(), 0);
+  work->may_separate = false;
   for (CameraReport& camera : report->cameras) {
     if (camera.shares_lens_with.empty()) continue;
     camera.model_reason += "; a lens of its own, as the rig's corners call for one (Schwarz's criterion)";
     camera.shares_lens_with.clear();
   }
-  return solved;
 }
 
 }  // namespace mvstudio::calib::internal

@@ -86,6 +86,9 @@ bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options
 std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const CalibrateOptions& options, Work* work,
                                            CalibrateReport* report);
 
+/// Every camera has a lens of its own from here on, and the report says why.
+void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
+
 /// Cameras that moved and lenses that changed (CalibrateOptions::motions), into `solved`.
 void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved);
 

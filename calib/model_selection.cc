@@ -172,9 +172,10 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
   return best;
 }
 
-/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards do not prefer:
+/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards hardly prefer:
 /// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
+  constexpr double kSmallLoss = 0.02;  // about what two more numbers cost on few boards
   const LensConfig& config = candidates[chosen].config;
   const bool curve =
       config.model == LensModel::kUcm || config.model == LensModel::kEucm || config.model == LensModel::kDoubleSphere;
@@ -183,7 +184,8 @@ int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   const LensModel wanted = curve ? LensModel::kKannalaBrandt4 : LensModel::kKannalaBrandt4P;
   for (size_t i = 0; (curve || decentred) && i < candidates.size(); ++i) {
     const LensCandidate& other = candidates[i];
-    if (other.within_one_se && other.config.model == wanted && other.config.shared == config.shared &&
+    const bool near = other.within_one_se || other.relative_error <= (1 + kSmallLoss) * candidates[chosen].relative_error;
+    if (near && other.config.model == wanted && other.config.shared == config.shared &&
         MostFolded(other) <= MostFolded(candidates[chosen]) + kFoldSlack)
       return static_cast<int>(i);
   }
@@ -204,6 +206,14 @@ std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, 
     std::snprintf(text, sizeof text, "%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%",
                   name.c_str(), best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
   }
+  return text;
+}
+
+std::string Instead(const LensCandidate& chosen, const LensCandidate& other) {
+  char text[300];
+  std::snprintf(text, sizeof text, "%s is as good as %s, which is no simpler version of it: held-out error %+.1f %%",
+                ToString(chosen.config).c_str(), ToString(other.config).c_str(),
+                100 * (chosen.relative_error / other.relative_error - 1));
   return text;
 }
 
@@ -244,8 +254,7 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
   if (simplest < 0) return simplest;
   const int supported = BestSupported(*candidates, simplest), chosen = OfRichestFamily(*candidates, supported);
   if (chosen != supported) {
-    *reason = ToString((*candidates)[chosen].config) + " is within one standard error of the best (" + ToString(best->config) +
-              ") like " + ToString((*candidates)[supported].config) + ", which is no simpler version of it";
+    *reason = Instead((*candidates)[chosen], (*candidates)[supported]);
     return chosen;
   }
   *reason = Explain((*candidates)[chosen], (*candidates)[simplest], *best);

@@ -13,7 +13,8 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kMinStandardErrors = 3, kCapSigmas = 6;
+constexpr double kMinStandardErrors = 2;  // a gain that four views share alike; a part of a recording has few
+constexpr double kCapSigmas = 6;
 
 /// The two adjustments of one camera that was split.
 struct Split {

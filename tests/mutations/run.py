@@ -31,6 +31,7 @@ except ImportError:
     print("needs python3-numpy")
     sys.exit(SKIPPED)
 
+import alarms  # noqa: E402
 import judge  # noqa: E402
 import program  # noqa: E402
 import registry  # noqa: E402
@@ -46,7 +47,7 @@ def run_one(binary, name, seed, work, keep):
     kind = registry.load()[name]
     recording = kind.make(random_of(name, seed))
     with tempfile.TemporaryDirectory(dir=work) as scratch:
-        folder = pathlib.Path(keep) / f"{name}-{seed}" if keep else pathlib.Path(scratch)
+        folder = pathlib.Path(keep).resolve() / f"{name}-{seed}" if keep else pathlib.Path(scratch)
         run = program.calibrate(binary, recording, folder)
         started = time.monotonic()
         with_model = lambda model: program.calibrate(binary, recording, folder, model)  # noqa: E731
@@ -61,6 +62,8 @@ def run_one(binary, name, seed, work, keep):
            "right_with": right_with,
            "models": [c.get("model") for c in run.result.get("metrics", {}).get("cameras", [])],
            "true_models": [c.lens.model for c in recording.scene.cameras]}
+    if kind.clean:
+        row["false_alarms"] = alarms.false_alarms(recording, run, done.comparison)
     if kind.statistics and done.comparison:
         row["coverage"] = judge.coverage(done.comparison)
     return row

@@ -14,6 +14,7 @@ except ImportError:
     print("needs python3-numpy")
     sys.exit(77)
 
+import alarms  # noqa: E402
 import judge  # noqa: E402
 import registry  # noqa: E402
 import rigid  # noqa: E402
@@ -222,6 +223,38 @@ class JudgeTest(unittest.TestCase):
         counts = judge.coverage(judge.compare(self.recording, run))
         self.assertEqual(counts["focal"], [8, 0, 8])
         self.assertEqual(counts["rotation"], [9, 9, 9])
+
+
+class AlarmTest(unittest.TestCase):
+    """Warnings about a recording in which nothing is wrong: true only where the truth bears them out."""
+    UNCERTAIN = ("CAL-UNCERTAIN", "camera cam1: projections at the image's sides are uncertain by 3.00 px (good is below 1.0)", "")
+
+    @classmethod
+    def setUpClass(cls):
+        cls.recording = exact()
+
+    def false(self, message, **answered):
+        run = answer(self.recording, messages=[message], verdict="warn", **answered)
+        return bool(alarms.false_alarms(self.recording, run, judge.compare(self.recording, run)))
+
+    def test_uncertainty_without_an_error_is_false(self):
+        self.assertTrue(self.false(self.UNCERTAIN))
+        self.assertFalse(self.false(self.UNCERTAIN, shifted_px=10))
+
+    def test_a_cause_is_false_when_nothing_is_wrong(self):
+        self.assertTrue(self.false(("CAL-MOVED", "camera cam1 moved between frames 3 and 4", ""), shifted_px=10))
+
+    def test_a_fold_where_the_lens_is_right_is_false(self):
+        self.assertTrue(self.false(("CAL-FOLD", "camera cam1: the lens model folds over inside the image corners", "")))
+
+    def test_counts_are_counted_again(self):
+        self.assertTrue(self.false(("CAL-FEWVIEWS", "camera cam1: only 4 boards", "")))
+        self.assertTrue(self.false(("CAL-LOWCOV", "camera cam1: boards cover 20 % of the image", "")))
+
+    def test_noise_is_that_of_the_corners(self):
+        text = "camera cam1: held-out error {} px (good is below {})"
+        self.assertTrue(self.false(("CAL-HOLDOUT", text.format(1.5, 1.0), "")))
+        self.assertFalse(self.false(("CAL-HOLDOUT", text.format(1.5, 1.0), ""), shifted_px=10))
 
 
 class GeneratorTest(unittest.TestCase):

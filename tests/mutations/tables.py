@@ -39,15 +39,17 @@ def by_kind(rows):
 
 
 def clean_figures(rows):
-    """Recordings in which nothing is wrong: what is said of them is a false alarm."""
+    """Recordings in which nothing is wrong: what is said of them, and what of it the truth contradicts (alarms.py)."""
     clean = [row for row in rows if row["clean"]]
     if not clean:
         return "No clean recording."
     warned, failed = sum(row["warned"] for row in clean), sum(row["failed"] for row in clean)
     codes = collections.Counter(code for row in clean for code in {m[0] for m in row["messages"]})
+    false = sum(bool(row.get("false_alarms")) for row in clean)
     list_of = ", ".join(f"{code or 'stderr'} {n}" for code, n in codes.most_common())
     return (f"Of {len(clean)} recordings in which nothing is wrong {sum(row['outcome'] == judge.RIGHT for row in clean)} are right; "
-            f"{warned} are warned of, {failed} fail" + (f" ({list_of})" if list_of else "") + ". " + lens_figure(rows))
+            f"{warned} are warned of, {failed} fail" + (f" ({list_of})" if list_of else "") +
+            f"; {false} are told something that the truth contradicts. " + lens_figure(rows))
 
 
 def lens_figure(rows):

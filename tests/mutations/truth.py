@@ -25,6 +25,14 @@ class Quantity:
 
 
 @dataclasses.dataclass
+class BorderErrors:
+    """Largest errors px; infinite where the true lens has a ray and the estimate has none, zero where the true one has none."""
+    side: float = 0.0     # 95 % of the way from the image's middle to its sides' middles, as the program states its sigmas
+    corner: float = 0.0   # 95 % of the way to its corners
+    outmost: float = 0.0  # in the corners themselves
+
+
+@dataclasses.dataclass
 class Comparison:
     """`worst` over its limit (1: just right); `why` names the quantity."""
     right: bool
@@ -34,6 +42,7 @@ class Comparison:
     pixels: dict            # camera -> (errors (N, 2) px, sigmas (N,) px, within the boards' cells (N,))
     inside_only: bool       # right where boards were seen, wrong elsewhere
     pixels_right: bool      # projections are right where boards were seen, whatever lens and pose are
+    borders: dict = dataclasses.field(default_factory=dict)  # camera -> BorderErrors
 
     def worst_pixel(self):
         errors = [np.linalg.norm(e, axis=1).max() for e, _, _ in self.pixels.values() if len(e)]
@@ -196,15 +205,34 @@ def pixel_errors(true, estimate, report, range_m, est_from_true, scale):
     w, h = true.size
     v, u = np.meshgrid(np.linspace(0, h - 1, rows), np.linspace(0, w - 1, cols), indexing="ij")
     px = np.stack([u.ravel(), v.ravel()], axis=-1)
-    x_in_true = rigid.apply(rigid.inverse((true.cam_from_world[0], true.cam_from_world[1] * scale)), range_m * rays(true.lens, px))
-    x_in_est = x_in_true @ est_from_true[:, :3].T + est_from_true[:, 3]
-    errors = project(estimate.lens, rigid.apply(estimate.cam_from_world, x_in_est)) - px
+    errors = errors_at(px, true, estimate, range_m, est_from_true, scale)
     cells = np.array(report["coverage_cells"])
     seen = cells[np.clip((px[:, 1] + 0.5) * cells.shape[0] / h, 0, cells.shape[0] - 1).astype(int),
                  np.clip((px[:, 0] + 0.5) * cells.shape[1] / w, 0, cells.shape[1] - 1).astype(int)] > 0
-    ok = np.isfinite(x_in_true).all(axis=1) & np.isfinite(sigmas.ravel()) & (sigmas.ravel() > 0)
+    ok = np.isfinite(rays(true.lens, px)).all(axis=1) & np.isfinite(sigmas.ravel()) & (sigmas.ravel() > 0)
     errors[~np.isfinite(errors)] = 1e9  # a pixel with a stated sigma, whose point the estimated lens does not see
     return errors[ok], sigmas.ravel()[ok], seen[ok]
+
+
+def errors_at(px, true, estimate, range_m, est_from_true, scale):
+    """(N, 2): where the estimate sees the points that truly lie behind `px`, less `px`; NaN where either lens has no ray."""
+    x_in_true = rigid.apply(rigid.inverse((true.cam_from_world[0], true.cam_from_world[1] * scale)), range_m * rays(true.lens, px))
+    x_in_est = x_in_true @ est_from_true[:, :3].T + est_from_true[:, 3]
+    return project(estimate.lens, rigid.apply(estimate.cam_from_world, x_in_est)) - px
+
+
+def border_errors(true, estimate, range_m, est_from_true, scale):
+    middle = (np.array(true.size) - 1) / 2
+    sides = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+
+    def largest(aside):
+        px = middle + aside * middle
+        errors = np.linalg.norm(errors_at(px, true, estimate, range_m, est_from_true, scale), axis=1)
+        errors[~np.isfinite(errors)] = math.inf
+        errors[~np.isfinite(rays(true.lens, px)).all(axis=1)] = 0
+        return float(errors.max())
+    return BorderErrors(largest(0.95 * sides), largest(0.95 * corners), largest(corners))
 
 
 def limits(quantities, pixels):
@@ -232,13 +260,14 @@ def compare(recording, truth, calibration, metrics):
     mean = mean_frames(recording, rig, metrics, est_from_true)
     reports = {c["name"]: c for c in metrics["cameras"]}
     ranges = {c["name"]: c["range_m"] for c in metrics["uncertainty"]["cameras"]}
-    quantities, pixels = [], {}
+    quantities, pixels, borders = [], {}, {}
     for name, estimate in rig.items():
         quantities += lens_quantities(estimate, by_name[name])
         quantities += pose_quantities(estimate, rigid.compose(scaled[name], rigid.inverse(est_from_true)))
         if reports[name].get("uncertainty_map_px") and ranges.get(name):
             pixels[name] = pixel_errors(by_name[name], estimate, reports[name], ranges[name], mean, scale)
-    return conclude(quantities, pixels)
+            borders[name] = border_errors(by_name[name], estimate, ranges[name], mean, scale)
+    return dataclasses.replace(conclude(quantities, pixels), borders=borders)
 
 
 def conclude(quantities, pixels):
