@@ -41,6 +41,20 @@ TEST(HeldDoubt, AWrongLensIsNamed) {
   EXPECT_NE(doubt.find("the given lens of camera cam2"), std::string::npos) << doubt;
 }
 
+TEST(HeldDoubt, ACameraIsNamedAfterFramesWereShiftedToo) {
+  CalibrateInput input = Given();
+  geometry::Rigid3& pose = input.start->cameras[1].cam_from_world;
+  pose.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, 2 * M_PI / 180)) * pose.rotation;
+  for (Detection& d : input.detections) d.frame_idx += d.camera_idx == 2 ? 3 : 0;
+  CalibrateOptions options = testing::PlainOptions();
+  options.model = "brown4";
+  options.time_offset = "auto";
+  options.fix = {"poses"};
+  const CalibrateReport report = Calibrate(input, options, RunContext());
+  EXPECT_EQ(report.frame_shift, (std::vector<int64_t>{0, 0, -3})) << report.message;
+  EXPECT_NE(report.held_doubt.find("the given pose of camera cam1"), std::string::npos) << report.held_doubt;
+}
+
 TEST(HeldDoubt, TrueNumbersAreNotDoubted) {
   const CalibrateInput input = Given();
   for (const char* const fix : {"poses", "lenses", "lenses:cam1", "poses:cam0,cam2"}) EXPECT_EQ(DoubtOf(input, fix), "") << fix;

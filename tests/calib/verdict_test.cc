@@ -40,6 +40,21 @@ TEST(Verdict, ABoardThatNobodyPrintsIsSaid) {
   }
 }
 
+TEST(Verdict, ALateCameraIsSaidWhereTheBoardsMotionDoesNotExplainIt) {
+  CalibrateReport report = Calibrate(testing::ToInput(testing::MakeScene({})), testing::PlainOptions(), {});
+  CameraReport& camera = report.cameras[1];
+  const auto said = [&](double offset_frames, double rms_px, int num_rejected) {
+    camera.time_offset_frames = offset_frames, camera.rms_px = rms_px, camera.num_rejected = num_rejected;
+    report.verdict = Judge(report);
+    return Said(report, "CAL-LATE");
+  };
+  camera.alone_rms_px = 0.3;
+  EXPECT_EQ(said(0.4, 0.31, 0), "");
+  EXPECT_EQ(said(0.01, 0.9, 0), "");
+  EXPECT_NE(said(0.4, 0.5, 0).find(camera.name), std::string::npos);
+  EXPECT_NE(said(-0.4, 0.3, camera.num_corners), "");
+}
+
 TEST(Verdict, WhereThereIsNoSolutionACameraOfFewBoardsIsNamed) {
   CalibrateInput input = testing::ToInput(MakeRecording());
   auto& all = input.detections;
