@@ -3,7 +3,7 @@
 #include <cstdlib>
 
 #include "tests/triangulate/people.h"
-#include "triangulate/sides.h"
+#include "triangulate/people/sides.h"
 
 /// Who is who across views: how often pairs of detections are put together rightly, on synthetic people, and the time a frame.
 /// bench_association [REPEATS]

@@ -4,10 +4,10 @@
 
 #include <fstream>
 
-#include "avatar/adam.h"
-#include "avatar/loss_terms.h"
-#include "avatar/model.h"
-#include "avatar/safetensors.h"
+#include "avatar/data/safetensors.h"
+#include "avatar/nets/model.h"
+#include "avatar/train/adam.h"
+#include "avatar/train/loss_terms.h"
 #include "bench/requests.h"
 #include "core/random.h"
 

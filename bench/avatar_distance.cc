@@ -1,9 +1,9 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
-#include "avatar/set_distance.h"
+#include "avatar/scores/set_distance.h"
 #include "bench/requests.h"
-#include "core/npy.h"
+#include "core/disk/npy.h"
 
 /// bench_avatar_distance: the timed side of bench/metrics_beside_peers.py, like bench_metrics:
 ///   load A.npy B.npy    features (n, d); answers "ok"

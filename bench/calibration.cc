@@ -9,7 +9,7 @@
 #include <string>
 
 #include "bench/quality.h"
-#include "calib/projection_uncertainty.h"
+#include "calib/covariance/projection_uncertainty.h"
 #include "core/parallel.h"
 
 namespace mvstudio::bench {

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "calib/board.h"
-#include "calib/bundle.h"
-#include "calib/view.h"
+#include "calib/board/board.h"
+#include "calib/bundle/bundle.h"
+#include "calib/bundle/view.h"
 
 namespace mvstudio::bench {
 

@@ -7,7 +7,7 @@
 
 #include "bench/calibration.h"
 #include "bench/quality.h"
-#include "calib/mrcal_internal.h"
+#include "calib/bundle/mrcal_internal.h"
 #include "core/error.h"
 
 namespace mvstudio::bench {

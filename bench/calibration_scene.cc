@@ -4,7 +4,7 @@
 #include "bench/calibration.h"
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 namespace mvstudio::bench {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <iterator>
 
-#include "geometry/camera.h"
-#include "geometry/lens_derivatives.h"
+#include "geometry/lens/camera.h"
+#include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio {
 namespace {

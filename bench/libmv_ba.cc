@@ -12,9 +12,9 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/quality.h"
-#include "calib/point_bundle.h"
+#include "calib/points/point_bundle.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
 
 namespace mvstudio::bench {

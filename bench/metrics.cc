@@ -1,6 +1,6 @@
 #include "bench/requests.h"
+#include "core/disk/npy.h"
 #include "core/image.h"
-#include "core/npy.h"
 #include "metrics/ssim.h"
 
 /// bench_metrics: the timed side of bench/metrics_beside_peers.py. Its requests:

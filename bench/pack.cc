@@ -7,14 +7,14 @@
 #include <string>
 
 #include "cli/pack_speed.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
 #include "core/parallel.h"
 #include "core/random.h"
-#include "dataset/crop.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/crop.h"
 
 /// bench_pack [SEED] [JSON or -] [DATASET or -] [FRAMES]: random access to crops of people, packs beside a folder of JPEG
 /// pictures cropped when read, on a made studio of 1920x1080 pictures and on the dataset when given. See docs/packs.md.

@@ -3,7 +3,7 @@
 #include <opencv2/calib3d.hpp>
 
 #include "bench/quality.h"
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 namespace mvstudio::bench {
 namespace {

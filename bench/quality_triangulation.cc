@@ -2,8 +2,8 @@
 
 #include "bench/quality.h"
 #include "core/random.h"
-#include "geometry/rig.h"
-#include "triangulate/point.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/point/point.h"
 
 namespace mvstudio::bench {
 namespace {

@@ -9,12 +9,12 @@
 
 #include "bench/quality.h"
 #include "body/skeleton.h"
-#include "calib/keypoint_bundle.h"
-#include "calib/keypoint_refine.h"
-#include "core/files.h"
-#include "dataset/pose2d.h"
-#include "geometry/alignment.h"
-#include "geometry/rig_io.h"
+#include "calib/keypoints/bundle.h"
+#include "calib/keypoints/refine.h"
+#include "core/disk/files.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/alignment.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/calib/keypoint_support.h"
 
 namespace mvstudio::bench {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "bench/quality.h"
-#include "geometry/rig.h"
-#include "triangulate/batch.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/batch/batch.h"
 
 namespace mvstudio::bench {
 

@@ -3,8 +3,8 @@
 #include <map>
 
 #include "bench/triangulation.h"
-#include "report/html.h"
-#include "report/svg.h"
+#include "report/page/html.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::bench {
 namespace {

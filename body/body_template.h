@@ -7,7 +7,7 @@
 
 #include "core/body_charts.h"
 #include "core/image.h"
-#include "geometry/rigid3.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::body {
 

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/check.h"
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 namespace mvstudio::body {
 namespace {

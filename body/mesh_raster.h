@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "body/body_template.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 
 namespace mvstudio::body {
 

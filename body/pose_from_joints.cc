@@ -6,7 +6,7 @@
 #include "body/body_template.h"
 #include "core/check.h"
 #include "core/median.h"
-#include "geometry/decompositions.h"
+#include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::body {
 namespace {

@@ -8,14 +8,14 @@
 #include <set>
 #include <tuple>
 
+#include "calib/bundle/mrcal_engine.h"
+#include "calib/bundle/view_clusters.h"
 #include "calib/calibrate_steps.h"
+#include "calib/covariance/omitted_terms.h"
+#include "calib/covariance/uncertainty.h"
 #include "calib/held_doubt.h"
-#include "calib/mrcal_engine.h"
-#include "calib/omitted_terms.h"
-#include "calib/rig_init.h"
-#include "calib/uncertainty.h"
+#include "calib/rig/init.h"
 #include "calib/verdict_internal.h"
-#include "calib/view_clusters.h"
 #include "core/error.h"
 #include "core/parallel.h"
 

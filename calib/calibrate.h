@@ -7,18 +7,19 @@
 #include <string>
 #include <vector>
 
-#include "calib/bending.h"
-#include "calib/board.h"
-#include "calib/board_layout.h"
-#include "calib/board_metrics.h"
-#include "calib/bundle.h"
-#include "calib/detection.h"
-#include "calib/numbering.h"
-#include "calib/projection_uncertainty.h"
-#include "calib/readout.h"
+#include "calib/board/layout.h"
+#include "calib/board/observations.h"
+#include "calib/bundle/bundle.h"
+#include "calib/check/camera_motion.h"
+#include "calib/check/verdict.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/rig/bending.h"
+#include "calib/rig/board_metrics.h"
+#include "calib/rig/numbering.h"
+#include "calib/rig/readout.h"
 #include "core/progress.h"
 #include "core/status.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 
 namespace mvstudio::calib {
 
@@ -59,21 +60,6 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
   VisitFields(visit, o.bundle);
 }
-
-struct CameraInput {
-  std::string name;
-  int width_px = 0, height_px = 0;
-};
-
-struct CalibrateInput {
-  std::vector<Board> boards;  ///< rigid to each other when there are several
-  std::vector<CameraInput> cameras;
-  std::vector<Detection> detections;
-  int num_corners_dropped = 0;  ///< corners that the detector found and dropped, for rejected_fraction
-  std::vector<int64_t> held_out_frames;  ///< kept out of the solution besides those of CalibrateOptions::holdout
-  std::vector<std::vector<int>> same_lens;  ///< groups of cameras that are known to have one lens
-  std::optional<geometry::Rig> start;  ///< a calibration to start from; its cameras keep their lens models
-};
 
 /// A corner after the adjustment.
 struct CornerResidual {
@@ -117,33 +103,6 @@ struct SelectionRow {
   int num_params = 0;         ///< of this camera; shared ones count for every camera
   double holdout_rms_px = 0, holdout_median_px = 0, gross_fraction = 0;
   bool chosen = false;
-};
-
-/// A camera that did not stay as it was while the boards were filmed (FindMotions).
-struct CameraMotion {
-  /// kLens: its focus, zoom, crop or scale changed, which explains more than a motion. kDrift: it moved steadily, from last_before to
-  /// frame_idx.
-  enum class Kind { kMoved, kLens, kDrift };
-  Kind kind = Kind::kMoved;
-  std::vector<std::string> cameras;  ///< the one that moved; several when it cannot be told which of them
-  int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board
-  int64_t last_before = 0;           ///< the last such frame before it
-  double rotation_rad = 0, rotation_sigma_rad = 0;
-  double translation_m = 0;                          ///< of cam_from_world
-  double focal_scale = 1, focal_scale_sigma = 0;     ///< kLens: focal length after it over that before
-  Eigen::Vector2d centre_shift_px = Eigen::Vector2d::Zero();  ///< kLens: of the principal point
-  double shift_px = 0;       ///< rms shift of the camera's corners by the motion
-  double significance = 0;   ///< of the change, in standard deviations over the root of its 6 numbers
-};
-
-struct Verdict {
-  struct Reason {
-    std::string code;  ///< stable, docs/reliability.md lists them all
-    std::string text;  ///< one line: camera, figure, limit
-    std::string hint;  ///< what to do
-  };
-  std::string status = "pass";  ///< pass, warn or fail
-  std::vector<Reason> reasons;  ///< empty for pass
 };
 
 struct CalibrateReport {

@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "calib/calibrate_steps.h"
-#include "geometry/rig_covariance.h"
+#include "geometry/rig/rig_covariance.h"
 
 /// What the calibration file carries on: covariances and time offsets.
 namespace mvstudio::calib::internal {

@@ -6,7 +6,7 @@
 #include "calib/calibrate_steps.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "geometry/rig_covariance.h"
+#include "geometry/rig/rig_covariance.h"
 
 /// What Calibrate is given, before anything is solved: checked, cameras split and in a fixed order, views made.
 namespace mvstudio::calib::internal {

@@ -4,7 +4,7 @@
 #include <set>
 
 #include "calib/calibrate_steps.h"
-#include "calib/resection.h"
+#include "calib/lens/resection.h"
 #include "core/error.h"
 #include "core/parallel.h"
 

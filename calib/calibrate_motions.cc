@@ -1,5 +1,5 @@
 #include "calib/calibrate_steps.h"
-#include "calib/camera_motion.h"
+#include "calib/check/camera_motion.h"
 #include "calib/motion_kind.h"
 #include "calib/verdict_internal.h"
 

@@ -3,7 +3,7 @@
 #include <limits>
 #include <set>
 
-#include "calib/board_shape.h"
+#include "calib/bundle/board_shape.h"
 #include "calib/calibrate_steps.h"
 #include "core/median.h"
 

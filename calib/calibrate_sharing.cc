@@ -4,7 +4,7 @@
 #include <set>
 
 #include "calib/calibrate_steps.h"
-#include "calib/evidence.h"
+#include "calib/lens/evidence.h"
 
 namespace mvstudio::calib::internal {
 namespace {

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "calib/calibrate_steps.h"
-#include "calib/simpler_lens.h"
+#include "calib/lens/simpler_lens.h"
 
 /// What the calibration does when the boards do not determine a lens.
 namespace mvstudio::calib::internal {

@@ -5,12 +5,12 @@
 #include <vector>
 
 #include "calib/calibrate.h"
-#include "calib/frame_offset.h"
-#include "calib/intrinsics.h"
-#include "calib/lens_pool.h"
-#include "calib/model_selection.h"
-#include "calib/simpler_lens.h"
-#include "calib/uncertainty.h"
+#include "calib/covariance/uncertainty.h"
+#include "calib/lens/intrinsics.h"
+#include "calib/lens/lens_pool.h"
+#include "calib/lens/model_selection.h"
+#include "calib/lens/simpler_lens.h"
+#include "calib/rig/frame_offset.h"
 
 /// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
 namespace mvstudio::calib::internal {

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "calib/bundle/view.h"
 #include "calib/calibrate.h"
-#include "calib/view.h"
-#include "geometry/camera.h"
-#include "geometry/rigid3.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::calib {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "calib/calibrate_steps.h"
-#include "calib/rig_compare.h"
+#include "calib/check/rig_compare.h"
 #include "calib/verdict_internal.h"
 
 namespace mvstudio::calib {

@@ -8,7 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "calib/evidence.h"
+#include "calib/lens/evidence.h"
 
 namespace mvstudio::calib {
 namespace {

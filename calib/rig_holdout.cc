@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "calib/calibrate_steps.h"
-#include "calib/resection.h"
+#include "calib/lens/resection.h"
 #include "core/error.h"
 #include "core/median.h"
 

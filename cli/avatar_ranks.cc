@@ -10,9 +10,9 @@
 #include <cstring>
 
 #include "cli/options.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
 #include "core/parallel.h"
 #include "core/process.h"
 

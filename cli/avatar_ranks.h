@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "avatar/train_ranks.h"
+#include "avatar/train/train_ranks.h"
 #include "cli/command.h"
-#include "core/output.h"
+#include "core/disk/output.h"
 
 /// Several processes of this program that train one avatar together.
 namespace mvstudio::cli {

@@ -7,16 +7,16 @@
 #include <filesystem>
 #include <sstream>
 
-#include "avatar/bones.h"
-#include "avatar/camera_tensor.h"
-#include "avatar/io/evaluation_protocol.h"
-#include "avatar/io/strips.h"
+#include "avatar/io/evaluate/evaluation_protocol.h"
+#include "avatar/io/evaluate/strips.h"
+#include "avatar/maps/bones.h"
+#include "avatar/maps/camera_tensor.h"
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/manifest.h"
-#include "core/output.h"
-#include "core/paths.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {

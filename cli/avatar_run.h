@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "avatar/io/run_config.h"
-#include "avatar/train.h"
+#include "avatar/io/pack/run_config.h"
+#include "avatar/train/train.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {

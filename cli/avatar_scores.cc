@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <tuple>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/sha256.h"
+#include "core/hash/sha256.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "report/value.h"
+#include "report/page/value.h"
 
 /// What `avatar eval` left in the folders of runs. Needs no libtorch.
 namespace mvstudio::cli {

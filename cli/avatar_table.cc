@@ -6,7 +6,7 @@
 #include <set>
 #include <tuple>
 
-#include "report/format.h"
+#include "report/page/format.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cli/avatar_scores.h"
-#include "report/study_tally.h"
+#include "report/study/study_tally.h"
 
 /// Scored runs side by side: methods x splits.
 namespace mvstudio::cli {

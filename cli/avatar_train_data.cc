@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <sstream>
 
-#include "avatar/generator.h"
+#include "avatar/nets/generator.h"
 #include "cli/options.h"
 #include "core/error.h"
-#include "dataset/split.h"
+#include "dataset/views/split.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "avatar/io/run_config.h"
-#include "avatar/options.h"
+#include "avatar/io/pack/run_config.h"
+#include "avatar/settings/options.h"
 #include "cli/command.h"
 
 /// Which pictures of a dataset a training learns from and is judged by.

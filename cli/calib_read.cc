@@ -8,9 +8,9 @@
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/units.h"
-#include "dataset/panoptic.h"
-#include "geometry/decompositions.h"
-#include "geometry/plausible.h"
+#include "dataset/panoptic/panoptic.h"
+#include "geometry/rig/plausible.h"
+#include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::cli {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {
@@ -17,7 +17,7 @@ struct CalibReadOptions {
 /// --from, --size, --unit, --qca-distortion-divisor.
 void AddReadOptions(CLI::App* sub, CalibReadOptions& options);
 
-/// A calibration of any format in one or several files; what is doubtful of it (geometry/plausible.h) stands among its notes.
+/// A calibration of any format in one or several files; what is doubtful of it (geometry/rig/plausible.h) stands among its notes.
 /// Throws UsageError, IoError, FormatError.
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 

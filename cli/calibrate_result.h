@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
-#include "calib/detect_footage.h"
+#include "calib/detect/detect_footage.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {

@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "cli/options.h"
-#include "geometry/rig_covariance.h"
-#include "geometry/rig_io.h"
-#include "triangulate/offset_choice.h"
-#include "triangulate/sync.h"
+#include "geometry/rig/rig_covariance.h"
+#include "geometry/rig/rig_io.h"
+#include "triangulate/sync/sync.h"
+#include "triangulate/take/offset_choice.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "cli/command.h"
 #include "cli/pose_input.h"
-#include "geometry/rig.h"
-#include "triangulate/take.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/take/take.h"
 
 /// What a command does with the uncertainty and the timing that a calibration states, said in text, metrics and warnings.
 namespace mvstudio::cli {

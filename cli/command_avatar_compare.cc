@@ -9,10 +9,10 @@
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "report/format.h"
-#include "report/study_tally.h"
+#include "report/page/format.h"
+#include "report/study/study_tally.h"
 
 namespace mvstudio::cli {
 namespace {

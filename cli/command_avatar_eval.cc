@@ -2,7 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "avatar/io/evaluate.h"
+#include "avatar/io/evaluate/evaluate.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 

@@ -4,15 +4,15 @@
 #include <map>
 #include <set>
 
-#include "avatar/io/lift_take.h"
+#include "avatar/io/lift/lift_take.h"
 #include "cli/calib_read.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -6,17 +6,17 @@
 #include <set>
 #include <sstream>
 
-#include "avatar/io/render.h"
-#include "avatar/io/render_backdrop.h"
+#include "avatar/io/render/backdrop.h"
+#include "avatar/io/render/render.h"
 #include "cli/calib_read.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/video_io.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {

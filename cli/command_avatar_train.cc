@@ -7,17 +7,17 @@
 #include <sstream>
 #include <utility>
 
-#include "avatar/io/pack_builder.h"
-#include "avatar/io/posenet_features.h"
+#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/io/pack/pack_builder.h"
 #include "cli/avatar_ranks.h"
 #include "cli/avatar_run.h"
 #include "cli/avatar_train_data.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "cli/redact.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -3,14 +3,14 @@
 #include <cstdio>
 #include <memory>
 
-#include "calib/board_check.h"
-#include "calib/board_draw.h"
+#include "calib/board/draw.h"
+#include "calib/detect/board_check.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
-#include "dataset/frames.h"
+#include "dataset/footage/frames.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -2,14 +2,14 @@
 #include <charconv>
 #include <cmath>
 
-#include "calib/rig_compare.h"
+#include "calib/check/rig_compare.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
 #include "cli/format.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/units.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -1,15 +1,15 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 #include "cli/calib_read.h"
 #include "cli/command_calib.h"
 #include "cli/format.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 #include "exports/export.h"
 
 namespace mvstudio::cli {

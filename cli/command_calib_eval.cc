@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/rig_check.h"
+#include "calib/check/rig_check.h"
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
 #include "cli/calibration_use.h"
@@ -11,7 +11,7 @@
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/units.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -11,11 +11,11 @@
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/pose_input.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/units.h"
-#include "geometry/rig_covariance.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_covariance.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {

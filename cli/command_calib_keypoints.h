@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/keypoint_refine.h"
+#include "calib/keypoints/refine.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {
@@ -12,7 +12,7 @@ namespace mvstudio::cli {
 struct KeypointArguments {
   bool from_keypoints = false;
   std::string skeleton;                   ///< "": body25, or the points that the table names
-  std::string train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoint_refine.h
+  std::string train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoints/refine.h
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
   std::vector<std::string> pose2d;
 

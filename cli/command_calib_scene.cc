@@ -5,15 +5,15 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/detect_board.h"
+#include "calib/detect/detect_board.h"
 #include "cli/calib_read.h"
 #include "cli/calibration_use.h"
 #include "cli/format.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/paths.h"
 #include "core/units.h"
-#include "dataset/image_io.h"
-#include "geometry/rig_io.h"
+#include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "calib/from_scene.h"
-#include "calib/scene_points.h"
+#include "calib/points/from_scene.h"
+#include "calib/points/scene_points.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {

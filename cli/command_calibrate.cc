@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "calib/calibrate.h"
-#include "calib/corner_files.h"
+#include "calib/corners/corner_files.h"
 #include "cli/calib_read.h"
 #include "cli/calibrate_result.h"
 #include "cli/calibration_use.h"
@@ -15,9 +15,9 @@
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "cli/session_input.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -8,7 +8,7 @@
 #include "cli/options.h"
 #include "cli/take_input.h"
 #include "core/error.h"
-#include "dataset/build.h"
+#include "dataset/build/build.h"
 
 namespace mvstudio::cli {
 namespace {

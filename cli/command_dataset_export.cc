@@ -6,7 +6,7 @@
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/error.h"
-#include "dataset/panoptic_sequence.h"
+#include "dataset/panoptic/sequence.h"
 #include "exports/export.h"
 
 namespace mvstudio::cli {

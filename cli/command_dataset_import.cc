@@ -4,7 +4,7 @@
 #include "cli/commands.h"
 #include "cli/dataset_check.h"
 #include "cli/options.h"
-#include "dataset/panoptic_import.h"
+#include "dataset/import/panoptic_import.h"
 
 namespace mvstudio::cli {
 namespace {

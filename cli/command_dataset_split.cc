@@ -4,8 +4,8 @@
 #include "cli/options.h"
 #include "cli/output_guard.h"
 #include "core/error.h"
-#include "dataset/panoptic.h"
-#include "dataset/split.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/split.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -8,16 +8,16 @@
 #include "cli/options.h"
 #include "cli/redact.h"
 #include "cli/run_line.h"
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/log.h"
-#include "core/manifest.h"
 #include "core/median.h"
-#include "core/output.h"
 #include "core/units.h"
-#include "dataset/pose3d.h"
-#include "geometry/alignment.h"
-#include "geometry/rig_io.h"
+#include "dataset/pose/pose3d.h"
+#include "geometry/rig/alignment.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {

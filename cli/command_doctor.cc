@@ -13,7 +13,7 @@
 #include "cli/options.h"
 #include "cli/session_table.h"
 #include "core/error.h"
-#include "dataset/session_scan.h"
+#include "dataset/session/session_scan.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>

@@ -7,10 +7,10 @@
 #include "cli/mask_input.h"
 #include "cli/options.h"
 #include "cli/output_guard.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {

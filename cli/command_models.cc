@@ -4,7 +4,7 @@
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/error.h"
-#include "detect/models.h"
+#include "detect/models/models.h"
 
 namespace mvstudio::cli {
 namespace {

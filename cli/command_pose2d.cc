@@ -11,10 +11,10 @@
 #include "cli/pose2d_detect.h"
 #include "cli/pose2d_existing.h"
 #include "cli/pose2d_quality.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {

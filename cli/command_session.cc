@@ -3,16 +3,16 @@
 #include <filesystem>
 #include <sstream>
 
-#include "calib/board.h"
+#include "calib/board/board.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "cli/session_table.h"
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/manifest.h"
-#include "core/output.h"
-#include "dataset/session_scan.h"
-#include "dataset/timeline_source.h"
+#include "dataset/session/session_scan.h"
+#include "dataset/session/timeline_source.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

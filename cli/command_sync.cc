@@ -10,14 +10,14 @@
 #include "cli/pose_input.h"
 #include "cli/session_input.h"
 #include "cli/triangulate_take.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
-#include "dataset/frames.h"
-#include "dataset/motion_sync.h"
-#include "dataset/sync_file.h"
-#include "dataset/timeline_source.h"
-#include "triangulate/sync.h"
+#include "dataset/footage/frames.h"
+#include "dataset/session/timeline_source.h"
+#include "dataset/time/motion_sync.h"
+#include "dataset/time/sync_file.h"
+#include "triangulate/sync/sync.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -3,14 +3,14 @@
 #include <filesystem>
 #include <limits>
 
-#include "avatar/io/pack_builder.h"
+#include "avatar/io/pack/pack_builder.h"
 #include "cli/options.h"
 #include "cli/tradeoff.h"
 #include "cli/tradeoff_avatar.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {

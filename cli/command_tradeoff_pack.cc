@@ -5,10 +5,10 @@
 #include "cli/options.h"
 #include "cli/pack_speed.h"
 #include "cli/tradeoff.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -12,9 +12,9 @@
 #include "cli/tradeoff.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
-#include "triangulate/batch.h"
-#include "triangulate/limbs.h"
-#include "triangulate/take_steps.h"
+#include "triangulate/batch/batch.h"
+#include "triangulate/take/limbs.h"
+#include "triangulate/take/steps.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -12,9 +12,9 @@
 #include <mutex>
 
 #include "cli/interrupt.h"
+#include "core/disk/temporary.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/temporary.h"
 #include "core/utf8.h"
 
 namespace mvstudio::cli {

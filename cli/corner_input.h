@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "calib/calibrate.h"
-#include "calib/corner_files.h"
-#include "calib/detect_footage.h"
+#include "calib/corners/corner_files.h"
+#include "calib/detect/detect_footage.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {

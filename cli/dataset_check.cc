@@ -8,9 +8,9 @@
 #include "cli/session_table.h"
 #include "core/error.h"
 #include "dataset/pack/pack.h"
-#include "dataset/panoptic.h"
-#include "dataset/panoptic_sequence.h"
-#include "dataset/session_check.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/sequence.h"
+#include "dataset/verify/session_check.h"
 
 namespace mvstudio::cli {
 namespace {

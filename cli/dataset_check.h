@@ -1,7 +1,7 @@
 #pragma once
 
 #include "cli/command.h"
-#include "dataset/verify.h"
+#include "dataset/verify/verify.h"
 
 namespace mvstudio::cli {
 

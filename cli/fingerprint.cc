@@ -9,9 +9,9 @@
 #include <system_error>
 #include <vector>
 
-#include "core/manifest.h"
-#include "core/paths.h"
-#include "core/sha256.h"
+#include "core/disk/manifest.h"
+#include "core/disk/paths.h"
+#include "core/hash/sha256.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

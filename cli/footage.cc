@@ -4,7 +4,7 @@
 #include <set>
 
 #include "core/error.h"
-#include "dataset/frames.h"
+#include "dataset/footage/frames.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/detect_footage.h"
+#include "calib/detect/detect_footage.h"
 #include "cli/command.h"
 
 namespace mvstudio::cli {

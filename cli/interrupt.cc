@@ -12,8 +12,8 @@
 #include <system_error>
 #include <thread>
 
+#include "core/disk/temporary.h"
 #include "core/process.h"
-#include "core/temporary.h"
 
 namespace mvstudio::cli {
 namespace {

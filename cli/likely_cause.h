@@ -3,7 +3,7 @@
 #include <string>
 
 #include "cli/command.h"
-#include "triangulate/cause.h"
+#include "triangulate/take/cause.h"
 
 /// What is said when hardly anything of a take fits its calibration.
 namespace mvstudio::cli {

@@ -5,14 +5,14 @@
 #include <set>
 
 #include "cli/calib_read.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "core/paths.h"
-#include "dataset/frames.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/size_rule.h"
-#include "detect/models.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/masks/size_rule.h"
+#include "dataset/panoptic/panoptic.h"
+#include "detect/models/models.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

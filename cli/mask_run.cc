@@ -7,12 +7,12 @@
 #include <limits>
 #include <mutex>
 
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
 #include "core/parallel.h"
-#include "dataset/image_io.h"
-#include "dataset/mask_sheet.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/masks/sheet.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

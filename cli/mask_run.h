@@ -9,9 +9,9 @@
 
 #include "cli/command.h"
 #include "cli/take_input.h"
-#include "dataset/mask_take.h"
-#include "dataset/visual_hull.h"
-#include "detect/segment.h"
+#include "dataset/masks/mask_take.h"
+#include "dataset/masks/visual_hull.h"
+#include "detect/segment/segment.h"
 
 /// What `mvstudio mask` does, apart from parsing and printing.
 namespace mvstudio::cli {

@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "avatar/io/posenet_features.h"
-#include "avatar/safetensors.h"
-#include "avatar/set_distance.h"
+#include "avatar/data/safetensors.h"
+#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/scores/set_distance.h"
+#include "core/disk/npy.h"
 #include "core/error.h"
-#include "core/npy.h"
 #include "core/parallel.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {

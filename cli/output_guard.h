@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "core/output.h"
-#include "dataset/build.h"
+#include "core/disk/output.h"
+#include "dataset/build/build.h"
 
 namespace mvstudio::cli {
 

@@ -8,15 +8,15 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
 #include "core/random.h"
-#include "dataset/crop.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/pack.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/crop.h"
 
 namespace mvstudio::cli {
 namespace {

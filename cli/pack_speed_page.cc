@@ -4,9 +4,9 @@
 #include <set>
 
 #include "cli/pack_speed.h"
-#include "report/format.h"
-#include "report/html.h"
-#include "report/svg.h"
+#include "report/page/format.h"
+#include "report/page/html.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::cli {
 namespace {

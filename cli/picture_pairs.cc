@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {

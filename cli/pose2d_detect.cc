@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "dataset/frames.h"
-#include "detect/models.h"
-#include "detect/pose_overlay.h"
+#include "dataset/footage/frames.h"
+#include "detect/joints/pose_overlay.h"
+#include "detect/models/models.h"
 
 namespace mvstudio::cli {
 

@@ -7,9 +7,9 @@
 
 #include "cli/command.h"
 #include "cli/take_input.h"
-#include "dataset/pose2d.h"
-#include "detect/joint_net.h"
-#include "detect/pose_tracker.h"
+#include "dataset/pose/pose2d.h"
+#include "detect/joints/joint_net.h"
+#include "detect/joints/pose_tracker.h"
 
 /// Key points of a take's footage.
 namespace mvstudio::cli {

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "core/error.h"
-#include "dataset/frames.h"
+#include "dataset/footage/frames.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

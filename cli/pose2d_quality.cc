@@ -5,7 +5,7 @@
 
 #include "cli/pose_input.h"
 #include "cli/triangulate_take.h"
-#include "triangulate/take.h"
+#include "triangulate/take/take.h"
 
 namespace mvstudio::cli {
 namespace {

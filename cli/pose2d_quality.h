@@ -5,8 +5,8 @@
 
 #include "body/skeleton.h"
 #include "cli/command.h"
-#include "dataset/pose2d.h"
-#include "geometry/rig.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/rig.h"
 
 /// How well the key points of several cameras agree.
 namespace mvstudio::cli {

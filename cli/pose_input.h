@@ -5,9 +5,9 @@
 
 #include "body/skeleton.h"
 #include "cli/command.h"
-#include "dataset/pose2d.h"
-#include "geometry/rig.h"
-#include "triangulate/take.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/take/take.h"
 
 /// A calibration and what its cameras saw of people: the input of every command that works on 2D joints.
 namespace mvstudio::cli {

@@ -4,9 +4,9 @@
 #include <map>
 #include <vector>
 
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/paths.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -3,8 +3,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "dataset/pose3d.h"
-#include "dataset/pose3d_compare.h"
+#include "dataset/pose/pose3d.h"
+#include "dataset/pose/pose3d_compare.h"
 
 namespace mvstudio::cli {
 

@@ -12,10 +12,10 @@
 #include "cli/fingerprint.h"
 #include "cli/interrupt.h"
 #include "cli/redact.h"
+#include "core/disk/files.h"
+#include "core/disk/lock.h"
+#include "core/disk/temporary.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/lock.h"
-#include "core/temporary.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

@@ -10,7 +10,7 @@
 #include "cli/result.h"
 #include "cli/short_help.h"
 #include "core/check.h"
-#include "core/manifest.h"
+#include "core/disk/manifest.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -6,8 +6,8 @@
 #include "cli/options.h"
 #include "cli/triangulate_take.h"
 #include "core/error.h"
-#include "dataset/frames.h"
-#include "dataset/timeline_source.h"
+#include "dataset/footage/frames.h"
+#include "dataset/session/timeline_source.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -7,8 +7,8 @@
 #include "cli/command.h"
 #include "cli/corner_input.h"
 #include "cli/pose_input.h"
-#include "dataset/session.h"
-#include "dataset/timeline.h"
+#include "dataset/session/session.h"
+#include "dataset/time/timeline.h"
 
 /// What commands on boards and on 2D joints take from a session, in place of the flags that were not given. (Footage of people:
 /// cli/take_input.h.)

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "cli/command.h"
-#include "dataset/session_check.h"
-#include "dataset/timeline.h"
+#include "dataset/time/timeline.h"
+#include "dataset/verify/session_check.h"
 
 /// What `session` and `doctor` say about a session, as JSON and as text.
 namespace mvstudio::cli {

@@ -4,12 +4,12 @@
 #include <filesystem>
 
 #include "cli/avatar_scores.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "report/format.h"
-#include "report/study.h"
-#include "report/study_tally.h"
+#include "report/page/format.h"
+#include "report/study/study.h"
+#include "report/study/study_tally.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "cli/options.h"
 #include "core/error.h"
-#include "dataset/timeline_source.h"
+#include "dataset/session/timeline_source.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "cli/command.h"
-#include "dataset/build.h"
-#include "dataset/session.h"
-#include "dataset/timeline.h"
+#include "dataset/build/build.h"
+#include "dataset/session/session.h"
+#include "dataset/time/timeline.h"
 
 /// The footage of one take: the input of every command that reads pictures of people.
 namespace mvstudio::cli {

@@ -4,10 +4,10 @@
 
 #include "cli/commands.h"
 #include "cli/options.h"
-#include "core/files.h"
-#include "report/format.h"
-#include "report/html.h"
-#include "report/svg.h"
+#include "core/disk/files.h"
+#include "report/page/format.h"
+#include "report/page/html.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::cli {
 

@@ -9,12 +9,12 @@
 #include <sstream>
 
 #include "cli/tradeoff.h"
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/manifest.h"
-#include "core/output.h"
 #include "core/process.h"
-#include "report/value.h"
+#include "report/page/value.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "cli/pose_input.h"
 #include "core/status.h"
-#include "triangulate/limbs.h"
-#include "triangulate/skeleton_refine.h"
+#include "triangulate/skeleton/refine.h"
+#include "triangulate/take/limbs.h"
 /// What `triangulate` says about its points.
 namespace mvstudio::cli {
 

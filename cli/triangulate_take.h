@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "body/skeleton.h"
-#include "dataset/pose2d.h"
-#include "dataset/pose3d.h"
-#include "geometry/rig.h"
-#include "triangulate/take.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/take/take.h"
 
 /// Between the files of dataset/ and the arrays of triangulate/.
 namespace mvstudio::cli {

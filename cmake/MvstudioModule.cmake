@@ -44,10 +44,14 @@ function(mvstudio_group_sources target size)
   target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # GCC takes an included .cc file for a header
 endfunction()
 
-# mvstudio_add_module(NAME): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder.
-# Dependencies are given with target_link_libraries: PUBLIC for what the module's headers include, PRIVATE for the rest.
+# mvstudio_add_module(NAME [FOLDER...]): library mvstudio_NAME (alias mvstudio::NAME) from every .cc file of the current folder and of
+# the folders named. Dependencies are given with target_link_libraries: PUBLIC for what the module's headers include, PRIVATE for the rest.
 function(mvstudio_add_module name)
-  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  set(patterns ${CMAKE_CURRENT_SOURCE_DIR}/*.cc)
+  foreach(folder ${ARGN})
+    list(APPEND patterns ${CMAKE_CURRENT_SOURCE_DIR}/${folder}/*.cc)
+  endforeach()
+  file(GLOB sources CONFIGURE_DEPENDS ${patterns})
   add_library(mvstudio_${name} STATIC ${sources})
   add_library(mvstudio::${name} ALIAS mvstudio_${name})
   target_include_directories(mvstudio_${name} PUBLIC ${CMAKE_SOURCE_DIR})

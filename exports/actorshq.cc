@@ -1,6 +1,6 @@
 #include <Eigen/Geometry>
 
-#include "calib/pixel_origin.h"
+#include "calib/board/pixel_origin.h"
 #include "core/error.h"
 #include "exports/writers.h"
 

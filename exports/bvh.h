@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "dataset/pose3d.h"
+#include "dataset/pose/pose3d.h"
 
 /// A skeleton with fixed bone lengths and rotations alone, as BVH animates it, fitted to joints.
 namespace mvstudio::exports {

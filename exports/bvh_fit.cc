@@ -3,7 +3,7 @@
 
 #include "exports/bvh.h"
 #include "exports/joint_files.h"
-#include "geometry/decompositions.h"
+#include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::exports {
 namespace {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 #include "exports/writers.h"
 
 /// https://colmap.github.io/format.html: sparse/0 with the cameras, images/, and masks/ under the names that COLMAP's

@@ -1,7 +1,7 @@
 #include <limits>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "dataset/pack/hdf5_internal.h"
 #include "exports/joint_files.h"
 

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "body/skeleton.h"
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 #include "exports/writers.h"
 
 /// EasyMocap's folders: intri.yml, extri.yml, images/CAM/%06d, mask/CAM/%06d.png, annots/CAM/%06d.json, keypoints3d/%06d.json;

@@ -6,8 +6,8 @@
 
 #include "core/fields.h"
 #include "core/progress.h"
-#include "dataset/panoptic.h"
-#include "geometry/rig.h"
+#include "dataset/panoptic/panoptic.h"
+#include "geometry/rig/rig.h"
 
 /// A dataset in the formats that other programs read. What each holds and what its readers make of it: docs/exports.md.
 namespace mvstudio::exports {
@@ -22,7 +22,7 @@ struct ExportOptions {
   int hull_points = 20000;
   std::string scale_folder = "1x";
   bool overwrite = false;
-  std::string split;                 ///< file of dataset/split.h; may be empty
+  std::string split;                 ///< file of dataset/views/split.h; may be empty
   std::vector<std::string> cameras;  ///< names of either kind; empty: all
   std::vector<int> frames;           ///< empty: the first one for formats of one instant, else all
   bool all_frames = false;           ///< all frames for formats of one instant too

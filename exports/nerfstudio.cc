@@ -1,6 +1,6 @@
 #include <nlohmann/json.hpp>
 
-#include "calib/pixel_origin.h"
+#include "calib/board/pixel_origin.h"
 #include "exports/writers.h"
 
 /// transforms.json, https://docs.nerf.studio/quickstart/data_conventions.html: camera axes are OpenGL's (x right, y up, z

@@ -7,11 +7,11 @@
 #include <set>
 
 #include "core/check.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/parallel.h"
-#include "dataset/image_io.h"
-#include "dataset/undistort.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
 namespace fs = std::filesystem;

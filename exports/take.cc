@@ -7,7 +7,7 @@
 #include <set>
 
 #include "core/error.h"
-#include "dataset/undistort.h"
+#include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
 namespace {

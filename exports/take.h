@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "dataset/panoptic.h"
-#include "dataset/split.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/split.h"
 #include "exports/export.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 
 /// What is exported, settled before anything is written.
 namespace mvstudio::exports {

@@ -5,9 +5,9 @@
 #include <numeric>
 
 #include "body/skeleton.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/colour_match.h"
+#include "dataset/colour/colour_match.h"
 
 namespace mvstudio::exports {
 namespace {

@@ -1,8 +1,8 @@
-#include "calib/board.h"
-#include "calib/formats.h"
-#include "calib/formats_internal.h"
+#include "calib/board/board.h"
+#include "calib/formats/formats.h"
+#include "calib/formats/formats_internal.h"
 #include "fuzz/fuzz.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 /// Calibration files of all formats. What is read must be writable in the same format, and read back the same.
 namespace mvstudio::fuzz {

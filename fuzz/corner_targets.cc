@@ -1,4 +1,4 @@
-#include "calib/corner_files.h"
+#include "calib/corners/corner_files.h"
 #include "fuzz/fuzz.h"
 
 /// Corner files. What is read must be writable as our own CSV and read back bit for bit.

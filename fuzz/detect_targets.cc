@@ -1,5 +1,5 @@
-#include "detect/models_internal.h"
-#include "detect/tfjs_internal.h"
+#include "detect/models/models_internal.h"
+#include "detect/tfjs/tfjs_internal.h"
 #include "fuzz/fuzz.h"
 
 /// Network files: the TensorFlow.js graph with its weights, and the archive that models come in. Nothing is run here.

@@ -1,4 +1,4 @@
-#include "core/manifest.h"
+#include "core/disk/manifest.h"
 #include "fuzz/fuzz.h"
 
 /// The list of what this program wrote into a folder: who can change it must not get other files removed.

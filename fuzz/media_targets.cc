@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "dataset/image_io.h"
-#include "dataset/video_io.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
 #include "fuzz/fuzz.h"
 
 /// Pictures and video. The decoders themselves are OpenCV's and libav's; ours are the checks before and after them.

@@ -1,6 +1,6 @@
 #include <map>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "fuzz/fuzz.h"
 
 /// Files of the targets are held in memory: opening, writing and renaming real ones takes most of the time otherwise. The

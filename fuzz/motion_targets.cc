@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "avatar/io/bvh_file.h"
-#include "core/npy.h"
+#include "avatar/io/render/bvh_file.h"
+#include "core/disk/npy.h"
 #include "exports/npy.h"
 #include "fuzz/fuzz.h"
 

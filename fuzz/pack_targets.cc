@@ -1,4 +1,4 @@
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "dataset/pack/done_internal.h"
 #include "fuzz/fuzz.h"
 

@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "dataset/panoptic.h"
-#include "dataset/panoptic_files.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/panoptic_files.h"
 #include "fuzz/fuzz.h"
 
 /// CMU Panoptic's files. What is read and written again reads the same and writes the same text.

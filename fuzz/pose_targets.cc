@@ -2,11 +2,11 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "core/output.h"
-#include "dataset/pose2d.h"
-#include "dataset/pose3d.h"
-#include "dataset/pose3d_trc.h"
-#include "dataset/sync_file.h"
+#include "core/disk/output.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d.h"
+#include "dataset/pose/pose3d_trc.h"
+#include "dataset/time/sync_file.h"
 #include "fuzz/fuzz.h"
 
 /// 2D and 3D joints and time offsets. What is read must be writable and read back the same.

@@ -1,11 +1,11 @@
 #include <cmath>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "fuzz/fuzz.h"
+#include "report/page/table_file.h"
+#include "report/page/value.h"
 #include "report/report.h"
-#include "report/study_tally.h"
-#include "report/table_file.h"
-#include "report/value.h"
+#include "report/study/study_tally.h"
 
 /// What `report` and `metrics` read: results of other commands, tables, answers of a user study.
 namespace mvstudio::fuzz {

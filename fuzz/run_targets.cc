@@ -1,10 +1,10 @@
 #include <cmath>
 
-#include "avatar/io/run_config.h"
-#include "calib/detection_cache.h"
-#include "core/files.h"
-#include "core/sha256.h"
-#include "detect/models.h"
+#include "avatar/io/pack/run_config.h"
+#include "calib/detect/detection_cache.h"
+#include "core/disk/files.h"
+#include "core/hash/sha256.h"
+#include "detect/models/models.h"
 #include "fuzz/fuzz.h"
 
 /// What commands keep for later ones: the configuration of a training run, installed networks, detections.

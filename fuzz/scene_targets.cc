@@ -1,5 +1,5 @@
-#include "calib/colmap_program.h"
-#include "calib/scene_points.h"
+#include "calib/points/colmap_program.h"
+#include "calib/points/scene_points.h"
 #include "fuzz/fuzz.h"
 
 /// Points of a scene: measured by hand, or found by COLMAP.

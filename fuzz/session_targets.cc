@@ -1,4 +1,4 @@
-#include "dataset/session.h"
+#include "dataset/session/session.h"
 #include "fuzz/fuzz.h"
 
 /// mvstudio.toml and names of cameras and takes.

@@ -1,9 +1,9 @@
 #include <cmath>
 
-#include "core/files.h"
-#include "dataset/split.h"
-#include "dataset/timeline.h"
-#include "dataset/timeline_source.h"
+#include "core/disk/files.h"
+#include "dataset/session/timeline_source.h"
+#include "dataset/time/timeline.h"
+#include "dataset/views/split.h"
 #include "fuzz/fuzz.h"
 
 /// Files about a take: which frame shows which instant, and which belong to training.

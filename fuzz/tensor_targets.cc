@@ -1,4 +1,4 @@
-#include "avatar/safetensors_header.h"
+#include "avatar/data/safetensors_header.h"
 #include "fuzz/fuzz.h"
 
 /// Safetensors: everything but the copying into tensors.

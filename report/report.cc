@@ -3,10 +3,10 @@
 #include <filesystem>
 
 #include "core/check.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

@@ -5,8 +5,8 @@
 #include <set>
 #include <system_error>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 
 namespace mvstudio::report {
 namespace fs = std::filesystem;

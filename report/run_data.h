@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-#include "report/html.h"
+#include "report/page/html.h"
+#include "report/page/table_file.h"
+#include "report/page/value.h"
 #include "report/report.h"
-#include "report/table_file.h"
-#include "report/value.h"
 
 namespace mvstudio::report {
 

@@ -4,9 +4,9 @@
 #include <limits>
 #include <set>
 
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
-#include "report/svg.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::report {
 namespace {

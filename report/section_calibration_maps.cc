@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "report/format.h"
-#include "report/html.h"
+#include "report/page/format.h"
+#include "report/page/html.h"
 #include "report/sections.h"
-#include "report/svg.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::report {
 namespace {

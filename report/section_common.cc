@@ -2,10 +2,10 @@
 #include <cmath>
 #include <filesystem>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "report/format.h"
-#include "report/picture.h"
+#include "report/page/format.h"
+#include "report/page/picture.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

@@ -1,4 +1,4 @@
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

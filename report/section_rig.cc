@@ -5,9 +5,9 @@
 #include <map>
 #include <tuple>
 
-#include "report/format.h"
-#include "report/rig_view.h"
+#include "report/page/format.h"
 #include "report/sections.h"
+#include "report/svg/rig_view.h"
 
 namespace mvstudio::report {
 namespace {

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
 
 /// Sections that show whatever their commands saved: numbers, tables, findings and pictures.

@@ -3,9 +3,9 @@
 #include <limits>
 #include <map>
 
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
-#include "report/svg.h"
+#include "report/svg/svg.h"
 
 namespace mvstudio::report {
 namespace {

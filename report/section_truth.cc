@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

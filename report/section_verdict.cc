@@ -3,7 +3,7 @@
 #include <set>
 #include <tuple>
 
-#include "report/format.h"
+#include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "report/html.h"
+#include "report/page/html.h"
+#include "report/page/value.h"
 #include "report/report.h"
 #include "report/run_data.h"
-#include "report/value.h"
 
 /// The parts of the page. Each reads the run, returns its piece of HTML, adds the same numbers to `json` and what it could not
 /// use to `warnings`.

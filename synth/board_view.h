@@ -1,8 +1,8 @@
 #pragma once
 
-#include "calib/board.h"
+#include "calib/board/board.h"
 #include "core/image.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 #include "synth/lens_rays.h"
 
 namespace mvstudio::synth {

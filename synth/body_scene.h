@@ -6,7 +6,7 @@
 #include "body/body_template.h"
 #include "body/mesh_raster.h"
 #include "core/image.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 #include "synth/lens_rays.h"
 
 namespace mvstudio::synth {

@@ -3,8 +3,8 @@
 #include <cstdint>
 
 #include "body/skeleton.h"
-#include "dataset/pose2d.h"
-#include "geometry/rig.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/rig.h"
 #include "synth/body_scene.h"
 
 namespace mvstudio::synth {

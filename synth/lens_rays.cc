@@ -1,7 +1,7 @@
 #include "synth/lens_rays.h"
 
 #include "core/parallel.h"
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 namespace mvstudio::synth {
 

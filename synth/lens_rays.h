@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 
 namespace mvstudio::synth {
 

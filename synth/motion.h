@@ -5,8 +5,8 @@
 
 #include "body/body_template.h"
 #include "body/skeleton.h"
-#include "calib/board.h"
-#include "geometry/rigid3.h"
+#include "calib/board/board.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::synth {
 

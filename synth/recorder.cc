@@ -2,8 +2,8 @@
 
 #include <cstdio>
 
-#include "core/files.h"
-#include "dataset/image_io.h"
+#include "core/disk/files.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::synth {
 

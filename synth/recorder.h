@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/image.h"
-#include "dataset/video_io.h"
+#include "dataset/footage/video_io.h"
 #include "synth/studio.h"
 
 namespace mvstudio::synth {

@@ -5,11 +5,11 @@
 #include <functional>
 #include <memory>
 
-#include "core/files.h"
-#include "core/output.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/parallel.h"
-#include "dataset/image_io.h"
-#include "geometry/rig_io.h"
+#include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_io.h"
 #include "synth/board_view.h"
 #include "synth/body_scene.h"
 #include "synth/detections.h"

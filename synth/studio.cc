@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <map>
 
-#include "calib/board.h"
+#include "calib/board/board.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "core/units.h"

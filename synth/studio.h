@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 
 namespace mvstudio::synth {
 

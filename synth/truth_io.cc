@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "core/files.h"
-#include "dataset/session_scan.h"
+#include "core/disk/files.h"
+#include "dataset/session/session_scan.h"
 
 namespace mvstudio::synth {
 

@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-#include "calib/board.h"
-#include "dataset/pose3d.h"
-#include "geometry/rig.h"
-#include "geometry/rigid3.h"
+#include "calib/board/board.h"
+#include "dataset/pose/pose3d.h"
+#include "geometry/rig/rig.h"
+#include "geometry/rigid/rigid3.h"
 #include "synth/studio.h"
 
 namespace mvstudio::synth {

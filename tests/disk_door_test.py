@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Checks that nothing but core/ writes to the disk.
+"""Checks that nothing but core/disk/ writes to the disk.
 
 Usage: disk_door_test.py [PROJECT_ROOT]. Prints FILE:LINE: REASON for every call that makes, changes, renames or removes files
-outside the door (core/files.h, core/output.h, core/lock.h, core/manifest.h), and exits 1 when there is one.
+outside the door (core/disk/files.h, core/disk/output.h, core/disk/lock.h, core/disk/manifest.h), and exits 1 when there is one.
 """
 
 import pathlib
@@ -11,7 +11,7 @@ import sys
 
 SOURCES = ["body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "avatar", "metrics", "report", "synth", "triangulate"]
 # The door itself.
-DOOR = re.compile(r"^core/(files|lock|manifest|manifest_write|output|output_publish|temporary)\.cc$")
+DOOR = re.compile(r"^core/disk/(files|lock|manifest|manifest_write|output|output_publish|temporary)\.cc$")
 FORBIDDEN = {
     r"\b(std::)?(basic_)?(o|w)?fstream\b": "a stream that may write; use WriteFileAtomic",
     r"\bofstream\b": "a stream that writes; use WriteFileAtomic",
@@ -32,7 +32,7 @@ FORBIDDEN = {
 # What has a reason: (file, pattern in the line).
 ALLOWED = [
     ("dataset/pack/hdf5_write.cc", r'H5Fcreate\("in memory"'),  # the core driver without a backing file
-    ("dataset/video_writer.cc", r"avio_open\(&format->pb, Url\(\)"),  # the temporary of an AtomicFile
+    ("dataset/footage/video_writer.cc", r"avio_open\(&format->pb, Url\(\)"),  # the temporary of an AtomicFile
     ("core/process.cc", r"O_WRONLY"),  # a child's output, into a work folder: RunProcess checks it
     (None, r'"/dev/null"'),
     (None, r"avio_open2?\(.*AVIO_FLAG_READ\b"),
@@ -59,7 +59,7 @@ def violations(root):
 def main():
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else ".").resolve()
     found = list(violations(root))
-    print("\n".join(found) if found else "nothing but core/ writes to the disk")
+    print("\n".join(found) if found else "nothing but core/disk/ writes to the disk")
     return 1 if found else 0
 
 

@@ -5,13 +5,13 @@
 #include <filesystem>
 #include <memory>
 
-#include "core/files.h"
-#include "core/lock.h"
-#include "core/manifest.h"
-#include "core/output.h"
+#include "core/disk/files.h"
+#include "core/disk/lock.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
+#include "core/disk/paths.h"
+#include "core/hash/sha256.h"
 #include "core/parallel.h"
-#include "core/paths.h"
-#include "core/sha256.h"
 #include "dataset/pack/done_internal.h"
 #include "dataset/pack/make_shard_internal.h"
 #include "dataset/pack/shard_internal.h"

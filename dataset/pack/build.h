@@ -7,8 +7,8 @@
 #include "core/fields.h"
 #include "core/progress.h"
 #include "core/status.h"
-#include "dataset/colour_match.h"
-#include "dataset/undistort.h"
+#include "dataset/colour/colour_match.h"
+#include "dataset/views/undistort.h"
 
 /// Dataset folder -> pack: HDF5 shards that several processes can make together, each file whole or not there at all.
 namespace mvstudio::dataset {

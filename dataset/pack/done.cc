@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "core/sha256.h"
+#include "core/hash/sha256.h"
 #include "dataset/pack/done_internal.h"
 
 namespace mvstudio::dataset::internal {

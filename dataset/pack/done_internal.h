@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "dataset/json_internal.h"
+#include "dataset/json/json_internal.h"
 
 /// The JSON files of a pack: one done-marker beside each shard, and the index.
 namespace mvstudio::dataset::internal {

@@ -15,7 +15,7 @@
 /// Typed, checked access to HDF5; included by .cc files of this module and of exports/ only.
 ///
 /// Files are written in memory with the library's newest format (its metadata carry checksums) and handed out as bytes, so that
-/// every write to the disk goes through core/files.h. No time stamps: the same calls give the same bytes. Every dataset is
+/// every write to the disk goes through core/disk/files.h. No time stamps: the same calls give the same bytes. Every dataset is
 /// chunked with fletcher32.
 namespace mvstudio::dataset::internal {
 

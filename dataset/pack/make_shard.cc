@@ -2,9 +2,9 @@
 #include <chrono>
 #include <filesystem>
 
+#include "core/hash/sha256.h"
 #include "core/parallel.h"
-#include "core/sha256.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "dataset/pack/make_shard_internal.h"
 
 namespace mvstudio::dataset::internal {

@@ -12,7 +12,7 @@
 
 #include "core/check.h"
 #include "dataset/pack/open_internal.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

@@ -9,9 +9,9 @@
 
 #include "core/image.h"
 #include "core/progress.h"
-#include "dataset/pose3d.h"
-#include "dataset/verify.h"
-#include "geometry/rig.h"
+#include "dataset/pose/pose3d.h"
+#include "dataset/verify/verify.h"
+#include "geometry/rig/rig.h"
 
 /// Reading packs: pictures of people with their cameras, masks and joints in HDF5 files, for training and archive. The format
 /// is in docs/formats.md; packs are made by dataset/pack/build.h.

@@ -4,13 +4,13 @@
 #include <set>
 
 #include "core/check.h"
-#include "core/files.h"
-#include "core/sha256.h"
-#include "dataset/json_internal.h"
+#include "core/disk/files.h"
+#include "core/hash/sha256.h"
+#include "dataset/json/json_internal.h"
 #include "dataset/pack/plan_internal.h"
 #include "dataset/pack/shard_internal.h"
-#include "dataset/split.h"
-#include "geometry/rig_io.h"
+#include "dataset/views/split.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "dataset/colour_match.h"
-#include "dataset/crop.h"
+#include "dataset/colour/colour_match.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/codec_internal.h"
 #include "dataset/pack/pack.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/crop.h"
 
 namespace mvstudio::dataset::internal {
 

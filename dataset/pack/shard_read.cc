@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/sha256.h"
+#include "core/hash/sha256.h"
 #include "dataset/pack/codec_internal.h"
 #include "dataset/pack/pack.h"
 #include "dataset/pack/shard_internal.h"

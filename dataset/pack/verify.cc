@@ -3,10 +3,10 @@
 #include <map>
 #include <set>
 
-#include "core/files.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
+#include "core/hash/sha256.h"
 #include "core/parallel.h"
-#include "core/paths.h"
-#include "core/sha256.h"
 #include "dataset/pack/open_internal.h"
 
 namespace mvstudio::dataset {

@@ -1,4 +1,4 @@
-#include "avatar/bones.h"
+#include "avatar/maps/bones.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -7,14 +7,14 @@
 #include <filesystem>
 #include <set>
 
-#include "avatar/io/joint_source.h"
-#include "avatar/train.h"
+#include "avatar/io/pack/joint_source.h"
+#include "avatar/train/train.h"
 #include "body/skeleton.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/random.h"
-#include "dataset/crop.h"
-#include "dataset/panoptic_files.h"
+#include "dataset/panoptic/panoptic_files.h"
+#include "dataset/views/crop.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/synthetic_pack.h"
 

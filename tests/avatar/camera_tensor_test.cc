@@ -1,4 +1,4 @@
-#include "avatar/camera_tensor.h"
+#include "avatar/maps/camera_tensor.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "geometry/camera_model.h"
+#include "geometry/lens/camera_model.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,10 +1,10 @@
-#include "dataset/crop.h"
+#include "dataset/views/crop.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "avatar/io/shape_fit.h"
+#include "avatar/io/pack/shape_fit.h"
 #include "body/mesh_raster.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"

@@ -4,15 +4,15 @@
 
 #include <filesystem>
 
-#include "avatar/io/baselines.h"
-#include "avatar/io/evaluate.h"
-#include "avatar/io/evaluate_groups.h"
-#include "avatar/io/strips.h"
-#include "avatar/model.h"
-#include "avatar/picture_scores.h"
-#include "avatar/sequence.h"
+#include "avatar/io/evaluate/baselines.h"
+#include "avatar/io/evaluate/evaluate.h"
+#include "avatar/io/evaluate/evaluate_groups.h"
+#include "avatar/io/evaluate/strips.h"
+#include "avatar/nets/model.h"
+#include "avatar/nets/sequence.h"
+#include "avatar/scores/picture_scores.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/paths.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"

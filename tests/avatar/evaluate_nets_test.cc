@@ -2,11 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "avatar/feature_net.h"
-#include "avatar/picture_scores.h"
-#include "avatar/set_distance.h"
+#include "avatar/nets/feature_net.h"
+#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/set_distance.h"
 #include "core/error.h"
-#include "core/sha256.h"
+#include "core/hash/sha256.h"
 #include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "avatar/features.h"
+#include "avatar/scores/features.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "avatar/set_distance.h"
+#include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
 

@@ -1,5 +1,5 @@
-#include "avatar/io/bvh_file.h"
-#include "avatar/io/run_config.h"
+#include "avatar/io/pack/run_config.h"
+#include "avatar/io/render/bvh_file.h"
 #include "tests/support/hostile_readers.h"
 
 namespace mvstudio::testing {

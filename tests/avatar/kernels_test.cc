@@ -6,15 +6,15 @@
 #include <functional>
 #include <vector>
 
-#include "avatar/adam.h"
-#include "avatar/camera_tensor.h"
-#include "avatar/discriminator.h"
-#include "avatar/feature_net.h"
-#include "avatar/generator.h"
-#include "avatar/io/posenet_features.h"
-#include "avatar/losses.h"
-#include "avatar/model.h"
-#include "avatar/texture.h"
+#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/maps/camera_tensor.h"
+#include "avatar/maps/texture.h"
+#include "avatar/nets/discriminator.h"
+#include "avatar/nets/feature_net.h"
+#include "avatar/nets/generator.h"
+#include "avatar/nets/model.h"
+#include "avatar/train/adam.h"
+#include "avatar/train/losses.h"
 #include "core/error.h"
 #include "core/random.h"
 

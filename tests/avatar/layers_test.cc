@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "avatar/bones.h"
-#include "avatar/losses.h"
-#include "avatar/texture.h"
+#include "avatar/maps/bones.h"
+#include "avatar/maps/texture.h"
+#include "avatar/train/losses.h"
 #include "core/error.h"
 #include "core/random.h"
 

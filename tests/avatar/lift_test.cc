@@ -6,11 +6,11 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/io/lift_take.h"
+#include "avatar/io/lift/lift_take.h"
 #include "core/error.h"
 #include "core/units.h"
-#include "geometry/camera.h"
-#include "geometry/rigid3.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rigid/rigid3.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::testing {

@@ -1,4 +1,4 @@
-#include "avatar/nuclear_norm.h"
+#include "avatar/scores/nuclear_norm.h"
 
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "avatar/train.h"
+#include "avatar/train/train.h"
 #include "tests/avatar/synthetic_pack.h"
 
 namespace mvstudio::avatar {

@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
-#include "avatar/io/iuv.h"
-#include "avatar/io/pack_builder.h"
-#include "avatar/io/run_config.h"
+#include "avatar/io/pack/iuv.h"
+#include "avatar/io/pack/pack_builder.h"
+#include "avatar/io/pack/run_config.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"

@@ -10,9 +10,9 @@
 
 #include "body/body_template.h"
 #include "body/mesh_raster.h"
-#include "core/files.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
+#include "core/disk/files.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::avatar {
 

@@ -1,4 +1,4 @@
-#include "avatar/picture_scores.h"
+#include "avatar/scores/picture_scores.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "avatar/features.h"
-#include "avatar/set_distance.h"
+#include "avatar/scores/features.h"
+#include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
 

@@ -4,12 +4,12 @@
 
 #include <filesystem>
 
-#include "avatar/io/render.h"
-#include "avatar/io/render_backdrop.h"
-#include "avatar/picture_scores.h"
-#include "avatar/sequence.h"
+#include "avatar/io/render/backdrop.h"
+#include "avatar/io/render/render.h"
+#include "avatar/nets/sequence.h"
+#include "avatar/scores/picture_scores.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/units.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"

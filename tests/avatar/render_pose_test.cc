@@ -1,4 +1,4 @@
-#include "avatar/io/render_pose.h"
+#include "avatar/io/render/render_pose.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,11 +6,11 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "avatar/bone_lists.h"
-#include "avatar/io/bvh_pose.h"
-#include "avatar/io/render_backdrop.h"
+#include "avatar/io/render/backdrop.h"
+#include "avatar/io/render/bvh_pose.h"
+#include "avatar/maps/bone_lists.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
 #include "tests/support/test_data.h"

@@ -1,4 +1,4 @@
-#include "avatar/safetensors.h"
+#include "avatar/data/safetensors.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "avatar/pack.h"
+#include "avatar/data/pack.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/avatar/synthetic_pack.h"
 
 namespace mvstudio::avatar {

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdio>
 
-#include "avatar/io/posenet_features.h"
-#include "avatar/set_distance.h"
+#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::avatar {

@@ -7,7 +7,7 @@
 #include <tuple>
 #include <vector>
 
-#include "avatar/set_distance.h"
+#include "avatar/scores/set_distance.h"
 #include "core/random.h"
 #include "tests/support/mp.h"
 

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "avatar/set_distance.h"
+#include "avatar/scores/set_distance.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,4 +1,4 @@
-#include "avatar/set_distance.h"
+#include "avatar/scores/set_distance.h"
 
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "avatar/bones.h"
-#include "avatar/camera_tensor.h"
-#include "avatar/pack.h"
+#include "avatar/data/pack.h"
+#include "avatar/maps/bones.h"
+#include "avatar/maps/camera_tensor.h"
 #include "core/random.h"
 
 namespace mvstudio::avatar {

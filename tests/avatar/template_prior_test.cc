@@ -5,10 +5,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/batch.h"
-#include "avatar/spread_labels.h"
-#include "avatar/template_maps.h"
-#include "avatar/train.h"
+#include "avatar/maps/spread_labels.h"
+#include "avatar/maps/template_maps.h"
+#include "avatar/train/batch.h"
+#include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 #include "tests/support/message_of.h"

@@ -8,7 +8,7 @@
 #include <functional>
 #include <thread>
 
-#include "avatar/train.h"
+#include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 #include "tests/support/message_of.h"

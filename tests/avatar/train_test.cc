@@ -1,4 +1,4 @@
-#include "avatar/train.h"
+#include "avatar/train/train.h"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/batch.h"
+#include "avatar/train/batch.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 

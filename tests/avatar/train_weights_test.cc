@@ -4,7 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/train.h"
+#include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/discriminator.h"
-#include "avatar/feature_net.h"
-#include "avatar/sequence.h"
-#include "avatar/train.h"
+#include "avatar/nets/discriminator.h"
+#include "avatar/nets/feature_net.h"
+#include "avatar/nets/sequence.h"
+#include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 

@@ -1,10 +1,10 @@
-#include "calib/apriltag.h"
+#include "calib/board/apriltag.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "calib/board.h"
+#include "calib/board/board.h"
 
 namespace mvstudio::calib {
 namespace {

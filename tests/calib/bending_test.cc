@@ -1,10 +1,10 @@
-#include "calib/bending.h"
+#include "calib/rig/bending.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "calib/bundle.h"
+#include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

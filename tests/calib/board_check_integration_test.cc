@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "calib/board_check.h"
-#include "calib/board_guess.h"
-#include "calib/detect_board.h"
+#include "calib/board/guess.h"
+#include "calib/detect/board_check.h"
+#include "calib/detect/detect_board.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/board_draw.h"
+#include "calib/board/draw.h"
 
 #include <gtest/gtest.h>
 
@@ -8,10 +8,10 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/board_print.h"
-#include "calib/detect_board.h"
+#include "calib/board/print.h"
+#include "calib/detect/detect_board.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

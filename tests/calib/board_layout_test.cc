@@ -1,4 +1,4 @@
-#include "calib/board_layout.h"
+#include "calib/board/layout.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/board_metrics.h"
+#include "calib/rig/board_metrics.h"
 
 #include <gtest/gtest.h>
 

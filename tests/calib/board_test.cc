@@ -1,9 +1,9 @@
-#include "calib/board.h"
+#include "calib/board/board.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/board_print.h"
-#include "calib/charuco_layout.h"
+#include "calib/board/charuco_layout.h"
+#include "calib/board/print.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {

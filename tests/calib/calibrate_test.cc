@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/camera_motion.h"
+#include "calib/check/camera_motion.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
-#include "calib/camera_noise.h"
+#include "calib/bundle/camera_noise.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/bundle.h"
+#include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/corner_files.h"
+#include "calib/corners/corner_files.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <fstream>
 #include <set>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/random.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "calib/detect_board.h"
+#include "calib/detect/detect_board.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/detect_footage.h"
+#include "calib/detect/detect_footage.h"
 
 #include <gtest/gtest.h>
 
@@ -6,10 +6,10 @@
 #include <fstream>
 #include <memory>
 
-#include "calib/detection_cache.h"
+#include "calib/detect/detection_cache.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/paths.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "calib/detection_cache.h"
+#include "calib/detect/detection_cache.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -6,8 +6,8 @@
 
 #include <cstdlib>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::calib {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "calib/document_internal.h"
+#include "calib/formats/document_internal.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 

@@ -1,4 +1,4 @@
-#include "calib/evidence.h"
+#include "calib/lens/evidence.h"
 
 #include <gtest/gtest.h>
 

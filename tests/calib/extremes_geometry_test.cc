@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/calibrate.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 /// Footage that does not determine the calibration, or hardly: what is not known is named, never invented.

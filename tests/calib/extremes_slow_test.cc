@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "calib/calibrate.h"
-#include "calib/uncertainty.h"
-#include "geometry/alignment.h"
+#include "calib/covariance/uncertainty.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

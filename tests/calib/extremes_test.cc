@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "calib/calibrate.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 /// Calibration at the edges: every case has the truth, or what is known about it, as its oracle.

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "calib/corner_search.h"
-#include "calib/detect_board.h"
-#include "core/files.h"
+#include "calib/detect/corner_search.h"
+#include "calib/detect/detect_board.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/parallel.h"
-#include "core/paths.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/focal_evidence.h"
+#include "calib/lens/focal_evidence.h"
 
 #include <gtest/gtest.h>
 

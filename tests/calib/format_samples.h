@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 #include "core/random.h"
-#include "geometry/alignment.h"
-#include "geometry/camera.h"
-#include "geometry/rig.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rig/alignment.h"
+#include "geometry/rig/rig.h"
 #include "tests/geometry/lens_samples.h"
 
 /// Rigs of every lens for the tests of the calibration formats.

@@ -10,10 +10,10 @@ extern "C" {
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/paths.h"
 #include "tests/calib/format_samples.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

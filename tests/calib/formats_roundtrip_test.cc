@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/random.h"
 #include "tests/calib/format_samples.h"
 #include "tests/support/message_of.h"

@@ -1,4 +1,4 @@
-#include "calib/formats.h"
+#include "calib/formats/formats.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <fstream>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/random.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/test_data.h"
 

@@ -1,4 +1,4 @@
-#include "calib/frame_offset.h"
+#include "calib/rig/frame_offset.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "calib/calibrate.h"
-#include "calib/corner_files.h"
-#include "calib/formats.h"
-#include "calib/resection.h"
+#include "calib/corners/corner_files.h"
+#include "calib/formats/formats.h"
+#include "calib/lens/resection.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/test_data.h"
 

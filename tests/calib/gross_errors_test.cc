@@ -1,4 +1,4 @@
-#include "calib/gross_errors.h"
+#include "calib/lens/gross_errors.h"
 
 #include <gtest/gtest.h>
 

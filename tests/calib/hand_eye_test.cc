@@ -1,4 +1,4 @@
-#include "calib/hand_eye.h"
+#include "calib/rig/hand_eye.h"
 
 #include <gtest/gtest.h>
 

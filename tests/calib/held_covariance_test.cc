@@ -1,12 +1,12 @@
-#include "calib/held_covariance.h"
+#include "calib/covariance/held_covariance.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "calib/projection_uncertainty.h"
-#include "calib/uncertainty.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/held_out_view.h"
+#include "calib/lens/held_out_view.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/homography.h"
+#include "calib/board/homography.h"
 
 #include <gtest/gtest.h>
 

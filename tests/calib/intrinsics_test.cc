@@ -1,4 +1,4 @@
-#include "calib/intrinsics.h"
+#include "calib/lens/intrinsics.h"
 
 #include <gtest/gtest.h>
 

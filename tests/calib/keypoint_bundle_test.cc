@@ -1,11 +1,11 @@
-#include "calib/keypoint_bundle.h"
+#include "calib/keypoints/bundle.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
-#include "calib/keypoint_choice.h"
-#include "geometry/alignment.h"
+#include "calib/keypoints/choice.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
 
 namespace mvstudio::calib {

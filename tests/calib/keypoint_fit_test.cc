@@ -1,4 +1,4 @@
-#include "calib/keypoint_fit.h"
+#include "calib/keypoints/fit.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,12 @@
-#include "calib/keypoint_profile.h"
+#include "calib/keypoints/profile.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <limits>
 
-#include "calib/keypoint_choice.h"
-#include "geometry/alignment.h"
+#include "calib/keypoints/choice.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
 
 namespace mvstudio::calib {

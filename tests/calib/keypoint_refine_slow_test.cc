@@ -5,11 +5,11 @@
 #include <map>
 
 #include "body/skeleton.h"
-#include "calib/formats.h"
-#include "calib/keypoint_refine.h"
+#include "calib/formats/formats.h"
+#include "calib/keypoints/refine.h"
 #include "core/error.h"
-#include "dataset/pose2d.h"
-#include "geometry/alignment.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
 #include "tests/support/test_data.h"
 

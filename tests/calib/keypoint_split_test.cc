@@ -1,4 +1,4 @@
-#include "calib/keypoint_split.h"
+#include "calib/keypoints/split.h"
 
 #include <gtest/gtest.h>
 

@@ -5,13 +5,13 @@
 #include <utility>
 #include <vector>
 
-#include "calib/keypoint_take.h"
+#include "calib/keypoints/take.h"
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 #include "tests/calib/synthetic.h"
 
-/// Synthetic people seen by a synthetic rig, for the tests of calib/keypoint_*.
+/// Synthetic people seen by a synthetic rig, for the tests of calib/keypoints/.
 namespace mvstudio::calib::testing {
 
 /// Cameras on a circle of 4 m, at two heights, looking at the middle.

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "calib/model_selection.h"
+#include "calib/lens/model_selection.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

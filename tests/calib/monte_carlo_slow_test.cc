@@ -4,8 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
-#include "calib/bundle.h"
-#include "calib/uncertainty.h"
+#include "calib/bundle/bundle.h"
+#include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

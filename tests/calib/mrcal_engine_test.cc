@@ -1,4 +1,4 @@
-#include "calib/mrcal_engine.h"
+#include "calib/bundle/mrcal_engine.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "core/error.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

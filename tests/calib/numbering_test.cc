@@ -1,8 +1,8 @@
-#include "calib/numbering.h"
+#include "calib/rig/numbering.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/resection.h"
+#include "calib/lens/resection.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -1,4 +1,4 @@
-#include "calib/omitted_terms.h"
+#include "calib/covariance/omitted_terms.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "calib/projection_uncertainty.h"
-#include "calib/uncertainty.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

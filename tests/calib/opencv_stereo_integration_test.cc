@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "calib/calibrate.h"
-#include "calib/detect_footage.h"
-#include "dataset/frames.h"
+#include "calib/detect/detect_footage.h"
+#include "dataset/footage/frames.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,12 +1,12 @@
-#include "calib/point_bundle.h"
+#include "calib/points/point_bundle.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "calib/from_scene.h"
-#include "calib/point_problem.h"
-#include "geometry/alignment.h"
+#include "calib/points/from_scene.h"
+#include "calib/points/point_problem.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 

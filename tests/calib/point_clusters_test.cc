@@ -1,10 +1,10 @@
-#include "calib/point_clusters.h"
+#include "calib/points/point_clusters.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/scene_adjustment.h"
+#include "calib/points/scene_adjustment.h"
 #include "core/random.h"
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 /// Features whose errors are shared by patches of the walls, and cameras whose lenses differ.

@@ -1,9 +1,9 @@
-#include "calib/point_resection.h"
+#include "calib/points/point_resection.h"
 
 #include <gtest/gtest.h>
 
-#include "calib/scene_points.h"
-#include "core/files.h"
+#include "calib/points/scene_points.h"
+#include "core/disk/files.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -5,10 +5,10 @@
 #include <map>
 #include <string>
 
-#include "calib/board_metrics.h"
-#include "calib/corner_files.h"
-#include "calib/intrinsics.h"
-#include "calib/projection_uncertainty.h"
+#include "calib/corners/corner_files.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/lens/intrinsics.h"
+#include "calib/rig/board_metrics.h"
 #include "tests/support/test_data.h"
 
 /// Against figures that mrcal 2.2 gave for the same corner files. Its solution rejects other corners and estimates its noise

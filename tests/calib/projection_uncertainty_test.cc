@@ -1,4 +1,4 @@
-#include "calib/projection_uncertainty.h"
+#include "calib/covariance/projection_uncertainty.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/rig_problem.h"
-#include "calib/schur_lm.h"
-#include "calib/uncertainty.h"
+#include "calib/bundle/rig_problem.h"
+#include "calib/bundle/schur_lm.h"
+#include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

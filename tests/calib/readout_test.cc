@@ -1,10 +1,10 @@
-#include "calib/readout.h"
+#include "calib/rig/readout.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "calib/bundle.h"
+#include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -4,13 +4,13 @@
 #include <fstream>
 #include <sstream>
 
-#include "calib/apriltag.h"
-#include "calib/board_check.h"
-#include "calib/detect_board.h"
-#include "core/files.h"
-#include "core/paths.h"
-#include "dataset/frames.h"
-#include "dataset/image_io.h"
+#include "calib/board/apriltag.h"
+#include "calib/detect/board_check.h"
+#include "calib/detect/detect_board.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {

@@ -3,8 +3,8 @@
 
 #include <Eigen/Cholesky>
 
-#include "calib/rig_check.h"
-#include "geometry/rig_covariance.h"
+#include "calib/check/rig_check.h"
+#include "geometry/rig/rig_covariance.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

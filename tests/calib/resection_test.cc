@@ -1,4 +1,4 @@
-#include "calib/resection.h"
+#include "calib/lens/resection.h"
 
 #include <gtest/gtest.h>
 

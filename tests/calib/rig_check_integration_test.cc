@@ -3,10 +3,10 @@
 
 #include <cmath>
 
-#include "calib/rig_check.h"
+#include "calib/check/rig_check.h"
 #include "core/error.h"
 #include "core/units.h"
-#include "geometry/rigid3.h"
+#include "geometry/rigid/rigid3.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 

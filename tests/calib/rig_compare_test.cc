@@ -1,4 +1,4 @@
-#include "calib/rig_compare.h"
+#include "calib/check/rig_compare.h"
 
 #include <gtest/gtest.h>
 

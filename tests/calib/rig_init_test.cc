@@ -1,4 +1,4 @@
-#include "calib/rig_init.h"
+#include "calib/rig/init.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <limits>
 #include <numeric>
 
-#include "calib/bundle.h"
-#include "calib/resection.h"
-#include "calib/uncertainty.h"
+#include "calib/bundle/bundle.h"
+#include "calib/covariance/uncertainty.h"
+#include "calib/lens/resection.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 

@@ -1,4 +1,4 @@
-#include "calib/rig_problem.h"
+#include "calib/bundle/rig_problem.h"
 
 #include <gtest/gtest.h>
 

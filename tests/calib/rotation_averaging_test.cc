@@ -1,4 +1,4 @@
-#include "calib/rotation_averaging.h"
+#include "calib/rig/rotation_averaging.h"
 
 #include <gtest/gtest.h>
 

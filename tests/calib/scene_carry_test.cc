@@ -1,10 +1,10 @@
-#include "calib/scene_carry.h"
+#include "calib/points/scene_carry.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/point_bundle.h"
-#include "calib/scene_points.h"
+#include "calib/points/point_bundle.h"
+#include "calib/points/scene_points.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

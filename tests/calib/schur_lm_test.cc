@@ -1,4 +1,4 @@
-#include "calib/schur_lm.h"
+#include "calib/bundle/schur_lm.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/simpler_lens.h"
+#include "calib/lens/simpler_lens.h"
 
 #include <gtest/gtest.h>
 

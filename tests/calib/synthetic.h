@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "calib/board.h"
-#include "calib/board_print.h"
+#include "calib/board/board.h"
+#include "calib/board/print.h"
+#include "calib/bundle/view.h"
 #include "calib/calibrate.h"
-#include "calib/view.h"
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/camera.h"
-#include "geometry/rig.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rig/rig.h"
 
 /// Synthetic rigs, boards and pictures with known truth, for the tests of calib/.
 namespace mvstudio::calib::testing {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/board_metrics.h"
 #include "calib/calibrate.h"
-#include "calib/projection_uncertainty.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/rig/board_metrics.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 

@@ -1,4 +1,4 @@
-#include "calib/uncertainty.h"
+#include "calib/covariance/uncertainty.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/view_clusters.h"
+#include "calib/bundle/view_clusters.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "calib/view.h"
+#include "calib/bundle/view.h"
 
 #include <gtest/gtest.h>
 

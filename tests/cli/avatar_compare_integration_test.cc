@@ -5,8 +5,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/files.h"
-#include "core/sha256.h"
+#include "core/disk/files.h"
+#include "core/hash/sha256.h"
 #include "tests/support/run_cli.h"
 
 namespace mvstudio {

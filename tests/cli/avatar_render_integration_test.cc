@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "core/files.h"
-#include "dataset/image_io.h"
+#include "core/disk/files.h"
+#include "dataset/footage/image_io.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 

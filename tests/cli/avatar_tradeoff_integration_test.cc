@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <set>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/test_data.h"

@@ -1,9 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "calib/corner_files.h"
+#include "calib/corners/corner_files.h"
 #include "core/units.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/run_cli.h"
 

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/test_data.h"
 

@@ -3,10 +3,10 @@
 
 #include <filesystem>
 
-#include "calib/keypoint_bundle.h"
-#include "dataset/pose2d.h"
-#include "geometry/alignment.h"
-#include "geometry/rig_io.h"
+#include "calib/keypoints/bundle.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rig/alignment.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/calib/keypoint_support.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"

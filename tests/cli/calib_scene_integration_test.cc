@@ -5,8 +5,8 @@
 
 #include "core/random.h"
 #include "core/units.h"
-#include "dataset/image_io.h"
-#include "geometry/rig_io.h"
+#include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/run_cli.h"
 

@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "core/paths.h"
-#include "geometry/rig_io.h"
+#include "core/disk/paths.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/run_cli.h"
 

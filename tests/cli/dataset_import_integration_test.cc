@@ -3,14 +3,14 @@
 
 #include <filesystem>
 
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/panoptic_sequence.h"
-#include "dataset/pose3d.h"
-#include "dataset/session.h"
-#include "dataset/timeline_source.h"
-#include "dataset/video_io.h"
-#include "geometry/rig_io.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/sequence.h"
+#include "dataset/pose/pose3d.h"
+#include "dataset/session/session.h"
+#include "dataset/session/timeline_source.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/run_cli.h"
 

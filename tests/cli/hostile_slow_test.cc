@@ -6,8 +6,8 @@
 #include <fstream>
 #include <set>
 
-#include "core/files.h"
-#include "core/paths.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "tests/support/hostile_files.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/sanitized.h"

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "core/random.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/detect/tiny_onnx.h"
 #include "tests/support/run_cli.h"
 

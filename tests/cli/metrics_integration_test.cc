@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "core/random.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
 
 /// `mvstudio metrics` as a user runs it, beside scikit-image.

@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "dataset/panoptic.h"
-#include "dataset/session.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/session/session.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/run_cli.h"
 

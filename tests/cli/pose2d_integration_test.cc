@@ -4,7 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/run_cli.h"
 

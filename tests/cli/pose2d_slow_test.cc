@@ -2,8 +2,8 @@
 
 #include <filesystem>
 
-#include "dataset/frames.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/test_data.h"
 

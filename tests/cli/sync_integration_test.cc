@@ -5,9 +5,9 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "dataset/pose2d.h"
-#include "dataset/sync_file.h"
-#include "geometry/rig_io.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/time/sync_file.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/support/message_of.h"
 #include "tests/support/run_cli.h"
 #include "tests/triangulate/support.h"

@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <fstream>
 
-#include "dataset/pose2d.h"
-#include "dataset/pose3d.h"
-#include "dataset/sync_file.h"
-#include "geometry/rig_io.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d.h"
+#include "dataset/time/sync_file.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/triangulate/support.h"
 

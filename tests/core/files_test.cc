@@ -1,4 +1,4 @@
-#include "core/files.h"
+#include "core/disk/files.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,13 +1,13 @@
-#include "core/manifest.h"
+#include "core/disk/manifest.h"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/output.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/temp_dir.h"
 

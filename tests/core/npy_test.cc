@@ -1,4 +1,4 @@
-#include "core/npy.h"
+#include "core/disk/npy.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/output.h"
+#include "core/disk/output.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -9,10 +9,10 @@
 #include <filesystem>
 #include <functional>
 
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/temporary.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "core/manifest.h"
-#include "core/temporary.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

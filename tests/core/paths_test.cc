@@ -1,4 +1,4 @@
-#include "core/paths.h"
+#include "core/disk/paths.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

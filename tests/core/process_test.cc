@@ -11,8 +11,8 @@
 #include <fstream>
 #include <thread>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {

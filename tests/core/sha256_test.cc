@@ -1,14 +1,14 @@
-#include "core/sha256.h"
+#include "core/hash/sha256.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <string>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
+#include "core/hash/sha256_blocks.h"
 #include "core/random.h"
-#include "core/sha256_blocks.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {

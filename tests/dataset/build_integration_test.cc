@@ -3,13 +3,13 @@
 
 #include "body/skeleton.h"
 #include "core/error.h"
-#include "core/sha256.h"
-#include "dataset/build.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/verify.h"
-#include "dataset/video_io.h"
-#include "geometry/rig_io.h"
+#include "core/hash/sha256.h"
+#include "dataset/build/build.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/verify/verify.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

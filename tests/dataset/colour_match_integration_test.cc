@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "dataset/colour_match.h"
-#include "dataset/image_io.h"
+#include "dataset/colour/colour_match.h"
+#include "dataset/footage/image_io.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
 

@@ -1,11 +1,11 @@
-#include "dataset/crop.h"
+#include "dataset/views/crop.h"
 
 #include <cmath>
 
 #include "core/error.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/undistort.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/undistort.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/geometry/lens_samples.h"
 #include "tests/support/message_of.h"

@@ -6,10 +6,10 @@
 #include <fstream>
 #include <string>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "core/image.h"
 #include "core/random.h"
-#include "dataset/pose3d.h"
+#include "dataset/pose/pose3d.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/test_data.h"
 

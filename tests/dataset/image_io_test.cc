@@ -1,7 +1,7 @@
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 
 #include "core/error.h"
-#include "dataset/frames.h"
+#include "dataset/footage/frames.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

@@ -4,10 +4,10 @@
 #include <ctime>
 
 #include "core/parallel.h"
-#include "dataset/image_io.h"
-#include "dataset/mask_sheet.h"
-#include "dataset/masks.h"
-#include "dataset/panoptic.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/masks/masks.h"
+#include "dataset/masks/sheet.h"
+#include "dataset/panoptic/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

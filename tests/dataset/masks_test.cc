@@ -1,11 +1,11 @@
-#include "dataset/masks.h"
+#include "dataset/masks/masks.h"
 
 #include <limits>
 #include <numeric>
 
 #include "core/error.h"
-#include "dataset/mask_take.h"
-#include "geometry/camera.h"
+#include "dataset/masks/mask_take.h"
+#include "geometry/lens/camera.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

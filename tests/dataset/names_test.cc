@@ -4,10 +4,10 @@
 #include <functional>
 
 #include "core/error.h"
-#include "dataset/panoptic.h"
-#include "dataset/pose2d.h"
-#include "dataset/sync_file.h"
-#include "dataset/timeline.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/time/sync_file.h"
+#include "dataset/time/timeline.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

@@ -1,4 +1,4 @@
-#include "dataset/panoptic_files.h"
+#include "dataset/panoptic/panoptic_files.h"
 
 #include <algorithm>
 #include <cstring>
@@ -6,9 +6,9 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/paths.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
 

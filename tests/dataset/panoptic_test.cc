@@ -1,13 +1,13 @@
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <regex>
 
+#include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/paths.h"
-#include "dataset/panoptic_sequence.h"
-#include "dataset/panoptic_time.h"
+#include "dataset/panoptic/sequence.h"
+#include "dataset/panoptic/time.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

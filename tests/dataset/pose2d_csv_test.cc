@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/pose2d.h"
+#include "dataset/pose/pose2d.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

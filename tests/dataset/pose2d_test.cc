@@ -1,4 +1,4 @@
-#include "dataset/pose2d.h"
+#include "dataset/pose/pose2d.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

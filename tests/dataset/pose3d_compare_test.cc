@@ -1,4 +1,4 @@
-#include "dataset/pose3d_compare.h"
+#include "dataset/pose/pose3d_compare.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/pose3d_trc.h"
+#include "dataset/pose/pose3d_trc.h"
 
 namespace mvstudio::dataset {
 namespace {

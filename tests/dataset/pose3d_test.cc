@@ -1,4 +1,4 @@
-#include "dataset/pose3d.h"
+#include "dataset/pose/pose3d.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,8 +9,8 @@
 #include <fstream>
 #include <limits>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "core/random.h"
 
 namespace mvstudio::dataset {

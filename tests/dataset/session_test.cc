@@ -1,4 +1,4 @@
-#include "dataset/session.h"
+#include "dataset/session/session.h"
 
 #include <sys/stat.h>
 
@@ -7,11 +7,11 @@
 #include <set>
 
 #include "core/error.h"
-#include "dataset/frames.h"
-#include "dataset/image_io.h"
-#include "dataset/motion_sync.h"
-#include "dataset/session_check.h"
-#include "dataset/session_scan.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/session/session_scan.h"
+#include "dataset/time/motion_sync.h"
+#include "dataset/verify/session_check.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"

@@ -1,4 +1,4 @@
-#include "dataset/size_rule.h"
+#include "dataset/masks/size_rule.h"
 
 #include "tests/dataset/dataset_test_util.h"
 

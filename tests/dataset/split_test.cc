@@ -1,4 +1,4 @@
-#include "dataset/split.h"
+#include "dataset/views/split.h"
 
 #include <cmath>
 #include <set>

@@ -1,4 +1,4 @@
-#include "dataset/timeline.h"
+#include "dataset/time/timeline.h"
 
 #include <cmath>
 #include <cstdio>
@@ -8,8 +8,8 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/session_scan.h"
-#include "dataset/timeline_source.h"
+#include "dataset/session/session_scan.h"
+#include "dataset/session/timeline_source.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "dataset/verify.h"
+#include "dataset/verify/verify.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

@@ -1,4 +1,4 @@
-#include "dataset/verify.h"
+#include "dataset/verify/verify.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -7,9 +7,9 @@
 #include <set>
 
 #include "core/error.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/video_io.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/panoptic/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

@@ -1,4 +1,4 @@
-#include "dataset/video_io.h"
+#include "dataset/footage/video_io.h"
 
 #include <sys/stat.h>
 
@@ -7,8 +7,8 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/frames.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"

@@ -1,4 +1,4 @@
-#include "dataset/visual_hull.h"
+#include "dataset/masks/visual_hull.h"
 
 #include <gtest/gtest.h>
 

@@ -3,11 +3,11 @@
 
 #include <cmath>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "detect/joint_maps.h"
-#include "detect/joint_net.h"
-#include "detect/pose_tracker.h"
+#include "detect/joints/joint_maps.h"
+#include "detect/joints/joint_net.h"
+#include "detect/joints/pose_tracker.h"
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "detect/models.h"
+#include "detect/models/models.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "detect/models_internal.h"
-#include "detect/sha512.h"
+#include "detect/models/models_internal.h"
+#include "detect/models/sha512.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

@@ -3,7 +3,7 @@
 
 #include <regex>
 
-#include "core/paths.h"
+#include "core/disk/paths.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/test_data.h"
 

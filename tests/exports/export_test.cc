@@ -6,7 +6,7 @@
 #include <set>
 
 #include "core/error.h"
-#include "dataset/pose3d_trc.h"
+#include "dataset/pose/pose3d_trc.h"
 #include "exports/bvh.h"
 #include "exports/npy.h"
 #include "exports/ply.h"

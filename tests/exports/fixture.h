@@ -11,12 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "core/image.h"
 #include "core/units.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
-#include "dataset/split.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/split.h"
 #include "exports/export.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "geometry/alignment.h"
+#include "geometry/rig/alignment.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 #include <gtest/gtest.h>
 

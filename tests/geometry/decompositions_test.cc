@@ -1,4 +1,4 @@
-#include "geometry/decompositions.h"
+#include "geometry/rigid/decompositions.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "core/random.h"
-#include "geometry/rigid3.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::geometry {
 namespace {

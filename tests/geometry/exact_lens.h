@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "geometry/camera_model.h"
+#include "geometry/lens/camera_model.h"
 #include "tests/geometry/lens_samples.h"
 #include "tests/support/mp.h"
 

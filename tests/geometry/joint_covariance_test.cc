@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,4 +1,4 @@
-#include "geometry/lens_derivatives.h"
+#include "geometry/lens/lens_derivatives.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "geometry/lens_fit.h"
+#include "geometry/lens/lens_fit.h"
 
 #include <gtest/gtest.h>
 

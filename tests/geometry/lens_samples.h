@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "geometry/camera.h"
+#include "geometry/lens/camera.h"
 
 /// Lenses shared by the tests of geometry/; exact_lens.h has the oracle of their projections.
 namespace mvstudio::geometry::testing {

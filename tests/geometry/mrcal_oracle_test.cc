@@ -6,9 +6,9 @@
 
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/camera_model.h"
-#include "geometry/lens_derivatives.h"
-#include "geometry/spline_grid.h"
+#include "geometry/lens/camera_model.h"
+#include "geometry/lens/lens_derivatives.h"
+#include "geometry/lens/spline_grid.h"
 #include "tests/geometry/lens_samples.h"
 
 extern "C" {

@@ -1,4 +1,4 @@
-#include "geometry/plausible.h"
+#include "geometry/rig/plausible.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/units.h"
-#include "geometry/rigid3.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -5,9 +5,9 @@
 #include <regex>
 #include <string>
 
-#include "core/files.h"
+#include "core/disk/files.h"
 #include "core/units.h"
-#include "geometry/lens_fit.h"
+#include "geometry/lens/lens_fit.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/geometry/lens_samples.h"
 #include "tests/support/test_data.h"

@@ -1,4 +1,4 @@
-#include "geometry/rig_covariance.h"
+#include "geometry/rig/rig_covariance.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::geometry {
 namespace {

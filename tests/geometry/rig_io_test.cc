@@ -1,4 +1,4 @@
-#include "geometry/rig_io.h"
+#include "geometry/rig/rig_io.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "geometry/rigid3.h"
+#include "geometry/rigid/rigid3.h"
 
 #include <gtest/gtest.h>
 

@@ -27,7 +27,7 @@ class Camera:
 
 @dataclasses.dataclass
 class Board:
-    """cols x rows inner corners; bend and stretch as the program describes them (calib/view.h)."""
+    """cols x rows inner corners; bend and stretch as the program describes them (calib/bundle/view.h)."""
     cols: int
     rows: int
     pitch: float

@@ -2,13 +2,13 @@
 
 #include <fstream>
 
-#include "core/lock.h"
+#include "core/disk/lock.h"
 #include "core/parallel.h"
-#include "dataset/crop.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/codec_internal.h"
 #include "dataset/pack/pack.h"
-#include "dataset/split.h"
+#include "dataset/views/crop.h"
+#include "dataset/views/split.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
 

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "core/files.h"
-#include "dataset/image_io.h"
+#include "core/disk/files.h"
+#include "dataset/footage/image_io.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/pack.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {

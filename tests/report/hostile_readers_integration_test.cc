@@ -1,10 +1,10 @@
 #include <filesystem>
 
-#include "core/files.h"
+#include "core/disk/files.h"
+#include "report/page/table_file.h"
+#include "report/page/value.h"
 #include "report/report.h"
-#include "report/study_tally.h"
-#include "report/table_file.h"
-#include "report/value.h"
+#include "report/study/study_tally.h"
 #include "tests/support/hostile_readers.h"
 
 namespace mvstudio::testing {

@@ -1,4 +1,4 @@
-#include "report/html.h"
+#include "report/page/html.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,10 +6,10 @@
 #include <limits>
 
 #include "core/error.h"
-#include "report/format.h"
-#include "report/picture.h"
-#include "report/table_file.h"
-#include "report/value.h"
+#include "report/page/format.h"
+#include "report/page/picture.h"
+#include "report/page/table_file.h"
+#include "report/page/value.h"
 #include "tests/report/markup.h"
 
 namespace mvstudio::report {

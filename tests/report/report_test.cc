@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
 #include "tests/report/markup.h"
 
 namespace mvstudio::report {

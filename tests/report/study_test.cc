@@ -1,4 +1,4 @@
-#include "report/study.h"
+#include "report/study/study.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <set>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "report/study_tally.h"
-#include "report/value.h"
+#include "report/page/value.h"
+#include "report/study/study_tally.h"
 #include "tests/support/hostile_files.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

@@ -1,4 +1,4 @@
-#include "report/svg.h"
+#include "report/svg/svg.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,9 +7,9 @@
 #include <limits>
 #include <regex>
 
-#include "report/rig_view.h"
-#include "report/svg_axes.h"
-#include "report/svg_canvas.h"
+#include "report/svg/axes.h"
+#include "report/svg/canvas.h"
+#include "report/svg/rig_view.h"
 #include "tests/report/markup.h"
 
 namespace mvstudio::report {

@@ -1,11 +1,11 @@
-#include "report/value.h"
+#include "report/page/value.h"
 
 #include <gtest/gtest.h>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "report/study.h"
-#include "report/study_tally.h"
+#include "report/study/study.h"
+#include "report/study/study_tally.h"
 #include "tests/support/cpu_time.h"
 #include "tests/support/temp_dir.h"
 

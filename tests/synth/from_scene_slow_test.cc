@@ -3,11 +3,11 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "calib/from_scene.h"
+#include "calib/points/from_scene.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "core/units.h"
-#include "dataset/image_io.h"
+#include "dataset/footage/image_io.h"
 #include "synth/plate.h"
 #include "synth/textured_room.h"
 #include "tests/support/temp_dir.h"

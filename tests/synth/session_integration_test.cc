@@ -5,13 +5,13 @@
 #include <filesystem>
 #include <map>
 
+#include "core/disk/files.h"
 #include "core/error.h"
-#include "core/files.h"
-#include "dataset/image_io.h"
-#include "dataset/pose2d.h"
-#include "dataset/pose3d.h"
-#include "dataset/video_io.h"
-#include "geometry/rig_io.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d.h"
+#include "geometry/rig/rig_io.h"
 #include "synth/session.h"
 
 namespace mvstudio::synth {

@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "body/mesh_raster.h"
-#include "dataset/image_io.h"
-#include "dataset/panoptic.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::synth {
 namespace {

@@ -1,4 +1,4 @@
-#include "triangulate/association.h"
+#include "triangulate/people/association.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "tests/triangulate/people.h"
-#include "triangulate/assignment.h"
+#include "triangulate/people/assignment.h"
 
 namespace mvstudio::triangulate {
 namespace {

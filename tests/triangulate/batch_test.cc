@@ -1,4 +1,4 @@
-#include "triangulate/batch.h"
+#include "triangulate/batch/batch.h"
 
 #include <gtest/gtest.h>
 

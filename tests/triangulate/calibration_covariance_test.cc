@@ -1,4 +1,4 @@
-#include "triangulate/calibration_covariance.h"
+#include "triangulate/point/calibration_covariance.h"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
-#include "triangulate/cause.h"
+#include "triangulate/take/cause.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "geometry/plausible.h"
+#include "geometry/rig/plausible.h"
 #include "tests/triangulate/people.h"
 #include "tests/triangulate/support.h"
 

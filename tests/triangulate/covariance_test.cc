@@ -3,9 +3,9 @@
 #include <Eigen/LU>
 
 #include "tests/triangulate/support.h"
-#include "triangulate/batch.h"
-#include "triangulate/noise.h"
-#include "triangulate/point.h"
+#include "triangulate/batch/batch.h"
+#include "triangulate/point/noise.h"
+#include "triangulate/point/point.h"
 
 namespace mvstudio::triangulate {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "tests/triangulate/oracle.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/batch.h"
+#include "triangulate/batch/batch.h"
 
 /// Numbers at the ends of what is possible: an honest answer or a status, never a crash or a finite lie.
 namespace mvstudio::triangulate {

@@ -5,12 +5,12 @@
 #include <map>
 
 #include "core/median.h"
-#include "dataset/panoptic.h"
+#include "dataset/panoptic/panoptic.h"
 #include "tests/support/test_data.h"
 #include "tests/triangulate/oracle.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/batch.h"
-#include "triangulate/solvers.h"
+#include "triangulate/batch/batch.h"
+#include "triangulate/point/solvers.h"
 
 /// The CMU Panoptic calibration with its world moved away. Pixels are projected in 60 digits through the very numbers that the
 /// moved rig has, so that every error is the solver's own.

@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "tests/triangulate/recordings.h"
-#include "triangulate/exhaustive_dlt.h"
-#include "triangulate/holdout.h"
-#include "triangulate/take.h"
+#include "triangulate/point/exhaustive_dlt.h"
+#include "triangulate/point/holdout.h"
+#include "triangulate/take/take.h"
 
 /// Which method predicts a real camera best from the others.
 namespace mvstudio::triangulate {

@@ -1,4 +1,4 @@
-#include "triangulate/holdout.h"
+#include "triangulate/point/holdout.h"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
-#include "triangulate/linear.h"
+#include "triangulate/point/linear.h"
 
 #include <gtest/gtest.h>
 
 #include "tests/triangulate/support.h"
-#include "triangulate/refine.h"
+#include "triangulate/point/refine.h"
 
 namespace mvstudio::triangulate {
 namespace {

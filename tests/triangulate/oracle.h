@@ -3,10 +3,10 @@
 #include <Eigen/Dense>
 #include <vector>
 
-#include "geometry/camera_model.h"
-#include "geometry/rig.h"
+#include "geometry/lens/camera_model.h"
+#include "geometry/rig/rig.h"
 #include "tests/support/mp.h"
-#include "triangulate/types.h"
+#include "triangulate/point/types.h"
 
 /// Triangulation in numbers of 60 digits, straight from the definitions and from the rig's own numbers.
 namespace mvstudio::triangulate::oracle {

@@ -4,8 +4,8 @@
 
 #include "tests/triangulate/oracle.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/batch.h"
-#include "triangulate/solvers.h"
+#include "triangulate/batch/batch.h"
+#include "triangulate/point/solvers.h"
 
 namespace mvstudio::triangulate {
 namespace {

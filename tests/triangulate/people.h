@@ -7,9 +7,9 @@
 
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/rig.h"
+#include "geometry/rig/rig.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/association.h"
+#include "triangulate/people/association.h"
 
 /// Synthetic people with BODY_25's joints, and what detectors make of them.
 namespace mvstudio::triangulate {

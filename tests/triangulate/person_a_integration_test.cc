@@ -2,11 +2,11 @@
 
 #include <cstdio>
 
-#include "dataset/panoptic.h"
-#include "dataset/pose2d.h"
-#include "dataset/pose3d_compare.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d_compare.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/take.h"
+#include "triangulate/take/take.h"
 
 /// A path-traced person with exact joints and 2D poses of 1 px noise, in files that this project did not write.
 namespace mvstudio::triangulate {

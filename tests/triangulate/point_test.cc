@@ -1,4 +1,4 @@
-#include "triangulate/point.h"
+#include "triangulate/point/point.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

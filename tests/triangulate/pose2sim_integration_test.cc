@@ -1,10 +1,10 @@
 #include <gtest/gtest.h>
 
-#include "dataset/pose3d_compare.h"
-#include "dataset/pose3d_trc.h"
+#include "dataset/pose/pose3d_compare.h"
+#include "dataset/pose/pose3d_trc.h"
 #include "tests/triangulate/recordings.h"
-#include "triangulate/limbs.h"
-#include "triangulate/take.h"
+#include "triangulate/take/limbs.h"
+#include "triangulate/take/take.h"
 
 /// Real recordings of Pose2Sim's demo session against the .trc files that program wrote (a peer's output, not independent
 /// truth).

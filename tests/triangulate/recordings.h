@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "dataset/panoptic.h"
-#include "dataset/pose2d.h"
-#include "geometry/rigid3.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/pose2d.h"
+#include "geometry/rigid/rigid3.h"
 #include "tests/support/test_data.h"
-#include "triangulate/association.h"
+#include "triangulate/people/association.h"
 
 /// Recorded 2D poses with their rigs.
 namespace mvstudio::triangulate {

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "tests/triangulate/support.h"
-#include "triangulate/point.h"
+#include "triangulate/point/point.h"
 
 namespace mvstudio::triangulate {
 namespace {

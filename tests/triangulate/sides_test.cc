@@ -1,4 +1,4 @@
-#include "triangulate/sides.h"
+#include "triangulate/people/sides.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

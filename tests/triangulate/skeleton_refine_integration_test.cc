@@ -5,9 +5,9 @@
 #include <cstdio>
 
 #include "body/skeleton.h"
-#include "dataset/pose3d_compare.h"
+#include "dataset/pose/pose3d_compare.h"
 #include "tests/triangulate/recordings.h"
-#include "triangulate/skeleton_refine.h"
+#include "triangulate/skeleton/refine.h"
 
 /// Recorded people: the refined joints predict cameras that were left out better, and bones keep their lengths.
 namespace mvstudio::triangulate {

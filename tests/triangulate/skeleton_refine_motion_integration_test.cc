@@ -5,8 +5,8 @@
 
 #include "core/error.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/skeleton_refine.h"
-#include "triangulate/skeleton_refine_internal.h"
+#include "triangulate/skeleton/refine.h"
+#include "triangulate/skeleton/refine_internal.h"
 
 /// A walking stick figure with bones of constant length, and others without.
 namespace mvstudio::triangulate {

@@ -1,11 +1,11 @@
-#include "triangulate/skeleton_refine.h"
+#include "triangulate/skeleton/refine.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
 #include "core/random.h"
-#include "triangulate/skeleton_refine_internal.h"
+#include "triangulate/skeleton/refine_internal.h"
 
 /// The parts of the refinement; skeleton_refine_motion_integration_test.cc has the whole.
 namespace mvstudio::triangulate {

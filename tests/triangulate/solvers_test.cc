@@ -1,10 +1,10 @@
-#include "triangulate/solvers.h"
+#include "triangulate/point/solvers.h"
 
 #include <gtest/gtest.h>
 
 #include "tests/triangulate/oracle.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/refine.h"
+#include "triangulate/point/refine.h"
 
 extern "C" {
 #include <mrcal/basic-geometry.h>

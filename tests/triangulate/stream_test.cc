@@ -1,4 +1,4 @@
-#include "triangulate/stream.h"
+#include "triangulate/take/stream.h"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 
 #include "core/random.h"
 #include "core/units.h"
-#include "geometry/rig.h"
-#include "triangulate/point.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/point/point.h"
 
 /// Synthetic rigs and observations for the tests of triangulate/.
 namespace mvstudio::triangulate {

@@ -5,7 +5,7 @@
 
 #include "core/random.h"
 #include "tests/triangulate/recordings.h"
-#include "triangulate/sync.h"
+#include "triangulate/sync/sync.h"
 
 /// Recorded poses, shifted. The recordings were taken in step, so what was found without a shift counts as zero.
 namespace mvstudio::triangulate {

@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/sync.h"
+#include "triangulate/sync/sync.h"
 
 /// Motion with known truth, seen by cameras whose clocks differ.
 namespace mvstudio::triangulate {

@@ -1,11 +1,11 @@
-#include "triangulate/sync.h"
+#include "triangulate/sync/sync.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
-#include "triangulate/sync_internal.h"
+#include "triangulate/sync/sync_internal.h"
 
 /// The parts of the synchronisation; sync_motion_integration_test.cc has the whole.
 namespace mvstudio::triangulate {

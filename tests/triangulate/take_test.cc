@@ -1,4 +1,4 @@
-#include "triangulate/take.h"
+#include "triangulate/take/take.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

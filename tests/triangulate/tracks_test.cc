@@ -1,4 +1,4 @@
-#include "triangulate/tracks.h"
+#include "triangulate/people/tracks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <set>
 
 #include "tests/triangulate/people.h"
-#include "triangulate/ghosts.h"
+#include "triangulate/people/ghosts.h"
 
 namespace mvstudio::triangulate {
 namespace {

@@ -1,0 +1,365 @@
+#include "avatar/io/pack/pack_builder.h"
+
+#include <ATen/ATen.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "avatar/io/pack/iuv.h"
+#include "avatar/io/pack/shape_fit.h"
+#include "avatar/io/pack/template_view.h"
+#include "avatar/maps/template_maps.h"
+#include "body/mesh_raster.h"
+#include "core/check.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/views/crop.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+constexpr int kFitSizePx = 96;
+constexpr int64_t kMinPersonPx = 16;  // a crop with less of the person is of no use
+
+std::string Name(const std::string& camera, int frame) { return "camera " + camera + ", frame " + std::to_string(frame); }
+
+std::string Join(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+std::vector<int> FramesOfPerson(const dataset::PanopticDataset& data, int person) {
+  std::vector<int> frames;
+  for (const auto& [frame, people] : data.poses) {
+    if (people.count(person)) frames.push_back(frame);
+  }
+  return frames;
+}
+
+std::string ResolveCamera(const dataset::PanopticDataset& data, const std::string& name) {
+  const std::string resolved = data.Resolve(name);
+  if (!resolved.empty() && data.rig.Find(resolved) >= 0) return resolved;
+  std::vector<std::string> known;
+  for (const auto& camera : data.rig.cameras) known.push_back(camera.camera.name);
+  for (const auto& [alias, panoptic] : data.aliases) known.push_back(alias);
+  throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known));
+}
+
+void RequireFrame(const dataset::PanopticDataset& data, int person, int frame, const std::vector<int>& known) {
+  if (std::binary_search(known.begin(), known.end(), frame)) return;
+  throw UsageError("frame " + std::to_string(frame) + " has no pose of person " + std::to_string(person) + " in " + data.root +
+                   "; its frames are " + std::to_string(known.front()) + " to " + std::to_string(known.back()));
+}
+
+struct Job {
+  int camera_idx;  // in the pack's list
+  const geometry::RigCamera* camera;
+  int frame;
+  const dataset::Coco19Pose* pose;
+  dataset::PersonExtent extent;
+};
+
+// The options with every choice made.
+struct Plan {
+  int person = -1;
+  double half_extent_m = 0;
+  std::vector<std::string> cameras;
+  std::vector<Job> jobs;
+  std::vector<std::string> skipped;
+};
+
+// Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
+double LargeExtent(const dataset::PanopticDataset& data, int person) {
+  constexpr double kQuantile = 0.98;
+  std::vector<double> extents;
+  for (const int frame : FramesOfPerson(data, person)) {
+    for (const geometry::RigCamera& camera : data.rig.cameras) {
+      const auto extent = dataset::MeasurePerson(data.poses.at(frame).at(person), camera);
+      if (extent) extents.push_back(extent->half_extent_m);
+    }
+  }
+  if (extents.empty()) throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
+  const auto rank = extents.begin() + static_cast<int64_t>(kQuantile * static_cast<double>(extents.size() - 1));
+  std::nth_element(extents.begin(), rank, extents.end());
+  return *rank;
+}
+
+Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) {
+  Plan plan;
+  plan.person = ChoosePerson(data, options.person);
+  plan.half_extent_m = options.half_extent_m > 0 ? options.half_extent_m : LargeExtent(data, plan.person);
+  const std::vector<int> known = FramesOfPerson(data, plan.person);
+  for (const std::string& name : options.cameras) plan.cameras.push_back(ResolveCamera(data, name));
+  if (options.cameras.empty()) {
+    for (const auto& camera : data.rig.cameras) plan.cameras.push_back(camera.camera.name);
+  }
+  for (const int frame : options.frames) RequireFrame(data, plan.person, frame, known);
+  for (size_t c = 0; c < plan.cameras.size(); ++c) {
+    const geometry::RigCamera& camera = data.rig.cameras[data.rig.Find(plan.cameras[c])];
+    for (const int frame : options.frames.empty() ? known : options.frames) {
+      const dataset::Coco19Pose& pose = data.poses.at(frame).at(plan.person);
+      const auto extent = dataset::MeasurePerson(pose, camera);
+      if (extent) {
+        plan.jobs.push_back({static_cast<int>(c), &camera, frame, &pose, *extent});
+      } else {
+        plan.skipped.push_back(Name(plan.cameras[c], frame) + ": the person is not in front of the camera");
+      }
+    }
+  }
+  return plan;
+}
+
+Image ReadFor(const Job& job, const std::string& path, const char* what, bool grey) {
+  const std::string name = Name(job.camera->camera.name, job.frame);
+  if (!std::filesystem::exists(path))
+    throw IoError(path, std::string("no ") + what + " of " + name + "; build it or leave that camera or frame out");
+  Image image = dataset::ReadImage(path, grey);
+  if (image.width != job.camera->camera.width_px || image.height != job.camera->camera.height_px) {
+    throw FormatError(path, "",
+                      std::string(what) + " of " + name + " is " + std::to_string(image.width) + "x" +
+                          std::to_string(image.height) + ", the calibration says " +
+                          std::to_string(job.camera->camera.width_px) + "x" + std::to_string(job.camera->camera.height_px));
+  }
+  return image;
+}
+
+// Binary mask of the person as the crop's camera sees it.
+Image CropMask(const dataset::PanopticDataset& data, const Job& job, const geometry::RigCamera& crop) {
+  Image mask =
+      dataset::Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
+  for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
+  return mask;
+}
+
+std::map<int, body::BodyPose> PoseFrames(const body::BodyTemplate& body, const std::vector<Job>& jobs) {
+  std::map<int, body::BodyPose> poses;
+  for (const Job& job : jobs) {
+    if (poses.count(job.frame)) continue;
+    body::BodyPose pose;
+    if (body::PoseFromJoints(body, job.pose->x_in_world, dataset::PlausibleJoints(*job.pose), &pose)) poses[job.frame] = pose;
+  }
+  return poses;
+}
+
+BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan, const RunContext& run) {
+  const body::BodyTemplate body = body::MakeMannequin(1.75, 0.6);
+  const std::map<int, body::BodyPose> poses = PoseFrames(body, plan.jobs);
+  std::vector<const Job*> usable;
+  for (const Job& job : plan.jobs) {
+    if (poses.count(job.frame)) usable.push_back(&job);
+  }
+  if (usable.empty()) return options.shape;
+  const size_t count = std::min<size_t>(usable.size(), std::max(1, options.fit_pictures));
+  std::vector<ShapeView> views(count);
+  ParallelFor(static_cast<int64_t>(count), run.num_threads, [&](int64_t i) {
+    const Job& job = *usable[(2 * i + 1) * usable.size() / (2 * count)];
+    const auto crop = dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, kFitSizePx);
+    views[i] = {poses.at(job.frame), crop, CropMask(data, job, crop)};
+  });
+  return FitShape(body, options.shape, views, run).shape;
+}
+
+AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template_px) {
+  const auto n = static_cast<int64_t>(plan.jobs.size());
+  AvatarPack pack;
+  pack.size_px = size_px;
+  pack.cameras = plan.cameras;
+  pack.images = at::zeros({n, 3, size_px, size_px}, at::kByte);
+  pack.masks = at::zeros({n, size_px, size_px}, at::kByte);
+  pack.joints_in_cam = at::zeros({n, num_joints, 3}, at::kFloat);
+  pack.joint_valid = at::zeros({n, num_joints}, at::kBool);
+  pack.intrinsics = at::zeros({n, 4}, at::kFloat);
+  pack.part = at::zeros({n, size_px, size_px}, at::kByte);
+  pack.uv = at::zeros({n, 2, size_px, size_px}, at::kFloat);
+  if (template_px > 0) pack.template_maps = at::zeros({n, kTemplateMaps, template_px, template_px}, at::kFloat);
+  pack.camera_idx = at::zeros({n}, at::kLong);
+  pack.frame = at::zeros({n}, at::kLong);
+  return pack;
+}
+
+void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& mask) {
+  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
+  uint8_t* out = pack.images.data_ptr<uint8_t>() + 3 * area * i;
+  for (int64_t p = 0; p < area; ++p) {
+    for (int k = 0; k < 3; ++k) out[k * area + p] = image.pixels[3 * p + k];
+  }
+  std::copy(mask.pixels.begin(), mask.pixels.end(), pack.masks.data_ptr<uint8_t>() + area * i);
+}
+
+void FillTemplate(AvatarPack& pack, int64_t i, const body::PartUvMap& map) {
+  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
+  std::copy(map.part.begin(), map.part.end(), pack.part.data_ptr<uint8_t>() + area * i);
+  float* uv = pack.uv.data_ptr<float>() + 2 * area * i;
+  std::copy(map.u.begin(), map.u.end(), uv);
+  std::copy(map.v.begin(), map.v.end(), uv + area);
+}
+
+JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan) {
+  std::vector<int> frames;
+  for (const Job& job : plan.jobs) frames.push_back(job.frame);
+  return {data, plan.person, options.num_joints, options.pose3d, frames};
+}
+
+// Everything that the pictures share while they are filled in, in parallel.
+struct Filler {
+  const dataset::PanopticDataset& data;
+  const PackOptions& options;
+  const Plan& plan;
+  const body::BodyTemplate* body;  // nullptr: no template is posed
+  JointSource joints;
+  std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world
+
+  // As Fill below.
+  std::string FillIuv(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) const {
+    const std::string& camera = job.camera->camera.name;
+    const std::string path = IuvPath(options.iuv, camera, data.ImagePath(camera, job.frame));
+    if (!std::filesystem::exists(path)) return path + " is missing: no IUV map";
+    FillTemplate(pack, i, ReadIuv(path, *job.camera, crop));
+    return "";
+  }
+
+  // Reason why the picture cannot be used, or empty.
+  std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
+    const Job& job = jobs[i];
+    const auto crop =
+        dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
+    const Image mask = CropMask(data, job, crop);
+    if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
+      return "the mask is empty where the person should be";
+    const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
+    FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
+    FillPose(pack, i, joints.At(job.frame, *job.pose), crop);
+    pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
+    pack.frame.data_ptr<int64_t>()[i] = job.frame;
+    const bool labelled = options.template_maps && !options.iuv.empty();
+    const std::string problem = labelled ? FillIuv(pack, i, job, crop) : "";
+    if (!problem.empty() || !body) return problem;
+    const auto found = vertices.find(job.frame);
+    if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
+    if (options.template_maps && !labelled) FillTemplate(pack, i, body::RasterizeBody(*body, found->second, crop));
+    const int64_t px = options.template_input_px;
+    if (px > 0)
+      FillTemplateMaps(*body, found->second, crop, options.template_input_px,
+                       pack.template_maps.data_ptr<float>() + i * kTemplateMaps * px * px);
+    return "";
+  }
+};
+
+double MeanTemplateIou(const AvatarPack& pack) {
+  const at::Tensor a = pack.part > 0, b = pack.masks > 0;
+  const at::Tensor both = a.logical_and(b).sum({1, 2}).to(at::kDouble), any = a.logical_or(b).sum({1, 2}).to(at::kDouble);
+  return (both / any.clamp_min(1)).mean().item<double>();
+}
+
+}  // namespace
+
+void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop) {
+  const auto count = static_cast<int64_t>(pose.valid.size());
+  MVS_CHECK(pack.joint_valid.size(1) == count, count << " joints for a pack of " << pack.joint_valid.size(1));
+  for (int64_t j = 0; j < count; ++j) {
+    const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j));
+    const bool valid = pose.valid[static_cast<size_t>(j)] && x.z() > 0;
+    pack.joint_valid.data_ptr<bool>()[i * count + j] = valid;
+    for (int k = 0; valid && k < 3; ++k)
+      pack.joints_in_cam.data_ptr<float>()[(i * count + j) * 3 + k] = static_cast<float>(x[k]);
+  }
+  for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
+}
+
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop) {
+  FillPose(pack, i, BodyAlone(pose, static_cast<int>(pack.joint_valid.size(1))), crop);
+}
+
+int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
+  std::map<int, int> frames;
+  for (const auto& [frame, people] : data.poses) {
+    for (const auto& [id, pose] : people) ++frames[id];
+  }
+  if (frames.empty()) throw FormatError(data.root, "", "no frame has a person in it");
+  if (requested >= 0) {
+    std::vector<std::string> known;
+    for (const auto& [id, count] : frames) known.push_back(std::to_string(id));
+    if (!frames.count(requested)) {
+      throw UsageError("person " + std::to_string(requested) + " is not in the dataset " + data.root + "; it has " +
+                       Join(known));
+    }
+    return requested;
+  }
+  return std::max_element(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.second < b.second; })
+      ->first;
+}
+
+DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
+                          const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras) {
+  person = ChoosePerson(data, person);
+  const std::vector<int> known = FramesOfPerson(data, person);
+  std::set<std::string> cameras;
+  for (const std::string& name : holdout_cameras) cameras.insert(ResolveCamera(data, name));
+  std::set<std::string> training;
+  for (const std::string& name : train_cameras) {
+    training.insert(ResolveCamera(data, name));
+    if (cameras.count(ResolveCamera(data, name))) throw UsageError("camera " + name + " is to be trained on and held out");
+  }
+  for (const int frame : holdout_frames) RequireFrame(data, person, frame, known);
+  const std::set<int> frames(holdout_frames.begin(), holdout_frames.end());
+  DatasetSplit split;
+  for (const auto& camera : data.rig.cameras) {
+    const std::string& name = camera.camera.name;
+    if (cameras.count(name)) split.holdout_cameras.push_back(name);
+    if (!cameras.count(name) && (training.empty() || training.count(name))) split.train_cameras.push_back(name);
+  }
+  for (const int frame : known) (frames.count(frame) ? split.holdout_frames : split.train_frames).push_back(frame);
+  if (split.train_cameras.empty()) throw UsageError("every camera is held out: nothing is left to train on");
+  if (split.train_frames.empty()) throw UsageError("every frame is held out: nothing is left to train on");
+  return split;
+}
+
+PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run) {
+  if (options.size_px < 16 || options.size_px > 4096)
+    throw UsageError("size " + std::to_string(options.size_px) + " px: must be 16 to 4096");
+  if (!(options.fill > 0.1 && options.fill <= 1))
+    throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
+  const Plan plan = MakePlan(data, options);
+  PackResult result;
+  result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
+  const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0;
+  result.shape = posed && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
+  const body::BodyTemplate body = posed ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
+  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}};
+  for (const Job& job : plan.jobs) {
+    if (!posed || filler.vertices.count(job.frame)) continue;
+    if (const auto vertices = PosedVertices(body, *job.pose)) filler.vertices[job.frame] = *vertices;
+  }
+  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px);
+  const auto count = static_cast<int64_t>(plan.jobs.size());
+  std::vector<std::string> reasons(count);
+  ProgressStage stage(run, "cropping pictures", count);
+  constexpr int64_t kChunk = 64;
+  for (int64_t begin = 0; begin < count; begin += kChunk) {
+    const int64_t size = std::min(kChunk, count - begin);
+    ParallelFor(size, run.num_threads, [&](int64_t i) { reasons[begin + i] = filler.Fill(pack, begin + i, plan.jobs); });
+    stage.Advance(size);
+  }
+  std::vector<int64_t> good;
+  for (int64_t i = 0; i < count; ++i) {
+    if (reasons[i].empty())
+      good.push_back(i);
+    else
+      result.skipped.push_back(Name(plan.cameras[plan.jobs[i].camera_idx], plan.jobs[i].frame) + ": " + reasons[i]);
+  }
+  if (good.empty()) {
+    throw FormatError(data.root, "",
+                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
+  }
+  result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);
+  result.template_iou = options.template_maps ? MeanTemplateIou(result.pack) : std::numeric_limits<double>::quiet_NaN();
+  return result;
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "avatar/data/pack.h"
+#include "avatar/io/pack/body_shape.h"
+#include "avatar/io/pack/joint_source.h"
+#include "core/fields.h"
+#include "core/progress.h"
+#include "dataset/panoptic/panoptic.h"
+
+namespace mvstudio::avatar {
+
+/// How pictures of a dataset become crops. The same options must be used for training and evaluation.
+struct PackOptions {
+  int size_px = 128;
+  double fill = 0.97;
+  int person = -1;
+  bool template_maps = true;
+  bool fit_shape = true;
+  int fit_pictures = 24;
+  int template_input_px = 0;  ///< edge of the pack's template_maps: the picture size of the network they are for; 0: none
+  double half_extent_m = 0;
+  int num_joints = 19;  ///< the list of joints that the network's inputs need: LayoutOf(inputs).num_joints
+  std::string pose3d;
+  std::string iuv;
+  std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
+  std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
+  BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, PackOptions& o) {
+  visit("size", o.size_px, "edge of the square crops, px");
+  visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
+  visit("person", o.person, "person id in the dataset; -1: the one with most frames");
+  visit("pose3d", o.pose3d,
+        "folder with points.csv (`triangulate`): toes, heels, hands and face for --inputs 21, 24 and 27, beside the dataset's "
+        "own files");
+  visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
+  visit(
+      "iuv", o.iuv,
+      "folder with DensePose's map of each picture, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
+      "the first guess in place of the posed body template");
+  visit("fit-pictures", o.fit_pictures, "training pictures used for that fit");
+}
+
+/// Disjoint halves of the cameras and of the frames of one dataset. Held-out scores use held-out cameras in held-out frames.
+struct DatasetSplit {
+  std::vector<std::string> train_cameras, holdout_cameras;  ///< Panoptic names
+  std::vector<int> train_frames, holdout_frames;            ///< with a pose of the person
+  std::vector<std::string> validation_cameras;              ///< that choose among weights, never the final score; may be empty
+  std::vector<int> validation_frames;
+};
+
+/// Everything not held out is trained on, or of the cameras only `train_cameras` when they are given; the others are then used
+/// for nothing. Throws UsageError for a camera in both lists, names and frames that the dataset does not have, and when nothing
+/// is left to train on.
+DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
+                          const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras = {});
+
+/// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it is not there.
+int ChoosePerson(const dataset::PanopticDataset& data, int requested);
+
+/// Joints and intrinsics of row i, seen by a crop's camera.
+void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop);
+void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);  ///< BodyAlone
+
+struct PackResult {
+  AvatarPack pack;
+  int person = -1;
+  double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
+  BodyShape shape;           ///< girth used for part and uv
+  double template_iou = 0;   ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
+  std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", pictures that could not be used
+};
+
+/// One crop for each camera and frame. The crop's camera is a pinhole at the place of the real one, turned by the smallest
+/// rotation to look at the middle of the person's joints; its focal length puts `half_extent_m` metres at the person's distance
+/// to the edge, so a metre has the same size in every crop. Colours are averages over each pixel's footprint in the real
+/// picture, read through its exact lens; what lies outside the picture is black and not person. Part and uv maps: body template
+/// posed by the joints, and so are template_maps. Throws IoError naming camera and frame when a picture or a mask is missing,
+/// UsageError for cameras or frames that do not exist.
+PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "avatar/io/pack/body_shape.h"
+#include "avatar/io/pack/pack_builder.h"
+
+namespace mvstudio::avatar {
+
+/// What a training run was made from: RUN/config.json. Evaluation needs nothing else but the checkpoint beside it.
+struct RunConfig {
+  std::string dataset;  ///< absolute folder, Panoptic layout
+  PackOptions pack;     ///< size, crop and person; its cameras and frames are those trained on
+  DatasetSplit split;
+  BodyShape shape;           ///< as fitted on the training pictures
+  double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person
+  double template_iou = 0;   ///< mean IoU of the posed template and the masks of the training pictures
+};
+
+inline constexpr char kRunConfigSchema[] = "mvstudio.avatar-run/1";
+inline constexpr char kRunConfigFile[] = "config.json";
+inline constexpr char kCheckpointFile[] = "checkpoint.safetensors";
+
+void WriteRunConfig(const RunConfig& config, const std::string& path);
+/// Throws IoError / FormatError with the place.
+RunConfig ReadRunConfig(const std::string& path);
+/// The configuration of a run that has a checkpoint and whose dataset is there; `dataset` replaces the one it was trained on
+/// unless empty. Throws IoError / FormatError saying what is missing.
+RunConfig OpenRun(const std::string& folder, const std::string& dataset);
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,226 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "avatar/io/pack/body_shape.h"
+#include "avatar/io/pack/template_view.h"
+#include "avatar/io/render/bvh_pose.h"
+#include "avatar/io/render/render.h"
+#include "core/error.h"
+#include "core/median.h"
+#include "core/units.h"
+#include "dataset/views/crop.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+using dataset::Coco19Pose;
+using geometry::RigCamera;
+
+std::vector<Coco19Pose> TrainingPoses(const RunConfig& config, const dataset::PanopticDataset& data) {
+  std::vector<Coco19Pose> poses;
+  for (const int frame : config.split.train_frames) {
+    const auto people = data.poses.find(frame);
+    if (people == data.poses.end()) continue;
+    const auto pose = people->second.find(config.pack.person);
+    if (pose != people->second.end()) poses.push_back(pose->second);
+  }
+  if (poses.empty()) {
+    throw UsageError("the dataset " + data.root +
+                     " has none of the frames that the avatar was trained on; pass the right one with --dataset");
+  }
+  return poses;
+}
+
+void CheckOptions(const RenderOptions& o) {
+  const auto require = [](bool ok, const std::string& text) {
+    if (!ok) throw UsageError(text);
+  };
+  require(o.poses.empty() || o.bvh.empty(), "--poses and --bvh exclude each other");
+  require(o.scale_normalise == "on" || o.scale_normalise == "off", "--scale-normalise must be on or off");
+  require(o.place == "auto" || o.place == "keep" || o.place == "training", "--place must be auto, keep or training");
+  require(o.frame == "crop" || o.frame == "camera", "--frame must be crop or camera");
+  require(o.turntable >= 0 && o.turntable <= 100000, "--turntable must be in 0..100000");
+  require(o.turntable == 0 || (o.cameras.empty() && o.calib.empty()),
+          "--turntable has a camera of its own: leave --cameras and --calib out");
+  require(o.turntable == 0 || o.frame == "crop", "--turntable makes crops: leave --frame out");
+  require(o.elevation_deg == -1000 || std::abs(o.elevation_deg) < 90, "--elevation-deg must be between -90 and 90");
+  require(o.size_px == 0 || (o.size_px >= 8 && o.size_px <= 8192), "--size must be 0 or in 8..8192");
+  require(o.network_size_px >= 0 && o.network_size_px <= 8192, "--network-size must be in 0..8192");
+}
+
+/// The poses asked for and, of other people, in the trained person's size and place.
+void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o, RenderPlan* plan) {
+  plan->foreign = !o.poses.empty() || !o.bvh.empty();
+  if (!plan->foreign) {
+    const std::vector<int>& usual = config.split.holdout_frames;
+    plan->track = SelectFrames(TrackOf(data, config.pack.person), o.frames.empty() ? usual : o.frames, o.every);
+    return;
+  }
+  const std::vector<Coco19Pose> training = TrainingPoses(config, data);
+  const SkeletonSize trained = MeasureSkeleton(training);
+  PoseTrack track =
+      o.bvh.empty() ? ReadPoseTrack(o.poses, o.pose_person) : PosesFromBvh(ReadBvh(o.bvh), MeasureHead(training), o.bvh);
+  const SkeletonSize own = MeasureSkeleton(track.poses);
+  plan->ratio = SizeRatio(trained, own, track.source);
+  plan->scaled = o.scale_normalise == "on";
+  if (plan->scaled) {
+    for (Coco19Pose& pose : track.poses) pose = NormaliseScale(pose, trained, plan->ratio);
+  }
+  if (o.place == "training" || (o.place == "auto" && !o.bvh.empty()))
+    Shift(&track, trained.ground - MeasureSkeleton(track.poses).ground);
+  plan->track = SelectFrames(track, o.frames, o.every);
+}
+
+/// All joints that the network wants.
+void TakeJoints(const RunConfig& config, const dataset::PanopticDataset& data, RenderPlan* plan) {
+  const int count = config.pack.num_joints;
+  if (plan->foreign) {
+    for (const Coco19Pose& pose : plan->track.poses) plan->joints.push_back(BodyAlone(pose, count));
+    return;
+  }
+  const JointSource source(data, config.pack.person, count, config.pack.pose3d, plan->track.frames);
+  for (size_t i = 0; i < plan->track.poses.size(); ++i)
+    plan->joints.push_back(source.At(plan->track.frames[i], plan->track.poses[i]));
+}
+
+std::vector<std::string> SplitCommas(const std::string& text) {
+  std::vector<std::string> names;
+  std::istringstream in(text);
+  for (std::string name; std::getline(in, name, ',');) {
+    if (!name.empty()) names.push_back(name);
+  }
+  return names;
+}
+
+RigCamera CameraNamed(const geometry::Rig& rig, const std::string& name, const std::string& asked, const std::string& where) {
+  const int found = rig.Find(name);
+  if (found >= 0) return rig.cameras[found];
+  std::string known;
+  for (const RigCamera& camera : rig.cameras) known += (known.empty() ? "" : ", ") + camera.camera.name;
+  throw UsageError("camera '" + asked + "' is not in " + where + "; it has " + known);
+}
+
+std::vector<RigCamera> ChooseCameras(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o) {
+  const std::vector<std::string> asked = SplitCommas(o.cameras);
+  std::vector<RigCamera> cameras;
+  if (!o.calib.empty()) {
+    const geometry::Rig rig = dataset::ReadAnyCalibration(o.calib);
+    for (const std::string& name : asked) cameras.push_back(CameraNamed(rig, name, name, o.calib));
+    return asked.empty() ? rig.cameras : cameras;
+  }
+  for (const std::string& name : asked)
+    cameras.push_back(CameraNamed(data.rig, data.Resolve(name), name, "the dataset " + data.root));
+  if (!asked.empty()) return cameras;
+  for (const std::string& name : config.split.holdout_cameras) cameras.push_back(CameraNamed(data.rig, name, name, data.root));
+  return cameras.empty() ? data.rig.cameras : cameras;
+}
+
+/// Adds the job, or says why there is none.
+void AddJob(const RunConfig& config, int size_px, RenderJob job, RenderPlan* plan) {
+  const auto extent = dataset::MeasurePerson(plan->track.poses[job.pose], job.camera);
+  if (!extent) {
+    plan->skipped.push_back("camera " + job.view + ", frame " + std::to_string(job.frame) +
+                            ": the person is not in front of the camera");
+    return;
+  }
+  if (plan->body && !PosedVertices(*plan->body, plan->track.poses[job.pose])) {
+    plan->skipped.push_back("camera " + job.view + ", frame " + std::to_string(job.frame) +
+                            ": neck, shoulders and hips do not fix the trunk of the body template that the network needs");
+    return;
+  }
+  job.crop = dataset::CropCamera(job.camera, extent->middle_in_cam, config.half_extent_m, config.pack.fill, size_px);
+  plan->jobs.push_back(std::move(job));
+}
+
+Eigen::Vector3d MiddleOf(const Coco19Pose& pose) {
+  const std::array<bool, 19> plausible = dataset::PlausibleJoints(pose);
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (int j = 0; j < 19; ++j) {
+    if (plausible[j]) low = low.cwiseMin(pose.x_in_world.col(j)), high = high.cwiseMax(pose.x_in_world.col(j));
+  }
+  return (low + high) / 2;
+}
+
+/// Where the turning camera starts and how it stands, like the training cameras.
+struct Orbit {
+  double azimuth_rad = 0, elevation_rad = 0, distance_m = 3;
+};
+Orbit OrbitLikeTraining(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o) {
+  const SkeletonSize trained = MeasureSkeleton(TrainingPoses(config, data));
+  const Eigen::Vector3d middle = trained.ground + Eigen::Vector3d(0, 0, 0.9);
+  std::vector<double> elevations, distances;
+  Orbit orbit;
+  for (const std::string& name : config.split.train_cameras) {
+    const Eigen::Vector3d from = CameraNamed(data.rig, name, name, data.root).CenterInWorld() - middle;
+    if (distances.empty()) orbit.azimuth_rad = std::atan2(from.y(), from.x());
+    distances.push_back(from.norm());
+    elevations.push_back(std::atan2(from.z(), std::hypot(from.x(), from.y())));
+  }
+  orbit.distance_m = UpperMedian(distances);
+  orbit.elevation_rad = o.elevation_deg == -1000 ? UpperMedian(elevations) : DegToRad(o.elevation_deg);
+  return orbit;
+}
+
+void PlanTurntable(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o, RenderPlan* plan) {
+  const Orbit orbit = OrbitLikeTraining(config, data, o);
+  const size_t count = plan->track.poses.size();
+  for (int k = 0; k < o.turntable; ++k) {
+    RenderJob job;
+    job.view = "turn", job.frame = k;
+    job.pose = static_cast<size_t>(k) * count / static_cast<size_t>(o.turntable);
+    const Eigen::Vector3d middle = MiddleOf(plan->track.poses[job.pose]);
+    if (!middle.allFinite()) {
+      plan->skipped.push_back("picture " + std::to_string(k) + ": the pose has no joints");
+      continue;
+    }
+    const double azimuth = orbit.azimuth_rad + 2 * kPi * k / o.turntable;
+    job.camera = OrbitCamera(middle, azimuth, orbit.elevation_rad, orbit.distance_m, config.pack.size_px);
+    AddJob(config, config.pack.size_px, job, plan);
+  }
+}
+
+}  // namespace
+
+RigCamera OrbitCamera(const Eigen::Vector3d& middle_in_world, double azimuth_rad, double elevation_rad, double distance_m,
+                      int size_px) {
+  const Eigen::Vector3d out(std::cos(elevation_rad) * std::cos(azimuth_rad), std::cos(elevation_rad) * std::sin(azimuth_rad),
+                            std::sin(elevation_rad));
+  const Eigen::Vector3d forward = -out, right = forward.cross(Eigen::Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d axes;  // rows: camera axes in world
+  axes << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+  RigCamera camera;
+  camera.camera = geometry::MakePinhole("turn", size_px, size_px, size_px);
+  camera.cam_from_world.rotation = geometry::NearestRotation(axes);
+  camera.cam_from_world.translation = -(camera.cam_from_world.rotation * (middle_in_world + distance_m * out));
+  return camera;
+}
+
+RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options) {
+  CheckOptions(options);
+  RenderPlan plan;
+  TakePoses(config, data, options, &plan);
+  TakeJoints(config, data, &plan);
+  if (config.pack.template_input_px > 0)
+    plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
+  plan.rate_hz = plan.track.rate_hz / std::max(1, UsualStep(plan.track.frames));
+  if (options.turntable > 0) {
+    const bool moves = plan.track.poses.size() > 1;
+    if (moves) plan.rate_hz *= static_cast<double>(options.turntable) / static_cast<double>(plan.track.poses.size());
+    if (!moves) plan.rate_hz = 0;
+    PlanTurntable(config, data, options, &plan);
+  } else {
+    for (const RigCamera& camera : ChooseCameras(config, data, options)) {
+      for (size_t i = 0; i < plan.track.poses.size(); ++i)
+        AddJob(config, config.pack.size_px, {camera.camera.name, plan.track.frames[i], i, camera, {}}, &plan);
+    }
+  }
+  if (plan.jobs.empty()) {
+    throw FormatError(plan.track.source, "",
+                      "nothing can be rendered" + (plan.skipped.empty() ? std::string() : "; " + plan.skipped.front()));
+  }
+  return plan;
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "avatar/io/pack/run_config.h"
+#include "avatar/io/render/render_pose.h"
+#include "avatar/nets/model.h"
+#include "core/fields.h"
+#include "core/image.h"
+#include "core/progress.h"
+
+/// New pictures of a trained avatar: any calibrated camera, any pose, a camera that goes round.
+namespace mvstudio::avatar {
+
+struct RenderOptions {
+  std::string dataset;
+  std::string cameras;
+  std::string calib;
+  std::string poses;
+  std::string bvh;
+  int pose_person = -1;
+  int every = 1;
+  std::string scale_normalise = "on";
+  std::string place = "auto";
+  int turntable = 0;
+  double elevation_deg = -1000;
+  std::string frame = "crop";
+  int size_px = 0;
+  int network_size_px = 0;
+  int batch = 8;
+  std::vector<int> frames;  ///< empty: those held out, or all; of another take: all
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, RenderOptions& o) {
+  visit("dataset", o.dataset, "dataset folder, when it is no longer where the training found it");
+  visit("cameras", o.cameras,
+        "cameras to render, e.g. cam_02,cam_05 (held-out ones too); those held out unless given, or all of --calib");
+  visit("calib", o.calib, "calibration file, ours or Panoptic's, whose cameras are rendered instead of the dataset's");
+  visit("poses", o.poses,
+        "poses of another take or person: a Panoptic sequence, a folder of body3DScene files, one of them, or a folder with "
+        "points.csv (pose3d)");
+  visit("bvh", o.bvh, "poses of an animation file (Biovision hierarchy)");
+  visit("pose-person", o.pose_person, "person id in --poses; -1: the one with most frames");
+  visit("every", o.every, "use every n-th of the frames");
+  visit("scale-normalise", o.scale_normalise,
+        "on: poses of --poses and --bvh get the trained person's bone lengths and steps; off: they stay as they are");
+  visit("place", o.place,
+        "where poses of --poses and --bvh stand: keep (as given), training (their middle where the trained person's was), or "
+        "auto: training for --bvh, else keep");
+  visit("turntable", o.turntable, "pictures of a camera that goes once round the person; 0: calibrated cameras instead");
+  visit("elevation-deg", o.elevation_deg,
+        "degrees; how far above the person's middle the turning camera stands; -1000: the median of the training cameras");
+  visit("frame", o.frame,
+        "crop: square pictures around the person as in training; camera: the whole picture of the calibrated camera, through "
+        "its lens");
+  visit("size", o.size_px, "edge of the square pictures, px; 0: as in training");
+  visit("network-size", o.network_size_px,
+        "edge at which the network runs before its pictures are resized, px, a multiple of 2^downs; 0: as in training");
+  visit("batch", o.batch, "pictures rendered at a time");
+}
+
+/// One picture to make.
+struct RenderJob {
+  std::string view;            ///< camera name, or "turn"
+  int frame = 0;               ///< frame of the pose, or number of the picture on the way round
+  size_t pose = 0;             ///< index into the plan's poses
+  geometry::RigCamera camera;  ///< as calibrated
+  geometry::RigCamera crop;    ///< what the network sees
+};
+
+struct RenderPlan {
+  PoseTrack track;
+  std::vector<FullPose>
+      joints;  ///< of each pose of the track, as the network wants them; hands and face of its own dataset only
+  std::vector<RenderJob> jobs;  ///< view by view, each in the order of time
+  std::vector<std::string> skipped;
+  std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: it sees none
+  bool foreign = false;                            ///< poses that are not of the training's dataset
+  bool scaled = false;                             ///< bone lengths were replaced
+  double ratio = 1;                                ///< trained person's size over that of the poses
+  double rate_hz = 0;                              ///< pictures a second of a view; 0: unknown
+};
+
+/// Which pictures `options` ask for. Poses of the run's own dataset stay as they are, so that its cameras and frames give the
+/// pictures that `avatar eval` scores. Throws UsageError, IoError, FormatError.
+RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options);
+
+/// Renders the plan's pictures in order: RGBA, colours multiplied by alpha (what remains on black). Methods that look at
+/// their past begin each view, and each run of frames at the usual distance, without one.
+void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
+                    const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture);
+
+/// A camera of the size of a crop that looks at `middle_in_world` from `distance_m` away; azimuth from the x axis towards y.
+geometry::RigCamera OrbitCamera(const Eigen::Vector3d& middle_in_world, double azimuth_rad, double elevation_rad,
+                                double distance_m, int size_px);
+
+}  // namespace mvstudio::avatar

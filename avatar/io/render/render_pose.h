@@ -1,0 +1,58 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/pose3d.h"
+
+/// Poses that an avatar is to take: from its own dataset, from another take or person, or from animation files.
+namespace mvstudio::avatar {
+
+/// One person in the order of time.
+struct PoseTrack {
+  std::string source;       ///< file or folder, for messages
+  std::vector<int> frames;  ///< ascending
+  std::vector<dataset::Coco19Pose> poses;
+  double rate_hz = 0;  ///< frame numbers a second; 0: unknown
+};
+
+/// The person's poses in a dataset.
+PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
+
+/// Poses from a Panoptic sequence or its folder of body3DScene files, one such file, or a folder with points.csv (`pose3d`).
+/// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
+PoseTrack ReadPoseTrack(const std::string& path, int person);
+
+/// Median distance of neighbouring frame numbers; 1 for fewer than two frames.
+int UsualStep(const std::vector<int>& frames);
+
+/// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a frame that is not there.
+PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);
+
+/// How large a person is and where the person stands.
+struct SkeletonSize {
+  /// Of each of avatar::kBones over the poses: median, 5th and 95th percentile; NaN: never seen.
+  std::array<double, 18> length_m{}, short_m{}, long_m{};
+  Eigen::Vector3d ground = Eigen::Vector3d::Constant(0);  ///< median x and y of BodyCenter, 2nd percentile of the ankles' z
+};
+SkeletonSize MeasureSkeleton(const std::vector<dataset::Coco19Pose>& poses);
+
+/// Sum of `trained`'s bone lengths over that of `other`'s, of the bones that both have: what takes the other's metres to the
+/// trained person's. Arms and legs alone where they are there: spine, neck and shoulders change their length with the pose.
+/// Throws FormatError naming `source` when they share no bone of any length.
+double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source);
+
+/// Gives a pose the trained person's bone lengths: every bone keeps its direction and its length times `ratio`, but no shorter
+/// and no longer than the 5th and 95th percentile of training, so that stiff bones get their one length and a bent neck stays
+/// bent. The root's place is multiplied by `ratio` (about the world's origin, which lies on the floor), as are joints whose
+/// parent is missing, about the nearest ancestor that is there. A joint at the end of a bone more than three times too long is
+/// dropped. Poses that differ by a factor about the origin become the same.
+dataset::Coco19Pose NormaliseScale(const dataset::Coco19Pose& pose, const SkeletonSize& trained, double ratio);
+
+/// Moves every joint.
+void Shift(PoseTrack* track, const Eigen::Vector3d& by_m);
+
+}  // namespace mvstudio::avatar

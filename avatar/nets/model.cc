@@ -1,0 +1,251 @@
+#include "avatar/nets/model.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <sstream>
+#include <vector>
+
+#include "avatar/maps/camera_tensor.h"
+#include "avatar/maps/template_maps.h"
+#include "avatar/maps/texture.h"
+#include "core/check.h"
+#include "core/error.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+constexpr const char* kFormat = "mvstudio.avatar/1";
+
+/// Parameters and running statistics of the network by name.
+std::map<std::string, at::Tensor> NetworkTensors(const AvatarModel& model) {
+  std::map<std::string, at::Tensor> tensors;
+  for (const auto& item : model.generator->named_parameters()) tensors["generator." + item.key()] = item.value();
+  for (const auto& item : model.generator->named_buffers()) tensors["generator." + item.key()] = item.value();
+  return tensors;
+}
+
+double NumberFrom(const TensorFile& file, const std::string& key, const std::string& path) {
+  const auto found = file.metadata.find(key);
+  if (found == file.metadata.end()) throw FormatError(path, "__metadata__." + key, "is missing: not an avatar checkpoint");
+  std::istringstream in(found->second);
+  double value = 0;
+  in >> value;
+  if (in.fail() || !in.eof()) throw FormatError(path, "__metadata__." + key, "'" + found->second + "' is not a number");
+  return value;
+}
+
+std::string ToText(double value) {
+  std::ostringstream text;
+  text.precision(17);
+  text << value;
+  return text.str();
+}
+
+void CopyInto(at::Tensor target, const TensorFile& file, const std::string& name, const std::string& path) {
+  const auto found = file.tensors.find(name);
+  if (found == file.tensors.end()) throw FormatError(path, name, "is missing: the checkpoint does not fit its options");
+  if (found->second.sizes() != target.sizes() || found->second.scalar_type() != target.scalar_type()) {
+    throw FormatError(path, name, "has another shape or type than its options say");
+  }
+  if (target.is_floating_point() && !at::isfinite(found->second).all().item<bool>())
+    throw FormatError(path, name, "is not finite");
+  target.copy_(found->second);
+}
+
+at::Tensor Background(const at::Tensor& background, const at::Tensor& like) {
+  return background.defined() ? background.to(like.options()) : at::zeros({3}, like.options());
+}
+
+void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const at::Tensor& intrinsics) {
+  const int64_t batch = joints_in_cam.size(0), joints = joints_in_cam.size(1);
+  MVS_CHECK(IsJointList(joints) && joints_in_cam.sizes() == at::IntArrayRef({batch, joints, 3}) &&
+                valid.sizes() == at::IntArrayRef({batch, joints}) && intrinsics.sizes() == at::IntArrayRef({batch, 4}),
+            "joints_in_cam must be (B, J, 3) with J = 19, 25, 131 or 137, valid (B, J), intrinsics (B, 4); they are "
+                << joints_in_cam.sizes() << ", " << valid.sizes() << ", " << intrinsics.sizes());
+}
+
+/// A picture whose faint haze is gone: where the person's probability is below 5 % it is the background itself, above 95 % the
+/// person alone, in between both bend to meet. A trace of a per mille over a flat background would otherwise cost all
+/// structural scores.
+at::Tensor CleanMatte(const at::Tensor& image, const at::Tensor& mask_prob, const at::Tensor& background) {
+  const at::Tensor alpha = mask_prob.unsqueeze(1), base = background.view({1, 3, 1, 1});
+  return base + (image - base) * (CleanAlpha(alpha) / alpha.clamp_min(1e-6));
+}
+
+/// What the network sees of the past; undefined for methods that see none.
+at::Tensor PreviousOrBlack(const AvatarModel& model, const at::Tensor& previous, const at::Tensor& maps) {
+  const int channels = NumPreviousChannels(model.options);
+  if (channels == 0) return {};
+  if (!previous.defined()) return at::zeros({maps.size(0), channels, maps.size(2), maps.size(3)}, maps.options());
+  MVS_CHECK(previous.dim() == 4 && previous.size(0) == maps.size(0) && previous.size(1) == channels,
+            "previous pictures of sizes " << previous.sizes());
+  return previous.to(maps.options());
+}
+
+/// Most likely part and its coordinates.
+void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
+  const at::Tensor part = (logits.slice(1, 1).argmax(1) + 1) * (out->mask_prob > 0.5);
+  const at::Tensor channel = (part - 1).clamp_min(0).unsqueeze(1);
+  const at::Tensor chosen = at::cat({uv.slice(1, 0, 24).gather(1, channel), uv.slice(1, 24, 48).gather(1, channel)}, 1);
+  out->part = part.to(at::kByte);
+  out->uv = (0.5 * chosen + 0.5) * (part > 0).unsqueeze(1);
+}
+
+}  // namespace
+
+AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed) {
+  Validate(options);
+  MVS_CHECK(depth.far_m > depth.near_m, "empty depth range " << depth.near_m << ".." << depth.far_m);
+  AvatarModel model;
+  model.options = options;
+  if (options.texture_px == 0) model.options.texture_px = std::max(8, size_px * 3 / 8);
+  model.depth = depth;
+  model.size_px = size_px;
+  model.generator = Generator(options, seed);
+  if (options.method == "tna") {
+    const int64_t size = model.options.texture_px;
+    model.textures = at::zeros({24, 3, size, size}, at::kFloat).requires_grad_();
+    model.seen = at::zeros({24, size, size}, at::kFloat);
+  }
+  return model;
+}
+
+at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
+                        const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps) {
+  const InputLayout& layout = LayoutOf(model.options.inputs);
+  MVS_CHECK(
+      NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
+      "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
+  const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
+  const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
+  std::vector<at::Tensor> maps = {RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth)};
+  if (layout.slopes) maps.push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
+  MVS_CHECK(
+      template_maps.defined() == (NumTemplateChannels(model.options) > 0),
+      "a network with prior " << model.options.prior << (template_maps.defined() ? " takes no" : " needs") << " template maps");
+  if (template_maps.defined()) maps.push_back(TemplateChannels(template_maps));
+  return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
+}
+
+std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous) {
+  auto [first, second] = model.generator->forward(previous.defined() ? at::cat({maps, previous}, 1) : maps);
+  first = first.to(at::kFloat), second = second.to(at::kFloat);
+  const int64_t bones = model.options.inputs, channels = NumTemplateChannels(model.options);
+  if (channels > 0) AddTemplate(model.options.method, maps.slice(1, bones, bones + channels), &first, &second);
+  return {first, second};
+}
+
+at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px) {
+  const int64_t height = pictures.size(2), width = pictures.size(3);
+  const at::Tensor x = at::arange(width, flow_px.options()).view({1, 1, width}) + flow_px.select(1, 0);
+  const at::Tensor y = at::arange(height, flow_px.options()).view({1, height, 1}) + flow_px.select(1, 1);
+  const at::Tensor grid = at::stack({(2 * x + 1) / width - 1, (2 * y + 1) / height - 1}, 3);
+  return at::grid_sampler(pictures, grid, /*bilinear*/ 0, /*border*/ 1, /*align_corners=*/false);
+}
+
+at::Tensor FlowOf(const at::Tensor& second_head) { return 20 * second_head.slice(1, 3, 5); }
+
+at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
+                        const at::Tensor& background, const at::Tensor& previous) {
+  if (model.options.method == "tna") {
+    return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
+  }
+  at::Tensor colour = 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
+  if (model.options.method == "v2v") {
+    const at::Tensor fresh = at::sigmoid(second_head.slice(1, 5, 6));
+    colour = fresh * colour + (1 - fresh) * Warp(previous.slice(1, 0, 3), FlowOf(second_head));
+  }
+  const at::Tensor person = at::sigmoid(first_head);
+  return person * colour + (1 - person) * background.view({1, 3, 1, 1});
+}
+
+at::Tensor CleanAlpha(const at::Tensor& mask_prob) { return ((mask_prob - 0.05) / 0.9).clamp(0, 1); }
+
+Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background,
+                 const at::Tensor& previous) {
+  torch::NoGradGuard no_grad;
+  model.generator->eval();
+  const at::Tensor like = model.generator->parameters()[0];
+  CheckPoses(poses.joints_in_cam, poses.joint_valid, poses.intrinsics);
+  const at::Tensor joints_px = ProjectPinhole(poses.intrinsics, poses.joints_in_cam);
+  const at::Tensor maps =
+      NetworkInput(model, poses.joints_in_cam, poses.joint_valid, joints_px, height, width, poses.template_maps)
+          .to(like.device());
+  const at::Tensor before = PreviousOrBlack(model, previous, maps);
+  const auto [first, second] = Predict(model, maps, before);
+  const at::Tensor behind = Background(background, like);
+  Rendering out;
+  out.mask_prob = model.options.method == "tna" ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);
+  const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind, before), out.mask_prob, behind);
+  out.image = image.clamp(0, 1).to(at::kCPU).contiguous();
+  if (model.options.method == "tna") {
+    FillParts(first, at::tanh(second), &out);
+  } else {
+    out.part = (out.mask_prob > 0.5).to(at::kByte);
+    out.uv = at::zeros({maps.size(0), 2, height, width}, like.options());
+  }
+  out.mask_prob = out.mask_prob.to(at::kCPU), out.part = out.part.to(at::kCPU), out.uv = out.uv.to(at::kCPU);
+  return out;
+}
+
+TensorFile ModelToTensors(const AvatarModel& model) {
+  TensorFile file;
+  file.tensors = NetworkTensors(model);
+  if (model.textures.defined()) {
+    file.tensors["textures"] = model.textures;
+    file.tensors["textures_seen"] = model.seen;
+  }
+  for (auto& [name, tensor] : file.tensors) tensor = tensor.detach().to(at::kCPU).clone();
+  file.metadata["format"] = kFormat;
+  for (const auto& [name, value] : FieldsAsText(model.options)) file.metadata["model." + name] = value;
+  file.metadata["depth_near_m"] = ToText(model.depth.near_m);
+  file.metadata["depth_far_m"] = ToText(model.depth.far_m);
+  file.metadata["size_px"] = std::to_string(model.size_px);
+  file.metadata["step"] = std::to_string(model.step);
+  return file;
+}
+
+ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path) {
+  ModelOptions options;
+  for (const auto& [name, value] : FieldsAsText(options)) {
+    const auto found = file.metadata.find("model." + name);
+    if (found == file.metadata.end()) continue;
+    try {
+      SetFieldFromText(options, name, found->second);
+      Validate(options);
+    } catch (const UsageError& error) {
+      throw FormatError(path, "__metadata__.model." + name, error.what());
+    }
+  }
+  return options;
+}
+
+AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
+  const auto format = file.metadata.find("format");
+  if (format == file.metadata.end() || format->second != kFormat) {
+    throw FormatError(path, "__metadata__.format", "is not an avatar checkpoint of this version");
+  }
+  const DepthRange depth = {NumberFrom(file, "depth_near_m", path), NumberFrom(file, "depth_far_m", path)};
+  if (!(depth.far_m > depth.near_m)) throw FormatError(path, "__metadata__.depth_far_m", "is not behind depth_near_m");
+  AvatarModel model = MakeModel(ModelOptionsFrom(file, path), static_cast<int>(NumberFrom(file, "size_px", path)), depth, 0);
+  model.step = static_cast<int64_t>(NumberFrom(file, "step", path));
+  torch::NoGradGuard no_grad;
+  for (auto& [name, tensor] : NetworkTensors(model)) CopyInto(tensor, file, name, path);
+  if (model.textures.defined()) {
+    CopyInto(model.textures, file, "textures", path);
+    CopyInto(model.seen, file, "textures_seen", path);
+  }
+  return model;
+}
+
+AvatarModel LoadModel(const std::string& path) { return ModelFromTensors(ReadTensorFile(path), path); }
+
+at::Tensor TextureSheet(const AvatarModel& model) {
+  MVS_CHECK(model.textures.defined(), "method " << model.options.method << " has no textures");
+  const int64_t size = model.options.texture_px;
+  const at::Tensor colours = (model.textures.detach().to(at::kCPU) * 127.5 + 127.5).round().clamp(0, 255).to(at::kByte);
+  return colours.view({4, 6, 3, size, size}).permute({2, 0, 3, 1, 4}).reshape({3, 4 * size, 6 * size}).contiguous();
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,116 @@
+#include "avatar/train/train.h"
+
+#include <ATen/ATen.h>
+
+#include <algorithm>
+
+#include "avatar/train/batch.h"
+#include "avatar/train/train_state.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& pictures) {
+  std::string names;
+  for (const int64_t i : pictures) names += (names.empty() ? "" : "; ") + PictureName(pack, i);
+  return names;
+}
+
+}  // namespace
+
+Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainOptions& options, const RunContext& run,
+                 std::shared_ptr<const FeatureNet> perceptual)
+    : state_(std::make_unique<State>()) {
+  Validate(pack);
+  state_->perceptual = std::move(perceptual);
+  state_->options = options;
+  state_->seed = run.seed;
+  const at::Tensor depth = BoneDepth(pack.joints_in_cam, pack.joint_valid, model.relative_depth);
+  state_->model = MakeModel(model, pack.size_px, ChooseDepthRange(depth, pack.joint_valid), run.seed);
+  state_->Prepare(pack, run);
+}
+
+Trainer::Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options,
+                 const RunContext& run, std::shared_ptr<const FeatureNet> perceptual)
+    : state_(std::make_unique<State>()) {
+  state_->perceptual = std::move(perceptual);
+  state_->options = options;
+  state_->seed = run.seed;
+  ModelOptions model = from.options;
+  model.texture_px = texture_px;
+  state_->model = MakeModel(model, pack.size_px, from.depth, run.seed);
+  TensorFile file = ModelToTensors(from), fresh = ModelToTensors(state_->model);
+  for (auto& [name, tensor] : fresh.tensors) {
+    if (name.rfind("generator.", 0) == 0) tensor = file.tensors.at(name);
+  }
+  state_->model = ModelFromTensors(fresh, "transfer");
+  state_->Prepare(pack, run, /*transferred=*/true);
+}
+
+Trainer::~Trainer() = default;
+Trainer::Trainer(Trainer&&) noexcept = default;
+
+AvatarModel& Trainer::model() { return state_->model; }
+
+int64_t Trainer::total_steps() const { return state_->total_steps(); }
+
+const std::string& Trainer::device() const { return state_->options.device; }
+
+TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step) {
+  State& s = *state_;
+  s.RequireSameBatches();
+  const int64_t goal = until_step >= 0 ? std::min(until_step, s.total_steps()) : s.total_steps();
+  TrainReport report;
+  RowMean mean;
+  while (s.model.step < goal && !s.Exhausted()) {
+    if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();
+    const int64_t step = s.model.step;
+    const std::string phase = s.InInit() ? "init" : "train";
+    const bool last_of_phase = step + 1 == goal || (s.tna() && step + 1 == s.options.init_steps);
+    const StepInput input = s.MakeInput(s.pack, s.previous_rows, s.RowsOfStep(step, false), true, step);
+    LossTerms terms;
+    if (!s.Step(input, &terms)) {
+      report.status = Status::kNonFiniteInput;
+      report.best_step = s.best_step;
+      report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" +
+                       NamesOfBatch(s.pack, s.RowsOfStep(step, true)) +
+                       "); weights kept as they were; try a smaller --learning-rate";
+      return report;
+    }
+    if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();  // before a check or a checkpoint of this step
+    mean.Add(terms);
+    ++report.steps_done;
+    const bool due = last_of_phase || (step + 1) % s.options.report_every == 0;
+    HistoryRow row;
+    if (due) report.history.push_back(row = s.MeanOverRanks(mean.Take(step + 1, phase)));
+    const bool check = validation && s.CheckDue();
+    if (check) report.history.push_back(s.Check(*validation));
+    if (check && callback) callback(step + 1, &report.history.back());  // before the step's own, which may save
+    bool go_on = !callback || callback(step + 1, due ? &row : nullptr);
+    if (s.ranks) s.stop_wanted = !go_on, go_on = !s.stop_agreed;
+    if (!go_on) {
+      report.stopped = true;
+      break;
+    }
+  }
+  const bool without_steps = s.model.step == s.total_steps() && !s.textures_ready;
+  if (s.tna() && without_steps) s.AverageTextures();
+  report.best_step = s.best_step;
+  report.ended_early = s.Exhausted();
+  if (report.ended_early) report.message = s.WhyEndedEarly();
+  return report;
+}
+
+TrainReport TrainTna(const AvatarPack& pack, const AvatarPack* validation, const ModelOptions& model,
+                     const TrainOptions& options, const RunContext& run, const StepCallback& callback, AvatarModel* result) {
+  Trainer trainer(pack, model, options, run);
+  ProgressStage stage(run, "training", trainer.total_steps());
+  const TrainReport report = trainer.Run(validation, [&](int64_t step, const HistoryRow* row) {
+    if (!row || row->phase != "validation") stage.Advance(1, row ? row->phase : "");
+    return !callback || callback(step, row);
+  });
+  if (result) *result = ModelFromTensors(trainer.Checkpoint(), "training");
+  return report;
+}
+
+}  // namespace mvstudio::avatar

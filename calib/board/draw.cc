@@ -1,0 +1,232 @@
+#include "calib/board/draw.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/board/print.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr double kPtPerMm = 72 / 25.4;
+constexpr double kPrinterMargin = 5;  // mm that printers leave white
+constexpr double kStrip = 17;         // mm below the board for ruler and text
+constexpr double kRuler = 100, kRulerRoom = 112;
+constexpr double kFont = 2.8;        // mm
+constexpr double kCharWidth = 0.56;  // of the font's height, Helvetica's digits and small letters
+constexpr double kMaxPixels = 4e8;
+
+struct Paper {
+  const char* name;
+  double width, height;
+};
+constexpr Paper kPapers[] = {{"a4", 210, 297}, {"a3", 297, 420}, {"letter", 215.9, 279.4}};
+
+std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
+std::string Format(const char* format, ...) {
+  char text[256];
+  va_list values;
+  va_start(values, format);
+  std::vsnprintf(text, sizeof text, format, values);
+  va_end(values);
+  return text;
+}
+
+/// Page size for what must be printed; the paper is turned when only that fits.
+void ChoosePage(const Board& board, const std::string& paper, double width, double height, BoardPage* page) {
+  if (paper == "none") {
+    page->width = width, page->height = height;
+    return;
+  }
+  const auto* found = std::find_if(std::begin(kPapers), std::end(kPapers), [&](const Paper& p) { return paper == p.name; });
+  if (found == std::end(kPapers)) throw UsageError("--paper " + paper + " is unknown: use a4, a3, letter or none");
+  const double room_x = found->width - 2 * kPrinterMargin, room_y = found->height - 2 * kPrinterMargin;
+  if (width <= room_x && height <= room_y) {
+    page->width = found->width, page->height = found->height;
+  } else if (width <= room_y && height <= room_x) {
+    page->width = found->height, page->height = found->width;
+  } else {
+    throw UsageError(
+        Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
+               "paper (--paper a3 or none) or a smaller board",
+               ToString(board).c_str(), width, height, found->name, room_x, room_y));
+  }
+}
+
+void AddRuler(double x, double y, BoardPage* page) {
+  constexpr double kLine = 0.2;
+  page->rects.push_back({x - kLine / 2, y, kRuler + kLine, kLine});
+  for (int mm = 0; mm <= static_cast<int>(kRuler); ++mm) {
+    const double tick = mm % 10 == 0 ? 4 : mm % 5 == 0 ? 2.5 : 1.5;
+    page->rects.push_back({x + mm - kLine / 2, y + kLine, kLine, tick});
+  }
+  for (const int mm : {0, 50, 100}) {
+    page->texts.push_back({x + mm + 0.6, y + 4.4, kFont, std::to_string(mm) + (mm == 100 ? " mm" : "")});
+  }
+}
+
+void AddLine(const std::string& text, double x, double y, double room, BoardPage* page) {
+  const double size = std::min(kFont, room / (kCharWidth * static_cast<double>(text.size())));
+  page->texts.push_back({x, y, size, text});
+}
+
+std::string EscapePdf(const std::string& text) {
+  std::string escaped;
+  for (char c : text) escaped += c == '(' || c == ')' || c == '\\' ? std::string("\\") + c : std::string(1, c);
+  return escaped;
+}
+
+std::string EscapeXml(const std::string& text) {
+  std::string escaped;
+  for (char c : text) escaped += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : std::string(1, c);
+  return escaped;
+}
+
+std::string PdfContent(const BoardPage& page) {
+  std::string out = Format("q\n%.9f 0 0 %.9f 0 %.6f cm\n", kPtPerMm, -kPtPerMm, page.height * kPtPerMm);
+  for (const auto& r : page.rects) out += Format("%.5f %.5f %.5f %.5f re\n", r.x, r.y, r.width, r.height);
+  out += "f\nQ\nBT\n";
+  for (const auto& t : page.texts) {
+    out += Format("/F1 %.4f Tf\n1 0 0 1 %.4f %.4f Tm\n", t.size * kPtPerMm, t.x * kPtPerMm, (page.height - t.y) * kPtPerMm);
+    out += "(" + EscapePdf(t.text) + ") Tj\n";
+  }
+  return out + "ET\n";
+}
+
+void AppendBigEndian(uint32_t value, std::string* bytes) {
+  for (int shift = 24; shift >= 0; shift -= 8) bytes->push_back(static_cast<char>(value >> shift & 255));
+}
+
+uint32_t Crc32(const std::string& bytes) {
+  uint32_t crc = ~0u;
+  for (unsigned char byte : bytes) {
+    crc ^= byte;
+    for (int k = 0; k < 8; ++k) crc = crc >> 1 ^ (crc & 1 ? 0xedb88320u : 0);
+  }
+  return ~crc;
+}
+
+/// The chunk that says how many pixels a metre has (PNG specification, 11.3.5.3).
+std::string PhysChunk(uint32_t px_per_m) {
+  std::string body = "pHYs";
+  AppendBigEndian(px_per_m, &body);
+  AppendBigEndian(px_per_m, &body);
+  body.push_back(1);
+  std::string chunk;
+  AppendBigEndian(9, &chunk);
+  chunk += body;
+  AppendBigEndian(Crc32(body), &chunk);
+  return chunk;
+}
+
+/// Takes the share of every pixel that the rectangle covers from its brightness.
+void Darken(const BoardPage::Rect& rect, double px_per_mm, cv::Mat* page) {
+  const double x0 = rect.x * px_per_mm, x1 = (rect.x + rect.width) * px_per_mm;
+  const double y0 = rect.y * px_per_mm, y1 = (rect.y + rect.height) * px_per_mm;
+  const auto share = [](double low, double high, int i) {
+    return std::max(0.0, std::min(high, i + 1.0) - std::max(low, double(i)));
+  };
+  for (int v = std::max(0, static_cast<int>(y0)); v < std::min<double>(page->rows, std::ceil(y1)); ++v) {
+    float* row = page->ptr<float>(v);
+    const double height = share(y0, y1, v);
+    for (int u = std::max(0, static_cast<int>(x0)); u < std::min<double>(page->cols, std::ceil(x1)); ++u) {
+      row[u] -= static_cast<float>(255 * height * share(x0, x1, u));
+    }
+  }
+}
+
+}  // namespace
+
+BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
+  const BoardPrint print = PrintOf(board);
+  const Eigen::Vector2d size = (print.high_m - print.low_m) * 1e3;
+  const double quiet = std::max(2.0, print.quiet_m * 1e3);
+  const double width = std::max(size.x() + 2 * quiet, kRulerRoom), height = size.y() + 2 * quiet + kStrip;
+  BoardPage page;
+  ChoosePage(board, options.paper, width, height, &page);
+  page.board_x = (page.width - size.x()) / 2;
+  page.board_y = (page.height - height) / 2 + quiet;
+  for (const PrintRect& r : print.black) {
+    const Eigen::Vector2d low = (r.low - print.low_m) * 1e3, extent = (r.high - r.low) * 1e3;
+    page.rects.push_back({page.board_x + low.x(), page.board_y + low.y(), extent.x(), extent.y()});
+  }
+  const double left = (page.width - width) / 2 + 3, below = page.board_y + size.y() + quiet;
+  AddRuler(left, below, &page);
+  AddLine(ToString(board), left, below + 9, width - 6, &page);
+  AddLine("print at 100 % (do not fit to the page); the ruler must measure 100 mm", left, below + 13, width - 6, &page);
+  return page;
+}
+
+std::string ToPdf(const BoardPage& page) {
+  const std::string content = PdfContent(page);
+  const std::vector<std::string> objects = {
+      "<< /Type /Catalog /Pages 2 0 R >>", "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+      Format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 %.4f %.4f] /Contents 4 0 R /Resources << /Font << /F1 5 0 R >> >> >>",
+             page.width * kPtPerMm, page.height * kPtPerMm),
+      "<< /Length " + std::to_string(content.size()) + " >>\nstream\n" + content + "endstream",
+      "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"};
+  std::string pdf = "%PDF-1.4\n", table = Format("xref\n0 %zu\n0000000000 65535 f \n", objects.size() + 1);
+  for (size_t i = 0; i < objects.size(); ++i) {
+    table += Format("%010zu 00000 n \n", pdf.size());
+    pdf += std::to_string(i + 1) + " 0 obj\n" + objects[i] + "\nendobj\n";
+  }
+  const size_t start = pdf.size();
+  return pdf + table + Format("trailer\n<< /Size %zu /Root 1 0 R >>\nstartxref\n%zu\n%%%%EOF\n", objects.size() + 1, start);
+}
+
+std::string ToSvg(const BoardPage& page) {
+  std::string svg = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
+  svg += Format("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.4fmm\" height=\"%.4fmm\" viewBox=\"0 0 %.4f %.4f\">\n",
+                page.width, page.height, page.width, page.height);
+  svg += Format("<rect width=\"%.4f\" height=\"%.4f\" fill=\"#fff\"/>\n<path fill=\"#000\" d=\"", page.width, page.height);
+  for (const auto& r : page.rects) svg += Format("M%.5f %.5fh%.5fv%.5fh%.5fz\n", r.x, r.y, r.width, r.height, -r.width);
+  svg += "\"/>\n";
+  for (const auto& t : page.texts) {
+    svg +=
+        Format("<text x=\"%.4f\" y=\"%.4f\" font-family=\"Helvetica,Arial,sans-serif\" font-size=\"%.4f\">", t.x, t.y, t.size);
+    svg += EscapeXml(t.text) + "</text>\n";
+  }
+  return svg + "</svg>\n";
+}
+
+std::string ToPng(const BoardPage& page, double dpi) {
+  if (!(dpi >= 20 && dpi <= 4800)) throw UsageError("--dpi must be from 20 to 4800");
+  const auto px_per_m = static_cast<uint32_t>(std::lround(dpi / 0.0254));
+  const double px_per_mm = px_per_m * 1e-3;
+  const double width = std::ceil(page.width * px_per_mm - 1e-6), height = std::ceil(page.height * px_per_mm - 1e-6);
+  if (width * height > kMaxPixels) throw UsageError(Format("%.0f x %.0f pixels are too many; lower --dpi", width, height));
+  cv::Mat ink(static_cast<int>(height), static_cast<int>(width), CV_32F, cv::Scalar(255)), grey;
+  for (const auto& rect : page.rects) Darken(rect, px_per_mm, &ink);
+  ink.convertTo(grey, CV_8U);
+  constexpr double kCapHeight = 22;  // px of the font at scale 1
+  for (const auto& t : page.texts) {
+    const cv::Point at(static_cast<int>(t.x * px_per_mm), static_cast<int>(t.y * px_per_mm));
+    cv::putText(grey, t.text, at, cv::FONT_HERSHEY_SIMPLEX, 0.7 * t.size * px_per_mm / kCapHeight, cv::Scalar(0),
+                std::max(1, static_cast<int>(0.08 * t.size * px_per_mm)), cv::LINE_AA);
+  }
+  std::vector<uint8_t> bytes;
+  cv::imencode(".png", grey, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
+  std::string png(bytes.begin(), bytes.end());
+  constexpr size_t kAfterHeader = 8 + 25;  // signature and IHDR chunk
+  return png.insert(kAfterHeader, PhysChunk(px_per_m));
+}
+
+void WriteBoardPage(const Board& board, const std::string& path, const BoardDrawOptions& options) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  if (extension != ".pdf" && extension != ".svg" && extension != ".png") {
+    throw UsageError("--out " + path + ": the name must end in .pdf, .svg or .png");
+  }
+  const BoardPage page = LayOutBoard(board, options);
+  WriteFileAtomic(path, extension == ".pdf" ? ToPdf(page) : extension == ".svg" ? ToSvg(page) : ToPng(page, options.dpi));
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/board/board.h"
+
+namespace mvstudio::calib {
+
+struct BoardDrawOptions {
+  std::string paper = "a4";  ///< a4, a3, letter, or none: a page as large as the board needs
+  double dpi = 300;          ///< of PNG files
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, BoardDrawOptions& o) {
+  visit("paper", o.paper, "a4, a3, letter (turned when the board fits better), or none: a page as large as the board needs");
+  visit("dpi", o.dpi, "resolution of PNG files, pixels an inch");
+}
+
+/// A page to be printed: millimetres, from the top left, y down. Black on white.
+struct BoardPage {
+  struct Rect {
+    double x = 0, y = 0, width = 0, height = 0;
+  };
+  struct Text {
+    double x = 0, y = 0, size = 0;  ///< left end of the baseline, height of the font
+    std::string text;
+  };
+  double width = 0, height = 0;
+  double board_x = 0, board_y = 0;  ///< top left corner of the print (BoardPrint::low_m)
+  std::vector<Rect> rects;
+  std::vector<Text> texts;
+};
+
+/// The board with its quiet margin, a ruler of 100 mm and a line that says what it is. Throws UsageError with the size needed
+/// when the paper is too small.
+BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options);
+
+/// The page as a file's content: PDF 1.4 and SVG 1.1 with vectors at true scale, PNG with its resolution in the pHYs chunk.
+std::string ToPdf(const BoardPage& page);
+std::string ToSvg(const BoardPage& page);
+std::string ToPng(const BoardPage& page, double dpi);
+
+/// Writes `path`, in the format of its extension (.pdf, .svg or .png).
+void WriteBoardPage(const Board& board, const std::string& path, const BoardDrawOptions& options);
+
+}  // namespace mvstudio::calib

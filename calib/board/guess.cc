@@ -1,0 +1,173 @@
+#include "calib/board/guess.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "calib/board/charuco_layout.h"
+#include "calib/board/homography.h"
+#include "core/median.h"
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr int kMaxCols = 30;
+constexpr int kLeastMarkers = 5;       // of an image, for its layout to be told
+constexpr double kMaxMisplaced = 0.2;  // of a marker's side
+constexpr int kLargestPx = 1600;
+
+using CentreOf = std::function<Eigen::Vector2d(int)>;
+
+/// How well a layout explains the markers of all images.
+struct LayoutFit {
+  int num_placed = 0;                // markers where the layout puts them
+  std::vector<double> marker_sides;  // in steps of the layout, for every marker that is in its place
+};
+
+void FitImage(const MarkersOfImage& markers, const CentreOf& centre_of, LayoutFit* fit) {
+  if (static_cast<int>(markers.size()) < kLeastMarkers) return;
+  Eigen::Matrix2Xd from(2, markers.size()), to(2, markers.size());
+  int n = 0;
+  for (const auto& [id, px] : markers) from.col(n) = centre_of(id), to.col(n++) = px.rowwise().mean();
+  std::optional<Eigen::Matrix3d> homography;
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(n);
+  for (int round = 0; round < 5; ++round) {
+    homography = FitHomography(from, to, weights);
+    if (!homography) return;
+    Eigen::VectorXd distances(n);
+    for (int i = 0; i < n; ++i) distances[i] = (MapPoint(*homography, from.col(i)) - to.col(i)).norm();
+    weights = (1 + (distances / std::max(0.1, 2 * Median(distances))).array().square()).inverse();
+  }
+  const Eigen::Matrix3d back = homography->inverse();
+  int placed = 0;
+  std::vector<double> sides;
+  int i = 0;
+  for (const auto& [id, px] : markers) {
+    const double side_px = (px.col(0) - px.col(2)).norm() / std::sqrt(2.0);
+    if ((MapPoint(*homography, from.col(i++)) - px.rowwise().mean()).norm() > kMaxMisplaced * side_px) continue;
+    ++placed;
+    for (int k = 0; k < 4; ++k) sides.push_back((MapPoint(back, px.col(k)) - MapPoint(back, px.col((k + 1) % 4))).norm());
+  }
+  if (placed < kLeastMarkers || 3 * placed < 2 * n) return;
+  fit->num_placed += placed;
+  fit->marker_sides.insert(fit->marker_sides.end(), sides.begin(), sides.end());
+}
+
+LayoutFit FitLayout(const std::vector<MarkersOfImage>& images, const CentreOf& centre_of) {
+  LayoutFit fit;
+  for (const MarkersOfImage& markers : images) FitImage(markers, centre_of, &fit);
+  return fit;
+}
+
+/// To a hundredth, or to a twentieth when that is as likely: the detectors' outlines are a fraction of a pixel off.
+double RoundRatio(double ratio) {
+  const double coarse = std::round(ratio * 20) / 20, fine = std::round(ratio * 100) / 100;
+  return coarse > 0 && std::abs(ratio - coarse) < 0.021 ? coarse : fine;
+}
+
+int LargestId(const std::vector<MarkersOfImage>& images) {
+  int largest = 0;
+  for (const MarkersOfImage& markers : images) {
+    if (!markers.empty()) largest = std::max(largest, markers.rbegin()->first);
+  }
+  return largest;
+}
+
+/// Centres of the markers of a board with `cols` columns of squares and as many rows as the ids need.
+std::vector<Eigen::Vector2d> CharucoCentres(int cols, bool shifted, int count) {
+  std::vector<Eigen::Vector2d> centres;
+  for (int row = 0; static_cast<int>(centres.size()) < count; ++row) {
+    for (int col = 0; col < cols; ++col) {
+      if ((col + row + shifted) % 2 == 1) centres.emplace_back(col, row);
+    }
+  }
+  return centres;
+}
+
+/// Rows of squares that markers 0 to `largest_id` need.
+int RowsFor(int cols, bool shifted, int largest_id) {
+  const auto centres = CharucoCentres(cols, shifted, largest_id + 1);
+  const int rows = static_cast<int>(centres[largest_id].y()) + 1;
+  return shifted && rows % 2 == 1 ? rows + 1 : rows;  // only boards with even rows are shifted
+}
+
+}  // namespace
+
+std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& images,
+                                  const std::optional<Board>& hint) {
+  const int largest = LargestId(images);
+  int best_placed = 0;
+  std::optional<Board> best;
+  double side = 0;
+  for (int cols = 3; cols <= kMaxCols; ++cols) {
+    for (const bool shifted : {false, true}) {
+      const auto centres = CharucoCentres(cols, shifted, largest + 1);
+      const LayoutFit fit = FitLayout(images, [&](int id) { return centres[id]; });
+      if (fit.num_placed <= best_placed) continue;
+      best_placed = fit.num_placed;
+      side = UpperMedian(fit.marker_sides, 0);
+      Board board;
+      board.kind = Board::Kind::kCharuco;
+      board.dictionary = dictionary;
+      board.cols = cols - 1;
+      board.rows = std::max(2, RowsFor(cols, shifted, largest) - 1);
+      board.legacy = shifted;
+      best = board;
+    }
+  }
+  if (!best || side <= 0.05 || side >= 1) return std::nullopt;
+  best->square_m = 1;
+  best->marker_m = RoundRatio(side);
+  const bool same = hint && hint->kind == Board::Kind::kCharuco && hint->cols == best->cols && hint->rows >= best->rows;
+  if (same && (!best->legacy || hint->rows % 2 == 1)) best->rows = hint->rows;
+  return best;
+}
+
+std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector<MarkersOfImage>& images,
+                                    const std::optional<Board>& hint) {
+  int smallest = 1 << 30;
+  for (const MarkersOfImage& markers : images) {
+    if (!markers.empty()) smallest = std::min(smallest, markers.begin()->first);
+  }
+  std::vector<int> firsts = {0, smallest};
+  if (hint && hint->has_tags()) firsts.insert(firsts.begin(), hint->first_tag);
+  int best_placed = 0;
+  std::optional<Board> best;
+  for (const int first : firsts) {
+    if (first > smallest) continue;
+    for (int cols = 2; cols <= kMaxCols; ++cols) {
+      const LayoutFit fit =
+          FitLayout(images, [&](int id) { return Eigen::Vector2d((id - first) % cols, -((id - first) / cols)); });
+      if (fit.num_placed <= best_placed) continue;
+      const double side = UpperMedian(fit.marker_sides, 0);
+      if (side <= 0.1 || side >= 0.99) continue;
+      best_placed = fit.num_placed;
+      Board board;
+      board.kind = Board::Kind::kAprilGrid;
+      board.dictionary = family;
+      board.cols = cols;
+      board.rows = (LargestId(images) - first) / cols + 1;
+      board.square_m = 1;
+      board.tag_spacing = RoundRatio(1 / side - 1);
+      board.first_tag = first;
+      best = board;
+    }
+  }
+  return best;
+}
+
+std::optional<std::pair<int, int>> GuessChessboard(const Image& grey) {
+  cv::Mat image(grey.height, grey.width, CV_8UC1, const_cast<uint8_t*>(grey.pixels.data())), smaller = image;
+  const double scale = static_cast<double>(kLargestPx) / std::max(grey.width, grey.height);
+  if (scale < 1) cv::resize(image, smaller, {}, scale, scale, cv::INTER_AREA);
+  std::vector<cv::Point2f> corners;
+  cv::Mat meta;
+  const int flags = cv::CALIB_CB_LARGER | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE;
+  if (!cv::findChessboardCornersSB(smaller, {3, 3}, corners, flags, meta) || meta.empty()) return std::nullopt;
+  return std::make_pair(meta.cols, meta.rows);
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,377 @@
+#include "calib/check/rig_check.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "calib/check/rig_check_internal.h"
+#include "core/check.h"
+#include "core/error.h"
+#include "core/median.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using geometry::Rigid3;
+using geometry::Vector6d;
+using internal::CheckWork;
+using internal::CornerDistances;
+using internal::FreeCamera;
+using internal::PoseProblem;
+using internal::PoseState;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kTie = 0.8;  // a rival that explains so much of what the best one does
+
+void RequireKnown(const geometry::Rig& rig, const CalibrateInput& input) {
+  for (const CameraInput& camera : input.cameras) {
+    const int found = rig.Find(camera.name);
+    if (found < 0) throw UsageError("camera " + camera.name + " is not in the calibration");
+    const geometry::Camera& known = rig.cameras[static_cast<size_t>(found)].camera;
+    if (camera.width_px > 0 && (camera.width_px != known.width_px || camera.height_px != known.height_px)) {
+      const auto size = [](int w, int h) { return std::to_string(w) + "x" + std::to_string(h); };
+      throw UsageError("camera " + camera.name + ": its pictures have " + size(camera.width_px, camera.height_px) +
+                       " px, the calibration is for " + size(known.width_px, known.height_px));
+    }
+  }
+}
+
+/// Places a board where the view that the others agree with best sees it.
+Rigid3 StartOfBoard(const CheckWork& work, int board) {
+  PoseState trial = work.state;
+  Rigid3 best;
+  double best_cost = kInfinity;
+  for (const int v : work.problem.views_of_board[static_cast<size_t>(board)]) {
+    const size_t camera = static_cast<size_t>(work.problem.views[static_cast<size_t>(v)].camera_idx);
+    trial.world_from_board[static_cast<size_t>(board)] =
+        Inverse(trial.cam_from_world[camera]) * work.own_pose[static_cast<size_t>(v)];
+    const double cost = internal::BoardsCost(work.problem, trial, {board});
+    if (!(cost < best_cost) && best_cost < kInfinity) continue;
+    best_cost = cost;
+    best = trial.world_from_board[static_cast<size_t>(board)];
+  }
+  return best;
+}
+
+/// A camera set free in `state`.
+struct Trial {
+  FreeCamera solution;
+  PoseState state;
+  double gain = 0;  ///< how much lower the cost of its boards is
+};
+
+/// Leaves boards to the cameras that stayed, and to `camera`: one that was set free has no vote on the others.
+void HearVoters(int camera, CheckWork* work) {
+  work->problem.views_of_board = work->all_views_of_board;
+  for (auto& views : work->problem.views_of_board) {
+    const auto is_mute = [&](int v) {
+      const int seer = work->problem.views[static_cast<size_t>(v)].camera_idx;
+      return seer != camera && work->moved[static_cast<size_t>(seer)];
+    };
+    views.erase(std::remove_if(views.begin(), views.end(), is_mute), views.end());
+  }
+}
+
+/// The camera's boards that a second one sees.
+std::vector<int> SharedBoards(const CheckWork& work, int camera) {
+  std::vector<int> boards;
+  for (const int board : work.boards_of[static_cast<size_t>(camera)]) {
+    if (work.problem.views_of_board[static_cast<size_t>(board)].size() > 1) boards.push_back(board);
+  }
+  return boards;
+}
+
+/// From the pose it has, and from where one of its views puts it if that is better.
+Trial SetFree(const CheckWork& work, int camera) {
+  constexpr size_t kMaxStarts = 8;
+  Trial trial;
+  trial.state = work.state;
+  const std::vector<int> boards = SharedBoards(work, camera);
+  if (boards.empty()) {
+    trial.solution.status = Status::kTooFewViews;
+    return trial;
+  }
+  const double before = internal::BoardsCost(work.problem, work.state, boards);
+  PoseState start = work.state;
+  double start_cost = before;
+  const size_t stride = (boards.size() + kMaxStarts - 1) / kMaxStarts;
+  for (size_t i = 0; i < boards.size(); i += stride) {
+    for (const int v : work.problem.views_of_board[static_cast<size_t>(boards[i])]) {
+      if (work.problem.views[static_cast<size_t>(v)].camera_idx != camera) continue;
+      PoseState other = work.state;
+      other.cam_from_world[static_cast<size_t>(camera)] =
+          work.own_pose[static_cast<size_t>(v)] * Inverse(work.state.world_from_board[static_cast<size_t>(boards[i])]);
+      const double cost = internal::BoardsCost(work.problem, other, boards);
+      if (cost < start_cost) start = other, start_cost = cost;
+    }
+  }
+  trial.state = start;
+  trial.solution = internal::SolveCamera(work.problem, boards, camera, &trial.state);
+  trial.gain = before - trial.solution.cost;
+  return trial;
+}
+
+/// Motion of a camera's pose against the calibration, with its standard deviations.
+void Describe(const Trial& trial, const CheckWork& work, int camera, CameraCheck* check) {
+  const size_t c = static_cast<size_t>(camera);
+  check->status = trial.solution.status;
+  const Rigid3& old_pose = work.rig.cameras[c].cam_from_world;
+  const Rigid3& new_pose = trial.state.cam_from_world[c];
+  check->cam_from_world = new_pose;
+  if (check->status != Status::kOk) return;
+  const auto& covariance = trial.solution.covariance;
+  Vector6d motion;
+  motion << geometry::RotationLog(new_pose.rotation * old_pose.rotation.conjugate()),
+      new_pose.translation - old_pose.translation;
+  check->significance = std::sqrt(motion.dot(covariance.ldlt().solve(motion)) / 6);
+  const auto sigma_along = [](const Eigen::Matrix3d& cov, const Eigen::Vector3d& along) {
+    const double length = along.norm();
+    return length > 0 ? std::sqrt(along.dot(cov * along)) / length : std::sqrt(cov.trace() / 3);
+  };
+  check->rotation_rad = motion.head<3>().norm();
+  check->rotation_sigma_rad = sigma_along(covariance.topLeftCorner<3, 3>(), motion.head<3>());
+  // The centre -R^T t moves by R^T (w x t - v) under a perturbation (w, v).
+  const Eigen::Vector3d& t = new_pose.translation;
+  Eigen::Matrix<double, 3, 6> j;
+  j << 0, t.z(), -t.y(), -1, 0, 0, -t.z(), 0, t.x(), 0, -1, 0, t.y(), -t.x(), 0, 0, 0, -1;
+  const Eigen::Vector3d shift = new_pose.rotation * (Inverse(new_pose).translation - Inverse(old_pose).translation);
+  check->translation_m = shift.norm();
+  check->translation_sigma_m = sigma_along(j * covariance * j.transpose(), shift);
+}
+
+/// RMS distance between the corners' pixels with two poses of the camera, boards where they are in `state`; NaN when no corner
+/// is in front of both.
+double ShiftPx(const CheckWork& work, const PoseState& state, int camera, const Rigid3& a, const Rigid3& b) {
+  const geometry::Projector projector(work.problem.cameras[static_cast<size_t>(camera)]);
+  double sum = 0;
+  int count = 0;
+  for (size_t v = 0; v < work.problem.views.size(); ++v) {
+    const View& view = work.problem.views[v];
+    if (view.camera_idx != camera) continue;
+    const Rigid3& board = state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      const Eigen::Vector3d x = board * Eigen::Vector3d(view.x_in_board.col(i));
+      const geometry::Projection pa = projector.Project(a * x), pb = projector.Project(b * x);
+      if (pa.status != Status::kOk || pb.status != Status::kOk) continue;
+      sum += (pa.px - pb.px).squaredNorm();
+      ++count;
+    }
+  }
+  return count > 0 ? std::sqrt(sum / count) : kInfinity;
+}
+
+/// The camera set free and described.
+Trial Examine(CheckWork* work, int camera) {
+  HearVoters(camera, work);
+  Trial trial = SetFree(*work, camera);
+  CameraCheck& check = work->checks[static_cast<size_t>(camera)];
+  Describe(trial, *work, camera, &check);
+  if (check.status == Status::kOk) {
+    check.shift_px = ShiftPx(*work, trial.state, camera, work->rig.cameras[static_cast<size_t>(camera)].cam_from_world,
+                             check.cam_from_world);
+  }
+  return trial;
+}
+
+bool HasMoved(const CameraCheck& check, const RigCheckOptions& options) {
+  return check.status == Status::kOk && check.significance > options.bump_sigmas && check.shift_px > options.bump_px;
+}
+
+/// Boards where the cameras that stayed see them.
+void PlaceBoards(CheckWork* work) {
+  HearVoters(-1, work);
+  for (size_t b = 0; b < work->problem.views_of_board.size(); ++b) {
+    if (!work->problem.views_of_board[b].empty()) internal::SolveBoards(work->problem, {static_cast<int>(b)}, &work->state);
+  }
+}
+
+/// The one camera whose freedom explains most joins those that have moved; false when none did or it cannot be told which.
+bool FindNextMoved(CheckWork* work, RigCheck* result) {
+  std::map<int, Trial> trials;
+  int best = -1;
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    if (!work->present[c] || work->moved[c]) continue;
+    const int camera = static_cast<int>(c);
+    const Trial& trial = trials[camera] = Examine(work, camera);
+    if (!HasMoved(work->checks[c], work->options)) continue;
+    if (best < 0 || trial.gain > trials[best].gain) best = camera;
+  }
+  if (best < 0) return false;
+  // A rival is another explanation of the same when nothing is left of it beside the best one.
+  const PoseState before = work->state;
+  for (const auto& [camera, trial] : trials) {
+    CameraCheck& check = work->checks[static_cast<size_t>(camera)];
+    if (camera == best || !HasMoved(check, work->options) || trial.gain < kTie * trials[best].gain) continue;
+    const CameraCheck alone = check;
+    work->moved[static_cast<size_t>(best)] = true;
+    PlaceBoards(work);
+    Examine(work, camera);
+    if (!HasMoved(check, work->options)) result->undecided.push_back(check.name);
+    check = alone;
+    work->moved[static_cast<size_t>(best)] = false;
+    work->state = before;
+  }
+  if (!result->undecided.empty()) {
+    result->undecided.push_back(work->checks[static_cast<size_t>(best)].name);
+    std::sort(result->undecided.begin(), result->undecided.end());
+    return false;
+  }
+  work->moved[static_cast<size_t>(best)] = true;
+  PlaceBoards(work);
+  return true;
+}
+
+/// What was found to have moved is only as good as two cameras that agree with each other.
+void RequireConsensus(CheckWork* work, RigCheck* result) {
+  if (result->undecided.empty()) return;
+  int agreeing = 0;
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    const auto& unsure = result->undecided;
+    const bool is_unsure = std::find(unsure.begin(), unsure.end(), work->checks[c].name) != unsure.end();
+    agreeing += work->present[c] && !work->moved[c] && !is_unsure && !work->boards_of[c].empty();
+  }
+  if (agreeing >= 2) return;
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    if (work->moved[c]) result->undecided.push_back(work->checks[c].name);
+    work->moved[c] = false;
+  }
+  std::sort(result->undecided.begin(), result->undecided.end());
+}
+
+double Rms(const Eigen::VectorXd& distances, const View& view) {
+  const auto used = (view.weights.array() > 0).cast<double>();
+  return std::sqrt((used > 0).select(distances.array().square(), 0).sum() / used.sum());
+}
+
+/// Views of a camera that are not far worse than its others, as calibrated.
+std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCheck* check) {
+  std::vector<size_t> views, ordinary;
+  std::vector<double> rms;
+  for (size_t v = 0; v < work.problem.views.size(); ++v) {
+    const View& view = work.problem.views[v];
+    if (view.camera_idx != static_cast<int>(camera)) continue;
+    const Rigid3& board = work.state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
+    views.push_back(v);
+    rms.push_back(
+        Rms(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
+  }
+  const double limit = 4 * UpperMedian(rms);
+  for (size_t i = 0; i < views.size(); ++i) {
+    if (!(rms[i] > limit)) ordinary.push_back(views[i]);
+  }
+  check->num_outlying_views = static_cast<int>(views.size() - ordinary.size());
+  return ordinary;
+}
+
+/// Every camera's residuals against the boards of those that stayed, as calibrated and with its new pose.
+void FillResiduals(CheckWork* work, RigCheck* result) {
+  std::vector<double> all;
+  double all_squares = 0;
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    CameraCheck& check = work->checks[c];
+    std::vector<double> distances;
+    double squares = 0, squares_after = 0;
+    for (const size_t v : OrdinaryViews(*work, c, &check)) {
+      const View& view = work->problem.views[v];
+      const Rigid3& board = work->state.world_from_board[static_cast<size_t>(work->problem.board_of_view[v])];
+      const Eigen::VectorXd before =
+          CornerDistances(view, work->problem.cameras[c], work->rig.cameras[c].cam_from_world * board);
+      const Eigen::VectorXd after = CornerDistances(view, work->problem.cameras[c], check.cam_from_world * board);
+      for (Eigen::Index i = 0; i < view.size(); ++i) {
+        if (view.weights[i] <= 0) continue;
+        distances.push_back(before[i]);
+        squares += before[i] * before[i], squares_after += after[i] * after[i];
+      }
+    }
+    const double count = static_cast<double>(distances.size());
+    check.rms_px = count > 0 ? std::sqrt(squares / count) : kNaN;
+    check.rms_after_px = count > 0 ? std::sqrt(squares_after / count) : kNaN;
+    check.median_px = UpperMedian(distances);
+    check.moved = work->moved[c];
+    if (!work->moved[c]) all.insert(all.end(), distances.begin(), distances.end()), all_squares += squares;
+    if (work->present[c]) result->cameras.push_back(check);
+  }
+  result->rms_px = all.empty() ? kNaN : std::sqrt(all_squares / static_cast<double>(all.size()));
+  result->median_px = UpperMedian(all);
+}
+
+/// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on.
+void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* result) {
+  result->scale = internal::MeasureScale(boards, *work);
+  if (std::count(work->present.begin(), work->present.end(), true) < 3) return;
+  if (!(std::abs(result->scale - 1) > work->options.scale_percent / 100)) return;
+  for (View& view : work->problem.views) view.x_in_board *= result->scale;
+  for (Rigid3& pose : work->own_pose) pose.translation *= result->scale;
+}
+
+/// `stated` receives the covariances of the new poses.
+void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::StatedCovariance* stated) {
+  const int num_boards = static_cast<int>(work->problem.views_of_board.size());
+  work->state.world_from_board.resize(static_cast<size_t>(num_boards));
+  const int64_t present = std::count(work->present.begin(), work->present.end(), true);
+  ProgressStage stage(run, "checking cameras", present);
+  for (int board = 0; board < num_boards; ++board) {
+    work->state.world_from_board[static_cast<size_t>(board)] = StartOfBoard(*work, board);
+  }
+  PlaceBoards(work);
+  for (int64_t i = 0; i < present && FindNextMoved(work, result); ++i) stage.Advance(1);
+  RequireConsensus(work, result);
+  PlaceBoards(work);
+  for (size_t c = 0; c < work->checks.size(); ++c) {
+    if (!work->moved[c]) continue;
+    const int camera = static_cast<int>(c);
+    const Trial trial = Examine(work, camera);
+    result->moved.push_back(work->checks[c].name);
+    stated->pose_known[c] = false;
+    if (stated->AnyKnown() && trial.solution.status == Status::kOk)
+      internal::CarryIntoRepair(*work, trial.state, SharedBoards(*work, camera), camera, trial.solution.covariance, stated);
+  }
+  HearVoters(-1, work);
+}
+
+}  // namespace
+
+RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
+                  const RunContext& run) {
+  RequireKnown(rig, input);
+  RigCheck result;
+  result.repaired = rig;
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
+  CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}};
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    work.problem.cameras.push_back(camera.camera);
+    work.state.cam_from_world.push_back(camera.cam_from_world);
+    work.checks.emplace_back();
+    work.checks.back().name = camera.camera.name;
+    work.checks.back().cam_from_world = camera.cam_from_world;
+  }
+  work.present.assign(rig.cameras.size(), false);
+  work.moved.assign(rig.cameras.size(), false);
+  for (const CameraInput& camera : input.cameras) work.present[static_cast<size_t>(rig.Find(camera.name))] = true;
+  internal::PrepareCheck(input, &work);
+  result.num_boards = static_cast<int>(work.problem.views_of_board.size());
+  if (work.problem.views_of_board.empty()) {
+    result.status = Status::kTooFewViews;
+    result.message = "no two cameras see a board at the same instant";
+  } else {
+    work.all_views_of_board = work.problem.views_of_board;
+    result.board_metrics = internal::MeasureLengths(input.boards, work);
+    TakeScale(input.boards, &work, &result);
+    Solve(run, &work, &result, &stated);
+  }
+  FillResiduals(&work, &result);
+  for (size_t c = 0; c < work.checks.size(); ++c) {
+    if (work.moved[c]) {
+      result.repaired.cameras[c].cam_from_world = work.checks[c].cam_from_world;
+    }
+  }
+  if (!result.moved.empty()) geometry::StoreCovariance(stated, &result.repaired);
+  internal::JudgeCheck(options, &result);
+  return result;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace mvstudio::calib {
+
+/// What is to be thought of a calibration.
+struct Verdict {
+  struct Reason {
+    std::string code;  ///< stable, docs/reliability.md lists them all
+    std::string text;  ///< one line: camera, figure, limit
+    std::string hint;  ///< what to do
+  };
+  std::string status = "pass";  ///< pass, warn or fail
+  std::vector<Reason> reasons;  ///< empty for pass
+};
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/board/board.h"
+#include "calib/board/detection.h"
+#include "calib/board/observations.h"
+
+/// Board corners that were found by another program: read, checked, and written again in a format of our own
+/// (docs/corner-files.md).
+namespace mvstudio::calib {
+
+struct CornerFile {
+  /// What a reader assumed, changed or noticed, for the user to check.
+  struct Note {
+    std::string code, text, hint;
+  };
+  std::vector<CameraInput> cameras;   ///< sizes are 0 where neither the file nor the options say
+  std::vector<Board> boards;          ///< of Detection::board_idx
+  std::vector<Detection> detections;  ///< by camera, frame, board; corner ids ascending; not empty
+  std::vector<Note> notes;
+};
+
+struct CornerFileOptions {
+  std::string format = "auto";       ///< auto, vnl, caliscope, opencv or csv
+  std::string unit = "m";            ///< of the object points in the file: m, cm, mm, in
+  std::vector<std::string> cameras;  ///< vnl: NAME=PATTERN of the image names, one * where the number of the frame is
+  std::vector<std::string> sizes;    ///< WxH for all cameras, or NAME=WxH
+  std::optional<Board> board;        ///< vnl needs it; in the others it takes the place of the file's own points
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, CornerFileOptions& o) {
+  visit("corners-format", o.format, "auto, vnl (mrcal, mrgingham), caliscope (xy.csv), opencv (XML) or csv (our own)");
+  visit("corners-unit", o.unit, "of the board's points in the corner file: m, cm, mm or in");
+  visit("corners-camera", o.cameras,
+        "vnl: NAME=PATTERN of a camera's image names, with one * for the frame's number; default: by the names cam0-0000.jpg");
+  visit("size", o.sizes, "image size WIDTHxHEIGHT px of all cameras, or NAME=WIDTHxHEIGHT, where a corner file does not say");
+}
+
+/// Reads corners from one of
+///   vnl        `# filename x y level` of mrcal and mrgingham: the corners of an image row by row; sigma = 2^level (or
+///   1/weight),
+///              rows with '-' are corners that were not found. Camera and frame come from the image's name.
+///   caliscope  xy.csv: sync_index is the instant; the file's own object points make the board. Sizes come from the
+///              camera_array.toml of the session when it lies in the same folder or up to three above.
+///   opencv     XML of OpenCV's omnidirectional samples: objectPoints with imagePoints, or imagePoints1 and imagePoints2.
+///   csv        what WriteCornerFile writes.
+/// Boards whose corners run mirrored in every view are renumbered; that, and cameras that see only the back of a board, are
+/// noted. Throws UsageError for options that are missing or contradict the file, IoError, FormatError with the line.
+CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& options = {});
+
+/// Writes corners as CSV `camera,frame,board,corner,x_px,y_px[,sigma_px]` after `#` lines with the cameras' sizes and the
+/// boards. Reading it gives the same bits. Throws UsageError when a camera's name cannot be written.
+void WriteCornerFile(const CornerFile& file, const std::string& path);
+
+/// -1 when the view of a flat board is mirrored (its back is seen), 1 when not, 0 when that cannot be told: fewer than 3
+/// corners, collinear ones, or a board that is not flat. The sign of the determinant of the best affine map.
+int ViewOrientation(const Board& board, const Detection& detection);
+
+/// A grid board when the points (3, N, metres) are a regular grid numbered row by row, wherever its first corner lies and its
+/// rows point (to 1e-4 of its step); the frame `board` is then the grid's own. Otherwise a board of these points.
+Board BoardFromPoints(const Eigen::Matrix3Xd& points);
+
+}  // namespace mvstudio::calib

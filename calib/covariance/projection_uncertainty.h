@@ -1,0 +1,85 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "calib/bundle/bundle.h"
+#include "calib/bundle/view.h"
+#include "calib/covariance/held_covariance.h"
+#include "core/status.h"
+
+namespace mvstudio::calib {
+
+/// What the noise of the corners does to a projected pixel.
+struct PixelUncertainty {
+  Status status = Status::kOk;  ///< kOutsideValidRadius …: the lens has no ray there; kTooFewViews: no corners
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
+  /// Standard deviation along the worst direction; NaN when the status is not kOk.
+  double worst_px() const;
+};
+
+/// What the noise of the corners does to a point triangulated from noise-free pixels.
+struct PointUncertainty {
+  Status status = Status::kOk;  ///< kTooFewViews, kLowParallax, kDegenerate: the cameras are not linked by shared boards
+  Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  // in world
+  double worst_m() const;
+};
+
+/// The figures of one camera, px, standard deviations along the worst direction at the median distance of its boards.
+struct CameraUncertainty {
+  std::string name;
+  double range_m = 0;    ///< median distance of the corners it saw
+  double centre_px = 0;  ///< at the middle of the image
+  double edge_px = 0;    ///< the largest of four: 95 % of the way from the middle to the middle of each side
+  double corner_px = 0;  ///< the largest of four: 95 % of the way from the middle to each corner of the image
+};
+
+/// The largest figures over all cameras; NaN where none has a value (lenses that have no ray there are left out).
+struct UncertaintySummary {
+  double centre_px = 0, edge_px = 0, corner_px = 0;  ///< as in CameraUncertainty
+  double volume_mm = 0;      ///< median over the places where boards were seen; see VolumeUncertainty. NaN with one camera
+  double volume_max_mm = 0;  ///< the worst of them
+  std::vector<CameraUncertainty> cameras;
+};
+
+/// How far projections and triangulated points scatter because the corners of the calibration did. Errors are taken against the
+/// boards, not against the gauge: a point keeps its coordinates in each board's frame, every frame moves it with its board, and
+/// the mean of these places is what is projected ("mean frames"; Kogan, mrcal, "Projection uncertainty", 2022). A motion of
+/// everything together thus counts for nothing. Frames whose corners do not determine the board are left out of the mean, and
+/// only frames linked to the camera by shared boards take part. The noise of the corners is all there is in it: a lens model
+/// that does not fit is not seen, so put held-out errors beside these figures.
+class ProjectionUncertainty {
+ public:
+  /// Normal equations at `state`, the solution of `options` on `views`, factorised once: sigma_px is the standard deviation per
+  /// coordinate of a corner of weight 1. The errors of what `options` held count as `held` states them, else not. See status().
+  ProjectionUncertainty(const std::vector<View>& views, const RigState& state, const BundleOptions& options, double sigma_px,
+                        const HeldCovariance& held = {});
+
+  /// kDegenerate when the data leave something undetermined, kBehindCamera when `state` does not project its own corners; every
+  /// answer has this status then.
+  Status status() const;
+
+  /// Of the projection of the point seen at `px`, `range_m` metres from the camera along the ray; infinity: a direction.
+  PixelUncertainty PixelCovariance(int camera_idx, const Eigen::Vector2d& px, double range_m) const;
+
+  /// Worst-direction standard deviations, px, (rows, cols) at the crossings of a grid over the image whose outermost lines are
+  /// its outermost pixels; NaN where the lens has no ray. At least 2 x 2.
+  Eigen::MatrixXd UncertaintyMap(int camera_idx, int cols, int rows, double range_m) const;
+
+  /// Of the point that `cameras` (empty: all whose image holds it) triangulate by least squares of their pixel errors.
+  PointUncertainty PointCovariance(const Eigen::Vector3d& x_in_world, std::vector<int> cameras = {}) const;
+
+  /// Worst-direction standard deviations, metres, at up to `max_points` places of boards (their middle and their outermost
+  /// corners, evenly over the frames) whose pixels lie in two images or more. Ascending.
+  std::vector<double> VolumeUncertainty(int max_points = 200) const;
+
+  UncertaintySummary Summarize() const;
+
+ private:
+  struct Prepared;
+  std::shared_ptr<const Prepared> prepared_;
+};
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,324 @@
+#include "calib/detect/detect_footage.h"
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <utility>
+
+#include "calib/detect/detection_cache.h"
+#include "core/check.h"
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr size_t kMirrorChecks = 20;  // images of a camera that are also looked at in a mirror when no marker is found
+
+/// Progress of several threads.
+class SharedStage {
+ public:
+  SharedStage(const RunContext& run, int64_t total) : stage_(run, "finding boards", total) {}
+  void Advance(int64_t done, const std::string& note) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stage_.Advance(done, note);
+  }
+
+ private:
+  std::mutex mutex_;
+  ProgressStage stage_;
+};
+
+int Stride(const std::vector<Footage>& footage, const FootageOptions& options) {
+  if (options.every < 1) throw UsageError("--every must be 1 or more");
+  if (options.max_frames < 0) throw UsageError("--max-frames must not be negative");
+  int64_t longest = 0;
+  for (const Footage& f : footage) longest = std::max(longest, f.num_frames);
+  if (options.max_frames == 0) return options.every;
+  const int64_t thinning = (longest / options.every + options.max_frames - 1) / options.max_frames;
+  return options.every * static_cast<int>(std::max<int64_t>(1, thinning));
+}
+
+void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int64_t>* seen, CameraInput* camera) {
+  if (camera->width_px == 0) camera->width_px = frame.image.width, camera->height_px = frame.image.height;
+  const auto size = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
+  if (frame.image.width != camera->width_px || frame.image.height != camera->height_px) {
+    throw FormatError(footage.path, frame.label,
+                      "camera " + footage.camera + ": the image is " + size(frame.image.width, frame.image.height) +
+                          " but the first was " + size(camera->width_px, camera->height_px) +
+                          "; a camera's images must all have one size");
+  }
+  if (!seen->insert(frame.frame_idx).second) {
+    throw FormatError(footage.path, frame.label,
+                      "camera " + footage.camera + " has number " + std::to_string(frame.frame_idx) +
+                          " twice; images of several cameras are paired by the last number in their names");
+  }
+}
+
+std::string HintFor(const Board& board, const std::string& detector) {
+  if (board.kind == Board::Kind::kChessboard) {
+    return "the numbers of INNER corners, that the whole board is visible and sharp" +
+           std::string(detector == "fast" ? ", or try --detector exact" : "");
+  }
+  if (board.has_tags()) return "the family, the ids and the numbers of tags";
+  return "the numbers of squares, the dictionary, and whether the layout is legacy";
+}
+
+std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, const FootageDetections& found,
+                      const std::string& detector) {
+  std::string why, names;
+  for (const auto& [reason, count] : found.reasons) why += (why.empty() ? "" : ", ") + reason + ": " + std::to_string(count);
+  for (const Board& board : boards) names += (names.empty() ? "" : " or ") + ToString(board);
+  return "camera " + footage.camera + ": the board " + names + " was not found in any of " + std::to_string(found.num_images) +
+         " images" + (why.empty() ? "" : " (" + why + ")") + "; check " + HintFor(boards.front(), detector) +
+         ", or let `mvstudio board check` find out what fits";
+}
+
+/// A searched image: what DetectBoards gave.
+struct Searched {
+  int64_t frame_idx = 0;
+  std::vector<std::vector<BoardDetection>> boards;
+};
+
+/// Hands out the frames of one camera, to one thread at a time.
+class FrameQueue {
+ public:
+  FrameQueue(Footage* footage, int stride) : footage_(footage), stride_(stride) {}
+
+  struct Frame {
+    size_t position = 0;  // among the searched frames
+    FootageFrame frame;
+  };
+  /// The next frame to be searched; nothing at the end, or when another thread is reading and `wait` is not set.
+  std::optional<Frame> Take(bool wait) {
+    std::unique_lock<std::mutex> lock(mutex_, std::defer_lock);
+    wait ? lock.lock() : static_cast<void>(lock.try_lock());
+    if (!lock.owns_lock()) return std::nullopt;
+    while (!done_) {
+      auto frame = footage_->next();
+      if (!frame) break;
+      CheckFrame(*footage_, *frame, &seen_, &camera_);
+      if (frame->frame_idx % stride_ == 0) return Frame{num_taken_++, std::move(*frame)};
+    }
+    done_ = true;
+    return std::nullopt;
+  }
+  void Stop() { done_ = true; }
+  bool done() const { return done_; }
+
+  void Keep(size_t position, Searched searched) {
+    const std::lock_guard<std::mutex> lock(results_mutex_);
+    if (results_.size() <= position) results_.resize(position + 1);
+    results_[position] = std::move(searched);
+  }
+  std::vector<Searched> TakeResults() { return std::move(results_); }
+  const CameraInput& camera() const { return camera_; }
+  const std::string& name() const { return footage_->camera; }
+
+ private:
+  Footage* footage_;
+  int stride_;
+  std::mutex mutex_, results_mutex_;
+  std::set<int64_t> seen_;
+  CameraInput camera_;
+  std::atomic<bool> done_{false};
+  size_t num_taken_ = 0;
+  std::vector<Searched> results_;
+};
+
+/// A frame of any queue, beginning with `first` so that the threads read different cameras while they can.
+std::optional<std::pair<FrameQueue*, FrameQueue::Frame>> TakeAny(std::vector<std::unique_ptr<FrameQueue>>& queues,
+                                                                 size_t first) {
+  for (const bool wait : {false, true}) {
+    for (size_t k = 0; k < queues.size(); ++k) {
+      FrameQueue& queue = *queues[(first + k) % queues.size()];
+      if (queue.done()) continue;
+      if (auto frame = queue.Take(wait)) return std::make_pair(&queue, std::move(*frame));
+    }
+  }
+  return std::nullopt;
+}
+
+void SearchAll(const std::vector<Board>& boards, std::vector<std::unique_ptr<FrameQueue>>& queues, const DetectOptions& options,
+               const RunContext& run, SharedStage* stage) {
+  const int num_threads = ResolveThreads(run.num_threads);
+  const auto work = [&](int64_t thread) {
+    try {
+      while (auto taken = TakeAny(queues, thread)) {
+        auto& [queue, frame] = *taken;
+        DetectOptions detect = options;
+        detect.check_mirror = options.check_mirror && frame.position < kMirrorChecks;
+        queue->Keep(frame.position, {frame.frame.frame_idx, DetectBoards(boards, frame.frame.image, detect)});
+        stage->Advance(1, queue->name());
+      }
+    } catch (...) {
+      for (auto& queue : queues) queue->Stop();
+      throw;
+    }
+  };
+  ParallelFor(num_threads, num_threads, work);
+}
+
+/// Everything known of one camera's footage, from the cache or from the search.
+struct CameraResults {
+  CameraInput camera;
+  std::vector<Searched> pictures;
+  std::optional<std::string> digest;
+  bool cached = false;
+};
+
+bool LoadCamera(const DetectionCache& cache, const std::vector<Board>& boards, const DetectOptions& options, int stride,
+                CameraResults* results) {
+  for (const Board& board : boards) {
+    auto stored = cache.Load(DetectionKey(*results->digest, board, options, stride));
+    if (!stored) return false;
+    if (results->pictures.empty()) results->pictures.resize(stored->pictures.size());
+    if (results->pictures.size() != stored->pictures.size()) return false;
+    results->camera.width_px = stored->width_px, results->camera.height_px = stored->height_px;
+    for (size_t i = 0; i < stored->pictures.size(); ++i) {
+      if (stored->pictures[i].layouts.size() != LayoutsOf(board).size()) return false;
+      results->pictures[i].frame_idx = stored->pictures[i].frame_idx;
+      results->pictures[i].boards.push_back(std::move(stored->pictures[i].layouts));
+    }
+  }
+  return true;
+}
+
+void StoreCamera(const DetectionCache& cache, const std::vector<Board>& boards, const DetectOptions& options, int stride,
+                 const CameraResults& results) {
+  for (size_t b = 0; b < boards.size(); ++b) {
+    StoredFootage stored{results.camera.width_px, results.camera.height_px, {}};
+    for (const Searched& picture : results.pictures) stored.pictures.push_back({picture.frame_idx, picture.boards[b]});
+    cache.Store(DetectionKey(*results.digest, boards[b], options, stride), stored);
+  }
+}
+
+std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::vector<Footage>& footage,
+                                        const FootageOptions& options, const RunContext& run) {
+  const int stride = Stride(footage, options);
+  int64_t total = 0;
+  for (const Footage& f : footage) total += f.num_frames / stride;
+  SharedStage stage(run, total);
+  const DetectionCache cache(options.cache);
+  std::vector<CameraResults> results(footage.size());
+  ParallelFor(static_cast<int64_t>(footage.size()), run.num_threads, [&](int64_t c) {
+    if (cache.enabled()) results[c].digest = ContentDigest(footage[c].path);
+    if (!results[c].digest) return;
+    results[c].cached = LoadCamera(cache, boards, options.detect, stride, &results[c]);
+    if (!results[c].cached) results[c].camera = CameraInput(), results[c].pictures.clear();
+    if (results[c].cached) stage.Advance(static_cast<int64_t>(results[c].pictures.size()), footage[c].camera);
+  });
+  std::vector<std::unique_ptr<FrameQueue>> queues;
+  std::vector<size_t> camera_of;
+  for (size_t c = 0; c < footage.size(); ++c) {
+    if (results[c].cached) continue;
+    queues.push_back(std::make_unique<FrameQueue>(&footage[c], stride));
+    camera_of.push_back(c);
+  }
+  SearchAll(boards, queues, options.detect, run, &stage);
+  for (size_t q = 0; q < queues.size(); ++q) {
+    CameraResults& camera = results[camera_of[q]];
+    camera.camera = queues[q]->camera();
+    camera.pictures = queues[q]->TakeResults();
+    if (camera.digest) StoreCamera(cache, boards, options.detect, stride, camera);
+  }
+  return results;
+}
+
+/// The layout of board `b` that most corners in all footage agree with.
+size_t CommonLayout(const std::vector<CameraResults>& results, size_t b, size_t num_layouts) {
+  std::vector<int64_t> corners(num_layouts, 0);
+  for (const CameraResults& camera : results) {
+    for (const Searched& picture : camera.pictures) {
+      for (size_t l = 0; l < num_layouts; ++l) {
+        const BoardDetection& d = picture.boards[b][l];
+        if (d.status == Status::kOk) corners[l] += d.detection.num_corners();
+      }
+    }
+  }
+  return std::max_element(corners.begin(), corners.end()) - corners.begin();
+}
+
+/// Adds what was found of board `b` in the chosen layout.
+void Collect(const CameraResults& results, size_t b, size_t layout, const std::string& prefix, int camera_idx,
+             FootageDetections* found) {
+  for (const Searched& picture : results.pictures) {
+    BoardDetection result = picture.boards[b][layout];
+    if (result.status != Status::kOk) {
+      ++found->reasons[prefix + result.reason];
+      continue;
+    }
+    result.detection.camera_idx = camera_idx;
+    result.detection.frame_idx = picture.frame_idx;
+    result.detection.board_idx = static_cast<int>(b);
+    found->num_corners_dropped += result.num_found - result.detection.num_corners();
+    found->detections.push_back(std::move(result.detection));
+  }
+}
+
+std::string LayoutNote(const Board& board, const Board& layout) {
+  std::string how;
+  if (layout.legacy != board.legacy) how = "in the legacy layout";
+  if (layout.inverted != board.inverted) how += std::string(how.empty() ? "" : " and ") + "with black and white exchanged";
+  return "board " + ToString(board) + " is printed " + how + ": " + ToString(layout);
+}
+
+}  // namespace
+
+std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, std::vector<Footage>& footage,
+                                             const FootageOptions& options, const RunContext& run) {
+  MVS_CHECK(!boards.empty() && !footage.empty(), boards.size() << " boards, " << footage.size() << " cameras");
+  const std::vector<CameraResults> results = LoadOrSearch(boards, footage, options, run);
+  std::vector<FootageDetections> found(footage.size());
+  for (size_t b = 0; b < boards.size(); ++b) {
+    const std::vector<Board> layouts = LayoutsOf(boards[b]);
+    const size_t layout = CommonLayout(results, b, layouts.size());
+    const std::string prefix = boards.size() > 1 ? ToString(boards[b]) + ": " : "";
+    size_t num_seen = 0;
+    for (size_t c = 0; c < footage.size(); ++c) {
+      const size_t before = found[c].detections.size();
+      Collect(results[c], b, layout, prefix, static_cast<int>(c), &found[c]);
+      const bool seen = found[c].detections.size() > before;
+      num_seen += seen;
+      if (layout > 0 && seen) found[c].notes.push_back(LayoutNote(boards[b], layouts[layout]));
+    }
+    if (num_seen == 0 && boards.size() > 1)
+      found[0].notes.push_back("board " + ToString(boards[b]) + " was never seen by any camera");
+  }
+  for (size_t c = 0; c < footage.size(); ++c) {
+    found[c].camera = results[c].camera;
+    found[c].camera.name = footage[c].camera;
+    found[c].num_images = static_cast<int>(results[c].pictures.size());
+    found[c].cached = results[c].cached;
+    std::stable_sort(found[c].detections.begin(), found[c].detections.end(),
+                     [](const Detection& a, const Detection& d) { return a.frame_idx < d.frame_idx; });
+    if (found[c].detections.empty()) {
+      throw FormatError(footage[c].path, "", NeverSeen(boards, footage[c], found[c], options.detect.detector));
+    }
+  }
+  return found;
+}
+
+std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Footage>& footage, const FootageOptions& options,
+                                             const RunContext& run) {
+  return DetectFootage(std::vector<Board>{board}, footage, options, run);
+}
+
+CalibrateInput ToCalibrateInput(const std::vector<Board>& boards, const std::vector<FootageDetections>& found) {
+  CalibrateInput input;
+  input.boards = boards;
+  for (const FootageDetections& camera : found) {
+    input.cameras.push_back(camera.camera);
+    input.num_corners_dropped += camera.num_corners_dropped;
+    input.detections.insert(input.detections.end(), camera.detections.begin(), camera.detections.end());
+  }
+  return input;
+}
+
+CalibrateInput ToCalibrateInput(const Board& board, const std::vector<FootageDetections>& found) {
+  return ToCalibrateInput(std::vector<Board>{board}, found);
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,208 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "calib/board/pixel_origin.h"
+#include "calib/formats/colmap_internal.h"
+#include "calib/formats/formats.h"
+#include "core/check.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace internal {
+namespace {
+
+using geometry::LensModel;
+
+constexpr ColmapModel kModels[] = {{0, "SIMPLE_PINHOLE", 3},
+                                   {1, "PINHOLE", 4},
+                                   {2, "SIMPLE_RADIAL", 4},
+                                   {3, "RADIAL", 5},
+                                   {4, "OPENCV", 8},
+                                   {5, "OPENCV_FISHEYE", 8},
+                                   {6, "FULL_OPENCV", 12},
+                                   {7, "FOV", 5},
+                                   {8, "SIMPLE_RADIAL_FISHEYE", 4},
+                                   {9, "RADIAL_FISHEYE", 5},
+                                   {10, "THIN_PRISM_FISHEYE", 12}};
+
+/// One focal length, then the centre.
+bool HasOneFocal(const ColmapModel& model) {
+  return model.id == 0 || model.id == 2 || model.id == 3 || model.id == 8 || model.id == 9;
+}
+
+/// Distortion of a file's camera as ours has it.
+Eigen::VectorXd OwnDistortion(const ColmapCamera& camera, LensModel* lens) {
+  const size_t start = HasOneFocal(*camera.model) ? 3 : 4;
+  const Eigen::VectorXd k =
+      Eigen::Map<const Eigen::VectorXd>(camera.params.data() + start, static_cast<Eigen::Index>(camera.params.size() - start));
+  switch (camera.model->id) {
+    case 2:
+      *lens = LensModel::kBrown1;
+      return k;
+    case 3:
+      *lens = LensModel::kBrown2;
+      return k;
+    case 4:
+      *lens = LensModel::kBrown4;
+      return k;
+    case 6:
+      *lens = LensModel::kRational8;
+      return k;
+    case 5:
+    case 8:
+    case 9:
+    case 10: {
+      *lens = LensModel::kKannalaBrandt4;
+      Eigen::VectorXd own = Eigen::VectorXd::Zero(4);
+      if (camera.model->id != 10) {
+        own.head(k.size()) = k;
+      } else if (k[2] == 0 && k[3] == 0 && k[6] == 0 && k[7] == 0) {
+        own << k[0], k[1], k[4], k[5];
+      } else {
+        throw FormatError(camera.place.path, camera.place.where,
+                          "THIN_PRISM_FISHEYE with p1, p2, sx1 or sy1 is no lens model here; use OPENCV_FISHEYE in COLMAP");
+      }
+      return own;
+    }
+    case 7:
+      throw FormatError(camera.place.path, camera.place.where,
+                        "the lens FOV is no lens model here; use OPENCV_FISHEYE in COLMAP");
+    default:
+      *lens = LensModel::kPinhole;
+      return k;
+  }
+}
+
+geometry::Camera ToCamera(const ColmapCamera& file, const std::string& name) {
+  const bool one_focal = HasOneFocal(*file.model);
+  LensModel lens = LensModel::kPinhole;
+  const Eigen::VectorXd distortion = OwnDistortion(file, &lens);
+  const double *p = file.params.data(), *centre = p + (one_focal ? 1 : 2);
+  if (distortion.isZero(0) && lens != LensModel::kKannalaBrandt4) lens = LensModel::kPinhole;
+  const Eigen::Index count = geometry::NumDistortionParams(lens);
+  Eigen::VectorXd params(4 + count);
+  params << p[0], one_focal ? p[0] : p[1], centre[0] - kCornerOriginShiftPx, centre[1] - kCornerOriginShiftPx,
+      distortion.head(count);
+  return MakeModelCamera(name, file.width_px, file.height_px, lens, params, file.place);
+}
+
+/// Null model when COLMAP has no such lens.
+ColmapCamera FromCamera(const geometry::Camera& camera) {
+  ColmapCamera file;
+  const auto lens = ToOpenCvLens(camera);
+  if (!lens || lens->distortion.size() > 8) return file;
+  const Eigen::Index count = lens->distortion.size();
+  file.model = FindColmapModel(lens->fisheye ? 5 : count == 0 ? 1 : count == 4 ? 4 : 6);
+  file.width_px = camera.width_px, file.height_px = camera.height_px;
+  file.params = {camera.fx(), camera.fy(), camera.cx() + kCornerOriginShiftPx, camera.cy() + kCornerOriginShiftPx};
+  for (Eigen::Index i = 0; i < count; ++i) file.params.push_back(lens->distortion[i]);
+  file.params.resize(static_cast<size_t>(file.model->num_params), 0);
+  return file;
+}
+
+/// A camera and an image each.
+ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& images) {
+  ColmapFiles model;
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const geometry::RigCamera& camera = rig.cameras[i];
+    if (images[i].find_first_of(" \t\n\r") != std::string::npos) {
+      throw UsageError("the camera name '" + Printable(camera.camera.name) +
+                       "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
+    }
+    const uint32_t id = static_cast<uint32_t>(i + 1);
+    model.cameras[id] = FromCamera(camera.camera);
+    if (!model.cameras[id].model) throw UsageError("COLMAP has no lens like that of camera " + Printable(camera.camera.name));
+    model.images.push_back({camera.cam_from_world.rotation, camera.cam_from_world.translation, id, images[i], {}});
+  }
+  return model;
+}
+
+std::string WithoutPictureExtension(const std::string& name) {
+  for (const std::string known : {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".PNG", ".JPG", ".JPEG"}) {
+    const size_t rest = name.size() - std::min(name.size(), known.size());
+    if (rest > 0 && name.compare(rest, known.size(), known) == 0) return name.substr(0, rest);
+  }
+  return name;
+}
+
+}  // namespace
+
+const ColmapModel* FindColmapModel(int id) {
+  for (const ColmapModel& model : kModels) {
+    if (model.id == id) return &model;
+  }
+  return nullptr;
+}
+
+const ColmapModel* FindColmapModel(const std::string& name) {
+  for (const ColmapModel& model : kModels) {
+    if (model.name == name) return &model;
+  }
+  return nullptr;
+}
+
+Eigen::Quaterniond ColmapRotation(double w, double x, double y, double z, const Place& place) {
+  const Eigen::Quaterniond rotation(w, x, y, z);
+  if (!(std::abs(rotation.norm() - 1) < 1e-3))
+    throw FormatError(place.path, place.where, "the quaternion is not of unit length");
+  return rotation.normalized();
+}
+
+bool ColmapCanCarry(const geometry::Camera& camera) { return FromCamera(camera).model != nullptr; }
+
+Files WriteColmap(const geometry::Rig& rig, const std::string& path, bool text) {
+  std::vector<std::string> images;
+  for (const geometry::RigCamera& camera : rig.cameras) images.push_back(camera.camera.name + ".png");
+  const ColmapFiles model = ModelOf(rig, images);
+  return text ? WriteColmapText(model, path) : WriteColmapBinary(model, path);
+}
+
+}  // namespace internal
+
+std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
+                                          const std::vector<ColmapModelPoint>& points, const std::string& folder) {
+  MVS_CHECK(images.size() == rig.cameras.size(), images.size() << " images of " << rig.cameras.size() << " cameras");
+  const Eigen::Vector2d shift = Eigen::Vector2d::Constant(kCornerOriginShiftPx);
+  internal::ColmapFiles model = internal::ModelOf(rig, images);
+  for (const ColmapModelPoint& point : points) {
+    const uint64_t id = model.points.size() + 1;
+    internal::ColmapPoint out{point.x_in_world, point.rgb, point.error_px, {}};
+    for (const ColmapModelPoint::Seen& seen : point.track) {
+      std::vector<internal::ColmapImage::Feature>& features = model.images.at(seen.camera_idx).features;
+      out.track.emplace_back(static_cast<uint32_t>(seen.camera_idx + 1), static_cast<uint32_t>(features.size()));
+      features.push_back({seen.px + shift, id});
+    }
+    model.points.push_back(std::move(out));
+  }
+  std::vector<std::string> files = internal::WriteColmapBinary(model, folder);
+  for (const std::string& file : internal::WriteColmapText(model, folder)) files.push_back(file);
+  return files;
+}
+
+ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
+  namespace fs = std::filesystem;
+  const std::string folder = fs::is_directory(path) ? path : fs::path(path).parent_path().string();
+  const bool named_text = fs::path(path).extension() == ".txt";
+  const bool binary = !named_text && fs::exists(fs::path(folder) / "cameras.bin");
+  const internal::ColmapFiles model = binary ? internal::ReadColmapBinary(folder) : internal::ReadColmapText(folder);
+  if (model.images.empty())
+    throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
+  ImportedRig imported;
+  imported.rig.gauge = "COLMAP's world";
+  for (const internal::ColmapImage& image : model.images) {
+    const auto found = model.cameras.find(image.camera_id);
+    if (found == model.cameras.end()) {
+      throw FormatError(image.place.path, image.place.where, "there is no camera " + std::to_string(image.camera_id));
+    }
+    const std::string name = internal::WithoutPictureExtension(image.name);
+    geometry::RigCamera camera;
+    camera.camera = internal::ToCamera(found->second, name);
+    camera.cam_from_world = {image.rotation, image.translation * options.metres_per_unit};
+    internal::AddCamera(std::move(camera), image.place, &imported.rig);
+  }
+  imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  return imported;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <filesystem>
+
+#include "calib/formats/formats.h"
+#include "calib/formats/formats_internal.h"
+#include "calib/formats/opencv_internal.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using internal::Entries;
+using internal::Entry;
+using internal::FindEntry;
+using internal::Place;
+
+/// The items of `names:`, without quotes.
+std::vector<std::string> ReadNames(const Entry& entry) {
+  std::vector<std::string> names;
+  const std::string& block = entry.block;
+  for (size_t start = 0; start < block.size();) {
+    const size_t end = std::min(block.find('\n', start), block.size());
+    std::string item = block.substr(start, end - start);
+    start = end + 1;
+    const size_t dash = item.find('-');
+    const size_t first = dash == std::string::npos ? dash : item.find_first_not_of(" \t\"'", dash + 1);
+    if (first == std::string::npos)
+      throw FormatError(entry.place.path, entry.place.where, "'- name' was expected in every line");
+    item = item.substr(first, item.find_last_not_of(" \t\"'\r") + 1 - first);
+    names.push_back(item);
+  }
+  if (names.empty()) throw FormatError(entry.place.path, entry.place.where, "there is no camera in this list");
+  return names;
+}
+
+const Entry& Require(const Entries& entries, const std::string& key, const std::string& path) {
+  const Entry* entry = FindEntry(entries, key);
+  if (!entry) throw FormatError(path, key, "this entry is missing");
+  return *entry;
+}
+
+Eigen::Vector2d ReadSize(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options) {
+  const Entry *width = FindEntry(entries, "W_" + name), *height = FindEntry(entries, "H_" + name);
+  if (width && height) {
+    return {internal::ParseNumber(width->value, width->place), internal::ParseNumber(height->value, height->place)};
+  }
+  if (options.width_px <= 0 || options.height_px <= 0) {
+    throw UsageError(path + ": the file does not give the image size of camera " + internal::Printable(name) +
+                     "; pass --size WIDTHxHEIGHT");
+  }
+  return {options.width_px, options.height_px};
+}
+
+geometry::Rigid3 ReadPose(const Entries& entries, const std::string& name, const std::string& path) {
+  const Entry* matrix = FindEntry(entries, "Rot_" + name);
+  const Entry& translation = Require(entries, "T_" + name, path);
+  geometry::Rigid3 pose;
+  pose.rotation = internal::ReadRotation(matrix ? *matrix : Require(entries, "R_" + name, path));
+  const Eigen::VectorXd t = internal::ReadVector(translation);
+  if (t.size() != 3) throw FormatError(path, translation.place.where, "3 numbers were expected");
+  pose.translation = t;
+  return pose;
+}
+
+}  // namespace
+
+ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptions& options) {
+  std::vector<std::string> files = paths;
+  if (paths.size() == 1) {
+    const std::filesystem::path given(paths[0]);
+    const std::filesystem::path folder = std::filesystem::is_directory(given) ? given : given.parent_path();
+    files = {(folder / "intri.yml").string(), (folder / "extri.yml").string()};
+  }
+  Entries intrinsics, extrinsics;
+  if (files.size() != 2) throw UsageError("EasyMocap's calibration is two files, intri.yml and extri.yml, or their folder");
+  internal::ReadEntries(files[0], false, &intrinsics);
+  internal::ReadEntries(files[1], false, &extrinsics);
+  const bool swapped =
+      std::any_of(extrinsics.begin(), extrinsics.end(), [](const auto& entry) { return entry.first.compare(0, 2, "K_") == 0; });
+  if (swapped) std::swap(intrinsics, extrinsics), std::swap(files[0], files[1]);
+  ImportedRig imported;
+  imported.rig.gauge = "as imported";
+  for (const std::string& name : ReadNames(Require(intrinsics, "names", files[0]))) {
+    const Entry& matrix = Require(intrinsics, "K_" + name, files[0]);
+    const Entry* distortion = FindEntry(intrinsics, "dist_" + name);
+    if (!distortion) distortion = FindEntry(intrinsics, "D_" + name);
+    const Eigen::Vector2d size = ReadSize(intrinsics, name, files[0], options);
+    geometry::RigCamera camera;
+    camera.camera = internal::MakeCamera(name, size[0], size[1], internal::ReadMatrix3(matrix),
+                                         internal::ReadDistortion(distortion), false, matrix.place);
+    camera.cam_from_world = ReadPose(extrinsics, name, files[1]);
+    camera.cam_from_world.translation *= options.metres_per_unit;
+    internal::AddCamera(std::move(camera), matrix.place, &imported.rig);
+  }
+  return imported;
+}
+
+internal::Files internal::WriteEasyMocap(const geometry::Rig& rig, const std::string& path) {
+  std::string names = "%YAML:1.0\n---\nnames:\n";
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const std::string& name = camera.camera.name;
+    if (name.find_first_of(" \t:'\"\\#") != std::string::npos) {
+      throw UsageError("the camera name '" + Printable(name) +
+                       "' cannot be part of a key of EasyMocap's; use --rename OLD=NEW");
+    }
+    names += "  - " + Quoted(FileName(name)) + "\n";
+  }
+  std::string intrinsics = names, extrinsics = names;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const std::string& name = camera.camera.name;
+    const OpenCvLens lens = OpenCvLensOf(camera.camera);
+    Eigen::RowVectorXd distortion = Eigen::RowVectorXd::Zero(std::max<Eigen::Index>(lens.distortion.size(), 5));
+    distortion.head(lens.distortion.size()) = lens.distortion.transpose();
+    intrinsics += MatrixEntry("K_" + name, camera.camera.K()) + MatrixEntry("dist_" + name, distortion);
+    intrinsics += "H_" + name + ": " + std::to_string(camera.camera.height_px) + "\nW_" + name + ": " +
+                  std::to_string(camera.camera.width_px) + "\n";
+    extrinsics += MatrixEntry("R_" + name, geometry::RotationLog(camera.cam_from_world.rotation)) +
+                  MatrixEntry("Rot_" + name, camera.cam_from_world.rotation.toRotationMatrix()) +
+                  MatrixEntry("T_" + name, camera.cam_from_world.translation);
+  }
+  WriteFileAtomic(path + "/intri.yml", intrinsics);
+  WriteFileAtomic(path + "/extri.yml", extrinsics);
+  return {path + "/intri.yml", path + "/extri.yml"};
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,140 @@
+#include "calib/formats/formats.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "calib/formats/formats_internal.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "core/label.h"
+#include "geometry/rig/rig_io.h"
+
+namespace mvstudio::calib {
+namespace {
+
+namespace fs = std::filesystem;
+using Format = CalibrationFormat;
+
+constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
+                                       "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
+
+[[noreturn]] void Unknown(const std::string& path) {
+  std::string names;
+  for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
+  throw FormatError(path, "", "not a calibration that is known here; name its format with --from (" + names + ")");
+}
+
+Format DetectFolder(const std::string& path) {
+  const auto has = [&](const char* name) { return fs::exists(fs::path(path) / name); };
+  if (has("cameras.bin") && has("images.bin")) return Format::kColmap;
+  if (has("cameras.txt") && has("images.txt")) return Format::kColmapText;
+  if (has("intri.yml")) return Format::kEasyMocap;
+  if (has("transforms.json")) return Format::kNerfstudio;
+  if (!FilesNamed(path, "", ".cameramodel").empty()) return Format::kMrcal;
+  Unknown(path);
+}
+
+/// The paths with folders replaced by the files in them that end in `extension`.
+std::vector<std::string> FilesOf(const std::vector<std::string>& paths, const std::string& extension) {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    if (!fs::is_directory(path)) {
+      files.push_back(path);
+      continue;
+    }
+    const std::vector<std::string> inside = FilesNamed(path, "", extension);
+    if (inside.empty()) throw FormatError(path, "", "there is no *" + extension + " in this folder");
+    files.insert(files.end(), inside.begin(), inside.end());
+  }
+  return files;
+}
+
+/// Names stand in tables, on terminals and in names of files: no format's reader lets through what could not be written again.
+void CheckNames(const geometry::Rig& rig, const std::string& path) {
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const std::string& name = rig.cameras[i].camera.name;
+    const std::string why = WhyNotALabel(name);
+    if (why.empty()) continue;
+    const std::string shown = internal::Printable(name.substr(0, 60)) + (name.size() > 60 ? "…" : "");
+    throw FormatError(path, "camera " + std::to_string(i + 1), "the name '" + shown + "' " + why + "; give the camera another");
+  }
+}
+
+ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
+  switch (format) {
+    case Format::kToml:
+    case Format::kCaliscope:
+      return ReadToml(paths[0], options);
+    case Format::kQca:
+      return ReadQca(paths[0], options);
+    case Format::kOpenCvYaml:
+      return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
+    case Format::kMrcal:
+      return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
+    case Format::kColmap:
+    case Format::kColmapText:
+      return ReadColmap(paths[0], options);
+    case Format::kNerfstudio:
+      return ReadNerfstudio(paths[0], options);
+    case Format::kKalibr:
+      return ReadKalibr(paths[0], options);
+    case Format::kEasyMocap:
+      return ReadEasyMocap(paths, options);
+    case Format::kMvstudio:
+    case Format::kPanoptic:
+      break;
+  }
+  if (format == Format::kPanoptic) throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic/panoptic.h");
+  return {geometry::ReadRig(paths[0]), {}};
+}
+
+}  // namespace
+
+std::string_view ToString(CalibrationFormat format) { return kNames[static_cast<int>(format)]; }
+
+std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name) {
+  for (const CalibrationFormat format : kAllCalibrationFormats) {
+    if (ToString(format) == name) return format;
+  }
+  if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return Format::kToml;
+  return std::nullopt;
+}
+
+CalibrationFormat DetectFormat(const std::string& path) {
+  if (fs::is_directory(path)) return DetectFolder(path);
+  const std::string name = fs::path(path).filename().string();
+  if (name == "cameras.bin") return Format::kColmap;
+  const std::string text = ReadFile(path);
+  const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
+  const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+  if (start == std::string::npos) throw FormatError(path, "", "the file is empty");
+  if (has("'lensmodel'") || has("\"lensmodel\"")) return Format::kMrcal;
+  if (text.compare(start, 5, "%YAML") == 0) {
+    return has("\nK_") || has("\nRot_") ? Format::kEasyMocap : Format::kOpenCvYaml;
+  }
+  if (text[start] == '{') {
+    if (has("transform_matrix")) return Format::kNerfstudio;
+    return has("mvstudio.calibration") ? Format::kMvstudio : Format::kPanoptic;
+  }
+  if (text[start] == '<' && has("<calibration")) return Format::kQca;
+  if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return Format::kColmapText;
+  if (has("camera_model:") && has("intrinsics:")) return Format::kKalibr;
+  if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
+    return has("[cameras") ? Format::kCaliscope : Format::kToml;
+  }
+  Unknown(path);
+}
+
+ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
+  if (paths.empty()) throw UsageError("no calibration file given");
+  const bool several = format == Format::kOpenCvYaml || format == Format::kMrcal || format == Format::kEasyMocap;
+  if (paths.size() > 1 && !several) {
+    throw UsageError(paths[1] + ": only opencv, mrcal and easymocap calibrations may be spread over several files");
+  }
+  ImportedRig imported = ReadAs(format, paths, options);
+  CheckNames(imported.rig, paths[0]);
+  return imported;
+}
+
+}  // namespace mvstudio::calib

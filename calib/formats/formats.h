@@ -1,0 +1,146 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "geometry/rig/rig.h"
+
+/// Calibrations of other programs. Every reader gives metres, `cam_from_world`, pixel (0, 0) at the centre of the top-left
+/// pixel, and throws IoError or FormatError with the place. Every writer takes the same. What each format means, and what was
+/// assumed where it does not say, is in docs/calibration-formats.md. (CMU Panoptic's JSON lives in dataset/panoptic/panoptic.h.)
+namespace mvstudio::calib {
+
+enum class CalibrationFormat {
+  kMvstudio,    ///< "mvstudio": geometry/rig/rig_io.h
+  kPanoptic,    ///< "panoptic": dataset/panoptic/panoptic.h
+  kToml,        ///< "toml" (also "qualisys", "pose2sim", "aniposelib"): a table per camera at the top
+  kCaliscope,   ///< "caliscope": the same tables under [cameras]
+  kQca,         ///< "qca"
+  kOpenCvYaml,  ///< "opencv"
+  kMrcal,       ///< "mrcal": a .cameramodel per camera
+  kColmap,      ///< "colmap": folder with cameras.bin, images.bin, points3D.bin
+  kColmapText,  ///< "colmap-text": folder with the .txt files
+  kNerfstudio,  ///< "nerfstudio": transforms.json
+  kKalibr,      ///< "kalibr": camchain.yaml
+  kEasyMocap,   ///< "easymocap": folder with intri.yml and extri.yml
+};
+
+inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
+    CalibrationFormat::kMvstudio,   CalibrationFormat::kPanoptic,   CalibrationFormat::kToml,   CalibrationFormat::kCaliscope,
+    CalibrationFormat::kQca,        CalibrationFormat::kOpenCvYaml, CalibrationFormat::kMrcal,  CalibrationFormat::kColmap,
+    CalibrationFormat::kColmapText, CalibrationFormat::kNerfstudio, CalibrationFormat::kKalibr, CalibrationFormat::kEasyMocap};
+
+std::string_view ToString(CalibrationFormat format);
+std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
+
+/// Looks at the content, then at the name; a folder is known by the files in it. Throws FormatError when it is none of ours.
+CalibrationFormat DetectFormat(const std::string& path);
+
+/// What a reader or writer had to assume, for the user to check.
+struct ImportNote {
+  std::string code, text, hint;
+};
+
+struct ImportedRig {
+  geometry::Rig rig;
+  std::vector<ImportNote> notes;
+};
+
+/// What files may leave open.
+struct ReadOptions {
+  int width_px = 0, height_px = 0;    ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
+  double metres_per_unit = 1;         ///< of formats that name no unit: all but mvstudio, panoptic and qca
+  double qca_distortion_divisor = 1;  ///< see ReadQca
+};
+
+/// Any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; folders are allowed where the
+/// format has several files.
+ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options = {});
+
+struct WriteOptions {
+  double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres
+  double allow_approximation_px = 0;  ///< a lens that the format cannot carry is replaced by the nearest one that it can, when
+                                      ///< no pixel of the image moves farther; 0: such a lens is refused
+  double qca_distortion_divisor = 1;  ///< see ReadQca: the file's coefficients are ours times this
+};
+
+struct ExportReport {
+  std::vector<std::string> files;
+  std::vector<ImportNote> notes;
+};
+
+/// True when the format holds this lens exactly.
+bool CanCarry(CalibrationFormat format, const geometry::Camera& camera);
+
+/// The rig with every lens that the format cannot carry replaced as WriteOptions says; a note for each. Throws FormatError
+/// (`path`, the camera's name) when one is refused.
+geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, const WriteOptions& options,
+                           const std::string& path, std::vector<ImportNote>* notes);
+
+/// Any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when the rig has
+/// one camera and the path ends in .cameramodel).
+ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format, const std::string& path,
+                              const WriteOptions& options = {});
+
+/// Calibration TOML of Pose2Sim, Caliscope and aniposelib: a table per camera (at the top or under [cameras]) with `size`,
+/// `matrix`, `distortions` (OpenCV's order; 4 of kannala4 when `fisheye`), `rotation` (world to camera: a Rodrigues vector or a
+/// 3x3 matrix) and `translation`. Parsed by toml++. Cameras keep the file's order; those with `ignore = true` are left out.
+ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
+
+/// Qualisys QCA/QTM calibration (XML), read by a scanner of its own that knows tags and attributes and refuses DTDs.
+/// Conventions, found by comparing files with the TOML made from them: positions are the camera centre in world, mm; with
+/// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
+/// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
+/// The distortion is divided by `qca_distortion_divisor`. 1 takes the coefficients as OpenCV's, dimensionless; chessboard
+/// images of one studio speak for it (k1 = -0.051 +- 0.012 measured, -0.047 in the QCA). 64 gives what Pose2Sim makes of the
+/// file (k1 = -0.0007), so that its TOML and the QCA agree. A note tells of any divisor but 1 where a lens has distortion, and
+/// of coefficients that look like those of the other divisor: |k1| above 1.6 (64 times 0.025) as divided, or, divided by 64,
+/// below 0.002 in all cameras.
+ImportedRig ReadQca(const std::string& path, const ReadOptions& options = {});
+
+/// OpenCV FileStorage YAML 1.0, read by a scanner of its own: `camera_matrix` + `distortion_coefficients` (one camera, named
+/// "camera", or by its file when there are several; with R and T its place) or M1, D1, M2, D2, R, T (stereo: "left", "right";
+/// world = left camera). Files that do not hold a camera each are read as one (OpenCV's stereo sample writes intrinsics and
+/// extrinsics apart). Throws UsageError when the image size is neither in the files nor in the options.
+ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options = {});
+
+/// EasyMocap's intri.yml (names, K_NAME, dist_NAME, H_NAME, W_NAME) and extri.yml (R_NAME or Rot_NAME, T_NAME), from the two
+/// files or their folder.
+ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptions& options = {});
+
+/// mrcal's .cameramodel, one a camera (named by the file) or folders of them: Python literals with lensmodel, intrinsics,
+/// extrinsics (rt_fromref: Rodrigues vector, translation) and imagersize.
+ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& options = {});
+
+/// A COLMAP model, text or binary: the folder, or its cameras file. Every image is a camera, named by the image without its
+/// extension. https://colmap.github.io/format.html
+ImportedRig ReadColmap(const std::string& path, const ReadOptions& options = {});
+
+/// A point of a COLMAP model and the images that see it.
+struct ColmapModelPoint {
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
+  std::array<uint8_t, 3> rgb{};
+  double error_px = 0;  ///< mean reprojection error, as COLMAP keeps it
+  struct Seen {
+    size_t camera_idx = 0;                         ///< into the rig
+    Eigen::Vector2d px = Eigen::Vector2d::Zero();  ///< (0, 0) is the centre of the top-left pixel
+  };
+  std::vector<Seen> track;
+};
+
+/// A COLMAP model with points, binary and text side by side in `folder`; image i shows camera i. Throws UsageError for names
+/// with spaces and for lenses that COLMAP does not have.
+std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
+                                          const std::vector<ColmapModelPoint>& points, const std::string& folder);
+
+/// nerfstudio's transforms.json (instant-ngp's too): every frame is a camera, named by its file.
+ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options = {});
+
+/// Kalibr's camchain.yaml: pinhole, omni, eucm and ds projections with radtan, equidistant or no distortion. World = cam0.
+ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options = {});
+
+}  // namespace mvstudio::calib

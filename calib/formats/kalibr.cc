@@ -1,0 +1,154 @@
+#include "calib/formats/document_internal.h"
+#include "calib/formats/formats.h"
+#include "calib/formats/formats_internal.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+
+/// https://github.com/ethz-asl/kalibr/wiki/yaml-formats; radtan's r1, r2 are p1, p2, and omni's radtan acts behind the mirror.
+namespace mvstudio::calib {
+namespace {
+
+using geometry::LensModel;
+using internal::ValueView;
+
+/// A projection with a distortion of Kalibr's, and the parameters before fu, fv, pu, pv.
+struct KalibrLens {
+  std::string projection, distortion_model = "none";
+  Eigen::VectorXd leading, distortion;
+};
+
+/// Ours, or nothing with a reason in `why`.
+std::optional<std::pair<LensModel, Eigen::VectorXd>> FromKalibr(const KalibrLens& lens, std::string* why) {
+  const Eigen::VectorXd &lead = lens.leading, &k = lens.distortion;
+  const bool radtan = lens.distortion_model == "radtan";
+  const bool plain = lens.distortion_model == "none" || k.isZero(0);
+  Eigen::VectorXd with_p(lead.size() + 2);
+  if (radtan) with_p << lead, k.tail<2>();
+  if (lens.projection == "pinhole") {
+    if (lens.distortion_model == "equidistant") return {{LensModel::kKannalaBrandt4, k}};
+    if (plain) return {{LensModel::kPinhole, Eigen::VectorXd()}};
+    if (radtan) return {{LensModel::kBrown4, k}};
+  } else {
+    const bool omni = lens.projection == "omni", eucm = lens.projection == "eucm";
+    if (plain) return {{omni ? LensModel::kUcm : eucm ? LensModel::kEucm : LensModel::kDoubleSphere, lead}};
+    if (radtan && k.head<2>().isZero(0)) {
+      return {{omni ? LensModel::kUcmP : eucm ? LensModel::kEucmP : LensModel::kDoubleSphereP, with_p}};
+    }
+    if (radtan) {
+      *why = lens.projection + " with radtan's k1 and k2 is no lens model here (its p1 and p2 are)";
+      return std::nullopt;
+    }
+  }
+  *why = "distortion_model '" + internal::Printable(lens.distortion_model) + "' of " + lens.projection + " is not known here";
+  return std::nullopt;
+}
+
+std::optional<KalibrLens> ToKalibr(const geometry::Camera& camera) {
+  const Eigen::VectorXd own = camera.params.tail(camera.params.size() - 4);
+  const auto with_p = [&](const char* projection, Eigen::Index count) {
+    KalibrLens lens{projection, "none", own.head(count), {}};
+    if (own.size() > count)
+      lens.distortion_model = "radtan", lens.distortion = Eigen::Vector4d(0, 0, own[count], own[count + 1]);
+    return lens;
+  };
+  switch (camera.model) {
+    case LensModel::kUcm:
+    case LensModel::kUcmP:
+      return with_p("omni", 1);
+    case LensModel::kEucm:
+    case LensModel::kEucmP:
+      return with_p("eucm", 2);
+    case LensModel::kDoubleSphere:
+    case LensModel::kDoubleSphereP:
+      return with_p("ds", 2);
+    default:
+      break;
+  }
+  const auto opencv = internal::ToOpenCvLens(camera);
+  if (!opencv || opencv->distortion.size() > 4) return std::nullopt;
+  const char* const model = opencv->fisheye ? "equidistant" : opencv->distortion.size() == 0 ? "none" : "radtan";
+  return KalibrLens{"pinhole", model, {}, opencv->distortion};
+}
+
+geometry::Camera ReadLens(const ValueView& view, const std::string& name) {
+  KalibrLens lens;
+  lens.projection = view["camera_model"].Text();
+  const Eigen::Index lead = lens.projection == "pinhole" ? 0 : lens.projection == "omni" ? 1 : 2;
+  if (lead == 2 && lens.projection != "eucm" && lens.projection != "ds") {
+    view["camera_model"].Fail("'" + internal::Printable(lens.projection) + "' is not known here (pinhole, omni, eucm, ds)");
+  }
+  const Eigen::VectorXd intrinsics = view["intrinsics"].Vector(static_cast<size_t>(4 + lead));
+  lens.leading = intrinsics.head(lead);
+  if (view.Has("distortion_model")) lens.distortion_model = view["distortion_model"].Text();
+  if (lens.distortion_model != "none") lens.distortion = view["distortion_coeffs"].Vector();
+  const bool four = lens.distortion_model == "radtan" || lens.distortion_model == "equidistant";
+  if (four && lens.distortion.size() != 4) view["distortion_coeffs"].Fail("4 numbers were expected");
+  std::string why;
+  const auto own = FromKalibr(lens, &why);
+  if (!own) view.Fail(why);
+  Eigen::VectorXd params(4 + own->second.size());
+  params << intrinsics.tail<4>(), own->second;
+  const Eigen::VectorXd size = view["resolution"].Vector(2);
+  return internal::MakeModelCamera(name, size[0], size[1], own->first, params, view.place());
+}
+
+/// NAME of a rostopic /NAME/image_raw, as WriteKalibr writes it; else the key.
+std::string ReadName(const ValueView& view, const std::string& key) {
+  if (!view.Has("rostopic") || view["rostopic"].value().kind != internal::Value::Kind::kText) return key;
+  const std::string& topic = view["rostopic"].Text();
+  const std::string ending = "/image_raw";
+  if (topic.size() < ending.size() + 2 || topic[0] != '/') return key;
+  if (topic.compare(topic.size() - ending.size(), ending.size(), ending) != 0) return key;
+  const std::string name = topic.substr(1, topic.size() - ending.size() - 1);
+  return name.find('/') == std::string::npos ? name : key;
+}
+
+}  // namespace
+
+ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
+  const internal::Value document = internal::ParseYaml(path, ReadFile(path));
+  const ValueView root(path, document);
+  ImportedRig imported;
+  imported.rig.gauge = "camera cam0";
+  for (size_t i = 0; root.Has("cam" + std::to_string(i)); ++i) {
+    const std::string key = "cam" + std::to_string(i);
+    const ValueView view = root[key];
+    geometry::RigCamera camera;
+    camera.camera = ReadLens(view, ReadName(view, key));
+    if (i > 0) {
+      geometry::Rigid3 cam_from_previous = view["T_cn_cnm1"].Transform();
+      cam_from_previous.translation *= options.metres_per_unit;
+      camera.cam_from_world = cam_from_previous * imported.rig.cameras.back().cam_from_world;
+    }
+    internal::AddCamera(std::move(camera), view.place(), &imported.rig);
+  }
+  if (imported.rig.cameras.empty()) throw FormatError(path, "cam0", "this entry is missing");
+  imported.rig.gauge = "camera " + imported.rig.cameras[0].camera.name;
+  return imported;
+}
+
+bool internal::KalibrCanCarry(const geometry::Camera& camera) { return ToKalibr(camera).has_value(); }
+
+internal::Files internal::WriteKalibr(const geometry::Rig& rig, const std::string& path) {
+  std::string text;
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const geometry::Camera& camera = rig.cameras[i].camera;
+    const KalibrLens lens = *ToKalibr(camera);
+    Eigen::VectorXd intrinsics(lens.leading.size() + 4);
+    intrinsics << lens.leading, camera.params.head<4>();
+    text += "cam" + std::to_string(i) + ":\n";
+    if (i > 0) {
+      const Eigen::Matrix4d matrix = ToMatrix(rig.cameras[i].cam_from_world * Inverse(rig.cameras[i - 1].cam_from_world));
+      text += "  T_cn_cnm1:\n";
+      for (int r = 0; r < 4; ++r) text += "  - " + ListText(matrix.row(r)) + "\n";
+    }
+    text += "  cam_overlaps: []\n  camera_model: " + lens.projection + "\n  distortion_coeffs: " + ListText(lens.distortion) +
+            "\n  distortion_model: " + lens.distortion_model + "\n  intrinsics: " + ListText(intrinsics) + "\n  resolution: [" +
+            std::to_string(camera.width_px) + ", " + std::to_string(camera.height_px) +
+            "]\n  rostopic: " + Quoted("/" + FileName(camera.name) + "/image_raw") + "\n";
+  }
+  WriteFileAtomic(path, text);
+  return {path};
+}
+
+}  // namespace mvstudio::calib

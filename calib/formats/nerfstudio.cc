@@ -1,0 +1,138 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "calib/board/pixel_origin.h"
+#include "calib/formats/document_internal.h"
+#include "calib/formats/formats.h"
+#include "calib/formats/formats_internal.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+
+/// Camera axes are OpenGL's: x right, y up, z backward; transform_matrix is world_from_cam.
+/// https://docs.nerf.studio/quickstart/data_conventions.html
+namespace mvstudio::calib {
+namespace {
+
+using internal::ValueView;
+
+/// A key of the frame, else of the whole file.
+class FrameKeys {
+ public:
+  FrameKeys(const ValueView& frame, const ValueView& root) : frame_(frame), root_(root) {}
+  bool Has(const char* key) const { return frame_.Has(key) || root_.Has(key); }
+  ValueView operator[](const char* key) const { return frame_.Has(key) || !root_.Has(key) ? frame_[key] : root_[key]; }
+  double Number(const char* key, double fallback) const { return Has(key) ? (*this)[key].Number() : fallback; }
+
+ private:
+  const ValueView &frame_, &root_;
+};
+
+Eigen::Vector2d ReadSize(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame) {
+  if (keys.Has("w") && keys.Has("h")) return {keys["w"].Number(), keys["h"].Number()};
+  if (options.width_px <= 0 || options.height_px <= 0) {
+    throw UsageError(frame.place().path + ": the file does not give the image size; pass --size WIDTHxHEIGHT");
+  }
+  return {options.width_px, options.height_px};
+}
+
+/// fl_x, fl_y, cx, cy with our pixel origin.
+Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d& size) {
+  Eigen::Vector4d k;
+  const bool by_angle = !keys.Has("fl_x") && keys.Has("camera_angle_x");
+  k[0] = by_angle ? size[0] / 2 / std::tan(keys["camera_angle_x"].Number() / 2) : keys["fl_x"].Number();
+  k[1] = keys.Number("fl_y", k[0]);
+  k[2] = keys.Number("cx", size[0] / 2) - kCornerOriginShiftPx;
+  k[3] = keys.Number("cy", size[1] / 2) - kCornerOriginShiftPx;
+  return k;
+}
+
+geometry::Camera ReadLens(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame, const std::string& name) {
+  const Eigen::Vector2d size = ReadSize(keys, options, frame);
+  const Eigen::Vector4d k = ReadFocalAndCentre(keys, size);
+  const std::string model = keys.Has("camera_model") ? keys["camera_model"].Text() : "OPENCV";
+  const bool fisheye = model == "OPENCV_FISHEYE";
+  if (!fisheye && model != "OPENCV" && model != "PINHOLE" && model != "SIMPLE_PINHOLE") {
+    keys["camera_model"].Fail("the lens '" + internal::Printable(model) + "' is not known here");
+  }
+  const double k1 = keys.Number("k1", 0), k2 = keys.Number("k2", 0), k3 = keys.Number("k3", 0), k4 = keys.Number("k4", 0);
+  const double p1 = keys.Number("p1", 0), p2 = keys.Number("p2", 0);
+  Eigen::VectorXd distortion = (Eigen::VectorXd(5) << k1, k2, p1, p2, k3).finished();
+  if (k3 == 0) distortion.conservativeResize(4);
+  if (fisheye) {
+    if (p1 != 0 || p2 != 0) frame.Fail("OPENCV_FISHEYE has no p1 and p2");
+    distortion = Eigen::Vector4d(k1, k2, k3, k4);
+  } else if (k4 != 0) {
+    frame.Fail("a k4 beside OPENCV's k1, k2, p1, p2 is no lens model here");
+  }
+  return internal::MakeCamera(name, size[0], size[1], internal::CameraMatrix(k[0], k[1], k[2], k[3]), distortion, fisheye,
+                              frame.place());
+}
+
+/// world_from_cam with the camera's axes turned from OpenGL's to ours, and back: the turn is its own inverse.
+geometry::Rigid3 TurnAxes(const geometry::Rigid3& world_from_cam) {
+  geometry::Rigid3 half_turn;
+  half_turn.rotation = Eigen::Quaterniond(0, 1, 0, 0);  // about x
+  return world_from_cam * half_turn;
+}
+
+}  // namespace
+
+ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) {
+  const std::string file = std::filesystem::is_directory(path) ? path + "/transforms.json" : path;
+  const internal::Value document = internal::ParseLiteral(file, ReadFile(file));
+  const ValueView root(file, document);
+  const ValueView frames = root["frames"];
+  ImportedRig imported;
+  imported.rig.gauge = "nerfstudio's world";
+  for (size_t i = 0; i < frames.ListSize(); ++i) {
+    const ValueView frame = frames[i];
+    const FrameKeys keys(frame, root);
+    geometry::RigCamera camera;
+    camera.camera = ReadLens(keys, options, frame, internal::Stem(frame["file_path"].Text()));
+    geometry::Rigid3 world_from_cam = TurnAxes(frame["transform_matrix"].Transform());
+    world_from_cam.translation *= options.metres_per_unit;
+    camera.cam_from_world = Inverse(world_from_cam);
+    internal::AddCamera(std::move(camera), frame.place(), &imported.rig);
+  }
+  if (imported.rig.cameras.empty()) frames.Fail("there is no frame, hence no camera");
+  imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  return imported;
+}
+
+bool internal::NerfstudioCanCarry(const geometry::Camera& camera) {
+  const auto lens = ToOpenCvLens(camera);
+  return lens && lens->distortion.size() <= 4;
+}
+
+internal::Files internal::WriteNerfstudio(const geometry::Rig& rig, const std::string& path) {
+  const std::string file = std::filesystem::path(path).extension() == ".json" ? path : path + "/transforms.json";
+  const bool fisheye = OpenCvLensOf(rig.cameras[0].camera).fisheye;
+  std::string text =
+      std::string("{\n  \"camera_model\": ") + (fisheye ? "\"OPENCV_FISHEYE\"" : "\"OPENCV\"") + ",\n  \"frames\": [\n";
+  for (size_t i = 0; i < rig.cameras.size(); ++i) {
+    const geometry::Camera& camera = rig.cameras[i].camera;
+    const OpenCvLens lens = OpenCvLensOf(camera);
+    if (lens.fisheye != fisheye) {
+      throw FormatError(file, camera.name,
+                        "nerfstudio reads one kind of lens for all cameras; here are fisheye and perspective ones");
+    }
+    const Eigen::Matrix4d matrix = ToMatrix(TurnAxes(Inverse(rig.cameras[i].cam_from_world)));
+    text += "    {\"file_path\": " + Quoted("images/" + camera.name + ".png") + ", \"w\": " + std::to_string(camera.width_px) +
+            ", \"h\": " + std::to_string(camera.height_px) + ",\n     \"fl_x\": " + NumberText(camera.fx()) +
+            ", \"fl_y\": " + NumberText(camera.fy()) + ", \"cx\": " + NumberText(camera.cx() + kCornerOriginShiftPx) +
+            ", \"cy\": " + NumberText(camera.cy() + kCornerOriginShiftPx) + ",\n     ";
+    const char* const keys[2][4] = {{"k1", "k2", "p1", "p2"}, {"k1", "k2", "k3", "k4"}};
+    for (int k = 0; k < 4; ++k) {
+      text += "\"" + std::string(keys[fisheye][k]) + "\": " + NumberText(k < lens.distortion.size() ? lens.distortion[k] : 0) +
+              ", ";
+    }
+    text += "\n     \"transform_matrix\": [";
+    for (int r = 0; r < 4; ++r) text += (r ? ", " : "") + ListText(matrix.row(r));
+    text += i + 1 < rig.cameras.size() ? "]},\n" : "]}\n";
+  }
+  WriteFileAtomic(file, text + "  ]\n}\n");
+  return {file};
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,167 @@
+#include <algorithm>
+#include <filesystem>
+
+#include "calib/formats/formats.h"
+#include "calib/formats/formats_internal.h"
+#include "calib/formats/opencv_internal.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using internal::Entries;
+using internal::Entry;
+using internal::FindEntry;
+using internal::FindFirst;
+
+constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k"};
+constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients", "distcoeffs", "d"};
+
+Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
+  const Entry* width = FindFirst(entries, {"imagewidth", "width"});
+  const Entry* height = FindFirst(entries, {"imageheight", "height"});
+  if (width && height) {
+    return {internal::ParseNumber(width->value, width->place), internal::ParseNumber(height->value, height->place)};
+  }
+  if (options.width_px <= 0 || options.height_px <= 0) {
+    throw UsageError(path + ": the file does not give the image size; pass --size WIDTHxHEIGHT");
+  }
+  return {options.width_px, options.height_px};
+}
+
+geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, const Entry& matrix, const Entry* distortion,
+                               const Eigen::Vector2d& size) {
+  const Entry* fisheye = FindEntry(entries, "fisheyemodel");
+  const bool is_fisheye = fisheye && fisheye->value != "0";
+  geometry::RigCamera camera;
+  camera.camera = internal::MakeCamera(name, size[0], size[1], ReadMatrix3(matrix), internal::ReadDistortion(distortion),
+                                       is_fisheye, matrix.place);
+  return camera;
+}
+
+geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, double metres_per_unit) {
+  geometry::Rigid3 pose;
+  pose.rotation = internal::ReadRotation(rotation);
+  const Eigen::VectorXd t = ReadVector(translation);
+  if (t.size() != 3) throw FormatError(translation.place.path, translation.place.where, "3 numbers were expected");
+  pose.translation = t * metres_per_unit;
+  return pose;
+}
+
+const ImportNote kNoPose = {"CAL-NOPOSE", "the file has no R and T: every camera stands at the origin",
+                            "give the file with R and T as well: calib convert intrinsics.yml extrinsics.yml"};
+
+void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOptions& options, ImportedRig* imported) {
+  geometry::Rig& rig = imported->rig;
+  rig.gauge = "camera left";
+  rig.cameras.push_back(ReadCamera(entries, "left", entries.at("m1"), FindEntry(entries, "d1"), size));
+  rig.cameras.push_back(ReadCamera(entries, "right", entries.at("m2"), FindEntry(entries, "d2"), size));
+  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
+  if (rotation && translation) {
+    rig.cameras[1].cam_from_world = ReadPose(*rotation, *translation, options.metres_per_unit);
+    imported->notes.push_back(internal::UnitNote(options.metres_per_unit));
+  } else {
+    imported->notes.push_back(kNoPose);
+  }
+}
+
+/// A camera from entries with one camera matrix; true when its place is in them.
+bool AddSingle(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options,
+               geometry::Rig* rig) {
+  const Entry& matrix = *FindFirst(entries, kMatrixKeys);
+  geometry::RigCamera camera =
+      ReadCamera(entries, name, matrix, FindFirst(entries, kDistortionKeys), ReadSize(entries, path, options));
+  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
+  if (rotation && translation) camera.cam_from_world = ReadPose(*rotation, *translation, options.metres_per_unit);
+  internal::AddCamera(std::move(camera), matrix.place, rig);
+  return rotation && translation;
+}
+
+/// Several files of one camera each, named by the file.
+ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<Entries>& files, const ReadOptions& options) {
+  ImportedRig imported;
+  imported.rig.gauge = "as imported";
+  bool placed = true;
+  for (size_t i = 0; i < paths.size(); ++i) {
+    placed &= AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported.rig);
+  }
+  imported.notes.push_back(placed ? internal::UnitNote(options.metres_per_unit) : kNoPose);
+  return imported;
+}
+
+std::string LensText(const geometry::Camera& camera, const std::string& matrix_key, const std::string& distortion_key) {
+  const internal::OpenCvLens lens = internal::OpenCvLensOf(camera);
+  Eigen::RowVectorXd distortion =
+      Eigen::RowVectorXd::Zero(std::max<Eigen::Index>(lens.distortion.size(), lens.fisheye ? 4 : 5));
+  distortion.head(lens.distortion.size()) = lens.distortion.transpose();
+  return internal::MatrixEntry(matrix_key, camera.K()) + internal::MatrixEntry(distortion_key, distortion);
+}
+
+std::string HeadText(const geometry::Camera& camera) {
+  return "%YAML:1.0\n---\nimage_width: " + std::to_string(camera.width_px) +
+         "\nimage_height: " + std::to_string(camera.height_px) + "\n" +
+         (internal::OpenCvLensOf(camera).fisheye ? "fisheye_model: 1\n" : "");
+}
+
+std::string PoseText(const geometry::Rigid3& pose) {
+  return internal::MatrixEntry("R", pose.rotation.toRotationMatrix()) + internal::MatrixEntry("T", pose.translation);
+}
+
+/// Two cameras that fit OpenCV's stereo sample: one image size, both lenses of one kind.
+bool IsStereo(const geometry::Rig& rig) {
+  if (rig.cameras.size() != 2) return false;
+  const geometry::Camera &a = rig.cameras[0].camera, &b = rig.cameras[1].camera;
+  return a.width_px == b.width_px && a.height_px == b.height_px &&
+         internal::OpenCvLensOf(a).fisheye == internal::OpenCvLensOf(b).fisheye;
+}
+
+}  // namespace
+
+ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options) {
+  if (paths.empty()) throw UsageError("no OpenCV file given");
+  std::vector<Entries> files(paths.size());
+  for (size_t i = 0; i < paths.size(); ++i) internal::ReadEntries(paths[i], true, &files[i]);
+  const bool one_each =
+      std::all_of(files.begin(), files.end(), [](const Entries& entries) { return FindFirst(entries, kMatrixKeys); });
+  if (paths.size() > 1 && one_each) return ReadMany(paths, files, options);
+  Entries entries;
+  for (const std::string& path : paths) internal::ReadEntries(path, true, &entries);
+  ImportedRig imported;
+  if (entries.count("m1") && entries.count("m2")) {
+    AddStereo(entries, ReadSize(entries, paths.front(), options), options, &imported);
+  } else if (FindFirst(entries, kMatrixKeys)) {
+    const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported.rig);
+    imported.rig.gauge = placed ? "as imported" : "camera camera";
+    if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  } else {
+    throw FormatError(paths.front(), "", "no calibration in it: neither camera_matrix nor M1 and M2");
+  }
+  return imported;
+}
+
+internal::Files internal::WriteOpenCvYaml(const geometry::Rig& rig, const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const bool is_file = extension == ".yml" || extension == ".yaml";
+  if (is_file && IsStereo(rig)) {
+    const geometry::Camera &left = rig.cameras[0].camera, &right = rig.cameras[1].camera;
+    const geometry::Rigid3 right_from_left = rig.cameras[1].cam_from_world * Inverse(rig.cameras[0].cam_from_world);
+    WriteFileAtomic(path,
+                    HeadText(left) + LensText(left, "M1", "D1") + LensText(right, "M2", "D2") + PoseText(right_from_left));
+    return {path};
+  }
+  if (is_file && rig.cameras.size() > 1) {
+    throw UsageError(path + ": these " + std::to_string(rig.cameras.size()) +
+                     " cameras do not fit into one of OpenCV's files; give a folder, a file for each is written there");
+  }
+  Files files;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const std::string file = is_file ? path : path + "/" + FileName(camera.camera.name) + ".yml";
+    WriteFileAtomic(file, HeadText(camera.camera) + LensText(camera.camera, "camera_matrix", "distortion_coefficients") +
+                              PoseText(camera.cam_from_world));
+    files.push_back(file);
+  }
+  return files;
+}
+
+}  // namespace mvstudio::calib

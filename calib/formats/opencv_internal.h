@@ -1,0 +1,38 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <string>
+
+#include "calib/formats/formats_internal.h"
+
+/// OpenCV's FileStorage YAML 1.0, for formats_opencv.cc and formats_easymocap.cc.
+namespace mvstudio::calib::internal {
+
+/// A top-level entry of a FileStorage file: its text, and the indented lines that follow.
+struct Entry {
+  std::string value, block;
+  Place place;
+};
+using Entries = std::map<std::string, Entry>;
+
+/// Keys as they stand, or, `normalised`, in lower case without underscores: OpenCV's own samples write camera_matrix,
+/// Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is there already.
+void ReadEntries(const std::string& path, bool normalised, Entries* entries);
+
+const Entry* FindEntry(const Entries& entries, const std::string& key);
+/// The first of several names of the same thing.
+const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*> keys);
+
+Eigen::MatrixXd ReadMatrix(const Entry& entry);
+Eigen::Matrix3d ReadMatrix3(const Entry& entry);
+Eigen::VectorXd ReadVector(const Entry& entry);
+/// Distortion coefficients with the zeros cut off that OpenCV writes for its thin-prism and tilt terms; empty without an entry.
+Eigen::VectorXd ReadDistortion(const Entry* entry);
+/// A Rodrigues vector or a 3x3 matrix.
+Eigen::Quaterniond ReadRotation(const Entry& entry);
+
+/// `key: !!opencv-matrix …`.
+std::string MatrixEntry(const std::string& key, const Eigen::MatrixXd& matrix);
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,200 @@
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+
+#include "calib/formats/formats_internal.h"
+#include "core/error.h"
+#include "core/utf8.h"
+#include "geometry/rig/plausible.h"
+#include "geometry/rigid/rigid3.h"
+
+/// Numbers, texts and lenses that several formats share.
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr double kMaxSizePx = 1 << 20;
+
+void CheckSize(double width_px, double height_px, const Place& place) {
+  const auto is_size = [](double size) { return size >= 1 && size <= kMaxSizePx && size == std::floor(size); };
+  if (is_size(width_px) && is_size(height_px)) return;
+  throw FormatError(place.path, place.where,
+                    "image size " + std::to_string(width_px) + " x " + std::to_string(height_px) + " px is out of range");
+}
+
+/// The perspective lens that has so many coefficients in OpenCV's order.
+std::optional<geometry::LensModel> ModelOfCount(Eigen::Index count) {
+  using geometry::LensModel;
+  switch (count) {
+    case 0:
+      return LensModel::kPinhole;
+    case 1:
+      return LensModel::kBrown1;
+    case 2:
+      return LensModel::kBrown2;
+    case 4:
+      return LensModel::kBrown4;
+    case 5:
+      return LensModel::kBrown5;
+    case 8:
+      return LensModel::kRational8;
+    case 12:
+      return LensModel::kThinPrism12;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::string Printable(std::string_view text) {
+  std::string plain(text.substr(0, 40));
+  for (char& c : plain) c = c >= ' ' && c <= '~' ? c : '?';
+  return plain;
+}
+
+double ParseNumber(std::string_view text, const Place& place) {
+  const size_t first = text.find_first_not_of(" \t\r\n+"), last = text.find_last_not_of(" \t\r\n");
+  if (first != std::string_view::npos) text = text.substr(first, last + 1 - first);
+  double number = 0;
+  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
+    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number");
+  }
+  return number;
+}
+
+Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place) {
+  const std::string wrong = geometry::WhyNotARotation(matrix);
+  if (!wrong.empty()) throw FormatError(place.path, place.where, wrong);
+  return geometry::NearestRotation(matrix);
+}
+
+geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
+                            const Eigen::VectorXd& distortion, bool fisheye, const Place& place) {
+  const auto fail = [&](const std::string& what) { throw FormatError(place.path, place.where, what); };
+  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
+    fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
+  if (k(0, 1) != 0) fail("the camera matrix has skew " + std::to_string(k(0, 1)) + ", which no lens model here has");
+  const Eigen::Index count = distortion.isZero(0) && !fisheye ? 0 : distortion.size();
+  if (fisheye && count != 4) {
+    fail("a fisheye lens has 4 distortion coefficients, these are " + std::to_string(count));
+  }
+  const auto model = fisheye ? geometry::LensModel::kKannalaBrandt4 : ModelOfCount(count);
+  if (!model) {
+    fail("no lens model has " + std::to_string(count) + " distortion coefficients (0, 1, 2, 4, 5, 8 and 12 are known)");
+  }
+  Eigen::VectorXd params(4 + count);
+  params << k(0, 0), k(1, 1), k(0, 2), k(1, 2), distortion.head(count);
+  return MakeModelCamera(name, width_px, height_px, *model, params, place);
+}
+
+Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy) {
+  Eigen::Matrix3d k;
+  k << fx, 0, cx, 0, fy, cy, 0, 0, 1;
+  return k;
+}
+
+geometry::Camera Checked(geometry::Camera camera, double width_px, double height_px, const Place& place) {
+  CheckSize(width_px, height_px, place);
+  camera.width_px = static_cast<int>(width_px);
+  camera.height_px = static_cast<int>(height_px);
+  const std::string wrong = geometry::WhyInvalidLens(camera);
+  if (!wrong.empty()) throw FormatError(place.path, place.where, wrong);
+  return camera;
+}
+
+geometry::Camera MakeModelCamera(const std::string& name, double width_px, double height_px, geometry::LensModel model,
+                                 const Eigen::VectorXd& params, const Place& place) {
+  geometry::Camera camera;
+  camera.name = name;
+  camera.model = model;
+  camera.params = params;
+  return Checked(std::move(camera), width_px, height_px, place);
+}
+
+std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera) {
+  using geometry::LensModel;
+  const Eigen::VectorXd own = camera.params.tail(camera.params.size() - 4);
+  switch (camera.model) {
+    case LensModel::kPinhole:
+      return OpenCvLens{};
+    case LensModel::kBrown1:
+    case LensModel::kBrown1P:
+      return OpenCvLens{Eigen::Vector4d(own[0], 0, own.size() > 1 ? own[1] : 0, own.size() > 1 ? own[2] : 0), false};
+    case LensModel::kBrown2:
+      return OpenCvLens{Eigen::Vector4d(own[0], own[1], 0, 0), false};
+    case LensModel::kPinholeP:
+      return OpenCvLens{Eigen::Vector4d(0, 0, own[0], own[1]), false};
+    case LensModel::kBrown4:
+    case LensModel::kBrown5:
+    case LensModel::kRational8:
+    case LensModel::kThinPrism12:
+      return OpenCvLens{own, false};
+    case LensModel::kKannalaBrandt4:
+      return OpenCvLens{own, true};
+    default:
+      return std::nullopt;
+  }
+}
+
+OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {
+  const auto lens = ToOpenCvLens(camera);
+  if (!lens)
+    throw ContractViolation("camera '" + camera.name + "': " + std::string(ToString(camera.model)) + " is not OpenCV's");
+  return *lens;
+}
+
+std::string NumberText(double value) {
+  char buffer[40];
+  const auto [end, code] = std::to_chars(buffer, buffer + sizeof buffer, value);
+  std::string text(buffer, code == std::errc() ? end : buffer);
+  if (text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string ListText(const Eigen::VectorXd& vector) {
+  std::string text = "[";
+  for (Eigen::Index i = 0; i < vector.size(); ++i) text += (i ? ", " : "") + NumberText(vector[i]);
+  return text + "]";
+}
+
+std::string Quoted(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (static_cast<unsigned char>(c) < ' ') {
+      throw UsageError("'" + Printable(text) + "' has a control character in it; use --rename OLD=NEW");
+    }
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig) {
+  if (camera.camera.name.empty()) throw FormatError(place.path, place.where, "the camera has no name");
+  if (!IsUtf8(camera.camera.name)) {
+    throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is not UTF-8");
+  }
+  if (rig->Find(camera.camera.name) >= 0) {
+    throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is used twice");
+  }
+  rig->cameras.push_back(std::move(camera));
+}
+
+const std::string& FileName(const std::string& name) {
+  if (name.empty() || name[0] == '.' || name.find('/') != std::string::npos) {
+    throw UsageError("the camera name '" + Printable(name) + "' cannot be a file's name; use --rename OLD=NEW");
+  }
+  return name;
+}
+
+std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+ImportNote UnitNote(double metres_per_unit) {
+  char number[32];
+  std::snprintf(number, sizeof number, "%g", metres_per_unit);
+  return {"CAL-UNIT", "the format names no unit of length; translations are taken as " + std::string(number) + " m per unit",
+          "pass --unit mm, cm or m: that of the program that wrote the file"};
+}
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/keypoints/choice.h"
+#include "calib/keypoints/culprit.h"
+
+namespace mvstudio::calib {
+
+struct KeypointRefineOptions {
+  double min_score = 0.3;       ///< detections below are left out
+  int max_persons = 1;          ///< persons used
+  double holdout_scale_px = 3;  ///< see KeypointCost: scale of the points that the held-out figures are taken from
+  bool lenses = true;           ///< ask held-out frames whether lenses should be adjusted too
+  KeypointChoiceOptions choice;
+  int max_frames = 300;  ///< frames used for the adjustment, evenly spread; more where they hold fewer than 30 points each
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
+  visit("min-score", o.min_score, "--from-keypoints: detections with a lower score are left out");
+  visit("max-persons", o.max_persons,
+        "--from-keypoints: of each frame the best supported so many people are used; others are reported");
+  visit("keypoint-lenses", o.lenses, "--from-keypoints: adjust lenses too where held-out frames say that it pays");
+  visit("keypoint-folds", o.choice.num_folds, "--from-keypoints: stretches of time for the choice of what to adjust");
+  visit("choice-sigmas", o.choice.sigmas, "--from-keypoints: standard errors by which a change must lower the held-out error");
+  visit("keypoint-frames", o.max_frames,
+        "--from-keypoints: at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 points "
+        "each");
+  visit("keypoint-gap-frames", o.choice.gap_frames,
+        "--from-keypoints: frames left out between what is adjusted to and what measures it, about a second; a tenth of the "
+        "take at most");
+  visit("holdout-scale-px", o.holdout_scale_px,
+        "px; --from-keypoints: scale of the Cauchy loss of the points that the final figures are taken from");
+}
+
+struct KeypointCamera {
+  std::string name;
+  int num_detections = 0;                             ///< in the test frames, of joints with three views or more
+  double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, same frame
+  double translation_m = 0, translation_sigma_m = 0;  ///< of its centre
+  double focal_change = 0;                            ///< relative
+  Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< detection - projection
+  Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();
+};
+
+/// What one part of the take says of a rig that was adjusted to another.
+struct KeypointHeldOut {
+  std::string name;  ///< "first half", "second half"; "test frames"
+  int first_frame = 0, last_frame = 0;
+  int num_frames = 0, num_train_frames = 0;
+  bool kept_input = false;      ///< that adjustment found nothing better than the given rig
+  KeypointError before, after;  ///< of the given rig, of the adjusted one
+};
+
+struct KeypointRefineReport {
+  Status status = Status::kOk;  ///< kTooFewViews, kDegenerate, kNonFiniteInput, kBehindCamera: no rig
+  std::string message;          ///< one line when the status is not kOk or the input was kept
+  geometry::Rig rig;            ///< in the frame and scale of the given one, with covariances; the given one when kept
+  bool kept_input = false;      ///< nothing found that is better on the held-out frames
+  KeypointError before, after;  ///< on all held-out frames
+  std::vector<KeypointHeldOut> held_out;
+  int num_gap_frames = 0;          ///< instants between the halves that measured neither
+  std::vector<std::string> notes;  ///< one line each: a half that could not be adjusted to, and why
+  LeftOutPersons left_out;
+  double cauchy_px = 0;  ///< scale of the noise in the train frames
+  double sigma_px = 0;   ///< standard deviation per coordinate of a normal variable with the same median length
+  int num_train_frames = 0, num_test_frames = 0, num_train_joints = 0;
+  KeypointPlan plan;
+  std::vector<KeypointDecision> decisions;
+  std::vector<KeypointCamera> cameras;  ///< in the rig's order
+  KeypointCulprit culprit;
+};
+
+/// Adjusts a calibration to points that several cameras see at once, people's joints, markers, a wand: poses first, then lenses
+/// as far as held-out frames ask for it. People in several views are told apart by the given rig, then by the adjusted one.
+///
+/// Without `train` and `test` the take is cut into two halves with a gap between them (CutWithGaps): everything, decisions
+/// included, is done with each half alone and measured on the other; these are the held-out figures, and the rig of the report
+/// is adjusted to all frames. When the halves' rigs do not explain the other halves better than the given one, the input is
+/// kept. A half that cannot carry an adjustment gives no figure; one must. With `train` or `test` the decisions and the rig see
+/// the train frames alone, the figures the test frames alone, neighbours or not; without `test` these are the frames that are
+/// not in `train`.
+///
+/// `frames` ascend and have one list of people a camera of the rig; `limbs` are pairs of joints.
+KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
+                                         const std::vector<std::pair<int, int>>& limbs, const std::optional<FrameChoice>& train,
+                                         const std::optional<FrameChoice>& test, const KeypointRefineOptions& options,
+                                         const RunContext& run = {});
+
+}  // namespace mvstudio::calib

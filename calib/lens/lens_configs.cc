@@ -1,0 +1,109 @@
+#include "calib/lens/lens_configs.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/bundle/view_clusters.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using geometry::LensModel;
+
+constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
+constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
+constexpr int kMinSplineCorners = 5000;  // of one camera
+
+double LargestAngleOf(const LensPool& pool) {
+  double angle = 0;
+  for (size_t c = 0; c < pool.state.cameras.size(); ++c) {
+    std::vector<View> of_camera;
+    for (const View& view : pool.views) {
+      if (view.camera_idx == static_cast<int>(c)) of_camera.push_back(view);
+    }
+    angle = std::max(angle, LargestAngle(pool.state.cameras[c], of_camera));
+  }
+  return angle;
+}
+
+/// Models worth comparing for the field of view and the number of corners.
+std::vector<LensConfig> Models(const LensPool& pool, bool few) {
+  const double angle = LargestAngleOf(pool);
+  std::vector<LensConfig> models;
+  const auto add = [&](std::initializer_list<LensModel> list) {
+    for (LensModel model : list) models.push_back({model, {}, false, false});
+  };
+  if (angle < kVeryWideRad) {
+    add({LensModel::kPinhole, LensModel::kBrown1, LensModel::kBrown2, LensModel::kBrown4});
+    if (!few) add({LensModel::kBrown5, LensModel::kRational8, LensModel::kThinPrism12});
+  }
+  if (angle > kWideRad) {
+    add({LensModel::kUcm, LensModel::kEucm, LensModel::kDoubleSphere, LensModel::kKannalaBrandt4});
+    if (!few) add({LensModel::kUcmP, LensModel::kEucmP, LensModel::kDoubleSphereP, LensModel::kKannalaBrandt4P});
+  }
+  if (!few && angle > kWideRad && LargestNumCorners(pool) >= kMinSplineCorners) {
+    for (const LensConfig& config : SplinedConfigs(pool)) models.push_back(config);
+  }
+  return models;
+}
+
+}  // namespace
+
+int LargestNumCorners(const LensPool& pool) {
+  std::vector<int> corners(pool.state.cameras.size(), 0);
+  for (const View& view : pool.views) corners[view.camera_idx] += static_cast<int>((view.weights.array() > 0).count());
+  return *std::max_element(corners.begin(), corners.end());
+}
+
+std::vector<int> ClustersOfCameras(const LensPool& pool) {
+  std::vector<std::vector<int>> clusters(pool.state.cameras.size());
+  for (size_t v = 0; v < pool.views.size(); ++v) clusters[pool.views[v].camera_idx].push_back(pool.cluster[v]);
+  std::vector<int> counts;
+  for (const std::vector<int>& own : clusters) counts.push_back(CountClusters(own));
+  return counts;
+}
+
+std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options, bool few) {
+  const int cameras = static_cast<int>(pool.state.cameras.size());
+  std::vector<LensConfig> configs = options.only;
+  for (LensConfig& config : configs) config.warp = options.warp, config.stretch = options.stretch;
+  if (!configs.empty()) return configs;
+  for (LensConfig config : options.models.empty() ? Models(pool, few) : options.models) {
+    config.warp = options.warp, config.stretch = options.stretch;
+    if (options.separate || cameras == 1) configs.push_back(config);
+    config.shared = true;
+    if (options.sharing && cameras > 1) configs.push_back(config);
+  }
+  std::stable_sort(configs.begin(), configs.end(), [&](const LensConfig& a, const LensConfig& b) {
+    return NumLensParams(a, cameras) < NumLensParams(b, cameras);
+  });
+  return configs;
+}
+
+std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
+  constexpr double kMargin = 1.05;
+  const geometry::Camera& camera = pool.state.cameras[0];
+  const double aspect = static_cast<double>(camera.height_px) / camera.width_px;
+  const int field_deg = std::clamp(static_cast<int>(std::ceil(2 * kMargin * LargestAngleOf(pool) * 180 / M_PI)), 30, 300);
+  std::vector<LensConfig> configs;
+  for (int cols : {8, 11, 16}) {
+    const int rows = std::max(5, static_cast<int>(std::lround(cols * aspect)));
+    configs.push_back({LensModel::kSplined, {3, cols, rows, field_deg}, false, false});
+  }
+  return configs;
+}
+
+double FoldedShare(const geometry::Camera& camera) {
+  constexpr int kCells = 16;
+  const geometry::Projector projector(camera);
+  int folded = 0;
+  for (int row = 0; row <= kCells; ++row) {
+    for (int col = 0; col <= kCells; ++col) {
+      const Eigen::Vector2d px(col * (camera.width_px - 1.0) / kCells, row * (camera.height_px - 1.0) / kCells);
+      folded += projector.Unproject(px).status != Status::kOk;
+    }
+  }
+  return folded / static_cast<double>((kCells + 1) * (kCells + 1));
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,174 @@
+#include "calib/rig/board_metrics.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "core/check.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/point/linear.h"
+#include "triangulate/point/refine.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using Eigen::Index;
+
+constexpr double kMinParallaxRad = 0.01;  // rays that meet at less say more of the noise than of lengths
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// The cameras at the instant of a frame: those with a time offset stand where the board, not having moved yet, looks as it did
+/// to them.
+triangulate::PreparedRig RigAt(int frame, const RigState& state) {
+  geometry::Rig rig;
+  for (size_t c = 0; c < state.cameras.size(); ++c) {
+    const geometry::Rigid3 motion = BoardMotion(static_cast<int>(c), frame, state);
+    rig.cameras.push_back({state.cameras[c], state.cam_from_world[c] * motion, std::nullopt, std::nullopt});
+  }
+  return triangulate::Prepare(rig);
+}
+
+bool WideEnough(const std::vector<triangulate::View>& views, double min_parallax_rad) {
+  double widest = 0;
+  for (const triangulate::View& view : views)
+    widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
+  return widest >= min_parallax_rad;
+}
+
+double Rms(const std::vector<double>& values) {
+  double sum = 0;
+  for (double value : values) sum += value * value;
+  return values.empty() ? kNan : std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (double value : values) sum += value;
+  return values.empty() ? kNan : sum / static_cast<double>(values.size());
+}
+
+/// Of the absolute values; the mean of the middle two when their number is even.
+double MedianAbs(std::vector<double> values) {
+  if (values.empty()) return kNan;
+  for (double& value : values) value = std::abs(value);
+  std::sort(values.begin(), values.end());
+  const size_t n = values.size();
+  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
+struct Errors {
+  std::vector<double> edges_mm, pairs_mm, pixels;
+};
+
+/// Measured minus true length of a pair of corners.
+double LengthError(const Eigen::Matrix3Xd& corners, const CornerCloud& cloud, int a, int b) {
+  return 1e3 * ((cloud.at(a) - cloud.at(b)).norm() - (corners.col(a) - corners.col(b)).norm());
+}
+
+void Measure(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, int>>& neighbours, const CornerCloud& cloud,
+             Errors* errors) {
+  for (const auto& [a, b] : neighbours) {
+    if (cloud.count(a) && cloud.count(b)) errors->edges_mm.push_back(LengthError(corners, cloud, a, b));
+  }
+  for (auto a = cloud.begin(); a != cloud.end(); ++a) {
+    for (auto b = std::next(a); b != cloud.end(); ++b)
+      errors->pairs_mm.push_back(LengthError(corners, cloud, a->first, b->first));
+  }
+}
+
+std::vector<std::pair<int, int>> MutualNearest(const Eigen::Matrix3Xd& corners) {
+  constexpr double kEqual = 1 + 1e-6;
+  std::vector<double> nearest(corners.cols(), std::numeric_limits<double>::infinity());
+  for (Index i = 0; i < corners.cols(); ++i) {
+    for (Index j = 0; j < corners.cols(); ++j) {
+      if (i != j) nearest[i] = std::min(nearest[i], (corners.col(i) - corners.col(j)).norm());
+    }
+  }
+  std::vector<std::pair<int, int>> pairs;
+  for (Index i = 0; i < corners.cols(); ++i) {
+    for (Index j = i + 1; j < corners.cols(); ++j) {
+      const double distance = (corners.col(i) - corners.col(j)).norm();
+      if (distance <= kEqual * std::min(nearest[i], nearest[j])) pairs.emplace_back(i, j);
+    }
+  }
+  return pairs;
+}
+
+}  // namespace
+
+std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board) {
+  if (board.kind == Board::Kind::kPoints) return MutualNearest(CornersInBoard(board));
+  std::vector<std::pair<int, int>> pairs;
+  if (board.has_tags()) {
+    for (int first = 0; first + 3 < board.num_corners(); first += 4) {
+      for (int k = 0; k < 4; ++k) {
+        const int a = first + k, b = first + (k + 1) % 4;
+        pairs.emplace_back(std::min(a, b), std::max(a, b));
+      }
+    }
+    return pairs;
+  }
+  for (int row = 0; row < board.rows; ++row) {
+    for (int col = 0; col < board.cols; ++col) {
+      const int id = row * board.cols + col;
+      if (col + 1 < board.cols) pairs.emplace_back(id, id + 1);
+      if (row + 1 < board.rows) pairs.emplace_back(id, id + board.cols);
+    }
+  }
+  return pairs;
+}
+
+CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad,
+                               std::vector<double>* errors_px) {
+  CornerCloud cloud;
+  for (const auto& [id, seen] : sights) {
+    Status rejected = Status::kOk;
+    const std::vector<triangulate::View> views = triangulate::MakeViews(rig, seen, &rejected);
+    const triangulate::LinearPoint start = triangulate::WeightedLinear(views);
+    if (start.status != Status::kOk || !WideEnough(views, min_parallax_rad)) continue;
+    const triangulate::Refinement point = triangulate::Refine(views, start.x_in_local);
+    if (point.status != Status::kOk && point.status != Status::kNotConverged) continue;
+    cloud[id] = rig.origin_in_world + point.x_in_local;
+    if (!errors_px) continue;
+    for (const triangulate::View& view : views)
+      errors_px->push_back(view.sigma_px * triangulate::WhitenedResidual(view, point.x_in_local));
+  }
+  return cloud;
+}
+
+BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state) {
+  std::map<std::pair<int, int>, CornerSights> sights;  // by frame and board
+  for (const View& view : views) {
+    MVS_CHECK(view.board >= 0 && view.board < static_cast<int>(boards.size()), "board " << view.board);
+    CornerSights& of_board = sights[{view.frame, view.board}];
+    for (Index i = 0; i < view.size(); ++i) of_board[view.corner_ids[i]].push_back({view.camera_idx, view.px.col(i), 1, 1});
+  }
+  std::vector<std::vector<std::pair<int, int>>> neighbours;
+  std::vector<Eigen::Matrix3Xd> corners;
+  for (const Board& board : boards) neighbours.push_back(NeighbouringCorners(board)), corners.push_back(CornersInBoard(board));
+  BoardMetrics metrics;
+  Errors errors;
+  std::set<int> frames;
+  const bool moving = !state.time_offset_frames.empty();
+  triangulate::PreparedRig rig;
+  for (const auto& [place, of_board] : sights) {
+    if (moving || rig.cameras.empty()) rig = RigAt(place.first, state);
+    const CornerCloud cloud = TriangulateCorners(rig, of_board, kMinParallaxRad, &errors.pixels);
+    if (!cloud.empty()) frames.insert(place.first);
+    metrics.num_points += static_cast<int>(cloud.size());
+    Measure(corners[place.second], neighbours[place.second], cloud, &errors);
+  }
+  metrics.edge_rms_mm = Rms(errors.edges_mm), metrics.edge_median_mm = MedianAbs(errors.edges_mm);
+  metrics.edge_bias_mm = Mean(errors.edges_mm);
+  metrics.pair_rms_mm = Rms(errors.pairs_mm), metrics.pair_bias_mm = Mean(errors.pairs_mm);
+  metrics.reprojection_rms_px = Rms(errors.pixels), metrics.reprojection_median_px = MedianAbs(errors.pixels);
+  metrics.num_frames = static_cast<int>(frames.size()), metrics.num_edges = static_cast<int>(errors.edges_mm.size());
+  return metrics;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "calib/board/board.h"
+#include "calib/bundle/view.h"
+#include "triangulate/point/prepared_rig.h"
+#include "triangulate/point/types.h"
+
+namespace mvstudio::calib {
+
+/// Board corners triangulated from all cameras that see them, against the board. NaN where nothing could be measured.
+struct BoardMetrics {
+  double edge_rms_mm = 0, edge_median_mm = 0,
+         edge_bias_mm = 0;                                     ///< of neighbouring corners; median of |error|, bias: mean error
+  double pair_rms_mm = 0, pair_bias_mm = 0;                    ///< of all pairs of corners of a board in a frame
+  double reprojection_rms_px = 0, reprojection_median_px = 0;  ///< 2-D, of the triangulated points in all their images
+  int num_frames = 0, num_points = 0, num_edges = 0;
+};
+
+/// Triangulates every corner that two cameras or more see in a frame, cameras fixed as in `state`, by least squares of the
+/// pixel errors; boards' poses in `state` are not used, weights neither: no corner is rejected, only those that have no ray, no
+/// parallax or no place in front of their cameras are left out. Distances are measured minus true (positive bias: too long).
+/// Neighbours: along rows and columns of a grid; the sides of a tag; of single points, those that are each other's nearest.
+/// `views` decide which frames take part. With time offsets, every camera's corners are moved back to the instant of the frame by
+/// the motion of the board (BoardMotion), which comes from other frames. (caliscope, "scale accuracy").
+BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state);
+
+using CornerSights = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one instant, by corner
+using CornerCloud = std::map<int, Eigen::Vector3d>;                         ///< in world, metres, by corner
+
+/// The maximum-likelihood place of every corner that two cameras or more have a ray to, all of them used. Left out: rays that
+/// span less than `min_parallax_rad` or meet nowhere in front of their cameras. `errors_px`, when given, receives the 2-D
+/// residuals of all sights.
+CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad = 0,
+                               std::vector<double>* errors_px = nullptr);
+
+/// Pairs of neighbouring corners as above, each once, the smaller id first.
+std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board);
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/rig/links.h"
+
+namespace mvstudio::calib {
+
+/// Two groups of cameras that see different boards in the same frames, and why that does not link them.
+struct RefusedBridge {
+  int group_a = 0, group_b = 0;  ///< of cameras
+  int frames = 0;                ///< that both have
+  std::string reason;
+};
+
+struct Bridges {
+  std::vector<PoseLink> cameras, boards;  ///< between the first nodes of the groups they link
+  std::vector<RefusedBridge> refused;
+};
+
+/// Links of groups of cameras that never share a board, by the motion of the boards that they see in the same frames
+/// (SolveHandEye): the most certain ones that link every group at most once.
+Bridges FindBridges(const std::vector<FrameSights>& frames, const PosedGroups& cameras, const PosedGroups& boards);
+
+}  // namespace mvstudio::calib

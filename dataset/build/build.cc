@@ -1,0 +1,257 @@
+#include "dataset/build/build.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <set>
+
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "core/hash/sha256.h"
+#include "core/median.h"
+#include "core/parallel.h"
+#include "dataset/build/build_internal.h"
+#include "dataset/json/json_internal.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/session/session.h"
+#include "geometry/rig/plausible.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+using internal::CameraJob;
+using internal::CameraResult;
+using internal::Json;
+using internal::People;
+
+constexpr char kDatasetSchema[] = "mvstudio.dataset/1";
+
+/// Names stay when all are Panoptic's already; otherwise cameras are numbered in the calibration's order.
+std::string PanopticName(const geometry::Rig& rig, int idx) {
+  int panel = 0, node = 0;
+  const bool all = std::all_of(rig.cameras.begin(), rig.cameras.end(),
+                               [&](const auto& c) { return ParsePanopticName(c.camera.name, &panel, &node); });
+  if (all) return rig.cameras[idx].camera.name;
+  if (idx > 99) throw UsageError("Panoptic names hold 100 cameras (00_00 to 00_99); the calibration has more");
+  char name[8];
+  std::snprintf(name, sizeof(name), "00_%02d", idx);
+  return name;
+}
+
+void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
+  const std::set<std::string> rules = {"auto", "fill", "stretch", "crop-right", "crop-centre", "crop-left"};
+  if (!rules.count(options.size_rule))
+    throw UsageError("--size-rule " + options.size_rule +
+                     ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
+  const std::string why = WhyNotAName(options.sequence);
+  if (!why.empty()) throw UsageError("--sequence must be a plain name: it " + why);
+  if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("--jpeg-quality must be in 0..100");
+  if (!(options.frame_rate_hz > 0)) throw UsageError("--frame-rate must be positive");
+  if (inputs.footage.empty()) throw UsageError("no footage was given: add --video CAMERA=FILE or --images CAMERA=PATTERN");
+  std::set<std::string> cameras;
+  for (const CameraFootage& f : inputs.footage) {
+    if (!cameras.insert(f.camera).second) throw UsageError("camera " + f.camera + " was given footage twice");
+  }
+}
+
+std::string CameraNames(const geometry::Rig& rig) {
+  std::string names;
+  for (const auto& c : rig.cameras) names += (names.empty() ? "" : ", ") + c.camera.name;
+  return names;
+}
+
+double MedianRms(const Pose3d& pose) {
+  std::vector<double> rms_px;
+  for (const JointRow& row : pose.rows) {
+    if (row.status == Status::kOk) rms_px.push_back(row.rms_px);
+  }
+  return UpperMedian(std::move(rms_px), 0);
+}
+
+std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& rig, const std::map<int, People>& poses,
+                                double joint_rms_px, const std::string& folder) {
+  std::vector<CameraJob> jobs;
+  for (const CameraFootage& footage : inputs.footage) {
+    const int idx = rig.Find(footage.camera);
+    if (idx < 0) {
+      throw FormatError(inputs.calibration, "cameras",
+                        "has no camera " + footage.camera + " (footage " + footage.path + "); it has " + CameraNames(rig));
+    }
+    CameraJob job;
+    job.footage = footage;
+    job.name = PanopticName(rig, idx);
+    job.camera = rig.cameras[idx];
+    job.poses = &poses;
+    job.joint_rms_px = joint_rms_px;
+    job.folder = folder;
+    jobs.push_back(job);
+  }
+  std::sort(jobs.begin(), jobs.end(), [](const CameraJob& a, const CameraJob& b) { return a.name < b.name; });
+  return jobs;
+}
+
+double TakeFrameRate(const std::vector<CameraResult>& results, const BuildOptions& options,
+                     std::vector<BuildWarning>* warnings) {
+  double rate = 0;
+  for (const CameraResult& r : results) {
+    if (r.frame_rate_hz <= 0) continue;
+    if (rate > 0 && std::abs(r.frame_rate_hz - rate) > 0.01 * rate) {
+      warnings->push_back({"DAT-RATE",
+                           "camera " + r.built.alias + " runs at " + internal::NumberText(r.frame_rate_hz) +
+                               " frames a second, others at " + internal::NumberText(rate),
+                           "frames are matched by number: bring the videos to one rate first"});
+    }
+    if (rate <= 0) rate = r.frame_rate_hz;
+  }
+  return rate > 0 ? rate : options.frame_rate_hz;
+}
+
+Json FileEntry(const std::string& path) {
+  Json entry = {{"path", path}};
+  if (fs::is_regular_file(path)) entry["sha256"] = Sha256File(path);
+  return entry;
+}
+
+Json CameraEntry(const CameraResult& r, const CameraJob& job, bool masks) {
+  const geometry::Camera& was = job.camera.camera;
+  Json entry = {{"name", r.built.name}, {"alias", r.built.alias}, {"source", FileEntry(job.footage.path)}};
+  entry["width"] = r.camera.camera.width_px;
+  entry["height"] = r.camera.camera.height_px;
+  entry["calibrated_width"] = was.width_px;
+  entry["calibrated_height"] = was.height_px;
+  const SizeRule& rule = r.size.rule;
+  entry["size_rule"] = {{"name", rule.name},
+                        {"scale", {rule.scale_x, rule.scale_y}},
+                        {"offset_px", {rule.offset_x_px, rule.offset_y_px}},
+                        {"decisive", r.size.decisive}};
+  entry["images"] = r.built.images;
+  if (!r.gaps.empty()) entry["without_picture"] = r.gaps;
+  if (!masks) return entry;
+  entry["mask"] = {{"method", job.footage.plate.empty() ? "background-cut/take" : "background-cut/plate"},
+                   {"background_known", r.built.background_known},
+                   {"mean_area_fraction", r.built.mean_area_fraction},
+                   {"joints", r.built.joints},
+                   {"joints_on_mask", r.built.joints_on_mask},
+                   {"joints_supported", r.built.joints_supported}};
+  return entry;
+}
+
+std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, const std::vector<CameraJob>& jobs,
+                    const std::vector<CameraResult>& results, const std::map<int, People>& poses, double frame_rate_hz) {
+  Json json = {{"schema", kDatasetSchema}, {"sequence", options.sequence}, {"frame_rate_hz", frame_rate_hz}};
+  json["calibration"] = FileEntry(inputs.calibration);
+  json["pose3d"] = FileEntry((fs::path(inputs.pose3d) / "points.csv").string());
+  json["pictures"] = options.png ? Json{{"format", "png"}} : Json{{"format", "jpeg"}, {"quality", options.jpeg_quality}};
+  json["frames"] = Json::array();
+  for (const auto& [frame, people] : poses) json["frames"].push_back(frame);
+  json["cameras"] = Json::array();
+  for (size_t i = 0; i < results.size(); ++i) json["cameras"].push_back(CameraEntry(results[i], jobs[i], options.masks));
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void WritePoses(const std::map<int, People>& poses, double frame_rate_hz, const std::string& folder) {
+  for (const auto& [frame, people] : poses) {
+    char name[40];
+    std::snprintf(name, sizeof(name), "body3DScene_%08d.json", frame);
+    WriteBody3dScene(people, 1000.0 * frame / frame_rate_hz, folder + "/hdPose3d_stage1_coco19/" + name);
+  }
+}
+
+std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptions& options, int num_frames,
+                                  const RunContext& run) {
+  std::vector<CameraResult> results(jobs->size());
+  ProgressStage stage(run, "pictures and masks", int64_t(num_frames) * int64_t(jobs->size()));
+  std::mutex mutex;
+  for (CameraJob& job : *jobs) {
+    job.on_image = [&stage, &mutex] {
+      const std::lock_guard<std::mutex> lock(mutex);
+      stage.Advance();
+    };
+  }
+  ParallelFor(static_cast<int64_t>(jobs->size()), run.num_threads,
+              [&](int64_t i) { results[i] = BuildCamera((*jobs)[i], options); });
+  return results;
+}
+
+void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) {
+  constexpr double kLeast = 0.8;
+  if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
+  warnings->push_back({"DAT-MASK",
+                       "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
+                           " % of the joints lie where the picture shows a person by its colours",
+                       "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
+}
+
+void AddGaps(const CameraResult& r, BuildReport* report) {
+  if (r.gaps.empty()) return;
+  report->gaps.push_back({r.built.alias, r.gaps});
+  std::string text = "camera " + r.built.alias + " has no picture of " + std::to_string(r.gaps.size()) + " of " +
+                     std::to_string(report->frames) + " instants: " + std::to_string(r.gaps.front());
+  for (size_t i = 1; i < std::min<size_t>(r.gaps.size(), 8); ++i) text += ", " + std::to_string(r.gaps[i]);
+  report->warnings.push_back({"DAT-INSTANTS", text + (r.gaps.size() > 8 ? ", …" : ""),
+                              "the camera dropped frames, or they are damaged; see the timeline"});
+}
+
+std::vector<std::string> InputsOf(const BuildInputs& inputs) {
+  std::vector<std::string> paths = {inputs.calibration, inputs.pose3d};
+  for (const CameraFootage& footage : inputs.footage) paths.insert(paths.end(), {footage.path, footage.plate});
+  return paths;
+}
+
+/// Pictures are taken whole: an offset of half a frame or more shows another instant.
+void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildReport* report) {
+  double& largest = report->calibration_offset_frames;
+  for (const CameraFootage& footage : inputs.footage) {
+    const int c = footage.timeline ? -1 : rig.Find(footage.camera);
+    if (c < 0 || !rig.cameras[static_cast<size_t>(c)].time_offset) continue;
+    largest = std::max(largest, std::abs(rig.cameras[static_cast<size_t>(c)].time_offset->frames));
+  }
+  if (largest < 0.5) return;
+  char text[160];
+  std::snprintf(text, sizeof text, "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
+  report->warnings.push_back({"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
+}
+
+}  // namespace
+
+BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
+                         const RunContext& run) {
+  CheckOptions(inputs, options);
+  const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
+  const Pose3d pose = ReadPose3d(inputs.pose3d);
+  const std::map<int, People> poses = ToCoco19(pose);
+  if (poses.empty()) throw FormatError(inputs.pose3d, "points.csv", "holds no frame");
+  AtomicFolder folder(out, options.overwrite, InputsOf(inputs));
+  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
+  const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
+
+  BuildReport report;
+  for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
+  }
+  report.sequence = options.sequence;
+  report.frames = static_cast<int>(poses.size());
+  geometry::Rig built_rig;
+  for (const CameraResult& r : results) {
+    built_rig.cameras.push_back(r.camera);
+    report.cameras.push_back(r.built);
+    report.images += r.built.images;
+    report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
+    AddGaps(r, &report);
+    if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
+  }
+  NoteOffsets(inputs, rig, &report);
+  const double frame_rate_hz = TakeFrameRate(results, options, &report.warnings);
+  WritePanopticCalibration(built_rig, folder.work_path() + "/calibration_" + options.sequence + ".json",
+                           "mvstudio, " + fs::path(inputs.calibration).filename().string());
+  WritePoses(poses, frame_rate_hz, folder.work_path());
+  WriteFileAtomic(folder.work_path() + "/dataset.json", Sidecar(inputs, options, jobs, results, poses, frame_rate_hz));
+  folder.Commit();
+  return report;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "dataset/masks/masks.h"
+#include "dataset/time/timeline.h"
+#include "geometry/rig/rig.h"
+
+namespace mvstudio::dataset {
+
+/// Footage of one camera.
+struct CameraFootage {
+  std::string camera;                                  ///< name in the calibration
+  std::string path;                                    ///< video, image folder or pattern
+  std::string plate;                                   ///< picture of the empty scene; may be empty
+  std::shared_ptr<const Timeline> timeline = nullptr;  ///< which frame shows which instant; none: frame n shows instant n
+};
+
+struct BuildInputs {
+  std::string calibration;  ///< ours or Panoptic's
+  std::vector<CameraFootage> footage;
+  std::string pose3d;  ///< folder with points.csv
+};
+
+struct BuildOptions {
+  std::string sequence = "take";
+  bool masks = true;
+  bool png = false;
+  int jpeg_quality = 95;
+  double frame_rate_hz = 30;
+  std::string size_rule = "auto";
+  bool require_complete = false;
+  bool keep_undamaged = false;
+  bool overwrite = false;
+  MaskOptions mask;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, BuildOptions& o) {
+  visit("sequence", o.sequence, "name of the sequence, as in calibration_<sequence>.json");
+  visit("masks", o.masks, "make foreground masks");
+  visit("png", o.png, "keep pictures without loss instead of as JPEG");
+  visit("jpeg-quality", o.jpeg_quality, "0..100");
+  visit("frame-rate", o.frame_rate_hz, "frames a second of image folders; videos know their own");
+  visit("size-rule", o.size_rule,
+        "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
+  visit("require-complete", o.require_complete,
+        "refuse a take in which a camera has no frame for an instant with joints, instead of leaving the picture out");
+  visit("keep-undamaged", o.keep_undamaged, "use what decodes of damaged footage and list what is missing");
+  visit("overwrite", o.overwrite, "replace the output folder");
+  VisitFields(visit, o.mask);
+}
+
+struct BuildWarning {
+  std::string code, text, hint;
+};
+
+struct BuiltCamera {
+  std::string name;   ///< Panoptic's, 00_NN
+  std::string alias;  ///< the studio's
+  int images = 0;
+  std::string size_rule;
+  double background_known = 0;  ///< share of the picture whose background was seen
+  double mean_area_fraction = 0;
+  int joints = 0, joints_on_mask = 0, joints_supported = 0;
+};
+
+/// Instants with joints for which a camera has no picture.
+struct BuildGaps {
+  std::string camera;  ///< the studio's name
+  std::vector<int> instants;
+};
+
+struct BuildReport {
+  std::string sequence;
+  int frames = 0;
+  int images = 0;
+  std::vector<BuiltCamera> cameras;
+  std::vector<BuildGaps> gaps;  ///< cameras that have any: then the dataset is partial
+  std::vector<BuildWarning> warnings;
+  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states of a camera without a timeline; not applied
+};
+
+/// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in
+/// an image's name) is frame n of the 3D joints, unless the footage has a timeline: then the 3D joints' frames are its instants
+/// and each camera gives the frame that shows the instant, or none (listed in `gaps`). The folder appears whole or not at all.
+/// The calibration's time offsets are not applied: a dataset holds whole pictures. Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration, sizes that cannot
+/// be explained, and gaps with `require_complete`.
+BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
+                         const RunContext& run = {});
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dataset/build/build.h"
+#include "dataset/masks/size_rule.h"
+#include "dataset/pose/pose3d.h"
+
+/// One camera's share of BuildDataset; not part of the module's public face.
+namespace mvstudio::dataset::internal {
+
+using People = std::map<int, Coco19Pose>;
+
+struct CameraJob {
+  CameraFootage footage;
+  std::string name;            ///< Panoptic's
+  geometry::RigCamera camera;  ///< as calibrated
+  const std::map<int, People>* poses = nullptr;
+  double joint_rms_px = 0;         ///< median reprojection error of the joints
+  std::string folder;              ///< of the dataset under construction
+  std::function<void()> on_image;  ///< after each picture
+};
+
+struct CameraResult {
+  geometry::RigCamera camera;  ///< as the pictures need it, under Panoptic's name
+  BuiltCamera built;
+  SizeDecision size;
+  double frame_rate_hz = 0;  ///< 0 for pictures; with a timeline, of its instants
+  std::vector<int> gaps;     ///< instants with joints and no picture, ascending
+  std::vector<BuildWarning> warnings;
+};
+
+/// Writes pictures and masks of one camera.
+CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options);
+
+}  // namespace mvstudio::dataset::internal

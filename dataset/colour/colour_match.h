@@ -1,0 +1,117 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/fields.h"
+#include "core/image.h"
+#include "core/progress.h"
+#include "core/status.h"
+#include "dataset/panoptic/panoptic.h"
+#include "geometry/rig/rig.h"
+
+/// Cameras of one studio made to agree in colour. The same point of a person's surface, seen by several cameras, should have
+/// the same colour in all of them; what differs systematically is the cameras' exposure, white balance and black level. The
+/// model is the simplest that points held out of the fit justify: none, a gain, or a gain and an offset for each channel of
+/// each camera, in linear light or on the stored sRGB values.
+namespace mvstudio::dataset {
+
+enum class ColourModel { kNone, kGain, kGainOffset };
+enum class ColourSpace { kLinear, kSrgb };
+std::string ToString(ColourModel model);  ///< "none", "gain", "gain+offset"
+std::string ToString(ColourSpace space);  ///< "linear", "srgb"
+
+struct ColourMatchOptions {
+  std::string model = "auto";
+  std::string space = "auto";
+  std::string reference;
+  int frames = 16;
+  int points = 800;
+  double voxel_m = 0.02;
+  double patch_m = 0.012;
+  int min_overlap = 60;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, ColourMatchOptions& o) {
+  visit("colour-model", o.model, "auto (by points held out of the fit), none, gain, gain+offset");
+  visit("colour-space", o.space, "auto (by points held out of the fit), linear, srgb: where gain and offset act");
+  visit("colour-reference", o.reference, "camera that stays as it is; empty: the geometric mean of the gains is 1");
+  visit("colour-frames", o.frames, "frames, spread over the take, whose pictures are compared");
+  visit("colour-points", o.points, "surface points of a frame, at most");
+  visit("colour-voxel", o.voxel_m, "metres; grid of the visual hull; larger is faster and loses thin parts");
+  visit("colour-patch", o.patch_m, "metres; radius on the surface over which a colour is averaged");
+  visit("colour-min-overlap", o.min_overlap, "points that two cameras must share to be compared");
+}
+
+/// A point of a person's surface and its colour in the cameras that see it.
+struct ColourPoint {
+  int frame = 0;
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
+  struct View {
+    int camera_idx = 0;
+    Eigen::Array3d srgb = Eigen::Array3d::Zero();  ///< 0..1
+  };
+  std::vector<View> views;  ///< two or more
+};
+
+/// A camera's own values to those of the common camera: common = gain * own + offset, on values 0..1 of the match's space.
+struct ColourTransform {
+  Status status = Status::kOk;  ///< kTooFewViews: not enough points in common with the others; left as it is
+  Eigen::Array3d gain = Eigen::Array3d::Ones();
+  Eigen::Array3d offset = Eigen::Array3d::Zero();
+  Eigen::Array3d gain_sigma = Eigen::Array3d::Zero();  ///< standard deviation of the gain
+  int points = 0;                                      ///< that the camera shares with others
+  bool IsIdentity() const { return (gain == 1).all() && (offset == 0).all(); }
+};
+
+/// One model tried on the points held out.
+struct ColourTrial {
+  ColourModel model = ColourModel::kNone;
+  ColourSpace space = ColourSpace::kSrgb;
+  Status status = Status::kOk;    ///< kDegenerate: the colours cannot tell its parameters apart
+  double heldout_levels = 0;      ///< median distance of a camera's colour from the mean of the others, grey levels of 255
+  double heldout_gain = 0;        ///< how much of the plain model's squared error (clipped) is gone, 0..1
+  double heldout_gain_sigma = 0;  ///< its standard error over groups of points
+};
+
+struct ColourMatch {
+  /// kTooFewViews: no cameras share enough points; kDegenerate, kNotConverged: the colours do not determine the model that was
+  /// asked for. Everything stays as it is then.
+  Status status = Status::kOk;
+  std::string reason;  ///< one sentence: why this model, or why none
+  ColourModel model = ColourModel::kNone;
+  ColourSpace space = ColourSpace::kSrgb;
+  std::vector<ColourTransform> cameras;  ///< in the rig's order
+  std::vector<ColourTrial> trials;
+  int points = 0;
+};
+
+/// RGB picture, or mask, of a camera and frame; an empty one where there is none.
+using PictureSource = std::function<Image(int camera_idx, int frame)>;
+
+/// Surface points from the silhouettes' visual hull, each with the cameras that look at it from less than 60 degrees off its
+/// normal and with nothing of the hull in between. Laurentini, PAMI 1994. Same input and seed, same points.
+std::vector<ColourPoint> SampleSurfaceColours(const geometry::Rig& rig, const std::map<int, std::map<int, Coco19Pose>>& poses,
+                                              const PictureSource& pictures, const PictureSource& masks,
+                                              const ColourMatchOptions& options, const RunContext& run);
+
+/// Gain and offset of each camera from points that several see, by robust maximum likelihood with the points' true colours as
+/// unknowns (so noise does not shrink the gains). Names are for `options.reference` and messages. Throws UsageError for unknown
+/// models or cameras.
+ColourMatch MatchColours(const std::vector<ColourPoint>& points, const std::vector<std::string>& camera_names,
+                         const ColourMatchOptions& options = {});
+
+/// Both of the above on a dataset with masks.
+ColourMatch MatchDatasetColours(const PanopticDataset& dataset, const ColourMatchOptions& options, const RunContext& run);
+
+/// The picture with the camera's transform applied; rounded, clipped to 0..255.
+void ApplyColour(const ColourTransform& transform, ColourSpace space, Image* rgb);
+
+/// JSON object with model, space, cameras and trials, as docs/colour.md describes it.
+std::string ColourMatchToJsonText(const ColourMatch& match, const std::vector<std::string>& camera_names);
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,234 @@
+#include "dataset/footage/frames.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <vector>
+
+#include "core/check.h"
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+bool HasImageExtension(const std::string& path) {
+  std::string extension = fs::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+/// Splits a name at its runs of digits so that `image2` comes before `image10`.
+bool NaturalLess(const std::string& a, const std::string& b) {
+  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (!is_digit(a[i]) || !is_digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i, ++j;
+      continue;
+    }
+    const size_t i_end = std::find_if_not(a.begin() + i, a.end(), is_digit) - a.begin();
+    const size_t j_end = std::find_if_not(b.begin() + j, b.end(), is_digit) - b.begin();
+    const size_t i_first = std::min(a.find_first_not_of('0', i), i_end), j_first = std::min(b.find_first_not_of('0', j), j_end);
+    const std::string m = a.substr(i_first, i_end - i_first), n = b.substr(j_first, j_end - j_first);
+    if (m.size() != n.size()) return m.size() < n.size();
+    if (m != n) return m < n;
+    i = i_end, j = j_end;
+  }
+  if (a.size() - i != b.size() - j) return a.size() - i < b.size() - j;
+  return a < b;
+}
+
+/// Means over blocks of a grey picture.
+Image Reduced(const Image& grey, int max_side) {
+  const int block = std::max((std::max(grey.width, grey.height) + max_side - 1) / max_side, 1);
+  Image out(std::max(grey.width / block, 1), std::max(grey.height / block, 1), 1);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      int sum = 0, count = 0;
+      for (int v = y * block; v < std::min((y + 1) * block, grey.height); ++v) {
+        for (int u = x * block; u < std::min((x + 1) * block, grey.width); ++u) sum += *grey.Pixel(u, v), ++count;
+      }
+      *out.Pixel(x, y) = static_cast<uint8_t>((sum + count / 2) / count);
+    }
+  }
+  return out;
+}
+
+class ImageFolderSource : public FrameSource {
+ public:
+  ImageFolderSource(std::string path, std::vector<std::string> files, const FrameOptions& options)
+      : path_(std::move(path)), files_(std::move(files)), options_(options) {}
+
+  std::optional<Frame> Advance() override {
+    for (; next_ < files_.size(); ++next_) {
+      Frame frame;
+      frame.frame_idx = static_cast<int64_t>(next_);
+      frame.label = fs::path(files_[next_]).filename().string();
+      frame.number = NumberInName(files_[next_]).value_or(frame.frame_idx);
+      if (!Look(frame.label)) continue;
+      ++next_;
+      return frame;
+    }
+    return std::nullopt;
+  }
+
+  Image Picture() override {
+    MVS_CHECK(next_ > 0, path_ << ": no frame was read");
+    return picture_.empty() ? ReadImage(files_[next_ - 1]) : std::move(picture_);
+  }
+  Image Thumbnail(int max_side) override { return Reduced(ReadImage(files_[next_ - 1], true), max_side); }
+  std::pair<int, int> size_px() const override { return size_px_; }
+  int64_t num_frames() const override { return static_cast<int64_t>(files_.size()); }
+  const std::string& path() const override { return path_; }
+  std::vector<std::string> Damage() const override { return damage_; }
+
+ private:
+  /// Whether the next file is to be returned. To know that it is sound it must be decoded.
+  bool Look(const std::string& label) {
+    try {
+      picture_ = Image();
+      if (options_.keep_undamaged) picture_ = ReadImage(files_[next_]);
+      const ImageHeader header = ReadImageHeader(files_[next_]);
+      size_px_ = {static_cast<int>(header.width), static_cast<int>(header.height)};
+      return true;
+    } catch (const FormatError& error) {
+      if (!options_.keep_undamaged) throw;
+      damage_.push_back(label + ": " + error.what());
+      return false;
+    }
+  }
+
+  std::string path_;
+  std::vector<std::string> files_;
+  FrameOptions options_;
+  std::vector<std::string> damage_;
+  Image picture_;
+  std::pair<int, int> size_px_{0, 0};
+  size_t next_ = 0;
+};
+
+std::string RangeText(const std::pair<int64_t, int64_t>& range) {
+  return range.first == range.second ? std::to_string(range.first)
+                                     : std::to_string(range.first) + " to " + std::to_string(range.second);
+}
+
+class VideoSource : public FrameSource {
+ public:
+  VideoSource(const std::string& path, const FrameOptions& options) : path_(path), reader_(path, {options.keep_undamaged, 0}) {}
+
+  std::optional<Frame> Advance() override {
+    if (!reader_.Advance()) return std::nullopt;
+    Frame frame;
+    frame.frame_idx = frame.number = reader_.frame_idx();
+    frame.label = "frame " + std::to_string(frame.frame_idx);
+    frame.time_s = reader_.time_s();
+    return frame;
+  }
+  Image Picture() override { return reader_.Picture(); }
+  Image Thumbnail(int max_side) override { return reader_.Thumbnail(max_side); }
+  std::pair<int, int> size_px() const override { return {reader_.info().width, reader_.info().height}; }
+  int64_t num_frames() const override { return reader_.info().num_frames; }
+  const std::string& path() const override { return path_; }
+  std::vector<std::string> Damage() const override {
+    const VideoDamage& damage = reader_.damage();
+    std::vector<std::string> lines;
+    for (const auto& range : damage.missing) lines.push_back("frames " + RangeText(range) + " are missing");
+    lines.insert(lines.end(), damage.causes.begin(), damage.causes.end());
+    return lines;
+  }
+
+ private:
+  std::string path_;
+  VideoReader reader_;
+};
+
+std::vector<std::string> OnlyImages(std::vector<std::string> files) {
+  files.erase(std::remove_if(files.begin(), files.end(), [](const std::string& f) { return !HasImageExtension(f); }),
+              files.end());
+  return files;
+}
+
+void FindGaps(FootageInfo* info) {
+  std::map<int64_t, int> count;
+  for (size_t i = 0; i < info->files.size(); ++i) {
+    ++count[NumberInName(info->files[i]).value_or(static_cast<int64_t>(i))];
+  }
+  int64_t last = count.begin()->first - 1;
+  for (const auto& [number, times] : count) {
+    if (number > last + 1) info->gaps.emplace_back(last + 1, number - 1);
+    if (times > 1) info->twice.push_back(number);
+    last = number;
+  }
+}
+
+void DescribePictures(FootageInfo* info) {
+  const ImageHeader header = ReadImageHeader(info->files[0]);
+  info->width = static_cast<int>(header.width), info->height = static_cast<int>(header.height);
+  info->codec = header.is_png ? "png" : "jpeg";
+  info->bits = header.bits;
+  info->num_frames = static_cast<int64_t>(info->files.size());
+  FindGaps(info);
+}
+
+}  // namespace
+
+std::optional<int64_t> NumberInName(const std::string& path) {
+  const std::string stem = fs::path(path).stem().string();
+  const auto last = stem.find_last_of("0123456789");
+  if (last == std::string::npos) return std::nullopt;
+  const auto before = stem.find_last_not_of("0123456789", last);
+  const std::string digits = stem.substr(before + 1, last - before);
+  if (digits.size() > 18) return std::nullopt;
+  return std::stoll(digits);
+}
+
+FootageFiles ListFootage(const std::string& path_or_pattern) {
+  const std::string& path = path_or_pattern;
+  FootageFiles files;
+  const bool is_folder = fs::is_directory(path), is_pattern = IsPattern(path);
+  if (!is_folder && fs::exists(path)) return {!HasImageExtension(path), {path}};
+  if (is_folder || is_pattern) files.paths = FilesMatching(path);
+  if (files.paths.empty() && !is_folder) {
+    throw IoError(path, is_pattern ? "no file matches the pattern" : "no such file or folder");
+  }
+  if (!is_folder && files.paths.size() == 1 && !HasImageExtension(files.paths[0])) return {true, std::move(files.paths)};
+  files.paths = OnlyImages(std::move(files.paths));
+  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png or .jpg picture");
+  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png or .jpg picture");
+  std::sort(files.paths.begin(), files.paths.end(), NaturalLess);
+  return files;
+}
+
+std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options) {
+  FootageFiles files = ListFootage(path_or_pattern);
+  if (files.is_video) return std::make_unique<VideoSource>(files.paths[0], options);
+  return std::make_unique<ImageFolderSource>(path_or_pattern, std::move(files.paths), options);
+}
+
+FootageInfo DescribeFootage(const std::string& path_or_pattern) {
+  FootageFiles files = ListFootage(path_or_pattern);
+  FootageInfo info;
+  info.is_video = files.is_video;
+  info.files = std::move(files.paths);
+  if (!info.is_video) {
+    DescribePictures(&info);
+    return info;
+  }
+  const VideoInfo video = VideoReader(info.files[0]).info();
+  info.width = video.width, info.height = video.height;
+  info.fps_hz = video.frame_rate_hz;
+  info.num_frames = video.num_frames;
+  info.codec = video.codec;
+  info.bits = video.bits;
+  info.quarter_turns_clockwise = video.quarter_turns_clockwise;
+  return info;
+}
+
+}  // namespace mvstudio::dataset

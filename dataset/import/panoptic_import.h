@@ -1,0 +1,52 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "dataset/verify/verify.h"
+
+namespace mvstudio::dataset {
+
+struct PanopticImportOptions {
+  std::string cameras;
+  std::string frames;
+  std::string pictures = "link";
+  std::string take;
+  int quality = 95;
+  bool follow_links = false;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, PanopticImportOptions& o) {
+  visit("cameras", o.cameras,
+        "hd, vga, kinect and names such as 00_03, separated by commas; empty: those with footage, all when none has any");
+  visit("frames", o.frames, "joints, faces, hands and pictures of these HD frames only, e.g. 245-1200; empty: all");
+  visit("pictures", o.pictures,
+        "link: refer to the footage where it lies; copy: copy it; decode: copy pictures and turn videos into pictures");
+  visit("take", o.take, "name of the take; empty: that of the sequence");
+  visit("quality", o.quality, "JPEG quality of decoded pictures");
+  visit("follow-links", o.follow_links, "read through symbolic links that lead out of the sequence; off refuses them");
+}
+
+struct PanopticImportReport {
+  std::string sequence;
+  std::vector<std::string> takes;  ///< cameras whose clocks nothing relates to the HD cameras' get takes of their own
+  int cameras = 0, cameras_with_footage = 0;
+  int frames = 0, first_frame = 0, last_frame = 0;  ///< with joints
+  int most_people = 0;
+  int64_t joints = 0;             ///< that have a place
+  int faces = 0, hands = 0;       ///< files kept
+  int64_t pictures = 0;           ///< copied or decoded
+  double worst_clock_ms = 0;      ///< largest distance of a frame's time from the clock's line
+  std::vector<Finding> findings;  ///< errors: cameras and frames that were left out
+};
+
+/// A Panoptic sequence becomes a session folder: mvstudio.toml, calib/calibration.json, pose3d/TAKE, raw/TAKE with the footage,
+/// masks/TAKE where there are masks, sync/TAKE.times.csv (every frame on the universal clock) and panoptic/ with the
+/// calibration, faces, hands and sync tables as they were. Joints are read one file at a time. What cannot be read is left out
+/// and listed. Throws UsageError, IoError, FormatError when nothing can be imported.
+PanopticImportReport ImportPanoptic(const std::string& root, const std::string& session_folder,
+                                    const PanopticImportOptions& options, const RunContext& run = {});
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "dataset/masks/masks.h"
+
+/// Pieces of the mask code that are shared by its files and not part of the module's public face.
+namespace mvstudio::dataset::internal {
+
+struct LimbShape {
+  int a, b;
+  double radius_a_m, radius_b_m;
+};
+
+/// Radii of a clothed adult; indices are Panoptic's joints.
+inline constexpr LimbShape kLimbs[] = {
+    {0, 2, 0.13, 0.13},   {3, 9, 0.08, 0.08},     {6, 12, 0.11, 0.11},   {3, 6, 0.07, 0.10},     {9, 12, 0.07, 0.10},
+    {3, 4, 0.060, 0.045}, {4, 5, 0.045, 0.035},   {9, 10, 0.060, 0.045}, {10, 11, 0.045, 0.035}, {6, 7, 0.090, 0.060},
+    {7, 8, 0.060, 0.045}, {12, 13, 0.090, 0.060}, {13, 14, 0.060, 0.045}};
+
+/// Bones whose line is foreground for certain; the face is left out, its joints lie near the outline.
+inline constexpr std::pair<int, int> kBones[] = {{0, 1},   {0, 2}, {0, 3}, {3, 4}, {4, 5},  {0, 9},   {9, 10},
+                                                 {10, 11}, {2, 6}, {6, 7}, {7, 8}, {2, 12}, {12, 13}, {13, 14}};
+
+struct LimbDistance {
+  double outside_m = std::numeric_limits<double>::infinity();  ///< to the nearest limb's surface, negative inside
+  double relative = std::numeric_limits<double>::infinity();   ///< to the nearest limb's axis over its radius
+};
+LimbDistance DistanceToBody(const ProjectedBody& body, const Eigen::Vector2d& px);
+
+/// Mean over the limbs; the body must not be empty.
+double TypicalPxPerM(const ProjectedBody& body);
+
+/// Half-open pixel ranges.
+struct PixelBox {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  int width() const { return x1 - x0; }
+  int height() const { return y1 - y0; }
+  bool empty() const { return width() <= 0 || height() <= 0; }
+};
+/// Bounding box of the region within `margin_m` of the limbs, clipped to the image.
+PixelBox BoxOfBody(const ProjectedBody& body, int width, int height, double margin_m);
+
+/// Colour's evidence for a person at a pixel of the frame, nats, clamped to +-8.
+double PersonEvidence(const Image& rgb, int x, int y, const CameraMaskModel& model);
+
+enum class Label : int8_t { kFree = -1, kBackground = 0, kPerson = 1 };
+
+/// One cut on a grid: costs in nats, row-major.
+struct CutProblem {
+  int width = 0, height = 0;
+  std::vector<float> person_cost, background_cost;  // (H, W), read at free pixels only
+  std::vector<Label> label;                         // (H, W) free or decided
+  std::vector<float> contrast2_x, contrast2_y, contrast2_d,
+      contrast2_u;            // (H, W) squared colour step to the right, below, below right, below left
+  double mean_contrast2 = 1;  ///< scale of the squared steps
+  double smoothness = 0;
+};
+/// Decides every free pixel. Boykov and Kolmogorov, PAMI 2004.
+void SolveCut(CutProblem* problem);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,178 @@
+#include "dataset/masks/mask_take.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "dataset/footage/frames.h"
+#include "dataset/masks/mask_patch_internal.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// Calls `use(position, number, picture)` for every frame; they must have one size and rising numbers.
+template <class Use>
+int EachFrame(const std::string& path, const Use& use) {
+  auto source = OpenFrames(path);
+  int position = 0, last = -1, width = 0, height = 0;
+  while (auto frame = source->Next()) {
+    const int number = static_cast<int>(std::clamp<int64_t>(frame->number, 0, std::numeric_limits<int>::max()));
+    if (position == 0) width = frame->rgb.width, height = frame->rgb.height;
+    if (position > 0 && number <= last) {
+      throw FormatError(source->path(), frame->label, "its number does not come after the one before, " + std::to_string(last));
+    }
+    if (frame->rgb.width != width || frame->rgb.height != height) {
+      throw FormatError(
+          source->path(), frame->label,
+          "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " + SizeText(width, height));
+    }
+    last = number;
+    use(position++, number, std::move(frame->rgb));
+  }
+  if (position == 0) throw FormatError(path, "", "holds no picture");
+  return position;
+}
+
+Image AtLeast(const Image& grey, int level) {
+  Image out = grey;
+  for (uint8_t& v : out.pixels) v = v >= level ? 255 : 0;
+  return out;
+}
+
+int MarginPx(const FootageSamples& samples) { return std::max(2, std::max(samples.width, samples.height) / 120); }
+
+/// Two rounds: a rough idea of who is where, then the masks that follow from it.
+CameraMaskModel LearnFromRough(const FootageSamples& samples, const std::vector<Image>& surely, const std::vector<Image>& maybe,
+                               const std::vector<Image>& probability, const Image* plate, const MaskOptions& options) {
+  const CameraMaskModel first = LearnCameraFromMasks(samples.frames, surely, maybe, plate, options);
+  std::vector<Image> masks, around;
+  for (size_t f = 0; f < samples.frames.size(); ++f) {
+    MaskHints hints;
+    if (!probability.empty()) hints.probability = &probability[f];
+    masks.push_back(SegmentPeople(samples.frames[f], hints, first, options).mask);
+    around.push_back(internal::Dilated(masks.back(), MarginPx(samples)));
+  }
+  return LearnCameraFromMasks(samples.frames, masks, around, plate, options);
+}
+
+LearnedCamera LearnFromNet(const FootageSamples& samples, const PersonNet& net, const Image* plate,
+                           const MaskOptions& options) {
+  std::vector<Image> probability, surely, maybe;
+  bool anybody = false;
+  for (const Image& frame : samples.frames) {
+    probability.push_back(net(frame, nullptr));
+    surely.push_back(AtLeast(probability.back(), 200));
+    maybe.push_back(internal::Dilated(AtLeast(probability.back(), 64), 2 * MarginPx(samples)));
+    anybody = anybody || std::any_of(surely.back().pixels.begin(), surely.back().pixels.end(), [](uint8_t v) { return v; });
+  }
+  if (!anybody) return {Status::kDegenerate, {}};
+  return {Status::kOk, LearnFromRough(samples, surely, maybe, probability, plate, options)};
+}
+
+LearnedCamera LearnFromMotion(const FootageSamples& samples, const Image* plate, const MaskOptions& options) {
+  const MotionModel motion = FindMotion(samples.frames, plate, options);
+  if (motion.status != Status::kOk) return {motion.status, {}};
+  std::vector<Image> maybe;
+  for (const Image& moving : motion.moving) maybe.push_back(internal::Dilated(moving, MarginPx(samples)));
+  return {Status::kOk, LearnFromRough(samples, motion.moving, maybe, {}, plate, options)};
+}
+
+}  // namespace
+
+const ProjectedBody* BodiesOfTake::At(int frame) const {
+  const auto found = frames.find(frame);
+  return found == frames.end() ? nullptr : &found->second;
+}
+
+FootageSamples SampleFootage(const std::string& path, int count) {
+  FootageSamples samples;
+  int64_t total = OpenFrames(path)->num_frames();
+  if (total <= 0) total = EachFrame(path, [](int, int, Image) {});
+  const int64_t k = std::clamp<int64_t>(count, 1, total);
+  std::vector<int64_t> wanted;
+  for (int64_t i = 0; i < k; ++i) wanted.push_back((2 * i + 1) * total / (2 * k));
+  samples.num_frames = EachFrame(path, [&](int position, int number, Image rgb) {
+    samples.width = rgb.width, samples.height = rgb.height;
+    // The last resort is for footage whose header promised more frames than it holds.
+    if (!std::binary_search(wanted.begin(), wanted.end(), position) && !(position == 0 && total > 2 * k)) return;
+    samples.numbers.push_back(number);
+    samples.frames.push_back(std::move(rgb));
+  });
+  return samples;
+}
+
+std::map<int, Image> ReadFrames(const std::string& path, const std::vector<int>& numbers) {
+  std::map<int, Image> frames;
+  EachFrame(path, [&](int, int number, Image rgb) {
+    if (std::find(numbers.begin(), numbers.end(), number) != numbers.end()) frames[number] = std::move(rgb);
+  });
+  return frames;
+}
+
+LearnedCamera LearnTakeCamera(const FootageSamples& samples, const BodiesOfTake& bodies, const PersonNet& net,
+                              const Image* plate, const MaskOptions& options) {
+  MVS_CHECK(!samples.frames.empty(), "nothing to learn from");
+  std::vector<Image> frames;
+  std::vector<ProjectedBody> of_frames;
+  bool anybody = false;
+  for (size_t f = 0; f < samples.frames.size(); ++f) {
+    const ProjectedBody* body = bodies.At(samples.numbers[f]);
+    if (!body) continue;  // somebody may be there all the same
+    frames.push_back(samples.frames[f]);
+    of_frames.push_back(*body);
+    anybody = anybody || !body->empty();
+  }
+  if (anybody) return {Status::kOk, LearnCamera(frames, of_frames, plate, options)};
+  if (net) return LearnFromNet(samples, net, plate, options);
+  return LearnFromMotion(samples, plate, options);
+}
+
+void Flicker::Add(const Image& rgb_before, const Image& mask_before, const Image& rgb, const Image& mask) {
+  constexpr double kSame = 6;  // grey levels
+  cv::Mat step, channels[3];
+  cv::absdiff(internal::View(rgb), internal::View(rgb_before), step);
+  cv::split(step, channels);
+  cv::max(channels[0], channels[1], step), cv::max(step, channels[2], step);
+  cv::dilate(step, step, cv::Mat());
+  const cv::Mat same = step <= kSame, turned = internal::View(mask) != internal::View(mask_before);
+  unmoving_px += cv::countNonZero(same);
+  changed_px += cv::countNonZero(same & turned);
+}
+
+TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
+                      const std::function<Image(int)>& possible,
+                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options) {
+  TakeMasks take;
+  Image previous_rgb, previous_mask;
+  double seconds = 0;
+  EachFrame(path, [&](int position, int number, Image rgb) {
+    const auto start = std::chrono::steady_clock::now();
+    MaskHints hints;
+    hints.body = bodies.At(number);
+    const Image probability = net ? net(rgb, hints.body) : Image();
+    const Image room = possible ? possible(number) : Image();
+    if (!probability.empty()) hints.probability = &probability;
+    if (!room.empty()) hints.possible = &room;
+    if (position > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
+    BodyMask mask = SegmentPeople(rgb, hints, model, options);
+    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (position > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
+    use(number, rgb, mask);
+    ++take.pictures;
+    take.empty += mask.area_fraction == 0;
+    take.mean_area_fraction += mask.area_fraction;
+    take.joints += mask.joints, take.joints_on_mask += mask.joints_on_mask, take.joints_supported += mask.joints_supported;
+    previous_rgb = std::move(rgb), previous_mask = std::move(mask.mask);
+  });
+  take.mean_area_fraction /= take.pictures;
+  take.ms_per_picture = 1000 * seconds / take.pictures;
+  return take;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "body/skeleton.h"
+#include "core/image.h"
+#include "dataset/masks/masks.h"
+#include "dataset/pose/pose2d.h"
+
+/// Masks of one camera over a whole take: which frames to learn from, learning, every frame in turn.
+namespace mvstudio::dataset {
+
+/// People of one picture from 2D key points. The size of a limb in pixels follows from the longest limbs, taken for an adult's.
+ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const body::Skeleton& skeleton,
+                                const MaskOptions& options = {});
+
+/// A net's belief in a person, (H, W, 1) 0..255; `body` may be null. Empty function: no net.
+using PersonNet = std::function<Image(const Image& rgb, const ProjectedBody* body)>;
+
+/// Where the people of a frame are; null where that is not known.
+struct BodiesOfTake {
+  std::map<int, ProjectedBody> frames;
+  bool empty() const { return frames.empty(); }
+  const ProjectedBody* At(int frame) const;
+};
+
+/// Pictures spread evenly over the footage.
+struct FootageSamples {
+  std::vector<int> numbers;  ///< frame numbers
+  std::vector<Image> frames;
+  int num_frames = 0;  ///< of the footage
+  int width = 0, height = 0;
+};
+/// Decodes all of it. Throws FormatError for pictures of different sizes, numbers out of order, or no picture at all.
+FootageSamples SampleFootage(const std::string& path, int count);
+/// Those frames alone, as far as they are there.
+std::map<int, Image> ReadFrames(const std::string& path, const std::vector<int>& numbers);
+
+struct LearnedCamera {
+  Status status = Status::kOk;  ///< kDegenerate: neither joints, nor a net, nor motion tell people from background
+  CameraMaskModel model;
+};
+/// With joints as LearnCamera; else from a net's opinion; else from what moves. `plate` may be null.
+LearnedCamera LearnTakeCamera(const FootageSamples& samples, const BodiesOfTake& bodies, const PersonNet& net,
+                              const Image* plate, const MaskOptions& options);
+
+/// How often pixels change class from one frame to the next although the picture does not change there (grey levels, 3x3).
+struct Flicker {
+  double unmoving_px = 0, changed_px = 0;
+  double Share() const { return unmoving_px > 0 ? changed_px / unmoving_px : 0; }
+  void Add(const Image& rgb_before, const Image& mask_before, const Image& rgb, const Image& mask);
+};
+
+struct TakeMasks {
+  int pictures = 0, empty = 0;
+  double mean_area_fraction = 0;
+  int joints = 0, joints_on_mask = 0, joints_supported = 0;
+  Flicker flicker;
+  double ms_per_picture = 0;  ///< segmentation alone
+};
+
+/// `possible(frame)`: where other cameras allow a person, empty image: anywhere; may be an empty function. `use` gets every
+/// frame's number, picture and mask in order.
+TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
+                      const std::function<Image(int)>& possible,
+                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options);
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,135 @@
+#include "dataset/masks/size_rule.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/check.h"
+#include "dataset/masks/mask_internal.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+constexpr double kMostDifference = 0.02;
+
+SizeRule Crop(const std::string& name, int cut_x, int cut_y, double share) {
+  return {name, 1, 1, -share * cut_x, -share * cut_y};
+}
+
+/// Evidence of one frame for one rule.
+double FrameScore(const Image& frame, const ProjectedBody& body, const CameraMaskModel& model) {
+  constexpr double kRimM = 0.04;
+  const internal::PixelBox box = internal::BoxOfBody(body, frame.width, frame.height, kRimM);
+  const int step = std::max(1, std::max(box.width(), box.height()) / 400);
+  double inside = 0, rim = 0, num_inside = 0, num_rim = 0;
+  for (int y = box.y0; y < box.y1; y += step) {
+    for (int x = box.x0; x < box.x1; x += step) {
+      const double outside_m = internal::DistanceToBody(body, {double(x), double(y)}).outside_m;
+      if (outside_m > kRimM) continue;
+      const double evidence = internal::PersonEvidence(frame, x, y, model);
+      (outside_m < 0 ? inside : rim) += evidence;
+      (outside_m < 0 ? num_inside : num_rim) += 1;
+    }
+  }
+  return num_inside > 0 && num_rim > 0 ? inside / num_inside - rim / num_rim : 0;
+}
+
+struct RuleEvidence {
+  std::vector<ProjectedBody> bodies;  ///< by frame
+  std::vector<double> scores;         ///< by frame
+};
+
+std::vector<ProjectedBody> BodiesUnder(const SizeRule& rule, const geometry::RigCamera& camera, const Image& frame,
+                                       const std::vector<std::map<int, Coco19Pose>>& people, const MaskOptions& options) {
+  const geometry::RigCamera seen = ApplySizeRule(camera, rule, frame.width, frame.height);
+  std::vector<ProjectedBody> bodies;
+  for (const auto& p : people) bodies.push_back(ProjectBody(p, seen, options));
+  return bodies;
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum / static_cast<double>(values.size());
+}
+
+/// True when `other` lies below `best` by 3 standard errors of the paired differences.
+bool IsWorse(const std::vector<double>& best, const std::vector<double>& other) {
+  const double n = static_cast<double>(best.size()), mean = Mean(best) - Mean(other);
+  if (n < 3) return false;
+  double squares = 0;
+  for (size_t f = 0; f < best.size(); ++f) squares += std::pow(best[f] - other[f] - mean, 2);
+  return mean > 3 * std::sqrt(squares / (n - 1) / n);
+}
+
+/// Root mean square distance of the ends of the bones.
+double JointDistancePx(const std::vector<ProjectedBody>& a, const std::vector<ProjectedBody>& b) {
+  double squares = 0, count = 0;
+  for (size_t f = 0; f < a.size(); ++f) {
+    for (size_t i = 0; i < std::min(a[f].bones.size(), b[f].bones.size()); ++i) {
+      squares += (a[f].bones[i].first - b[f].bones[i].first).squaredNorm();
+      count += 1;
+    }
+  }
+  return count > 0 ? std::sqrt(squares / count) : 0;
+}
+
+}  // namespace
+
+std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int width, int height) {
+  const double fx = double(width) / calibrated_width, fy = double(height) / calibrated_height;
+  if (width == calibrated_width && height == calibrated_height) return {{"same"}};
+  if (std::abs(fx - 1) > kMostDifference || std::abs(fy - 1) > kMostDifference) return {};
+  const int cut_x = calibrated_width - width, cut_y = calibrated_height - height;
+  const double uniform = cut_x != 0 ? fx : fy;
+  const SizeRule fill{"fill", uniform, uniform, 0.5 * (width - uniform * calibrated_width),
+                      0.5 * (height - uniform * calibrated_height)};
+  return {fill,
+          Crop("crop-right", cut_x, cut_y, 0),
+          Crop("crop-centre", cut_x, cut_y, 0.5),
+          Crop("crop-left", cut_x, cut_y, 1),
+          {"stretch", fx, fy, 0, 0}};
+}
+
+geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeRule& rule, int width, int height) {
+  geometry::RigCamera out = camera;
+  out.camera.width_px = width;
+  out.camera.height_px = height;
+  Eigen::VectorXd& p = out.camera.params;
+  p[0] *= rule.scale_x;
+  p[1] *= rule.scale_y;
+  p[2] = rule.scale_x * (p[2] + 0.5) + rule.offset_x_px - 0.5;
+  p[3] = rule.scale_y * (p[3] + 0.5) + rule.offset_y_px - 0.5;
+  if (out.params_covariance) {
+    Eigen::VectorXd scale = Eigen::VectorXd::Ones(p.size());
+    scale.head<4>() << rule.scale_x, rule.scale_y, rule.scale_x, rule.scale_y;
+    *out.params_covariance = scale.asDiagonal() * *out.params_covariance * scale.asDiagonal();
+  }
+  return out;
+}
+
+SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera,
+                            const std::vector<Image>& frames, const std::vector<std::map<int, Coco19Pose>>& people,
+                            double joint_rms_px, const MaskOptions& options) {
+  MVS_CHECK(!rules.empty() && !frames.empty() && frames.size() == people.size(), "nothing to decide with");
+  if (rules.size() == 1) return {rules[0], true, {0}};
+  std::vector<RuleEvidence> evidence;
+  for (const SizeRule& rule : rules) evidence.push_back({BodiesUnder(rule, camera, frames[0], people, options), {}});
+  const CameraMaskModel model = LearnCamera(frames, evidence[0].bodies, nullptr, options);
+  SizeDecision decision;
+  for (RuleEvidence& e : evidence) {
+    for (size_t f = 0; f < frames.size(); ++f) e.scores.push_back(FrameScore(frames[f], e.bodies[f], model));
+    decision.scores.push_back(Mean(e.scores));
+  }
+  const size_t best = std::max_element(decision.scores.begin(), decision.scores.end()) - decision.scores.begin();
+  std::vector<size_t> left;
+  for (size_t r = 0; r < rules.size(); ++r) {
+    const bool worse = IsWorse(evidence[best].scores, evidence[r].scores);
+    const bool apart = JointDistancePx(evidence[best].bodies, evidence[r].bodies) > 2 * joint_rms_px;
+    if (r == best || !worse || !apart) left.push_back(r);
+  }
+  decision.decisive = left.size() == 1;
+  decision.rule = rules[left[0]];
+  return decision;
+}
+
+}  // namespace mvstudio::dataset

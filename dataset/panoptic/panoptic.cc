@@ -1,0 +1,116 @@
+#include "dataset/panoptic/panoptic.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+#include "core/disk/paths.h"
+#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/panoptic/sequence.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+using internal::Json;
+using internal::JsonView;
+
+constexpr char kPoseFolder[] = "hdPose3d_stage1_coco19";
+
+std::string FrameName(const std::string& camera, int frame) {
+  char number[16];
+  std::snprintf(number, sizeof(number), "_%08d", frame);
+  return camera + number;
+}
+
+}  // namespace
+
+std::map<std::string, std::string> ReadPanopticAliases(const std::string& root) {
+  std::map<std::string, std::string> aliases;
+  const std::string path = root + "/dataset.json";
+  if (!fs::exists(path)) return aliases;
+  const Json json = internal::ParseJsonFile(path);
+  const JsonView cameras = JsonView(path, json)["cameras"];
+  for (size_t i = 0; i < cameras.ArraySize(); ++i) aliases[cameras[i]["alias"].Text()] = cameras[i]["name"].Text();
+  return aliases;
+}
+
+Body3dScene ReadBody3dSceneFile(const std::string& path) {
+  const PanopticScene file = ReadPanopticScene(path);
+  Body3dScene scene;
+  scene.univ_time_ms = file.univ_time_ms.value_or(-1);
+  scene.fps_type = file.fps_type.value_or("");
+  scene.people = ToCoco19(file, path);
+  return scene;
+}
+
+std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path) { return ReadBody3dSceneFile(path).people; }
+
+void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path) {
+  WritePanopticScene(ToPanopticScene(people, univ_time_ms), path);
+}
+
+std::string PanopticDataset::Resolve(const std::string& camera) const {
+  if (rig.Find(camera) >= 0) return camera;
+  const auto found = aliases.find(camera);
+  return found == aliases.end() ? "" : found->second;
+}
+
+std::string PanopticDataset::ImagePath(const std::string& camera, int frame) const {
+  const std::string stem = root + "/hdImgs/" + camera + "/" + FrameName(camera, frame);
+  return !fs::exists(stem + ".jpg") && fs::exists(stem + ".png") ? stem + ".png" : stem + ".jpg";
+}
+
+std::string PanopticDataset::MaskPath(const std::string& camera, int frame) const {
+  return root + "/masks/" + camera + "/" + FrameName(camera, frame) + ".png";
+}
+
+std::string FindPanopticCalibration(const std::string& root) {
+  if (!fs::is_directory(root)) throw IoError(root, "no such folder");
+  const std::vector<std::string> found = FilesNamed(root, "calibration_", ".json");
+  if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
+  if (found.size() > 1) {
+    throw FormatError(root, "",
+                      "holds several calibrations (" + fs::path(found[0]).filename().string() + ", " +
+                          fs::path(found[1]).filename().string() + "); keep one");
+  }
+  return found[0];
+}
+
+std::map<int, std::string> ListBody3dScenes(const std::string& root) {
+  std::map<int, std::string> files;
+  const std::string prefix = "body3DScene_";
+  for (const std::string& path : FilesNamed(root + "/" + kPoseFolder, prefix, ".json")) {
+    const std::string digits = fs::path(path).stem().string().substr(prefix.size());
+    if (digits.size() != 8 || digits.find_first_not_of("0123456789") != std::string::npos) continue;
+    files[std::stoi(digits)] = path;
+  }
+  return files;
+}
+
+PanopticDataset OpenPanopticDataset(const std::string& root) {
+  PanopticDataset dataset;
+  dataset.root = root;
+  const std::string calibration = FindPanopticCalibration(root);
+  const std::string stem = fs::path(calibration).stem().string();
+  dataset.sequence = stem.substr(std::string("calibration_").size());
+  dataset.rig = ReadPanopticCalibration(calibration);
+  auto& cameras = dataset.rig.cameras;
+  cameras.erase(std::remove_if(cameras.begin(), cameras.end(),
+                               [&](const geometry::RigCamera& c) {
+                                 const fs::path folder = fs::path(root) / "hdImgs" / c.camera.name;
+                                 return !fs::is_directory(folder) || fs::is_empty(folder);
+                               }),
+                cameras.end());
+  if (cameras.empty())
+    throw FormatError(root, "hdImgs", "holds no pictures of any camera of " + fs::path(calibration).filename().string());
+  dataset.aliases = ReadPanopticAliases(root);
+  for (const auto& [frame, path] : ListBody3dScenes(root)) {
+    dataset.frames.push_back(frame);
+    dataset.poses[frame] = ReadBody3dScene(path);
+  }
+  if (dataset.frames.empty()) throw IoError(root + "/" + kPoseFolder, "holds no body3DScene_%08d.json");
+  return dataset;
+}
+
+}  // namespace mvstudio::dataset

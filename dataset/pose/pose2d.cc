@@ -1,0 +1,257 @@
+#include "dataset/pose/pose2d.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "core/check.h"
+#include "core/disk/files.h"
+#include "core/json_tree.h"
+#include "dataset/pose/pose2d_internal.h"
+
+namespace mvstudio::dataset {
+namespace internal {
+
+using nlohmann::json;
+
+std::optional<int> FrameNumber(const std::string& file_name) {
+  std::string stem = file_name.substr(0, file_name.rfind('.'));
+  const size_t suffix = stem.rfind("_keypoints");
+  if (suffix != std::string::npos) stem.resize(suffix);
+  size_t end = stem.size();
+  while (end > 0 && !std::isdigit(static_cast<unsigned char>(stem[end - 1]))) --end;
+  size_t begin = end;
+  while (begin > 0 && std::isdigit(static_cast<unsigned char>(stem[begin - 1]))) --begin;
+  if (begin == end) return std::nullopt;
+  const std::string digits = stem.substr(begin, end - begin);
+  const size_t first = std::min(digits.find_first_not_of('0'), digits.size());
+  if (digits.size() - first > 9) return std::nullopt;
+  return std::stoi("0" + digits.substr(first));
+}
+
+json ParsePoseJson(const std::string& text, const PoseFile& file) {
+  constexpr size_t kMaxDepth = 16;
+  json parsed;
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &parsed);
+  if (problem.kind == JsonProblem::Kind::kNone) return parsed;
+  if (problem.kind == JsonProblem::Kind::kDepth)
+    file.Fail("", "JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
+  const bool truncated = problem.byte >= text.size();
+  file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
+                    std::to_string(std::min(problem.byte, text.size())) + " of " + std::to_string(text.size()) +
+                    "; detect this picture's key points again or remove the file");
+}
+
+std::string FittingSkeletons(size_t num_joints) {
+  std::string fitting;
+  for (const std::string& name : body::SkeletonsOfSize(num_joints)) fitting += (fitting.empty() ? "" : " or ") + name;
+  return fitting.empty() ? "no known skeleton has that many" : "--skeleton " + fitting + " would fit";
+}
+
+void AppendKeypoints(const json& numbers, size_t num_joints, const std::string& where, const PoseFile& file, Person2d* person) {
+  if (numbers.size() != 3 * num_joints) {
+    file.Fail(where, std::to_string(numbers.size()) + " numbers instead of 3 x " + std::to_string(num_joints) +
+                         " of skeleton " + file.skeleton.name + "; " +
+                         FittingSkeletons(numbers.size() % 3 ? 0 : numbers.size() / 3));
+  }
+  for (size_t i = 0; i < numbers.size(); ++i) {
+    if (!numbers[i].is_number() || !std::isfinite(numbers[i].get<double>())) {
+      file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
+    }
+  }
+  for (size_t k = 0; k < numbers.size(); k += 3) {
+    person->keypoints.push_back({numbers[k].get<double>(), numbers[k + 1].get<double>(), numbers[k + 2].get<double>()});
+  }
+}
+
+void Tolerant::Try(const std::function<void()>& read) {
+  ++num_tried_;
+  try {
+    read();
+  } catch (const FormatError& error) {
+    ++num_failed_;
+    if (!first_) first_ = error;
+    skipped_->push_back(error.what());
+    constexpr int64_t kHopeless = 10000;  // and nearly all: not worth a line each for millions
+    if (num_failed_ >= kHopeless && 100 * num_failed_ > 99 * num_tried_) throw FormatError(*first_);
+  }
+}
+
+void Tolerant::Finish() const {
+  if (2 * num_failed_ > num_tried_) throw FormatError(*first_);
+}
+
+}  // namespace internal
+
+namespace {
+
+namespace fs = std::filesystem;
+using internal::PoseFile;
+using nlohmann::json;
+using Kind = body::SkeletonPart::Kind;
+
+const char* ListOf(Kind kind) {
+  switch (kind) {
+    case Kind::kFace:
+      return "face_keypoints_2d";
+    case Kind::kLeftHand:
+      return "hand_left_keypoints_2d";
+    case Kind::kRightHand:
+      return "hand_right_keypoints_2d";
+    case Kind::kBody:
+      break;
+  }
+  return "pose_keypoints_2d";
+}
+
+std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string& camera) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    throw IoError(folder,
+                  "camera " + camera + ": no such folder of OpenPose JSON files; check the path after `" + camera + "=`");
+  }
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() == ".json" && name[0] != '.' && entry.is_regular_file()) files.push_back(entry.path());
+  }
+  if (error) throw IoError(folder, "camera " + camera + ": cannot be listed: " + error.message());
+  if (files.empty()) {
+    throw IoError(folder, "camera " + camera + ": the folder holds no .json file; was the pose detector run on this camera?");
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+/// One of OpenPose's lists; null when it is not there or empty.
+const json* FindList(const json& entry, const char* name, const std::string& where, const PoseFile& file) {
+  const auto list = entry.find(name);
+  if (list == entry.end() || list->is_null()) return nullptr;
+  if (!list->is_array()) file.Fail(where + name, "is not an array");
+  return list->empty() ? nullptr : &*list;
+}
+
+Person2d ParsePerson(const json& entry, const json& pose, const std::string& where, const PoseFile& file) {
+  const body::Skeleton& skeleton = file.skeleton;
+  Person2d person;
+  if (skeleton.parts.empty() || pose.size() == 3 * skeleton.joints.size()) {
+    internal::AppendKeypoints(pose, skeleton.joints.size(), where + ListOf(Kind::kBody), file, &person);
+    return person;
+  }
+  for (const body::SkeletonPart& part : skeleton.parts) {
+    const json* list = FindList(entry, ListOf(part.kind), where, file);
+    const size_t count = static_cast<size_t>(part.count);
+    if (list) {
+      internal::AppendKeypoints(*list, count, where + ListOf(part.kind), file, &person);
+    } else {
+      person.keypoints.resize(person.keypoints.size() + count);
+    }
+  }
+  return person;
+}
+
+std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
+  if (!root.is_object() || !root.contains("people") || !root["people"].is_array()) {
+    file.Fail("people", "there is no array \"people\"; this is not an OpenPose key-point file");
+  }
+  std::vector<Person2d> people;
+  for (size_t i = 0; i < root["people"].size(); ++i) {
+    const json& entry = root["people"][i];
+    const std::string where = "people[" + std::to_string(i) + "]";
+    if (!entry.is_object()) file.Fail(where, "is not an object");
+    // A face or a hand without a body is nobody; Pose2Sim leaves {} where it found nobody.
+    const json* pose = FindList(entry, ListOf(Kind::kBody), where + ".", file);
+    if (pose) people.push_back(ParsePerson(entry, *pose, where + ".", file));
+  }
+  return people;
+}
+
+std::map<int, fs::path> FilesByFrame(const std::string& folder, const std::string& camera) {
+  std::map<int, fs::path> files;
+  for (const fs::path& path : ListJsonFiles(folder, camera)) {
+    const std::optional<int> frame = internal::FrameNumber(path.filename().string());
+    if (!frame) {
+      throw FormatError(path.string(), "camera " + camera,
+                        "the file name holds no frame number (at most 9 digits before _keypoints.json)");
+    }
+    if (!files.emplace(*frame, path).second) {
+      throw FormatError(path.string(), "camera " + camera + ", frame " + std::to_string(*frame),
+                        "another file of this folder has the same frame number");
+    }
+  }
+  return files;
+}
+
+json FlatList(const Person2d& person, size_t first, size_t count) {
+  json numbers = json::array();
+  for (size_t k = first; k < first + count; ++k) {
+    const Keypoint2d& point = person.keypoints[k];
+    for (const double value : {point.x_px, point.y_px, point.score}) numbers.push_back(value);
+  }
+  return numbers;
+}
+
+json PersonToJson(const Person2d& person, const body::Skeleton* skeleton) {
+  json entry = {{"person_id", json::array({-1})}};
+  for (const char* empty : {"face_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d", "pose_keypoints_3d",
+                            "face_keypoints_3d", "hand_left_keypoints_3d", "hand_right_keypoints_3d"}) {
+    entry[empty] = json::array();
+  }
+  if (!skeleton || skeleton->parts.empty()) {
+    entry[ListOf(Kind::kBody)] = FlatList(person, 0, person.keypoints.size());
+    return entry;
+  }
+  for (const body::SkeletonPart& part : skeleton->parts) {
+    entry[ListOf(part.kind)] = FlatList(person, static_cast<size_t>(part.first), static_cast<size_t>(part.count));
+  }
+  return entry;
+}
+
+}  // namespace
+
+std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera) {
+  std::vector<int> frames;
+  for (const auto& [frame, path] : FilesByFrame(folder, camera)) frames.push_back(frame);
+  return frames;
+}
+
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
+                               const FrameRange& range) {
+  Pose2dTrack track{camera, {}};
+  internal::Tolerant tolerant(&track.skipped);
+  for (const auto& [frame, path] : FilesByFrame(folder, camera)) {
+    if (frame < range.first || frame > range.last) continue;
+    const int number = frame;
+    const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(number), skeleton};
+    tolerant.Try([&, text_path = path.string()] {
+      track.frames[number] = ParsePeople(internal::ParsePoseJson(ReadFile(text_path), file), file);
+    });
+  }
+  tolerant.Finish();
+  return track;
+}
+
+Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton) {
+  std::error_code error;
+  const bool is_file = fs::exists(path, error) && !fs::is_directory(path, error);
+  return is_file ? ReadPoseResults(path, camera, skeleton) : ReadOpenPoseFolder(path, camera, skeleton);
+}
+
+void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton) {
+  MakeFolder(folder);
+  for (const auto& [frame, people] : track.frames) {
+    MVS_CHECK(frame >= 0, "camera " << track.camera << ": frame " << frame << " is negative");
+    json root = {{"version", 1.3}, {"people", json::array()}};
+    for (const Person2d& person : people) {
+      MVS_CHECK(!skeleton || person.keypoints.size() == skeleton->joints.size(), person.keypoints.size() << " key points");
+      root["people"].push_back(PersonToJson(person, skeleton));
+    }
+    char name[64];
+    std::snprintf(name, sizeof name, "%012d_keypoints.json", frame);
+    WriteFileAtomic((fs::path(folder) / name).string(), root.dump());
+  }
+}
+
+}  // namespace mvstudio::dataset

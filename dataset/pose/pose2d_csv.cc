@@ -1,0 +1,251 @@
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <set>
+#include <string_view>
+#include <tuple>
+#include <unordered_map>
+
+#include "core/check.h"
+#include "core/disk/files.h"
+#include "core/label.h"
+#include "dataset/pose/pose2d_internal.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+enum Column { kCamera, kFrame, kPerson, kJoint, kX, kY, kScore, kNumColumns };
+constexpr const char* kNames[kNumColumns] = {"camera", "frame", "person", "joint", "x_px", "y_px", "score"};
+constexpr bool IsOptional(int column) { return column == kPerson || column == kScore; }
+
+std::vector<std::string_view> Split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (size_t begin = 0; begin <= line.size();) {
+    const size_t end = std::min(line.find(',', begin), line.size());
+    std::string_view field = line.substr(begin, end - begin);
+    while (!field.empty() && (field.front() == ' ' || field.front() == '\t')) field.remove_prefix(1);
+    while (!field.empty() && (field.back() == ' ' || field.back() == '\t' || field.back() == '\r')) field.remove_suffix(1);
+    fields.push_back(field);
+    begin = end + 1;
+  }
+  return fields;
+}
+
+bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
+
+struct Row {
+  int camera = 0, frame = 0, person = 0, joint = 0;
+  Keypoint2d key;
+  int line = 0;
+
+  auto Key() const { return std::tie(camera, frame, person, joint); }
+};
+
+/// Names in the order of their first appearance.
+struct Numbering {
+  std::vector<std::string> names;
+  std::unordered_map<std::string, int> numbers;
+
+  int Of(std::string_view name) {
+    const auto [entry, is_new] = numbers.emplace(std::string(name), static_cast<int>(names.size()));
+    if (is_new) names.emplace_back(name);
+    return entry->second;
+  }
+};
+
+class Reader {
+ public:
+  Reader(const std::string& path, const body::Skeleton* skeleton) : path_(path), skeleton_(skeleton) {}
+
+  std::vector<Row> Read(std::vector<std::string>* skipped) {
+    const std::string text = ReadFile(path_);
+    internal::Tolerant tolerant(skipped);
+    std::vector<Row> rows;
+    for (size_t begin = 0; begin < text.size();) {
+      const size_t end = std::min(text.find('\n', begin), text.size());
+      const std::vector<std::string_view> fields = Split(std::string_view(text).substr(begin, end - begin));
+      begin = end + 1, ++line_;
+      if (fields.size() == 1 && fields[0].empty()) continue;
+      if (num_fields_ == 0) {
+        ReadHeader(fields);
+      } else {
+        tolerant.Try([&] { rows.push_back(ReadRow(fields)); });
+        if (!unknown_joint_.empty()) FailJoint();
+      }
+    }
+    if (num_fields_ == 0) Fail("the file is empty; the first line must be camera,frame,person,joint,x_px,y_px,score");
+    tolerant.Finish();
+    return rows;
+  }
+
+  const std::vector<std::string>& cameras() const { return cameras_.names; }
+  const std::vector<std::string>& joints() const { return joints_.names; }
+
+ private:
+  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, "line " + std::to_string(line_), what); }
+  [[noreturn]] void FailJoint() const {
+    Fail("joint `" + unknown_joint_ + "` is not in skeleton " + skeleton_->name +
+         "; give the skeleton that has it, or none to take the joints from the file");
+  }
+
+  void ReadHeader(const std::vector<std::string_view>& fields) {
+    columns_.fill(-1);
+    num_fields_ = fields.size();
+    for (size_t i = 0; i < fields.size(); ++i) {
+      std::string_view name = fields[i];
+      if (i == 0 && name.substr(0, 3) == "\xEF\xBB\xBF") name.remove_prefix(3);  // byte-order mark of spreadsheet programs
+      const auto known = std::find(std::begin(kNames), std::end(kNames), name);
+      if (known == std::end(kNames)) continue;
+      int& column = columns_[static_cast<size_t>(known - std::begin(kNames))];
+      if (column >= 0) Fail("two columns are called `" + std::string(name) + "`");
+      column = static_cast<int>(i);
+    }
+    for (int c = 0; c < kNumColumns; ++c) {
+      if (columns_[c] >= 0 || IsOptional(c)) continue;
+      Fail(std::string("there is no column `") + kNames[c] +
+           "`; the first line must name camera,frame,person,joint,x_px,y_px,score");
+    }
+  }
+
+  std::string_view Field(const std::vector<std::string_view>& fields, int c) const {
+    return columns_[c] < 0 ? std::string_view() : fields[static_cast<size_t>(columns_[c])];
+  }
+
+  template <class T>
+  T Number(const std::vector<std::string_view>& fields, int c) const {
+    const std::string_view field = Field(fields, c);
+    T value{};
+    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+    if (error != std::errc() || end != field.data() + field.size() || !std::isfinite(static_cast<double>(value))) {
+      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, not a number");
+    }
+    return value;
+  }
+
+  int Index(const std::vector<std::string_view>& fields, int c) const {
+    const int value = columns_[c] < 0 ? 0 : Number<int>(fields, c);
+    if (value < 0) Fail(std::string("`") + kNames[c] + "` is negative");
+    return value;
+  }
+
+  int JointIndex(std::string_view name) {
+    if (!skeleton_) return joints_.Of(name);
+    const int index = skeleton_->Find(std::string(name));
+    if (index < 0) unknown_joint_ = name;
+    return index;
+  }
+
+  Row ReadRow(const std::vector<std::string_view>& fields) {
+    if (fields.size() != num_fields_) {
+      Fail(std::to_string(fields.size()) + " columns instead of " + std::to_string(num_fields_) +
+           "; the line is damaged or cut off");
+    }
+    Row row;
+    row.line = line_;
+    row.frame = Index(fields, kFrame), row.person = Index(fields, kPerson);
+    if (!Field(fields, kX).empty() && !Field(fields, kY).empty()) {
+      row.key.x_px = Number<double>(fields, kX), row.key.y_px = Number<double>(fields, kY);
+      row.key.score = columns_[kScore] < 0 ? 1 : Number<double>(fields, kScore);
+    }
+    for (const int c : {kCamera, kJoint}) {
+      if (!IsName(Field(fields, c)))
+        Fail(std::string("`") + kNames[c] + "` is empty, not UTF-8, or has control characters in it");
+    }
+    row.camera = cameras_.Of(Field(fields, kCamera)), row.joint = JointIndex(Field(fields, kJoint));
+    return row;
+  }
+
+  const std::string path_;
+  const body::Skeleton* skeleton_;
+  std::array<int, kNumColumns> columns_{};
+  size_t num_fields_ = 0;
+  int line_ = 0;
+  std::string unknown_joint_;
+  Numbering cameras_, joints_;
+};
+
+/// Sorts and leaves out all rows whose point another row gives, too.
+void DropTwins(const std::string& path, std::vector<Row>* rows, std::vector<std::string>* skipped) {
+  std::stable_sort(rows->begin(), rows->end(), [](const Row& a, const Row& b) { return a.Key() < b.Key(); });
+  std::vector<Row> kept;
+  for (size_t i = 0; i < rows->size();) {
+    size_t end = i + 1;
+    while (end < rows->size() && (*rows)[end].Key() == (*rows)[i].Key()) ++end;
+    if (end == i + 1) kept.push_back((*rows)[i]);
+    for (size_t k = i + 1; k < end; ++k) {
+      skipped->push_back(path + ": lines " + std::to_string((*rows)[i].line) + " and " + std::to_string((*rows)[k].line) +
+                         ": the same camera, frame, person and joint twice; neither is used");
+    }
+    i = end;
+  }
+  *rows = std::move(kept);
+}
+
+/// Every person gets a place for every joint, so a small file of very many joint names would need a huge table.
+void RequireDense(const std::string& path, const std::vector<Row>& rows, size_t num_joints) {
+  constexpr size_t kFreePlaces = 20'000'000, kMaxPlacesPerRow = 1000;
+  size_t people = 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const auto who = [&](size_t k) { return std::tie(rows[k].camera, rows[k].frame, rows[k].person); };
+    people += i == 0 || who(i) != who(i - 1);
+  }
+  if (people * num_joints <= std::max(kFreePlaces, kMaxPlacesPerRow * rows.size())) return;
+  throw FormatError(path, "column joint",
+                    std::to_string(num_joints) + " different joints for " + std::to_string(people) + " people in " +
+                        std::to_string(rows.size()) + " rows; is it the right column?");
+}
+
+void AppendNumber(double value, std::string* text) {
+  char buffer[32];
+  text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
+}
+
+}  // namespace
+
+Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton) {
+  Pose2dSet set;
+  Reader reader(path, skeleton);
+  std::vector<Row> rows = reader.Read(&set.skipped);
+  if (rows.empty()) throw FormatError(path, "", "the table holds no point");
+  DropTwins(path, &rows, &set.skipped);
+  if (rows.empty()) throw FormatError(path, "", "every point stands there twice");
+  set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(reader.joints());
+  RequireDense(path, rows, set.skeleton.joints.size());
+  for (const std::string& camera : reader.cameras()) set.tracks.push_back({camera, {}});
+  int last_person = 0;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const Row& row = rows[i];
+    std::vector<Person2d>& people = set.tracks[static_cast<size_t>(row.camera)].frames[row.frame];
+    if (people.empty() || row.person != last_person) people.emplace_back().keypoints.resize(set.skeleton.joints.size());
+    last_person = row.person;
+    people.back().keypoints[static_cast<size_t>(row.joint)] = row.key;
+  }
+  return set;
+}
+
+void WritePose2dCsv(const Pose2dSet& set, const std::string& path) {
+  std::string text = "camera,frame,person,joint,x_px,y_px,score\n";
+  const auto check_name = [](const std::string& name) {
+    MVS_CHECK(!name.empty() && name.find_first_of(",\r\n") == std::string::npos, "name `" << name << "`");
+  };
+  for (const std::string& joint : set.skeleton.joints) check_name(joint);
+  for (const Pose2dTrack& track : set.tracks) {
+    check_name(track.camera);
+    for (const auto& [frame, people] : track.frames) {
+      for (size_t p = 0; p < people.size(); ++p) {
+        MVS_CHECK(people[p].keypoints.size() == set.skeleton.joints.size(), people[p].keypoints.size() << " key points");
+        for (size_t j = 0; j < people[p].keypoints.size(); ++j) {
+          const Keypoint2d& key = people[p].keypoints[j];
+          if (key.score == 0) continue;
+          text += track.camera + ',' + std::to_string(frame) + ',' + std::to_string(p) + ',' + set.skeleton.joints[j];
+          for (const double value : {key.x_px, key.y_px, key.score}) text += ',', AppendNumber(value, &text);
+          text += '\n';
+        }
+      }
+    }
+  }
+  WriteFileAtomic(path, text);
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,289 @@
+#include "dataset/pose/pose3d.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string_view>
+#include <tuple>
+
+#include "core/check.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/json/json_internal.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+constexpr char kPointsHeader[] = "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m";
+constexpr char kCovarianceHeader[] = "frame,person,joint,xx,xy,xz,yy,yz,zz";
+constexpr char kSchema[] = "mvstudio.pose3d/1";
+
+std::string InFolder(const std::string& folder, const char* name) { return (std::filesystem::path(folder) / name).string(); }
+
+/// Shortest text that reads back as the same double; empty for NaN and infinity.
+void AppendNumber(std::string* text, double value) {
+  if (!std::isfinite(value)) return;
+  char buffer[32];
+  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
+  text->append(buffer, end);
+}
+
+void AppendKey(std::string* text, const JointRow& row) {
+  *text += std::to_string(row.frame) + ',' + std::to_string(row.person) + ',' + row.joint + ',';
+}
+
+std::string PointsText(const std::vector<JointRow>& rows) {
+  std::string text;
+  for (const JointRow& row : rows) {
+    const bool ok = row.status == Status::kOk;
+    MVS_CHECK(!ok || row.x_in_world.allFinite(), "frame " << row.frame << " " << row.joint << " is Ok and not finite");
+    AppendKey(&text, row);
+    text += ToString(row.status);
+    for (int k = 0; k < 3; ++k) {
+      text += ',';
+      if (ok) AppendNumber(&text, row.x_in_world[k]);
+    }
+    text += ',' + std::to_string(row.num_views) + ',';
+    AppendNumber(&text, row.rms_px);
+    text += ',';
+    AppendNumber(&text, row.sigma_m);
+    text += '\n';
+  }
+  return text;
+}
+
+std::string CovarianceText(const std::vector<JointRow>& rows) {
+  std::string text;
+  for (const JointRow& row : rows) {
+    if (!row.covariance) continue;
+    AppendKey(&text, row);
+    const Eigen::Matrix3d& c = *row.covariance;
+    const double entries[] = {c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2)};
+    for (int k = 0; k < 6; ++k) {
+      if (k > 0) text += ',';
+      AppendNumber(&text, entries[k]);
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+/// Walks over a CSV file with a fixed header and says where it went wrong.
+class CsvReader {
+ public:
+  CsvReader(const std::string& path, const char* header) : path_(path), text_(ReadFile(path)) {
+    const std::string_view expected(header);
+    num_fields_ = 1 + std::count(expected.begin(), expected.end(), ',');
+    if (!NextLine() || line_ != expected) Fail("the first line is not `" + std::string(expected) + "`");
+  }
+
+  /// Splits the next non-empty line; false at the end.
+  bool Next() {
+    do {
+      if (!NextLine()) return false;
+    } while (line_.empty());
+    fields_.clear();
+    for (size_t begin = 0; begin <= line_.size();) {
+      const size_t end = std::min(line_.find(',', begin), line_.size());
+      fields_.push_back(line_.substr(begin, end - begin));
+      begin = end + 1;
+    }
+    if (static_cast<int>(fields_.size()) != num_fields_) {
+      Fail(std::to_string(fields_.size()) + " columns instead of " + std::to_string(num_fields_) +
+           "; the file is damaged or cut off");
+    }
+    return true;
+  }
+
+  std::string Text(int column) const { return std::string(fields_[column]); }
+  bool Empty(int column) const { return fields_[column].empty(); }
+
+  template <class T>
+  T Number(int column) const {
+    const std::string_view field = fields_[column];
+    T value{};
+    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+    if (error != std::errc() || end != field.data() + field.size()) {
+      Fail("column " + std::to_string(column + 1) + " holds `" + std::string(field) + "`, not a number");
+    }
+    return value;
+  }
+
+  double NumberOr0(int column) const { return Empty(column) ? 0.0 : Number<double>(column); }
+
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw FormatError(path_, "line " + std::to_string(line_number_), what);
+  }
+
+ private:
+  bool NextLine() {
+    if (position_ >= text_.size()) return false;
+    const size_t end = std::min(text_.find('\n', position_), text_.size());
+    line_ = std::string_view(text_).substr(position_, end - position_);
+    if (!line_.empty() && line_.back() == '\r') line_.remove_suffix(1);
+    position_ = end + 1;
+    ++line_number_;
+    return true;
+  }
+
+  std::string path_, text_;
+  std::string_view line_;
+  std::vector<std::string_view> fields_;
+  size_t position_ = 0;
+  int line_number_ = 0;
+  int num_fields_ = 0;
+};
+
+JointRow ReadPointsRow(const CsvReader& csv) {
+  JointRow row;
+  row.frame = csv.Number<int>(0);
+  row.person = csv.Number<int>(1);
+  row.joint = csv.Text(2);
+  const std::optional<Status> status = StatusFromString(csv.Text(3));
+  if (!status) csv.Fail("unknown status `" + csv.Text(3) + "`");
+  row.status = *status;
+  if (row.status == Status::kOk) {
+    for (int k = 0; k < 3; ++k) row.x_in_world[k] = csv.Number<double>(4 + k);
+    if (!row.x_in_world.allFinite()) csv.Fail("the point is Ok and not finite");
+  }
+  row.num_views = csv.Number<int>(7);
+  row.rms_px = csv.NumberOr0(8);
+  row.sigma_m = csv.NumberOr0(9);
+  return row;
+}
+
+using RowKey = std::tuple<int, int, std::string>;
+
+std::map<RowKey, Eigen::Matrix3d> ReadCovariances(const std::string& path) {
+  std::map<RowKey, Eigen::Matrix3d> covariances;
+  CsvReader csv(path, kCovarianceHeader);
+  while (csv.Next()) {
+    Eigen::Matrix3d& c = covariances[{csv.Number<int>(0), csv.Number<int>(1), csv.Text(2)}];
+    int column = 3;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) c(i, j) = c(j, i) = csv.Number<double>(column++);
+    }
+    if (!c.allFinite()) csv.Fail("the covariance is not finite");
+  }
+  return covariances;
+}
+
+void ReadHead(const std::string& path, Pose3d* pose) {
+  const internal::Json root = internal::ParseJsonFile(path);
+  const internal::JsonView view(path, root);
+  if (view["schema"].Text() != kSchema) view["schema"].Fail(std::string("must be ") + kSchema);
+  pose->skeleton = view["skeleton"].Text();
+  if (view.Has("covariance_note")) pose->covariance_note = view["covariance_note"].Text();
+}
+
+/// Mean of the source joints; false when one of them is missing.
+bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int>& sources, Eigen::Vector3d* mean,
+               double* sigma_m) {
+  if (sources.empty()) return false;
+  double variance = 0;
+  mean->setZero();
+  for (const int source : sources) {
+    const JointRow* row = joints[source];
+    if (!row || row->status != Status::kOk) return false;
+    *mean += row->x_in_world;
+    variance += row->sigma_m * row->sigma_m;
+  }
+  *mean /= static_cast<double>(sources.size());
+  *sigma_m = std::sqrt(variance) / static_cast<double>(sources.size());
+  return true;
+}
+
+}  // namespace
+
+void WritePose3d(const Pose3d& pose, const std::string& folder) {
+  bool written = false;
+  WritePose3d(
+      pose.skeleton,
+      [&](std::vector<JointRow>* rows) {
+        if (written) return false;
+        *rows = pose.rows;
+        return written = true;
+      },
+      folder, pose.covariance_note);
+}
+
+void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
+                 const std::string& folder, const std::string& covariance_note) {
+  AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
+      head(InFolder(folder, "pose3d.json"));
+  WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
+  WriteFile(covariance.temporary(), std::string(kCovarianceHeader) + '\n');
+  std::vector<JointRow> rows;
+  while (next(&rows)) {
+    AppendToFile(points.temporary(), PointsText(rows));
+    AppendToFile(covariance.temporary(), CovarianceText(rows));
+  }
+  nlohmann::ordered_json header = {
+      {"schema", kSchema}, {"skeleton", skeleton},         {"points", "points.csv"}, {"covariance", "covariance.csv"},
+      {"unit", "m"},       {"world", "right-handed, z up"}};
+  if (!covariance_note.empty()) header["covariance_note"] = covariance_note;
+  WriteFile(head.temporary(), header.dump(1) + "\n");
+  CommitTogether({&points, &covariance, &head});
+}
+
+std::vector<JointRow> ReadPointsCsv(const std::string& path) {
+  std::vector<JointRow> rows;
+  CsvReader csv(path, kPointsHeader);
+  while (csv.Next()) rows.push_back(ReadPointsRow(csv));
+  return rows;
+}
+
+Pose3d ReadPose3d(const std::string& folder) {
+  Pose3d pose;
+  ReadHead(InFolder(folder, "pose3d.json"), &pose);
+  pose.rows = ReadPointsCsv(InFolder(folder, "points.csv"));
+  const std::string covariance_path = InFolder(folder, "covariance.csv");
+  if (!std::filesystem::exists(covariance_path)) return pose;
+  const auto covariances = ReadCovariances(covariance_path);
+  for (JointRow& row : pose.rows) {
+    const auto it = covariances.find({row.frame, row.person, row.joint});
+    if (it != covariances.end()) row.covariance = it->second;
+  }
+  return pose;
+}
+
+body::Skeleton SkeletonOf(const Pose3d& pose) {
+  std::vector<std::string> joints;
+  std::set<std::string> seen;
+  for (const JointRow& row : pose.rows) {
+    if (seen.insert(row.joint).second) joints.push_back(row.joint);
+  }
+  return body::SkeletonOrPoints(pose.skeleton, joints);
+}
+
+std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
+  constexpr double kConfidenceScale = 0.05;  // metres
+  const body::Skeleton skeleton = SkeletonOf(pose);
+  const auto sources = body::Coco19From(skeleton);
+  std::map<std::pair<int, int>, std::vector<const JointRow*>> people;
+  for (const JointRow& row : pose.rows) {
+    auto& joints = people[{row.frame, row.person}];
+    joints.resize(skeleton.joints.size(), nullptr);
+    const int joint = skeleton.Find(row.joint);
+    if (joint >= 0) joints[joint] = &row;
+  }
+  std::map<int, std::map<int, Coco19Pose>> result;
+  for (const auto& [key, joints] : people) {
+    Coco19Pose& out = result[key.first][key.second];
+    for (int k = 0; k < 19; ++k) {
+      Eigen::Vector3d mean;
+      double sigma_m = 0;
+      if (!MeanJoint(joints, sources[k], &mean, &sigma_m)) continue;
+      out.valid[k] = true;
+      out.x_in_world.col(k) = mean;
+      out.confidence[k] = std::exp(-sigma_m / kConfidenceScale);
+    }
+  }
+  return result;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dataset/pose/pose3d.h"
+
+namespace mvstudio::dataset {
+
+/// Distances of joints from those of a reference, mm.
+struct Pose3dComparison {
+  int num = 0;  ///< joints compared; the figures are 0 when there are none
+  double median_mm = 0, mean_mm = 0, p95_mm = 0, max_mm = 0;
+  bool aligned = false;    ///< after the rigid motion that brings the joints onto the reference
+  int num_covariance = 0;  ///< joints that had a covariance
+  double coverage68 = 0;   ///< fraction of these inside the ellipsoid that should hold 68 %
+  double coverage95 = 0;
+};
+
+/// frame -> person -> joint of a pose, Ok ones only.
+using JointTable = std::map<int, std::map<int, std::map<std::string, JointRow>>>;
+
+JointTable ToTable(const std::vector<JointRow>& rows);
+
+/// The Panoptic joints as a table by OpenPose's names, with covariances where all sources have one.
+JointTable ToCoco19Table(const Pose3d& pose);
+JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses);
+
+/// Compares joints of the same frame and name. Each person is compared with the nearest person of the reference in the same
+/// frame. `align`: the best rigid motion (no scale) is taken out first.
+Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& reference, bool align = false);
+
+}  // namespace mvstudio::dataset

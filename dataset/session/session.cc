@@ -1,0 +1,139 @@
+#include "dataset/session/session.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+/// A path with its symbolic links followed as far as it is there.
+fs::path Real(const fs::path& path) {
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(path, error);
+  if (error) throw IoError(path.string(), error.message());
+  return real;
+}
+
+bool IsWithin(const fs::path& real, const fs::path& real_folder) {
+  const auto [end, at] = std::mismatch(real_folder.begin(), real_folder.end(), real.begin(), real.end());
+  return end == real_folder.end();
+}
+
+[[noreturn]] void Leaves(const Session& session, const std::string& path, const std::string& how) {
+  throw FormatError((fs::path(session.folder) / "mvstudio.toml").string(), path,
+                    how + "; footage must lie in the session: copy it there, or allow it with --allow-outside");
+}
+
+/// What a pattern begins with, up to the first part that is not there by its very name.
+fs::path FixedPart(const fs::path& pattern) {
+  fs::path fixed;
+  for (const fs::path& part : pattern) {
+    if (IsPattern((fixed / part).string())) break;
+    fixed /= part;
+  }
+  return fixed;
+}
+
+/// `relative` in the session's folder. Also a link to what is not there yet leads out.
+std::string PlaceInSession(const Session& session, const fs::path& relative) {
+  fs::path at = session.folder;
+  if (session.allow_outside) return (at / relative).string();
+  const fs::path real_folder = Real(session.folder);
+  for (const fs::path& part : relative) {
+    at /= part;
+    std::error_code error;
+    if (!fs::is_symlink(fs::symlink_status(at, error))) continue;
+    if (fs::exists(at, error) && IsWithin(Real(at), real_folder)) continue;
+    throw FormatError(at.string(), "",
+                      "is a symbolic link out of the session; make it a folder, allow it with --allow-outside, or name another "
+                      "place with --out");
+  }
+  return at.string();
+}
+
+void CheckLink(const Session& session, const std::string& path, const fs::path& at, const fs::path& real_folder) {
+  if (!IsWithin(Real(at), real_folder)) Leaves(session, path, "a symbolic link leads out of the session (" + at.string() + ")");
+}
+
+/// The pictures of a folder or pattern are reached one by one.
+void CheckPictures(const Session& session, const std::string& path, const std::string& joined, const fs::path& real_folder) {
+  const bool pattern = IsPattern(joined);
+  if (!pattern && !fs::is_directory(joined)) return;
+  for (const std::string& file : FilesMatching(joined)) {
+    if (pattern || fs::is_symlink(file)) CheckLink(session, path, file, real_folder);
+  }
+}
+
+std::string KnownTakes(const Session& session) {
+  std::string names;
+  for (const SessionTake& take : session.takes) names += (names.empty() ? "" : ", ") + take.name;
+  return names.empty() ? "none" : names;
+}
+
+}  // namespace
+
+double Session::metres_per_unit() const { return units == "mm" ? 1e-3 : units == "cm" ? 1e-2 : 1; }
+
+int Session::FindCamera(const std::string& name) const {
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    if (cameras[i].name == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+const SessionTake& TakeOf(const Session& session, const std::string& name) {
+  const SessionTake* only = nullptr;
+  int people = 0;
+  for (const SessionTake& take : session.takes) {
+    if (!name.empty() && take.name == name) return take;
+    if (take.kind == "people") only = &take, ++people;
+  }
+  if (!name.empty()) throw UsageError("--take " + name + ": the session has no such take; it has " + KnownTakes(session));
+  if (people == 1) return *only;
+  throw UsageError("--take is needed: the session has " + std::to_string(people) +
+                   " takes with people (takes: " + KnownTakes(session) + ")");
+}
+
+std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside) {
+  const fs::path joined = (fs::path(session.folder) / path).lexically_normal();
+  const fs::path fixed = FixedPart(joined);
+  std::error_code error;
+  allow_outside = allow_outside || session.allow_outside;
+  if (path.empty() || path.find('\0') != std::string::npos) Leaves(session, path, "is not a path");
+  if (!allow_outside) {
+    if (fs::path(path).is_absolute()) Leaves(session, path, "is an absolute path");
+    const fs::path relative = fs::path(path).lexically_normal();
+    if (!relative.empty() && *relative.begin() == "..") Leaves(session, path, "leaves the session");
+  }
+  if (!fs::exists(fixed, error)) throw IoError(joined.string(), "no such file or folder (named in mvstudio.toml)");
+  if (!allow_outside) {
+    const fs::path real_folder = Real(session.folder);
+    CheckLink(session, path, fixed, real_folder);
+    CheckPictures(session, path, joined.string(), real_folder);
+  }
+  return joined.string();
+}
+
+std::string CalibrationOf(const Session& session, bool allow_outside) {
+  if (!session.calibration.empty()) return ResolveInSession(session, session.calibration, allow_outside);
+  for (const char* usual : {"calib/calibration.json", "calibration.json"}) {
+    if (fs::exists(fs::path(session.folder) / usual)) return ResolveInSession(session, usual, allow_outside);
+  }
+  return "";
+}
+
+std::string TakeFolder(const Session& session, const std::string& kind, const std::string& take, const std::string& camera) {
+  fs::path folder = fs::path(kind) / Slug(take);
+  if (!camera.empty()) folder /= Slug(camera);
+  return PlaceInSession(session, folder);
+}
+
+std::string TimelinePath(const Session& session, const std::string& take) {
+  return PlaceInSession(session, fs::path("sync") / (Slug(take) + ".timeline.json"));
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,140 @@
+#include "dataset/session/timeline_source.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/median.h"
+#include "core/parallel.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/video_io.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr double kUsualFps = 30;
+
+int LargestChange(const Image& a, const Image& b) {
+  int largest = 0;
+  for (size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i) {
+    largest = std::max(largest, std::abs(int{a.pixels[i]} - int{b.pixels[i]}));
+  }
+  return largest;
+}
+
+double MedianAround(const std::vector<int>& values, size_t at, size_t reach) {
+  std::vector<int> around;
+  for (size_t i = at > reach ? at - reach : 1; i < std::min(values.size(), at + reach + 1); ++i) {
+    if (i != at) around.push_back(values[i]);
+  }
+  return UpperMedian(std::move(around), 0);
+}
+
+void AddNotes(const Timeline& timeline, std::vector<std::string>* notes) {
+  for (const CameraTimeline& c : timeline.cameras) {
+    if (c.status == "Variable")
+      notes->push_back("camera " + c.name + ": no regular frame rate; its frames are taken by time alone");
+    if (c.status == "NoTime") notes->push_back("camera " + c.name + ": no usable time stamps: it takes no part");
+    if (c.status == "NoOffset") notes->push_back("camera " + c.name + ": the sync file has no offset for it: it takes no part");
+    int64_t dropped = 0;
+    for (const DroppedFrames& d : c.dropped) dropped += d.count;
+    if (dropped > 0) notes->push_back("camera " + c.name + ": " + std::to_string(dropped) + " frames were dropped");
+    if (!c.doubled.empty())
+      notes->push_back("camera " + c.name + ": " + std::to_string(c.doubled.size()) + " frames are doubles");
+    if (!c.bad_times.empty()) {
+      notes->push_back("camera " + c.name + ": " + std::to_string(c.bad_times.size()) +
+                       " time stamps are missing or contradict the others");
+    }
+  }
+}
+
+}  // namespace
+
+CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double picture_fps_hz) {
+  CameraTimes times;
+  times.camera = camera;
+  times.source = path;
+  const FootageFiles files = ListFootage(path);
+  if (files.is_video) {
+    times.time_s = ReadVideoTimes(files.paths[0]).time_s;
+    for (size_t i = 0; i < times.time_s.size(); ++i) times.frame.push_back(static_cast<int64_t>(i));
+    return times;
+  }
+  times.origin_s = 0;
+  for (size_t i = 0; i < files.paths.size(); ++i) {
+    const int64_t number = NumberInName(files.paths[i]).value_or(static_cast<int64_t>(i));
+    if (!times.frame.empty() && number <= times.frame.back()) {
+      throw FormatError(path, fs::path(files.paths[i]).filename().string(),
+                        "its number does not come after the one before, " + std::to_string(times.frame.back()));
+    }
+    times.frame.push_back(number);
+    times.time_s.push_back(static_cast<double>(number) / picture_fps_hz);
+  }
+  return times;
+}
+
+std::vector<int64_t> FindRepeats(const std::string& path) {
+  constexpr int kSide = 160;
+  constexpr double kShare = 0.125, kLeastMotion = 6;
+  constexpr size_t kReach = 6;
+  std::vector<int> change;
+  std::vector<int64_t> numbers, repeats;
+  const auto source = OpenFrames(path);
+  Image before;
+  while (const auto frame = source->Advance()) {
+    Image now = source->Thumbnail(kSide);
+    change.push_back(before.empty() ? 0 : LargestChange(before, now));
+    numbers.push_back(frame->number);
+    before = std::move(now);
+  }
+  for (size_t i = 1; i < change.size(); ++i) {
+    const double usual = MedianAround(change, i, kReach);
+    if (usual >= kLeastMotion && change[i] <= kShare * usual) repeats.push_back(numbers[i]);
+  }
+  return repeats;
+}
+
+std::string SyncPathOf(const Session& session, const SessionTake& take, bool allow_outside) {
+  if (!take.sync.empty()) return ResolveInSession(session, take.sync, allow_outside);
+  const std::string usual = "sync/" + Slug(take.name) + "/sync.json";
+  return fs::exists(fs::path(session.folder) / usual) ? ResolveInSession(session, usual, allow_outside) : "";
+}
+
+TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, const TakeTimelineOptions& options,
+                               const RunContext& run) {
+  if (take.footage.empty()) throw UsageError("take " + take.name + " has no footage");
+  TakeTimeline result;
+  const double fps = take.fps_hz.value_or(session.fps_hz.value_or(kUsualFps));
+  std::vector<CameraTimes> times(take.footage.size());
+  std::vector<std::string> paths;
+  for (const SessionFootage& f : take.footage) paths.push_back(ResolveInSession(session, f.path, options.allow_outside));
+  ProgressStage stage(run, "reading time stamps", static_cast<int64_t>(times.size()));
+  ParallelFor(static_cast<int64_t>(times.size()), run.num_threads, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    times[k] = ReadFootageTimes(take.footage[k].camera, paths[k], fps);
+    if (options.find_repeats) times[k].repeats = FindRepeats(paths[k]);
+  });
+  const std::string sync_path = SyncPathOf(session, take, options.allow_outside);
+  TimelineClock clock = TimelineClock::kStart;
+  std::optional<SyncFile> sync;
+  if (!take.timestamps.empty()) {
+    result.notes = ReadTimestamps(ResolveInSession(session, take.timestamps, options.allow_outside), session.cameras, &times);
+    clock = TimelineClock::kCommon;
+  } else if (!sync_path.empty()) {
+    sync = ReadSync(sync_path);
+    clock = TimelineClock::kOffsets;
+  } else {
+    result.notes.push_back(
+        "nothing relates the cameras' clocks: their first frames are taken to be one instant; run mvstudio sync, "
+        "or name a table of time stamps");
+  }
+  result.timeline = BuildTimeline(times, clock, sync ? &*sync : nullptr, options.timeline);
+  result.timeline.take = take.name;
+  AddNotes(result.timeline, &result.notes);
+  return result;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,106 @@
+#include <cmath>
+#include <set>
+
+#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/verify/verify_internal.h"
+#include "geometry/rig/plausible.h"
+
+namespace mvstudio::dataset::internal {
+namespace {
+
+void CheckPanel(const PanopticCamera& camera, const std::string& path, const std::string& where, Findings* findings) {
+  int panel = 0, node = 0;
+  if (!ParsePanopticName(camera.name, &panel, &node)) {
+    return findings->Error("DAT-NAME", path, where + ".name: " + Quoted(camera.name) + " is not of the form 00_00");
+  }
+  if (camera.panel != panel || camera.node != node)
+    findings->Warning("DAT-NAME", path, where + ": panel and node do not agree with the name " + Quoted(camera.name));
+  const std::string kind = ToString(KindOfPanel(panel)), type = kind == "kinect" ? "kinect-color" : kind;
+  if (!camera.type) {
+    findings->Warning("DAT-CALIB", path, where + ".type: is missing");
+  } else if (*camera.type != type) {
+    findings->Warning(
+        "DAT-CALIB", path,
+        where + ".type: is " + Quoted(*camera.type) + ", cameras of panel " + std::to_string(panel) + " are '" + type + "'");
+  }
+}
+
+void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig,
+                  Findings* findings) {
+  const PanopticCamera fields = ReadPanopticCameraFields(json);
+  CheckPanel(fields, path, json.where(), findings);
+  double drift = 0;
+  const geometry::RigCamera camera = ToRigCamera(fields, path, json.where(), &drift);
+  if (drift > 1e-6)
+    findings->Warning("DAT-CALIB", path, json.where() + ".R: is " + NumberText(drift) + " from the nearest rotation");
+  if (!names->insert(fields.name).second)
+    return findings->Error("DAT-NAME", path, json.where() + ".name: " + Quoted(fields.name) + " is there twice");
+  if (geometry::ShareWithoutRay(camera.camera) > 0) {
+    findings->Warning("DAT-LENS", path,
+                      json.where() + ".distCoef: the lens folds over inside the picture; its corners have no ray");
+  }
+  rig->cameras.push_back(camera);
+}
+
+/// Folds and units have words of their own here.
+void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings* findings) {
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    if (doubt.code == "CAL-FOLD" || (doubt.code == "CAL-DISTANCES" && rig.cameras.size() >= 3)) continue;
+    findings->Warning("DAT-CALIB", path, doubt.text);
+  }
+}
+
+/// What only all cameras together show.
+void CheckPlaces(const geometry::Rig& rig, const std::string& path, Findings* findings) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& camera : rig.cameras) mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
+  double radius_m = 0;
+  for (const auto& camera : rig.cameras) radius_m = std::max(radius_m, (camera.CenterInWorld() - mean).norm());
+  if (rig.cameras.size() >= 3 && radius_m < 0.2) {
+    findings->Warning("DAT-UNITS", path,
+                      "all cameras are within " + NumberText(100 * radius_m) +
+                          " cm of their middle; Panoptic files are in centimetres, are these metres?");
+  }
+  std::map<std::array<double, 7>, std::string> places;
+  for (const auto& camera : rig.cameras) {
+    const auto& q = camera.cam_from_world.rotation.coeffs();
+    const auto& t = camera.cam_from_world.translation;
+    const auto [at, is_new] =
+        places.emplace(std::array<double, 7>{q[0], q[1], q[2], q[3], t[0], t[1], t[2]}, camera.camera.name);
+    if (!is_new) {
+      findings->Warning("DAT-CALIB", path,
+                        "cameras " + at->second + " and " + camera.camera.name + " have the same place and direction");
+    }
+  }
+}
+
+}  // namespace
+
+geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
+  geometry::Rig rig;
+  rig.gauge = "Panoptic calibration";
+  try {
+    const Json json = ParseJsonFile(path, kMaxCalibrationBytes);
+    const JsonView cameras = JsonView(path, json)["cameras"];
+    std::set<std::string> names;
+    constexpr size_t kMostTold = 100, kHopeless = 10000;
+    size_t unreadable = 0;
+    if (cameras.ArraySize() == 0) cameras.Fail("is empty");
+    for (size_t i = 0; i < cameras.ArraySize(); ++i) {
+      try {
+        VerifyCamera(cameras[i], path, &names, &rig, findings);
+      } catch (const FormatError& error) {
+        if (++unreadable <= kMostTold) findings->Error("DAT-CALIB", path, WithoutPath(error));
+        if (unreadable == kHopeless) cameras.Fail("more than " + std::to_string(kHopeless) + " of them cannot be read");
+      }
+    }
+    if (unreadable > kMostTold)
+      findings->Error("DAT-CALIB", path, std::to_string(unreadable - kMostTold) + " more cameras cannot be read");
+  } catch (const FormatError& error) {
+    findings->Error("DAT-CALIB", path, WithoutPath(error));
+  }
+  if (!rig.cameras.empty()) CheckPlaces(rig, path, findings), CheckPlausible(rig, path, findings);
+  return rig;
+}
+
+}  // namespace mvstudio::dataset::internal

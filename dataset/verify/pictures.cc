@@ -1,0 +1,216 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <set>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/verify/verify_internal.h"
+
+namespace mvstudio::dataset::internal {
+namespace fs = std::filesystem;
+namespace {
+
+std::string FrameName(const std::string& camera, int frame) {
+  char number[16];
+  std::snprintf(number, sizeof(number), "_%08d", frame);
+  return camera + number;
+}
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// Masks of a camera's folder, and findings about those whose name is not `00_00_%08d.png`.
+std::set<std::string> ListMasks(const std::string& folder, const std::string& camera, Findings* findings) {
+  std::set<std::string> names;
+  int strange = 0;
+  std::string first;
+  for (const std::string& path : FilesIn(folder)) {
+    const fs::path file(path);
+    const std::string stem = file.stem().string();
+    const bool good = stem.size() == camera.size() + 9 && stem.compare(0, camera.size() + 1, camera + "_") == 0 &&
+                      stem.find_first_not_of("0123456789", camera.size() + 1) == std::string::npos &&
+                      file.extension() == ".png";
+    if (good) names.insert(stem);
+    if (!good && ++strange == 1) first = path;
+  }
+  if (strange > 0) {
+    findings->Warning("DAT-NAME", first,
+                      "is not named " + camera + "_%08d.png and is not read" +
+                          (strange > 1 ? "; " + std::to_string(strange - 1) + " more" : ""));
+  }
+  return names;
+}
+
+/// Pixels in the image of the valid joints.
+struct ProjectedJoints {
+  std::vector<Eigen::Vector2d> px;
+  int valid = 0;
+};
+
+ProjectedJoints ProjectJoints(const Body3dScene& scene, const geometry::RigCamera& camera,
+                              const geometry::Projector& projector) {
+  ProjectedJoints out;
+  for (const auto& [id, pose] : scene.people) {
+    for (int j = 0; j < 19; ++j) {
+      if (!pose.valid[j]) continue;
+      ++out.valid;
+      const auto projection = projector.Project(camera.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j)));
+      if (projection.status == Status::kOk && InImage(camera.camera, projection.px)) out.px.push_back(projection.px);
+    }
+  }
+  return out;
+}
+
+struct MaskCheck {
+  bool binary = true, empty = true;
+};
+
+MaskCheck CheckMask(const Image& mask) {
+  MaskCheck check;
+  for (const uint8_t p : mask.pixels) {
+    check.binary &= p == 0 || p == 255;
+    check.empty &= p == 0;
+  }
+  return check;
+}
+
+/// State of one camera's check.
+struct Checker {
+  const geometry::RigCamera& camera;
+  Findings* findings;
+  geometry::Projector projector;
+  FootageCheck counts;
+  int valid = 0, in_image = 0, on_mask = 0, on_some_mask = 0;
+  std::vector<int> empty_masks;
+  std::set<std::string> told;
+
+  const std::string& name() const { return camera.camera.name; }
+
+  /// Reports the same kind of fault once a camera.
+  void Once(const std::string& code, const std::string& path, const std::string& text) {
+    if (told.insert(code).second) findings->Error(code, path, text + " (further ones of this camera are not listed)");
+  }
+
+  void Size(const Image& image, const std::string& path, const char* code) {
+    if (image.width == camera.camera.width_px && image.height == camera.camera.height_px) return;
+    Once(code, path,
+         "is " + SizeText(image.width, image.height) + ", the calibration says " +
+             SizeText(camera.camera.width_px, camera.camera.height_px));
+  }
+
+  void Picture(const std::string& path, int frame, bool keep_thumbnail) {
+    try {
+      const Image image = ReadImage(path);
+      Size(image, path, "DAT-SIZE");
+      ++counts.pictures;
+      if (keep_thumbnail) counts.thumbnails[frame] = MakeThumbnail(image);
+    } catch (const FormatError& error) {
+      findings->Error("DAT-IMAGE", path, WithoutPath(error));
+    } catch (const IoError& error) {
+      findings->Error("DAT-IMAGE", path, error.what());
+    }
+  }
+
+  void Mask(const std::string& path, int frame, const ProjectedJoints& joints) {
+    Image mask;
+    try {
+      mask = ReadImage(path, true);
+    } catch (const FormatError& error) {
+      findings->Error("DAT-MASK", path, WithoutPath(error));
+      return;
+    }
+    ++counts.masks;
+    Size(mask, path, "DAT-MASK-SIZE");
+    if (mask.width != camera.camera.width_px || mask.height != camera.camera.height_px) return;
+    const MaskCheck check = CheckMask(mask);
+    if (!check.binary) Once("DAT-MASK-BINARY", path, "holds values other than 0 and 255");
+    if (check.empty && !joints.px.empty()) empty_masks.push_back(frame);
+    for (const Eigen::Vector2d& px : joints.px) {
+      const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
+                y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
+      ++on_some_mask;
+      on_mask += *mask.Pixel(x, y) > 127;
+    }
+  }
+};
+
+void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames,
+             Findings* findings) {
+  if (!frames.empty()) findings->Error(code, folder, std::string("no ") + what + " for " + FramesText(frames));
+}
+
+void Summarise(const Checker& c, const std::string& images, const std::string& masks, const VerifyOptions& options) {
+  if (c.valid > 0 && c.in_image == 0) {
+    c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's pictures");
+  }
+  if (!c.empty_masks.empty())
+    c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
+  if (c.on_some_mask > 0 && c.on_mask < options.least_cover * c.on_some_mask) {
+    c.findings->Warning("DAT-COVER", masks,
+                        "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
+                            " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks");
+  }
+}
+
+/// Every how-many-th frame gives a thumbnail: eight of those that are decoded.
+int SampleStep(size_t frames, int picture_step) {
+  const int decoded = static_cast<int>(frames) / picture_step;
+  return picture_step * std::max(1, decoded / 8);
+}
+
+/// Pictures that no joints belong to: a step's worth is decoded, nothing is missing.
+void PicturesAlone(const PanopticFootage& footage, const VerifyOptions& options, Checker* checker) {
+  const int sample = SampleStep(footage.pictures.size(), options.picture_step);
+  int position = 0;
+  for (const auto& [frame, name] : footage.pictures) {
+    if (position % options.picture_step == 0) checker->Picture(footage.path + "/" + name, frame, position % sample == 0);
+    ++position;
+  }
+}
+
+}  // namespace
+
+FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
+                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings) {
+  const std::string& name = camera.camera.name;
+  const std::string masks = sequence.root + "/masks/" + name;
+  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, {}, {}};
+  checker.counts.frames = static_cast<int64_t>(footage.pictures.size());
+  if (scenes.empty()) {
+    PicturesAlone(footage, options, &checker);
+    return checker.counts;
+  }
+  const bool any_masks = fs::is_directory(sequence.root + "/masks") && name.compare(0, 3, "00_") == 0;
+  const std::set<std::string> mask_names = fs::is_directory(masks) ? ListMasks(masks, name, findings) : std::set<std::string>{};
+  const int sample = SampleStep(scenes.size(), options.picture_step);
+  std::vector<int> no_image, no_mask;
+  int position = 0;
+  for (const auto& [frame, scene] : scenes) {
+    const ProjectedJoints joints = ProjectJoints(scene, camera, checker.projector);
+    checker.valid += joints.valid;
+    checker.in_image += static_cast<int>(joints.px.size());
+    const bool decode = position % options.picture_step == 0, keep = position % sample == 0;
+    ++position;
+    const auto picture = footage.pictures.find(frame);
+    if (picture == footage.pictures.end()) {
+      no_image.push_back(frame);
+    } else if (decode) {
+      checker.Picture(footage.path + "/" + picture->second, frame, keep);
+    }
+    const std::string mask = FrameName(name, frame);
+    if (any_masks && !mask_names.count(mask)) no_mask.push_back(frame);
+    if (mask_names.count(mask) && decode) checker.Mask(masks + "/" + mask + ".png", frame, joints);
+  }
+  checker.counts.frames += static_cast<int64_t>(no_image.size());
+  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, findings);
+  Missing("DAT-MASK-MISSING", masks, "mask", no_mask, findings);
+  const size_t extra = footage.pictures.size() - (scenes.size() - no_image.size());
+  if (extra > 0)
+    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " pictures have no body3DScene file");
+  Summarise(checker, footage.path, masks, options);
+  return checker.counts;
+}
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "dataset/footage/frames.h"
+#include "dataset/session/session.h"
+
+namespace mvstudio::dataset {
+
+/// Something about a session that a person should know.
+struct SessionFinding {
+  bool error = false;  ///< else a warning
+  std::string code, text, hint;
+};
+
+struct InspectedFootage {
+  std::string take, camera;
+  std::string path;                 ///< as in the session
+  std::optional<FootageInfo> info;  ///< none: it cannot be opened
+  int64_t num_frames = 0;           ///< counted
+  double duration_s = 0;
+  bool sound = false;  ///< opened, and nothing is missing as far as was looked
+};
+
+struct SessionReport {
+  std::vector<InspectedFootage> footage;
+  std::vector<SessionFinding> findings;
+  int num_errors() const;
+};
+
+struct InspectOptions {
+  bool allow_outside = false;
+  bool compare = true;  ///< footage with the calibration, poses and other footage; find files that are there twice
+  bool decode = false;  ///< every frame, instead of reading the packets only
+};
+
+/// All findings, by code: SES-OUTSIDE, SES-MISSING, SES-DAMAGED, SES-NO-FOOTAGE, SES-SIZE, SES-RATE, SES-COUNT, SES-GAP,
+/// SES-ROTATED, SES-SAME-FILE, SES-CALIB, SES-POSE, SES-KEY. Throws only when cancelled.
+SessionReport InspectSession(const Session& session, const InspectOptions& options, const RunContext& run = {});
+
+}  // namespace mvstudio::dataset

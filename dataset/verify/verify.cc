@@ -1,0 +1,196 @@
+#include "dataset/verify/verify.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <mutex>
+#include <set>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/json/json_internal.h"
+#include "dataset/verify/verify_internal.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+using internal::Findings;
+using internal::FootageCheck;
+using internal::Json;
+using internal::JsonView;
+using internal::WithoutPath;
+
+int Count(const std::vector<Finding>& findings, Finding::Severity severity) {
+  return static_cast<int>(
+      std::count_if(findings.begin(), findings.end(), [&](const Finding& f) { return f.severity == severity; }));
+}
+
+/// Strange names, one line a folder and reason's first word.
+void ReportNames(const PanopticSequence& sequence, Findings* findings) {
+  std::map<std::string, std::vector<size_t>> by_folder;
+  for (size_t i = 0; i < sequence.strange.size(); ++i)
+    by_folder[fs::path(sequence.strange[i].first).parent_path().string()].push_back(i);
+  for (const auto& [folder, entries] : by_folder) {
+    const auto& [path, why] = sequence.strange[entries[0]];
+    findings->Warning("DAT-NAME", path,
+                      why + (entries.size() > 1 ? "; " + std::to_string(entries.size() - 1) + " more of this folder" : ""));
+  }
+}
+
+void ReportLinks(const PanopticSequence& sequence, bool followed, Findings* findings) {
+  for (const auto& [path, target] : sequence.links_out) {
+    const std::string text = "is a symbolic link out of the folder, to " + internal::Quoted(target);
+    if (followed) {
+      findings->Warning("DAT-LINK", path, text);
+    } else {
+      findings->Error("DAT-LINK", path, text + ", and is not read; --follow-links reads through it");
+    }
+  }
+}
+
+/// Folders of masks and footage without a camera.
+void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Findings* findings) {
+  for (const auto& [camera, footage] : sequence.footage) {
+    if (rig.Find(camera) < 0) findings->Error("DAT-NAME", footage.path, "the calibration has no such camera");
+    if (!footage.other.empty())
+      findings->Warning("DAT-IMAGE", footage.other, "is not read: " + footage.path + " is taken for this camera");
+  }
+  for (const char* name : {"masks", "hdImgs", "vgaImgs", "kinectImgs"}) {
+    const fs::path folder = fs::path(sequence.root) / name;
+    for (const std::string& camera : NamesIn(folder.string())) {
+      const bool told = std::string(name) != "masks" && sequence.footage.count(camera);
+      if (fs::is_directory(folder / camera) && !told && rig.Find(camera) < 0)
+        findings->Error("DAT-NAME", (folder / camera).string(), "the calibration has no such camera");
+    }
+  }
+}
+
+void CheckSidecar(const std::string& root, const geometry::Rig& rig, Findings* findings) {
+  const std::string path = root + "/dataset.json";
+  if (!fs::exists(path)) return;
+  try {
+    const Json json = internal::ParseJsonFile(path);
+    const JsonView cameras = JsonView(path, json)["cameras"];
+    std::set<std::string> known;
+    for (const auto& camera : rig.cameras) known.insert(camera.camera.name);
+    for (size_t i = 0; i < cameras.ArraySize(); ++i) {
+      cameras[i]["alias"].Text();
+      const std::string name = cameras[i]["name"].Text();
+      if (!known.count(name)) {
+        findings->Error("DAT-NAME", path,
+                        cameras[i].where() + ".name: the calibration has no camera " + internal::Quoted(name));
+      }
+    }
+  } catch (const FormatError& error) {
+    findings->Error("DAT-SIDECAR", path, WithoutPath(error));
+  }
+}
+
+PanopticKind KindOf(const std::string& camera) {
+  int panel = 0, node = 0;
+  ParsePanopticName(camera, &panel, &node);
+  return KindOfPanel(panel);
+}
+
+/// A calibration with joints alone is fine; one whose footage is of other cameras is not.
+std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequence, const geometry::Rig& rig,
+                                                    Findings* findings) {
+  std::vector<geometry::RigCamera> cameras;
+  for (const auto& camera : rig.cameras) {
+    if (sequence.footage.count(camera.camera.name)) cameras.push_back(camera);
+  }
+  if (!cameras.empty()) {
+    std::vector<std::string> without;
+    for (const auto& camera : rig.cameras) {
+      if (KindOf(camera.camera.name) == PanopticKind::kHd && !sequence.footage.count(camera.camera.name))
+        without.push_back(camera.camera.name);
+    }
+    if (!without.empty()) {
+      findings->Warning("DAT-IMAGE", sequence.root + "/hdImgs/" + without[0],
+                        "the calibration has this camera, there are no pictures of it" +
+                            (without.size() > 1 ? "; nor of " + std::to_string(without.size() - 1) + " more" : ""));
+    }
+  } else if (!sequence.footage.empty()) {
+    findings->Error("DAT-IMAGE", sequence.root, "holds no pictures of any calibrated camera");
+  } else {
+    findings->Warning("DAT-IMAGE", sequence.root, "holds neither pictures nor videos: calibration and joints only");
+  }
+  return cameras;
+}
+
+std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
+                                       const std::map<int, Body3dScene>& hd, const std::map<int, Body3dScene>& vga,
+                                       const VerifyOptions& options, const RunContext& run, Findings* findings) {
+  std::vector<Findings> by_camera(cameras.size());
+  std::vector<FootageCheck> checks(cameras.size());
+  const std::map<int, Body3dScene> none;
+  ProgressStage stage(run, "pictures", static_cast<int64_t>(cameras.size()));
+  std::mutex mutex;
+  ParallelFor(static_cast<int64_t>(cameras.size()), run.num_threads, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
+    const PanopticKind kind = KindOf(cameras[k].camera.name);
+    const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
+    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                                 : internal::VerifyPictures(sequence, cameras[k], footage, scenes, options, &by_camera[k]);
+    const std::lock_guard<std::mutex> lock(mutex);
+    stage.Advance();
+  });
+  for (const Findings& f : by_camera) findings->Append(f);
+  internal::CompareCameras(cameras, checks, sequence, findings);
+  return checks;
+}
+
+std::string WhyUnusable(const geometry::Rig& rig, const VerifyReport& report) {
+  if (rig.cameras.empty()) return "no camera of the calibration can be read";
+  if (report.frames == 0 && report.pictures + report.videos == 0)
+    return "there are neither joints nor pictures that can be read";
+  return "";
+}
+
+}  // namespace
+
+namespace internal {
+
+std::string WithoutPath(const FormatError& error) {
+  const std::string text = error.what();
+  return text.compare(0, error.path().size() + 2, error.path() + ": ") == 0 ? text.substr(error.path().size() + 2) : text;
+}
+
+}  // namespace internal
+
+int VerifyReport::num_errors() const { return Count(findings, Finding::Severity::kError); }
+int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
+
+VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run) {
+  if (options.picture_step < 1) throw UsageError("--picture-step must be at least 1");
+  Findings findings;
+  const PanopticSequence sequence = ScanPanopticSequence(root, options.follow_links);
+  const geometry::Rig rig = internal::VerifyCalibration(sequence.calibration, &findings);
+  ReportLinks(sequence, options.follow_links, &findings);
+  if (sequence.hd_scenes.files.empty())
+    findings.Error("DAT-POSE", root, "holds no hdPose3d_stage1_coco19/body3DScene_%08d.json");
+  const auto hd = internal::VerifyScenes(sequence.hd_scenes, &findings);
+  const auto vga = internal::VerifyScenes(sequence.vga_scenes, &findings);
+  VerifyReport report;
+  report.frames = static_cast<int>(hd.size());
+  report.faces = internal::VerifyLandmarks(sequence.faces, internal::LandmarkKind::kFaces, hd, &findings);
+  report.hands = internal::VerifyLandmarks(sequence.hands, internal::LandmarkKind::kHands, hd, &findings);
+  internal::VerifySyncTables(sequence, hd, &findings);
+  ReportNames(sequence, &findings);
+  CheckFolders(sequence, rig, &findings);
+  CheckSidecar(root, rig, &findings);
+  const auto cameras = CamerasWithFootage(sequence, rig, &findings);
+  report.cameras = static_cast<int>(cameras.size());
+  for (const FootageCheck& check : CheckFootage(sequence, cameras, hd, vga, options, run, &findings)) {
+    report.pictures += static_cast<int>(check.pictures);
+    report.masks += static_cast<int>(check.masks);
+    report.videos += static_cast<int>(check.videos);
+  }
+  report.unusable = WhyUnusable(rig, report);
+  report.findings = findings.list();
+  return report;
+}
+
+}  // namespace mvstudio::dataset

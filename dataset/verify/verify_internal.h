@@ -1,0 +1,70 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/image.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/sequence.h"
+#include "dataset/verify/verify.h"
+
+/// The parts of VerifyDataset; not part of the module's public face.
+namespace mvstudio::dataset::internal {
+
+class Findings {
+ public:
+  void Error(const std::string& code, const std::string& path, const std::string& text) {
+    list_.push_back({Finding::Severity::kError, code, path, text});
+  }
+  void Warning(const std::string& code, const std::string& path, const std::string& text) {
+    list_.push_back({Finding::Severity::kWarning, code, path, text});
+  }
+  void Append(const Findings& other) { list_.insert(list_.end(), other.list_.begin(), other.list_.end()); }
+  const std::vector<Finding>& list() const { return list_; }
+
+ private:
+  std::vector<Finding> list_;
+};
+
+/// The part of a FormatError's message after the path.
+std::string WithoutPath(const FormatError& error);
+/// "frame: 12" or "3 frames: 12, 15, 19" (at most five are named).
+std::string FramesText(const std::vector<int>& frames);
+
+/// Cameras that can be read.
+geometry::Rig VerifyCalibration(const std::string& path, Findings* findings);
+
+/// Scenes that can be read, by frame.
+std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* findings);
+
+/// Number of files of faces or hands that can be read.
+enum class LandmarkKind { kFaces, kHands };
+int VerifyLandmarks(const PanopticFrames& frames, LandmarkKind kind, const std::map<int, Body3dScene>& scenes,
+                    Findings* findings);
+
+/// Sync tables, and whether they agree with the times of the joints.
+void VerifySyncTables(const PanopticSequence& sequence, const std::map<int, Body3dScene>& hd_scenes, Findings* findings);
+
+/// A picture reduced to a few grey means, to tell whether two cameras show the same.
+using Thumbnail = std::array<float, 16 * 16>;
+Thumbnail MakeThumbnail(const Image& picture);
+
+struct FootageCheck {
+  int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
+  int64_t frames = 0;                           ///< there are, or are listed as missing
+  std::map<int, Thumbnail> thumbnails;          ///< of a few frames
+};
+/// Pictures or the video, and masks, of one camera. `scenes`: of its kind.
+FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
+                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
+FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
+                         const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
+
+/// Cameras whose footage is that of another, and numbers of frames that differ within a kind.
+void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::vector<FootageCheck>& checks,
+                    const PanopticSequence& sequence, Findings* findings);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <string>
+
+#include "core/fields.h"
+#include "core/image.h"
+#include "core/status.h"
+#include "dataset/views/crop.h"
+#include "geometry/rig/rig.h"
+
+/// Pictures as an ideal pinhole camera would have taken them, for readers that know no lens model or fewer of its terms.
+namespace mvstudio::dataset {
+
+struct UndistortOptions {
+  std::string view = "inside";
+  int width_px = 0;
+  int height_px = 0;
+  double max_fov_deg = 150;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, UndistortOptions& o) {
+  visit("undistort-view", o.view,
+        "inside: the largest view without black borders; all: every pixel of the footage is shown; keep: the lens's own focal "
+        "lengths and principal point");
+  visit("undistort-width", o.width_px, "px; 0: that of the footage");
+  visit("undistort-height", o.height_px, "px; 0: that of the footage");
+  visit("undistort-max-fov", o.max_fov_deg, "degrees; widest field of view of the pinhole along either axis");
+}
+
+struct UndistortedCamera {
+  /// kOk; kOutsideValidRadius: part of the footage lies beyond the widest field of view or where the lens has no inverse, so
+  /// that no such pinhole shows it (the camera is usable all the same); kNonFiniteInput, kDegenerate: there is no such camera.
+  Status status = Status::kOk;
+  std::string reason;          ///< one sentence where the status is not kOk
+  geometry::RigCamera camera;  ///< pinhole of the same name, place and orientation; no covariances
+  double lost_share = 0;       ///< of the footage's pixels, those that this view does not show
+  double empty_share = 0;      ///< of the pinhole's pixels, those without a source
+  bool usable() const { return status == Status::kOk || status == Status::kOutsideValidRadius; }
+};
+
+/// The pinhole for a camera of any lens model. A pinhole whose view is "inside" already is returned unchanged. Throws
+/// UsageError for an unknown view or sizes outside 1 … 32768.
+UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options = {});
+
+/// Resamples all pictures of one camera; copies share the map. Colours are means over the part of a pixel's footprint that has
+/// a source; pixels without one are 0.
+class Undistorter {
+ public:
+  /// `pinhole` as IdealPinhole gives it, or any pinhole at the same place.
+  Undistorter(const geometry::RigCamera& source, const geometry::RigCamera& pinhole);
+  Image Picture(const Image& source, int num_threads = 1) const;
+  /// 255 where at least half of the pixel's footprint is foreground.
+  Image Mask(const Image& source, int num_threads = 1) const;
+  /// 255 where at least half of the pixel's footprint lies in the footage.
+  const Image& Validity() const { return validity_; }
+  const ResampleMap& map() const { return map_; }
+
+ private:
+  ResampleMap map_;
+  Image validity_;
+};
+
+/// What undistortion costs.
+struct UndistortionError {
+  double max_joint_px = 0;  ///< footage px: points projected by the lens against the same points projected by the pinhole and
+                            ///< looked up in the footage; over a grid of points in view
+  double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
+  double psnr_db = 0;    ///< of a seeded band-limited picture resampled there and back, where both have a source; NaN: nowhere
+  double finest_px = 0;  ///< shortest period of that picture
+};
+/// `with_picture` false leaves psnr_db at NaN and takes milliseconds instead of a second.
+UndistortionError MeasureUndistortion(const geometry::RigCamera& source, const geometry::RigCamera& pinhole, uint64_t seed = 1,
+                                      bool with_picture = true);
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+
+#include "core/image.h"
+#include "detect/joints/joint_net.h"
+#include "detect/tfjs/tfjs_graph.h"
+
+namespace mvstudio::detect::internal {
+
+/// (1, h, w, 3) with 0..255 mapped to -1..1.
+FloatTensor ToSymmetric(const Image& rgb);
+float SigmoidOf(float x);
+
+/// PoseNet's four outputs of one picture; x of a displacement or offset after all y of its kind.
+struct PosenetOutputs {
+  FloatTensor heat, offset, forward, backward;
+};
+
+class PosenetGraph {
+ public:
+  explicit PosenetGraph(const std::string& models_folder);
+  PosenetOutputs Run(const Image& rgb) const;
+
+ private:
+  TfjsGraph graph_;
+};
+
+inline constexpr int kPosenetStride = 16;
+
+/// People in the net's pixels, by the score of the joint they grew from.
+std::vector<CoarsePerson> DecodePeople(const PosenetOutputs& outputs);
+
+}  // namespace mvstudio::detect::internal

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "detect/joints/joint_net.h"
+
+/// Key points of people in the video of one camera.
+namespace mvstudio::detect {
+
+struct PoseOptions {
+  std::string quality = "balanced";
+  int max_persons = 1;
+  int redetect_frames = 30;
+  double min_person_score = 0.15;
+  double min_joint_score = 0.02;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, PoseOptions& o) {
+  visit("quality", o.quality,
+        "fast: one crop a person. balanced: and its mirror image. exact: crops of three sizes, each with its mirror image");
+  visit("max-persons", o.max_persons, "people followed in a camera; every one costs the same again");
+  visit("redetect-frames", o.redetect_frames,
+        "whole pictures are searched every so many frames, and whenever somebody is missing; somebody larger takes a place");
+  visit("min-person-score", o.min_person_score, "0..1; a person whose joints score less on average is gone");
+  visit("min-joint-score", o.min_joint_score, "0..1; joints that score less are written as not detected");
+}
+
+/// What `quality` stands for.
+struct CropPlan {
+  std::vector<double> scales;  ///< of the crop; 1: the person takes the net's person_fill()
+  bool mirror = false;
+  int passes = 1;        ///< crops in turn for a person that was just found, each around the joints of the one before
+  int posenet_px = 257;  ///< crop of PoseNet
+};
+/// Throws UsageError for an unknown quality.
+CropPlan PlanOf(const std::string& quality);
+
+struct TrackedPerson {
+  int id = 0;  ///< the same through the whole video
+  dataset::Person2d pose;
+  double score = 0;        ///< mean of the joints'
+  Crop crop;               ///< in which the joints were found
+  double usual_score = 0;  ///< of the frames before
+};
+
+/// Joints of a person in `crop`, in picture pixels; those outside the picture have score 0. `expected`: where they are likely
+/// to be; without joints: unknown.
+dataset::Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, const CropPlan& plan,
+                               const dataset::Person2d& expected = {});
+
+/// Follows people from frame to frame: a crop around the last pose; who is lost is looked for in the whole picture. One a
+/// camera.
+class PoseTracker {
+ public:
+  /// `net` and `finder` must outlive the tracker. Without a finder, the whole picture is the crop of the only person.
+  PoseTracker(const JointNet& net, const PersonFinder* finder, const PoseOptions& options, const CropPlan& plan);
+  /// People in the next frame, by id.
+  std::vector<TrackedPerson> Next(const Image& rgb);
+
+ private:
+  void Follow(const Image& rgb);
+  void Search(const Image& rgb);
+  TrackedPerson Examine(const Image& rgb, const dataset::Person2d& rough, int passes) const;
+  TrackedPerson LookAgain(const Image& rgb, const TrackedPerson& before, const TrackedPerson& now) const;
+  TrackedPerson Locate(const Image& rgb, const Crop& crop, const dataset::Person2d& expected) const;
+
+  const JointNet& net_;
+  const PersonFinder* finder_;
+  PoseOptions options_;
+  CropPlan plan_;
+  std::vector<TrackedPerson> people_;
+  std::vector<TrackedPerson> lost_;  // as last seen, to give their ids back
+  int next_id_ = 0;
+  int frames_ = 0;
+};
+
+}  // namespace mvstudio::detect

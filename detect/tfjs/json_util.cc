@@ -1,0 +1,103 @@
+#include <cmath>
+
+#include "core/json_tree.h"
+#include "detect/tfjs/json_internal.h"
+
+namespace mvstudio::detect::internal {
+
+Json ParseJson(const std::string& path, const std::string& text) {
+  constexpr size_t kMaxDepth = 64;
+  Json json;
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &json);
+  switch (problem.kind) {
+    case JsonProblem::Kind::kNone:
+      return json;
+    case JsonProblem::Kind::kDepth:
+      throw FormatError(path, "", "is nested deeper than 64 levels");
+    default:
+      throw FormatError(path, "byte " + std::to_string(problem.byte), "is not valid JSON; cut short or damaged?");
+  }
+}
+
+JsonView JsonView::operator[](const char* key) const {
+  if (!value_->is_object()) Fail("must be an object");
+  const auto found = value_->find(key);
+  const std::string where = where_.empty() ? key : where_ + "." + key;
+  if (found == value_->end()) throw FormatError(*path_, where, "is missing");
+  return JsonView(*path_, *found, where);
+}
+
+JsonView JsonView::operator[](size_t idx) const {
+  const std::string where = where_ + "[" + std::to_string(idx) + "]";
+  if (idx >= ArraySize()) throw FormatError(*path_, where, "is missing");
+  return JsonView(*path_, (*value_)[idx], where);
+}
+
+size_t JsonView::ArraySize() const {
+  if (!value_->is_array()) Fail("must be a list");
+  return value_->size();
+}
+
+int64_t JsonView::Int() const {
+  if (value_->is_string()) {
+    const std::string text = value_->get<std::string>();
+    const bool negative = text.size() > 1 && text[0] == '-';
+    const std::string digits = text.substr(negative);
+    if (digits.empty() || digits.size() > 15 || digits.find_first_not_of("0123456789") != std::string::npos) {
+      Fail("must be a whole number");
+    }
+    return (negative ? -1 : 1) * std::stoll(digits);
+  }
+  const double number = Number();
+  if (number != std::floor(number) || std::abs(number) > 1e15) Fail("must be a whole number");
+  return static_cast<int64_t>(number);
+}
+
+double JsonView::Number() const {
+  if (!value_->is_number()) Fail("must be a number");
+  const double number = value_->get<double>();
+  if (!std::isfinite(number)) Fail("must be finite");
+  return number;
+}
+
+std::string JsonView::Text() const {
+  if (!value_->is_string()) Fail("must be a text");
+  return value_->get<std::string>();
+}
+
+bool JsonView::Flag() const {
+  if (!value_->is_boolean()) Fail("must be true or false");
+  return value_->get<bool>();
+}
+
+namespace {
+
+int Base64Digit(char c) {
+  if (c >= 'A' && c <= 'Z') return c - 'A';
+  if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+  if (c >= '0' && c <= '9') return c - '0' + 52;
+  if (c == '+') return 62;
+  return c == '/' ? 63 : -1;
+}
+
+}  // namespace
+
+std::string DecodeBase64(const std::string& path, const std::string& where, const std::string& text) {
+  std::string bytes;
+  const size_t padding = text.size() - std::min(text.size(), text.find_last_not_of('=') + 1);
+  if (text.size() % 4 != 0 || padding > 2) throw FormatError(path, where, "is not base64");
+  uint32_t bits = 0;
+  int num_bits = 0;
+  for (size_t i = 0; i + padding < text.size(); ++i) {
+    const int digit = Base64Digit(text[i]);
+    if (digit < 0) throw FormatError(path, where, "is not base64");
+    bits = bits << 6 | static_cast<uint32_t>(digit);
+    num_bits += 6;
+    if (num_bits < 8) continue;
+    num_bits -= 8;
+    bytes += static_cast<char>(bits >> num_bits & 0xff);
+  }
+  return bytes;
+}
+
+}  // namespace mvstudio::detect::internal

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "detect/tfjs/json_internal.h"
+#include "detect/tfjs/tfjs_internal.h"
+
+namespace mvstudio::detect::internal {
+
+/// Decodes all weights of `weightsManifest`: those of a group lie one after the other in its files. Throws FormatError when
+/// files are too short or too long, or for types and shapes that do not fit.
+std::map<std::string, TfWeight> ReadWeights(const JsonView& manifest, const std::map<std::string, std::string>& shards);
+
+/// IEEE 754 half precision.
+float HalfToFloat(uint16_t half);
+
+}  // namespace mvstudio::detect::internal

@@ -1,0 +1,241 @@
+#include "geometry/rig/plausible.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <optional>
+
+#include "core/units.h"
+#include "geometry/lens/radial.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+constexpr double kMaxDecentring = 0.05;                    // measured lenses: CMU Panoptic 0.0012, webcams 0.01
+constexpr double kMaxOutside = 0.3;                        // of a side
+constexpr double kMinFocal = 0.15, kMaxFocal = 30;         // of the diagonal
+constexpr double kMinFocalOfWideLens = 0.05;               // all round in a circle as high as the picture: 0.08
+constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
+constexpr double kMaxApart = 100;                          // m
+constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
+constexpr double kMaxFoldOfWideLens = DegToRad(60);
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+/// "camera a", "cameras a, b and c", "cameras a, b, c and 7 more".
+std::string Listed(const std::vector<std::string>& names) {
+  constexpr size_t kShown = 3;
+  std::string text = names.size() == 1 ? "camera " : "cameras ";
+  for (size_t i = 0; i < std::min(names.size(), kShown); ++i) {
+    const bool last = i + 1 == names.size() && i > 0;
+    text += (i == 0 ? "" : last ? " and " : ", ") + names[i];
+  }
+  return names.size() > kShown ? text + " and " + std::to_string(names.size() - kShown) + " more" : text;
+}
+
+double Decentring(const Camera& camera) {
+  if (camera.model == LensModel::kSplined) return 0;
+  const LensTerms terms = TermsOf(camera);
+  return std::max(std::abs(terms.p1), std::abs(terms.p2));
+}
+
+bool FoldsInside(const Camera& camera) {
+  if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
+  if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
+  return ShareWithoutRay(camera) > 0;
+}
+
+/// The order that makes sense where the one read does not; empty when there is none.
+std::string BetterOrder(const Camera& camera) {
+  for (const TermOrder& other : OtherTermOrders(camera)) {
+    if (other.camera.model == camera.model && Decentring(other.camera) < kMaxDecentring / 5 && !FoldsInside(other.camera))
+      return other.name;
+  }
+  return "";
+}
+
+/// What is wrong with one camera, in words that follow its name; empty: nothing.
+using Look = std::function<std::string(const Camera&)>;
+
+/// One line for all cameras: the words of the first that is doubtful, the others by name.
+void Report(const Rig& rig, const std::string& code, const std::string& hint, const Look& look, std::vector<RigDoubt>* doubts) {
+  std::vector<std::string> names;
+  std::string first;
+  for (const RigCamera& camera : rig.cameras) {
+    const std::string words = look(camera.camera);
+    if (words.empty()) continue;
+    if (names.empty()) first = words;
+    names.push_back(camera.camera.name);
+  }
+  if (names.empty()) return;
+  const std::string whose = names.size() > 1 ? " (" + names[0] + ")" : "";
+  doubts->push_back({code, Listed(names) + ": " + first + whose, hint});
+}
+
+std::string LookAtDecentring(const Camera& camera) {
+  const double p = Decentring(camera);
+  if (!(p > kMaxDecentring)) return "";
+  const std::string order = BetterOrder(camera);
+  return "a decentring (p1, p2) of " + Number(p) + " is not a lens's; 0.05 is far beyond any measured one" +
+         (order.empty() ? "" : "; in the order " + order + " the terms make sense");
+}
+
+std::string LookAtFold(const Camera& camera) {
+  if (!FoldsInside(camera)) return "";
+  return "the lens folds inside the picture: " + Number(std::max(0.1, 100 * ShareWithoutRay(camera))) +
+         " % of it, at the corners first, belong to no direction";
+}
+
+std::string LookAtCentre(const Camera& camera) {
+  const auto outside = [](double center, int size) { return std::max(-center, center - size) / size; };
+  if (std::max(outside(camera.cx(), camera.width_px), outside(camera.cy(), camera.height_px)) <= kMaxOutside) return "";
+  return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") lies far outside the picture of " +
+         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px";
+}
+
+std::string LookAtFocal(const Camera& camera) {
+  const double diagonal = std::hypot(camera.width_px, camera.height_px);
+  const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
+  const std::string focal = "focal lengths of " + Number(camera.fx()) + " and " + Number(camera.fy()) + " px";
+  if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal || high > kMaxFocal * diagonal) {
+    return focal + " are absurd for a picture of " + std::to_string(camera.width_px) + " x " +
+           std::to_string(camera.height_px) + " px";
+  }
+  return high > kMaxAspect * low ? focal + " differ more than any sensor's pixels do" : "";
+}
+
+double FarthestApart(const Rig& rig) {
+  double farthest = 0;
+  for (const RigCamera& a : rig.cameras) {
+    const Eigen::Vector3d center = a.CenterInWorld();
+    for (const RigCamera& b : rig.cameras) farthest = std::max(farthest, (center - b.CenterInWorld()).norm());
+  }
+  return farthest;
+}
+
+void LookAtDistances(const Rig& rig, std::vector<RigDoubt>* doubts) {
+  if (rig.cameras.size() < 2) return;
+  const double apart = FarthestApart(rig), least = rig.cameras.size() == 2 ? kMinApartPair : kMinApart;
+  const std::string hint = "if the unit is another: calib convert --unit mm, cm or m, or the side of the board's squares";
+  if (apart > kMaxApart) {
+    doubts->push_back({"CAL-DISTANCES",
+                       "the cameras stand up to " + Number(apart) + " m apart; were the numbers millimetres it would be " +
+                           Number(apart / 1000) + " m, centimetres " + Number(apart / 100) + " m, inches " +
+                           Number(apart * 0.0254) + " m",
+                       hint});
+  } else if (apart > 0 && apart < least) {
+    doubts->push_back({"CAL-DISTANCES",
+                       "the cameras stand no more than " + Number(1000 * apart) +
+                           " mm apart; were the numbers metres, read as millimetres, it would be " + Number(1000 * apart) +
+                           " m",
+                       hint});
+  }
+}
+
+/// Radial terms k1, k2, k3 read as k1, k2, p1, p2, k3 leave a trace even where all are small: p1 is a k3, k3 is a p2.
+bool LooksShifted(const Camera& camera) {
+  if (camera.model != LensModel::kBrown5) return false;
+  const double p1 = camera.params[6], p2 = camera.params[7], k3 = camera.params[8];
+  return k3 != 0 && std::abs(p1) > 0.01 && std::abs(p1) > 10 * std::max(std::abs(p2), std::abs(k3));
+}
+
+void LookAtOrder(const Rig& rig, std::vector<RigDoubt>* doubts) {
+  const auto shifted = std::count_if(rig.cameras.begin(), rig.cameras.end(),
+                                     [](const RigCamera& camera) { return LooksShifted(camera.camera); });
+  if (2 * shifted <= static_cast<std::ptrdiff_t>(rig.cameras.size())) return;
+  const auto look = [](const Camera& camera) -> std::string {
+    if (!LooksShifted(camera) || Decentring(camera) > kMaxDecentring) return "";
+    return "p1 = " + Number(camera.params[6]) + " is far larger than p2 and k3, as when the file lists k1 k2 k3 p1 p2";
+  };
+  Report(rig, "CAL-TERMORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
+}
+
+std::vector<TermOrder> Reordered(const Camera& camera, const std::vector<std::pair<const char*, std::vector<int>>>& orders) {
+  std::vector<TermOrder> others;
+  for (const auto& [name, from] : orders) {
+    TermOrder& other = others.emplace_back(TermOrder{name, camera});
+    for (size_t i = 0; i < from.size(); ++i) other.camera.params[4 + static_cast<Eigen::Index>(i)] = camera.params[4 + from[i]];
+  }
+  return others;
+}
+
+}  // namespace
+
+std::vector<TermOrder> OtherTermOrders(const Camera& camera) {
+  // For each order of the file, which of its numbers are the terms as this model lists them.
+  switch (camera.model) {
+    case LensModel::kBrown5:
+      return Reordered(camera, {{"k1 k2 k3 p1 p2", {0, 1, 3, 4, 2}},
+                                {"k1 k2 k3 p2 p1", {0, 1, 4, 3, 2}},
+                                {"k1 k2 p2 p1 k3", {0, 1, 3, 2, 4}},
+                                {"p1 p2 k1 k2 k3", {2, 3, 0, 1, 4}}});
+    case LensModel::kRational8:
+      return Reordered(camera, {{"k1 k2 k3 k4 k5 k6 p1 p2", {0, 1, 6, 7, 2, 3, 4, 5}},
+                                {"k1 k2 k3 p1 p2 k4 k5 k6", {0, 1, 3, 4, 2, 5, 6, 7}}});
+    case LensModel::kBrown4: {
+      auto others = Reordered(camera, {{"k1 k2 p2 p1", {0, 1, 3, 2}}, {"p1 p2 k1 k2", {2, 3, 0, 1}}});
+      others.push_back({"k1 k2 k3 k4 of a fisheye", camera});
+      others.back().camera.model = LensModel::kKannalaBrandt4;
+      return others;
+    }
+    case LensModel::kKannalaBrandt4: {
+      TermOrder other{"k1 k2 p1 p2 of a perspective lens", camera};
+      other.camera.model = LensModel::kBrown4;
+      return {other};
+    }
+    default:
+      return {};
+  }
+}
+
+double ShareWithoutRay(const Camera& camera) {
+  constexpr int kSteps = 40;
+  const Projector projector(camera);
+  const auto has_ray = [&](int column, int row, int steps) {
+    const Eigen::Vector2d px(-0.5 + static_cast<double>(camera.width_px) * column / steps,
+                             -0.5 + static_cast<double>(camera.height_px) * row / steps);
+    return projector.Unproject(px).status == Status::kOk;
+  };
+  int missing = 0;
+  for (int i = 0; i < 9; ++i) missing += !has_ray(i % 3, i / 3, 2);
+  if (missing == 0) return 0;
+  missing = 0;
+  for (int i = 0; i < (kSteps + 1) * (kSteps + 1); ++i) missing += !has_ray(i % (kSteps + 1), i / (kSteps + 1), kSteps);
+  return static_cast<double>(missing) / ((kSteps + 1) * (kSteps + 1));
+}
+
+std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
+  std::vector<RigDoubt> doubts;
+  const std::string compare = "compare with the program that wrote the file; calib eval tells whether pictures agree with it";
+  Report(rig, "CAL-DECENTRING", compare + "; --ignore-distortion where the pictures are undistorted already", LookAtDecentring,
+         &doubts);
+  LookAtOrder(rig, &doubts);
+  Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
+         &doubts);
+  Report(rig, "CAL-CENTRE", "check the size of the pictures and of the calibration, and that cx, cy are pixels", LookAtCentre,
+         &doubts);
+  Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
+         LookAtFocal, &doubts);
+  LookAtDistances(rig, &doubts);
+  return doubts;
+}
+
+std::string WhyNotARotation(const Eigen::Matrix3d& matrix, double tolerance) {
+  if (!matrix.allFinite()) return "not a rotation: it holds numbers that are not finite";
+  const double error = (matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).norm(), determinant = matrix.determinant();
+  if (error < tolerance && determinant > 0) return "";
+  const std::string figures = "|R R^T - I| = " + Number(error) + ", determinant " + Number(determinant);
+  if (error < tolerance) {
+    return "not a rotation but a reflection: " + figures + "; an axis of the camera or of the world has the wrong sign";
+  }
+  return "not a rotation: " + figures + "; is it scaled, or are rows and columns of other numbers?";
+}
+
+}  // namespace mvstudio::geometry

@@ -1,0 +1,97 @@
+#include "report/page/format.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+namespace mvstudio::report {
+namespace {
+
+std::string Printf(const char* format, int precision, double value) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), format, precision, value);
+  return buffer;
+}
+
+void ReplaceAll(std::string* text, const std::string& from, const std::string& to) {
+  for (size_t at = text->find(from); at != std::string::npos; at = text->find(from, at + to.size()))
+    text->replace(at, from.size(), to);
+}
+
+}  // namespace
+
+std::string FormatFixed(double value, int decimals) {
+  if (!std::isfinite(value)) return kNoNumber;
+  std::string text = Printf("%.*f", decimals, value);
+  if (text.find_first_not_of("-0.") == std::string::npos && text[0] == '-') text.erase(0, 1);
+  return text;
+}
+
+std::string FormatNumber(double value, int significant) {
+  if (!std::isfinite(value)) return kNoNumber;
+  if (value == 0) return "0";
+  const double magnitude = std::fabs(value);
+  if (magnitude >= 1e7 || magnitude < 1e-4) return Printf("%.*e", std::min(significant, 3) - 1, value);
+  if (value == std::floor(value) && magnitude < 1e6) return FormatFixed(value, 0);
+  const int decimals = std::max(0, significant - 1 - static_cast<int>(std::floor(std::log10(magnitude))));
+  std::string text = FormatFixed(value, decimals);
+  if (text.find('.') == std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+std::string FormatCount(double value) {
+  std::string digits = FormatFixed(value, 0);
+  if (!std::isfinite(value)) return digits;
+  for (int at = static_cast<int>(digits.size()) - 3; at > (value < 0 ? 1 : 0); at -= 3) digits.insert(at, "\u202f");
+  return digits;
+}
+
+std::string FormatWithUnit(double value, const std::string& unit, int significant) {
+  const std::string number = FormatNumber(value, significant);
+  if (!std::isfinite(value) || unit.empty()) return number;
+  return number + (unit == "%" || unit == "\u00b0" ? "" : "\u00a0") + unit;
+}
+
+std::string FormatDuration(double seconds) {
+  if (!std::isfinite(seconds)) return kNoNumber;
+  if (seconds < 1) return FormatFixed(seconds * 1e3, 0) + "\u00a0ms";
+  if (seconds < 60) return FormatFixed(seconds, seconds < 10 ? 2 : 1) + "\u00a0s";
+  const long long whole = std::llround(seconds);
+  if (whole < 3600) return std::to_string(whole / 60) + "\u00a0min\u00a0" + std::to_string(whole % 60) + "\u00a0s";
+  return std::to_string(whole / 3600) + "\u00a0h\u00a0" + std::to_string(whole % 3600 / 60) + "\u00a0min";
+}
+
+KeyLabel LabelOfKey(const std::string& key) {
+  static const std::pair<const char*, const char*> kUnits[] = {
+      {"_px", "px"}, {"_mm", "mm"}, {"_cm", "cm"}, {"_deg", "\u00b0"}, {"_db", "dB"},   {"_ms", "ms"},
+      {"_mb", "MB"}, {"_hz", "Hz"}, {"_m", "m"},   {"_percent", "%"},  {"_rad", "rad"}, {"_s", "s"}};
+  KeyLabel result{key, ""};
+  const bool is_rate = key.size() > 6 && key.compare(key.size() - 6, 6, "_per_s") == 0;
+  if (is_rate) result.label += "econd";
+  for (const auto& [suffix, unit] : kUnits) {
+    const std::string end = suffix;
+    if (is_rate || key.size() <= end.size() || key.compare(key.size() - end.size(), end.size(), end) != 0) continue;
+    result = {key.substr(0, key.size() - end.size()), unit};
+    break;
+  }
+  if (result.label.rfind("num_", 0) == 0) result.label = result.label.substr(4);
+  ReplaceAll(&result.label, "holdout", "held-out");
+  std::replace(result.label.begin(), result.label.end(), '_', ' ');
+  return result;
+}
+
+double Quantile(std::vector<double> values, double fraction) {
+  values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }), values.end());
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::sort(values.begin(), values.end());
+  const double at = fraction * static_cast<double>(values.size() - 1);
+  const size_t low = static_cast<size_t>(at), high = std::min(low + 1, values.size() - 1);
+  return values[low] + (at - static_cast<double>(low)) * (values[high] - values[low]);
+}
+
+double Median(const std::vector<double>& values) { return Quantile(values, 0.5); }
+
+}  // namespace mvstudio::report

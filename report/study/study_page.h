@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "report/study/study.h"
+
+namespace mvstudio::report {
+
+/// A question as it is asked.
+struct StudyQuestion {
+  const StudyPicture* picture;
+  bool a_left;
+  std::string seal;
+};
+
+/// The page of a study. Keys: left and right arrow choose, Backspace takes the last answer back.
+std::string StudyPageHtml(const StudySpec& spec, const std::string& sha256, const std::vector<StudyQuestion>& questions);
+
+}  // namespace mvstudio::report

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "triangulate/batch/batch.h"
+
+/// The quick way of TriangulateBatch: a few points at a time, one in each lane of a vector register. Internal to batch.cc.
+namespace mvstudio::triangulate::internal {
+
+/// A perspective camera in numbers of type S; see PreparedCamera.
+template <class S>
+struct LaneCamera {
+  struct Terms {
+    S radial[6] = {}, p1 = 0, p2 = 0, prism[4] = {};
+  };
+  enum class Kind { kPinhole, kDecentring, kPolynomial, kAll } kind = Kind::kPinhole;
+  S rotation[9] = {}, translation[3] = {}, center[3] = {};  // cam_from_local, row by row; metres
+  double focal[2] = {}, principal[2] = {};                  // px
+  Terms terms;
+  S valid_radius_squared = 0;
+  S mean_focal = 0;  // px a radian
+};
+
+template <class S>
+struct LaneRig {
+  std::vector<LaneCamera<S>> cameras;
+  double extent = 0;  ///< m; no two centres are farther apart
+};
+
+/// Whether every lens has the perspective formula and no two cameras are one.
+bool FitsLanes(const PreparedRig& rig);
+template <class S>
+LaneRig<S> MakeLaneRig(const PreparedRig& rig);
+
+/// Writes a point whose `used` are cameras.
+void StorePoint(const Point& point, int64_t i, BatchResult* result);
+
+/// Solves points [first, first + count) and sets done[i - first] to 1 for those that it has written: those that pass every
+/// check, and in double those whose rays are all good, by TriangulateViews.
+template <class S>
+void SolveInLanes(const LaneRig<S>& rig, const PreparedRig& prepared, const PointBatch& batch, const BatchOptions& options,
+                  int64_t first, int64_t count, BatchResult* result, uint8_t* done);
+
+}  // namespace mvstudio::triangulate::internal

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "triangulate/take/cause.h"
+
+/// Shared by cause.cc and cause_trials.cc.
+namespace mvstudio::triangulate::internal {
+
+/// A take as it would be if an assumption were true.
+struct Assumption {
+  Cause cause = Cause::kNone;
+  std::string text, remedy;
+  geometry::Rig rig;
+  std::vector<DetectedFrame> frames;
+};
+
+/// Every assumption but those about time. `frames` is a sample.
+std::vector<Assumption> Assumptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
+                                    const MirrorGroups& mirror);
+
+/// The offsets that the motion of the take asks for, by camera, frames; empty when there are none to speak of.
+std::vector<double> OffsetsAskedFor(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
+                                    const CauseOptions& options, const RunContext& run);
+/// "with cam_2 61 frames later".
+std::string OffsetText(const geometry::Rig& rig, const std::vector<double>& offset_frames);
+
+}  // namespace mvstudio::triangulate::internal

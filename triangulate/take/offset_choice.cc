@@ -1,0 +1,74 @@
+#include "triangulate/take/offset_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "core/parallel.h"
+#include "triangulate/sync/sync.h"
+#include "triangulate/take/steps.h"
+
+namespace mvstudio::triangulate {
+namespace {
+
+constexpr size_t kMaxFrames = 240;
+constexpr double kSigmas = 2;
+constexpr int kMinSamples = 50;  // as MethodChoiceOptions::min_samples
+
+std::vector<double> Times(double factor, const std::vector<double>& offsets) {
+  std::vector<double> scaled;
+  for (const double offset : offsets) scaled.push_back(std::isfinite(offset) ? factor * offset : 0);
+  return scaled;
+}
+
+/// The frames whose numbers are among `numbers`, which ascend.
+std::vector<DetectedFrame> Pick(const std::vector<DetectedFrame>& frames, const std::vector<int>& numbers) {
+  std::vector<DetectedFrame> picked;
+  for (const DetectedFrame& frame : frames) {
+    if (std::binary_search(numbers.begin(), numbers.end(), frame.frame)) picked.push_back(frame);
+  }
+  return picked;
+}
+
+std::vector<int> SpreadNumbers(const std::vector<DetectedFrame>& frames) {
+  std::vector<int> numbers;
+  const size_t count = std::min(kMaxFrames, frames.size());
+  for (size_t i = 0; i < count; ++i) numbers.push_back(frames[i * frames.size() / count].frame);
+  return numbers;
+}
+
+LeftOutFigures LeaveOut(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
+                        TakeOptions options, const RunContext& run) {
+  options.method = "linear", options.select_views = true;
+  const TakeProblem problem = PrepareTake(rig, frames, body, options, run);
+  return HoldOut(problem, SolverFor(rig, problem, options, options.method), std::max(options.holdout_points, 500),
+                 ResolveThreads(run.num_threads))
+      .all;
+}
+
+/// How far `b` is worse than `a`, in standard errors.
+double Worse(const LeftOutFigures& a, const LeftOutFigures& b) {
+  const double error = std::hypot(a.median_error_px, b.median_error_px);
+  return (b.median_px - a.median_px) / std::max(error, 1e-12);
+}
+
+}  // namespace
+
+OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames,
+                       const TakeBody& body, const TakeOptions& options, const RunContext& run) {
+  const std::vector<int> numbers = SpreadNumbers(frames);
+  const auto figures = [&](double factor) {
+    return LeaveOut(rig, Pick(ApplyOffsets(frames, Times(factor, offset_frames)), numbers), body, options, run);
+  };
+  const LeftOutFigures without = figures(0), with = figures(1), reversed = figures(-1);
+  OffsetTrial trial{false, "", without.median_px, with.median_px, reversed.median_px};
+  const bool enough = std::min({without.num_samples, with.num_samples, reversed.num_samples}) >= kMinSamples;
+  trial.confirmed = enough && Worse(with, without) > kSigmas && Worse(with, reversed) > kSigmas;
+  char text[160];
+  std::snprintf(text, sizeof text, "left-out cameras err by %.2f px with them, %.2f px without, %.2f px with them reversed",
+                with.median_px, without.median_px, reversed.median_px);
+  trial.reason = enough ? text : "too few joints are seen by three cameras to tell";
+  return trial;
+}
+
+}  // namespace mvstudio::triangulate

@@ -1,0 +1,211 @@
+#include "triangulate/take/steps.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/check.h"
+#include "core/parallel.h"
+#include "triangulate/point/calibration_covariance.h"
+#include "triangulate/point/exhaustive_dlt.h"
+#include "triangulate/point/noise.h"
+
+namespace mvstudio::triangulate {
+namespace {
+
+constexpr char kExhaustiveDlt[] = "exhaustive-dlt";
+
+PointMethod MethodByName(const std::string& name) {
+  if (name == kExhaustiveDlt) return PointMethod::kRobust;
+  const std::optional<PointMethod> method = PointMethodFromString(name);
+  if (!method) throw UsageError("--method " + name + " is unknown; choose one of " + MethodNames());
+  return *method;
+}
+
+PointOptions ToPointOptions(const TakeOptions& o, const std::string& method) {
+  PointOptions options;
+  options.method = MethodByName(method);
+  options.select_views = o.select_views;
+  options.max_residual_sigmas = o.max_residual_sigmas;
+  options.min_parallax_sigmas = o.min_parallax_sigmas;
+  options.max_distance_m = o.max_distance_m;
+  options.min_views = o.min_views;
+  return options;
+}
+
+AssociationOptions ToAssociationOptions(const TakeOptions& o, const MirrorGroups& mirror) {
+  AssociationOptions options;
+  for (const auto& group : mirror) options.mirror.insert(options.mirror.end(), group.begin(), group.end());
+  options.max_error_px = o.association_error_px;
+  options.min_score = o.min_score;
+  options.max_persons = o.max_persons;
+  return options;
+}
+
+/// What the cameras saw of one joint; sigmas are relative to that of a detection with score 1.
+std::vector<Observation> Observe(const DetectedFrame& frame, const std::vector<int>& choice, int joint_idx,
+                                 const TakeOptions& options) {
+  std::vector<Observation> observations;
+  for (size_t c = 0; c < choice.size(); ++c) {
+    if (choice[c] < 0) continue;
+    const Keypoint& key = frame.people[c][choice[c]][joint_idx];
+    if (!(key.score > 0) || key.score < options.min_score) continue;
+    const double score = std::min(key.score, 1.0);
+    observations.push_back({static_cast<int>(c), key.px, std::pow(score, -options.score_power), key.score});
+  }
+  return observations;
+}
+
+double MeanDiagonalPx(const geometry::Rig& rig) {
+  double sum = 0;
+  for (const geometry::RigCamera& camera : rig.cameras) sum += std::hypot(camera.camera.width_px, camera.camera.height_px);
+  return sum / static_cast<double>(rig.cameras.size());
+}
+
+void ResolveSigma(const geometry::Rig& rig, const TakeOptions& options, int num_threads, TakeProblem* problem) {
+  problem->sigma_px = options.sigma_px;
+  if (options.method == kExhaustiveDlt) return;
+  if (options.sigma_px == 0) {
+    problem->sigma_px = EstimateNoiseScale(problem->rig, problem->observations, ToPointOptions(options, options.method),
+                                           0.005 * MeanDiagonalPx(rig), 1.0, num_threads);
+  }
+  for (auto& each : problem->observations) {
+    for (Observation& observation : each) observation.sigma_px *= problem->sigma_px;
+  }
+}
+
+void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints) {
+  for (const DetectedFrame& frame : frames) {
+    MVS_CHECK(frame.people.size() == rig.cameras.size(),
+              "frame " << frame.frame << " lists " << frame.people.size() << " cameras");
+    for (const auto& people : frame.people) {
+      for (const DetectedPerson& person : people) {
+        MVS_CHECK(static_cast<int>(person.size()) == num_joints, "frame " << frame.frame << ": " << person.size() << " joints");
+      }
+    }
+  }
+}
+
+void Collect(const std::vector<DetectedFrame>& frames, const std::vector<std::vector<std::vector<int>>>& assignment,
+             int num_joints, const TakeOptions& options, TakeProblem* problem) {
+  for (size_t f = 0; f < frames.size(); ++f) {
+    for (size_t p = 0; p < assignment[f].size(); ++p) {
+      for (int j = 0; j < num_joints; ++j) {
+        problem->observations.push_back(Observe(frames[f], assignment[f][p], j, options));
+        problem->labels.push_back({frames[f].frame, static_cast<int>(p), j});
+      }
+    }
+    problem->num_persons = std::max(problem->num_persons, static_cast<int>(assignment[f].size()));
+  }
+}
+
+/// Indices of observations, each the farthest from those before it, the first the farthest from all.
+std::vector<size_t> SpreadOut(const PreparedRig& rig, const std::vector<Observation>& observations, size_t count) {
+  const auto center = [&](size_t i) { return rig.cameras[static_cast<size_t>(observations[i].camera_idx)].center_in_local; };
+  std::vector<size_t> chosen;
+  while (chosen.size() < std::min(count, observations.size())) {
+    double farthest = -1;
+    size_t best = 0;
+    for (size_t i = 0; i < observations.size(); ++i) {
+      double distance = chosen.empty() ? center(i).norm() : std::numeric_limits<double>::infinity();
+      for (const size_t k : chosen) distance = std::min(distance, i == k ? -1 : (center(i) - center(k)).norm());
+      if (distance > farthest) farthest = distance, best = i;
+    }
+    if (farthest < 0) break;
+    chosen.push_back(best);
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+}  // namespace
+
+std::string MethodNames() {
+  std::string names = "auto";
+  for (const PointMethod method : kAllPointMethods) names += ", " + std::string(ToString(method));
+  return names + ", " + kExhaustiveDlt;
+}
+
+void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
+  MethodByName(o.method);
+  const auto require = [](bool holds, const char* message) {
+    if (!holds) throw UsageError(message);
+  };
+  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "--sigma-px must be a positive number, or 0 to estimate it");
+  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
+  require(o.score_power >= 0 && o.score_power <= 4, "--score-power must lie in 0..4");
+  require(o.max_residual_sigmas > 0, "--max-residual-sigmas must be positive");
+  require(o.min_parallax_sigmas > 0, "--min-parallax-sigmas must be positive");
+  require(o.max_distance_m >= 0, "--max-distance-m must not be negative");
+  require(o.min_views >= 2, "--min-views must be at least 2");
+  require(o.max_persons >= 1, "--max-persons must be at least 1");
+  require(o.max_error_px > 0, "--max-error-px must be positive");
+  require(o.holdout_points >= 0, "--holdout-points must not be negative");
+  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20, "--method exhaustive-dlt takes at most 20 cameras; use auto");
+}
+
+TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& detected, const TakeBody& body,
+                        const TakeOptions& options, const RunContext& run) {
+  CheckOptions(rig, options);
+  CheckFrames(rig, detected, body.num_joints);
+  TakeProblem problem;
+  problem.rig = Prepare(rig, options.ignore_distortion || options.method == kExhaustiveDlt);
+  const TakeAssociation people = AssociatePeople(problem.rig, detected, ToAssociationOptions(options, body.mirror), run);
+  problem.num_ghosts = people.num_ghosts;
+  if (options.fix_sides && !body.mirror.empty() && options.method != kExhaustiveDlt) {
+    std::vector<DetectedFrame> frames = detected;
+    SideOptions sides;
+    sides.min_score = options.min_score;
+    problem.sides = FixSides(problem.rig, people.assignment, body.mirror, sides, run, &frames);
+    Collect(frames, people.assignment, body.num_joints, options, &problem);
+  } else {
+    Collect(detected, people.assignment, body.num_joints, options, &problem);
+  }
+  ResolveSigma(rig, options, run.num_threads, &problem);
+  return problem;
+}
+
+PointSolver SolverFor(const geometry::Rig& rig, const TakeProblem& problem, const TakeOptions& options,
+                      const std::string& method) {
+  if (method == kExhaustiveDlt) {
+    const ExhaustiveDltOptions dlt{options.max_error_px, options.min_score, 2};
+    return [&rig, dlt](const std::vector<Observation>& seen) { return TriangulateExhaustiveDlt(rig, seen, dlt); };
+  }
+  const PointOptions point = ToPointOptions(options, method);
+  const bool with_calibration = options.calibration_covariance;
+  return [&problem, point, with_calibration](const std::vector<Observation>& seen) {
+    Point solved = TriangulatePoint(problem.rig, seen, point);
+    if (with_calibration) AddCalibrationCovariance(problem.rig, seen, &solved);
+    return solved;
+  };
+}
+
+std::vector<Observation> FewerViews(const PreparedRig& rig, const std::vector<Observation>& observations, int max_views) {
+  std::vector<Observation> fewer;
+  for (const size_t i : SpreadOut(rig, observations, static_cast<size_t>(max_views))) fewer.push_back(observations[i]);
+  return fewer;
+}
+
+std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& solve, int num_threads) {
+  constexpr int64_t kBlock = 64;  // worth a thread's while
+  const int64_t count = static_cast<int64_t>(problem.observations.size());
+  std::vector<Point> points(problem.observations.size());
+  ParallelFor((count + kBlock - 1) / kBlock, num_threads, [&](int64_t block) {
+    for (int64_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
+      points[static_cast<size_t>(i)] = solve(problem.observations[static_cast<size_t>(i)]);
+    }
+  });
+  return points;
+}
+
+LeftOutSummary HoldOut(const TakeProblem& problem, const PointSolver& solve, int max_points, int num_threads) {
+  std::vector<std::vector<Observation>> points;
+  std::vector<PointLabel> labels;
+  const size_t stride = std::max<size_t>(1, problem.labels.size() / static_cast<size_t>(std::max(max_points, 1)));
+  for (size_t i = 0; max_points > 0 && i < problem.labels.size(); i += stride) {
+    points.push_back(problem.observations[i]);
+    labels.push_back(problem.labels[i]);
+  }
+  return SummarizeLeftOut(problem.rig, LeaveOneCameraOut(problem.rig, points, solve, num_threads), labels);
+}
+
+}  // namespace mvstudio::triangulate

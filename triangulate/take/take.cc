@@ -1,0 +1,68 @@
+#include "triangulate/take/take.h"
+
+#include <chrono>
+#include <utility>
+
+#include "triangulate/take/steps.h"
+
+namespace mvstudio::triangulate {
+namespace {
+
+/// All candidates choose among the views: whether some are wrong is not to be guessed from a sample of the take.
+MethodChoice Choose(const geometry::Rig& rig, const TakeProblem& problem, TakeOptions options, int num_threads) {
+  options.select_views = true;
+  std::vector<MethodCandidate> candidates;
+  candidates.push_back({"robust", 2, SolverFor(rig, problem, options, "robust")});
+  candidates.push_back({"midpoint", 1, SolverFor(rig, problem, options, "midpoint")});
+  MethodChoiceOptions choice;
+  choice.max_points = options.holdout_points;
+  choice.tolerance = 0;  // the cheaper one must not be worse by more than the standard error of the difference
+  return ChooseMethod(problem.rig, problem.observations, problem.labels, candidates, choice, num_threads);
+}
+
+std::vector<CameraDiagnosis> Diagnose(const TakeProblem& problem, const std::vector<TakePoint>& points) {
+  std::vector<DiagnosedPoint> diagnosed;
+  for (size_t i = 0; i < points.size(); ++i) {
+    diagnosed.push_back({points[i].frame, &points[i].point, &problem.observations[i]});
+  }
+  return DiagnoseCameras(problem.rig, diagnosed);
+}
+
+}  // namespace
+
+TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
+                           const TakeOptions& options, const RunContext& run) {
+  ProgressStage stage(run, "triangulate", 3);
+  TakeProblem problem = PrepareTake(rig, frames, body, options, run);
+  stage.Advance();
+
+  TakeResult result;
+  result.method = options.method;
+  TakeOptions chosen = options;
+  if (options.method == "auto") {
+    result.choice = Choose(rig, problem, options, run.num_threads);
+    result.method = result.choice.scores[result.choice.chosen].name;
+    chosen.select_views = true;
+  }
+  const PointSolver solve = SolverFor(rig, problem, chosen, result.method);
+  result.holdout = HoldOut(problem, solve, options.holdout_points, run.num_threads);
+  stage.Advance();
+
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<Point> points = SolvePoints(problem, solve, run.num_threads);
+  result.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  for (size_t i = 0; i < points.size(); ++i) {
+    const PointLabel& label = problem.labels[i];
+    result.points.push_back({label.frame, label.person, label.joint_idx, std::move(points[i])});
+  }
+  result.cameras = Diagnose(problem, result.points);
+  result.sides = std::move(problem.sides);
+  result.num_ghosts = problem.num_ghosts;
+  result.sigma_px = problem.sigma_px;
+  result.num_persons = problem.num_persons;
+  result.observations = std::move(problem.observations);
+  stage.Advance();
+  return result;
+}
+
+}  // namespace mvstudio::triangulate
