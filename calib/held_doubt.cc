@@ -8,10 +8,13 @@
 
 #include "calib/calibrate_steps.h"
 #include "calib/check/rig_compare.h"
-#include "calib/verdict_internal.h"
+#include "calib/lens/evidence.h"
+#include "calib/view_squares.h"
 
 namespace mvstudio::calib {
 namespace {
+
+constexpr double kMinStandardErrors = 3;  // over the views
 
 CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions options, const RunContext& run) {
   options.fix.clear();
@@ -21,14 +24,20 @@ CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions op
   return Calibrate(input, options, run);
 }
 
-/// The camera whose error falls most, where it falls by enough to count; -1: none.
+/// How many numbers are held.
+int NumHeld(const CalibrateReport& freed, const std::vector<bool>& poses, const std::vector<bool>& lenses) {
+  int numbers = 0;
+  for (size_t c = 0; c < freed.cameras.size(); ++c) numbers += (poses[c] ? 6 : 0) + (lenses[c] ? freed.cameras[c].num_params : 0);
+  return numbers;
+}
+
+/// The camera whose error falls most, by a tenth or more; -1: none.
 int Relieved(const CalibrateReport& held, const CalibrateReport& freed) {
   int best = -1;
-  double most = internal::kContradictsRatio;
+  double most = 1.1;
   for (size_t c = 0; c < held.cameras.size(); ++c) {
-    const double before = held.cameras[c].rms_px, after = freed.cameras[c].rms_px;
-    if (before / after > most && before - after > internal::kContradictsPx * internal::PixelScale(held, c))
-      most = before / after, best = static_cast<int>(c);
+    const double ratio = held.cameras[c].rms_px / freed.cameras[c].rms_px;
+    if (ratio > most) most = ratio, best = static_cast<int>(c);
   }
   return best;
 }
@@ -92,10 +101,13 @@ std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& so
   const CalibrateReport freed = WithNothingHeld(input, options, run);
   if (freed.status != Status::kOk || freed.cameras.size() != input.cameras.size()) return "";
   const bool refused = solved.status != Status::kOk;
+  const std::vector<bool> poses = internal::ParseFix(options.fix, "poses", input.cameras);
+  const std::vector<bool> lenses = internal::ParseFix(options.fix, "lenses", input.cameras);
   const int relieved = refused ? -1 : Relieved(solved, freed);
-  if (!refused && relieved < 0) return "";
-  const Change pose = MostChangedPose(*input.start, freed, internal::ParseFix(options.fix, "poses", input.cameras));
-  const Change lens = MostChangedLens(*input.start, freed, internal::ParseFix(options.fix, "lenses", input.cameras));
+  const double cost = NumHeld(freed, poses, lenses) * std::log(std::max(2, freed.num_corners));
+  if (!refused && (relieved < 0 || !GainBeyondCost(SquaresLess(solved, freed), cost, kMinStandardErrors))) return "";
+  const Change pose = MostChangedPose(*input.start, freed, poses);
+  const Change lens = MostChangedLens(*input.start, freed, lenses);
   if (pose.amount == 0 && lens.amount == 0) return "";
   const bool is_pose = pose.amount > 0 && (lens.amount == 0 || pose.amount * freed.cameras[pose.camera].focal_px > lens.amount);
   char text[300];

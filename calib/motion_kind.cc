@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <optional>
 #include <set>
-#include <utility>
 
 #include "calib/lens/evidence.h"
+#include "calib/view_squares.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -57,29 +56,10 @@ std::optional<Split> SplitAt(const CalibrateInput& input, const CalibrateReport&
   return ok ? std::optional<Split>(std::move(split)) : std::nullopt;
 }
 
-using ViewKey = std::pair<int, int64_t>;  // camera, frame
-
-/// Squared errors per view in standard deviations of the fit with two lenses, capped.
-std::map<ViewKey, double> SquaresOfViews(const CalibrateReport& report, const CalibrateReport& two_lenses) {
-  std::map<ViewKey, double> squares;
-  for (const CornerResidual& corner : report.residuals) {
-    const double sigma = two_lenses.cameras[static_cast<size_t>(corner.camera_idx)].sigma_px;
-    if (!(sigma > 0)) continue;
-    const double relative = std::min(kCapSigmas, corner.residual_px.norm() / sigma);
-    squares[{corner.camera_idx, corner.frame_idx}] += relative * relative;
-  }
-  return squares;
-}
-
 /// By how much the second lens lowers chi-square beyond what it costs; nothing when that is in doubt.
 std::optional<double> EvidenceForLens(const Split& split) {
-  const auto one = SquaresOfViews(split.one_lens, split.two_lenses), two = SquaresOfViews(split.two_lenses, split.two_lenses);
-  std::vector<double> differences;
-  for (const auto& [view, value] : one) {
-    if (const auto found = two.find(view); found != two.end()) differences.push_back(value - found->second);
-  }
   const CameraReport& later = split.two_lenses.cameras.back();
-  return GainBeyondCost(differences, later.num_params * std::log(std::max(2, later.num_corners)), kMinStandardErrors);
+  return GainBeyondCost(SquaresLess(split.one_lens, split.two_lenses), later.num_params * std::log(std::max(2, later.num_corners)), kMinStandardErrors);
 }
 
 /// Frames in which a camera sees a board, ascending.

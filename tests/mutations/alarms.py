@@ -10,7 +10,6 @@ from truth import BorderErrors
 HALF = 0.5           # of what is stated or of the limit: an error that large bears a stated uncertainty out
 FEW_PLACES = 5
 LOW_COVERAGE = 0.4
-MIN_FOLD_PX = 1.0
 CORNER_PX = 10.0     # the program's limit in the image's corners
 NOTHING = BorderErrors()
 
@@ -44,7 +43,7 @@ def noisy(name, text, recording, _run, comparison):
 
 
 def folds(name, _text, _recording, _run, comparison):
-    return comparison.borders.get(name, NOTHING).outmost >= MIN_FOLD_PX
+    return comparison.borders.get(name, NOTHING).folded
 
 
 def focal(name, _text, _recording, _run, comparison):

@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 
 import rigid
-from lens import Lens, axis_of, axis_sigmas, param_names, project, rays
+from lens import Lens, axis_of, axis_sigmas, folded, param_names, project, rays
 
 FAMILY = 0.0027  # chance that a single normal error exceeds three standard deviations
 PIXEL_SHARE = 14  # a lens and a pose: so many independent directions has the error of a camera's projections, at most
@@ -29,7 +29,7 @@ class BorderErrors:
     """Largest errors px; infinite where the true lens has a ray and the estimate has none, zero where the true one has none."""
     side: float = 0.0     # 95 % of the way from the image's middle to its sides' middles, as the program states its sigmas
     corner: float = 0.0   # 95 % of the way to its corners
-    outmost: float = 0.0  # in the corners themselves
+    folded: bool = False  # a corner of the image lies beyond the fold of the estimated lens, or of the true one
 
 
 @dataclasses.dataclass
@@ -232,7 +232,10 @@ def border_errors(true, estimate, range_m, est_from_true, scale):
         errors[~np.isfinite(errors)] = math.inf
         errors[~np.isfinite(rays(true.lens, px)).all(axis=1)] = 0
         return float(errors.max())
-    return BorderErrors(largest(0.95 * sides), largest(0.95 * corners), largest(corners))
+    seen = rays(true.lens, middle + corners * middle)
+    there = np.isfinite(seen).all(axis=1)
+    beyond = not there.all() or bool(np.any(folded(estimate.lens, seen[there])))
+    return BorderErrors(largest(0.95 * sides), largest(0.95 * corners), beyond)
 
 
 def limits(quantities, pixels):
