@@ -91,7 +91,7 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
 
 /// A camera that is late sees boards at places that are interpolated: said where these do not explain its pictures.
 void JudgeLate(const CameraReport& camera, Judgement* out) {
-  constexpr double kLate = 0.05, kWorse = 1.2, kSlackPx = 0.02, kShare = 0.01;
+  constexpr double kLate = 0.05, kWorse = 1.1, kSlackPx = 0.02, kShare = 0.01;
   const double all = camera.num_corners + camera.num_rejected;
   const bool explained = camera.rms_px <= kWorse * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0 &&
                          camera.num_rejected <= kShare * all;

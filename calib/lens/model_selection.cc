@@ -173,7 +173,8 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
 }
 
 /// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards hardly prefer:
-/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was.
+/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It may
+/// fold there: beyond the circle of a wide lens there is no picture.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   constexpr double kSmallLoss = 0.02;  // about what two more numbers cost on few boards
   const LensConfig& config = candidates[chosen].config;
@@ -185,9 +186,7 @@ int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   for (size_t i = 0; (curve || decentred) && i < candidates.size(); ++i) {
     const LensCandidate& other = candidates[i];
     const bool near = other.within_one_se || other.relative_error <= (1 + kSmallLoss) * candidates[chosen].relative_error;
-    if (near && other.config.model == wanted && other.config.shared == config.shared &&
-        MostFolded(other) <= MostFolded(candidates[chosen]) + kFoldSlack)
-      return static_cast<int>(i);
+    if (near && other.config.model == wanted && other.config.shared == config.shared) return static_cast<int>(i);
   }
   return chosen;
 }
