@@ -314,11 +314,12 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
       internal::GiveLensesOfTheirOwn(work, report);
     }
     if (!first) first = std::move(trial);
-    if (internal::SimplifyLenses(input, options, culprits, why, work, report)) continue;
+    if (i + 1 < kMaxAttempts && internal::SimplifyLenses(input, options, culprits, why, work, report)) continue;
     if (!shared) break;
     std::tie(*work, *report) = std::move(*shared);
     AssumeSharing(why, report);
     shared.reset();
+    i = 0;  // one lens for several has its attempts, too
   }
   std::tie(*work, *report) = std::move(*first);
 }

@@ -15,6 +15,7 @@ namespace mvstudio::calib {
 namespace {
 
 constexpr double kMinStandardErrors = 3;  // over the views
+constexpr double kWorse = 1.1;            // ratio of errors below which nobody would act
 
 CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions options, const RunContext& run) {
   options.fix.clear();
@@ -34,7 +35,7 @@ int NumHeld(const CalibrateReport& freed, const std::vector<bool>& poses, const 
 /// The camera whose error falls most, by a tenth or more; -1: none.
 int Relieved(const CalibrateReport& held, const CalibrateReport& freed) {
   int best = -1;
-  double most = 1.1;
+  double most = kWorse;
   for (size_t c = 0; c < held.cameras.size(); ++c) {
     const double ratio = held.cameras[c].rms_px / freed.cameras[c].rms_px;
     if (ratio > most) most = ratio, best = static_cast<int>(c);

@@ -59,7 +59,8 @@ std::optional<Split> SplitAt(const CalibrateInput& input, const CalibrateReport&
 /// By how much the second lens lowers chi-square beyond what it costs; nothing when that is in doubt.
 std::optional<double> EvidenceForLens(const Split& split) {
   const CameraReport& later = split.two_lenses.cameras.back();
-  return GainBeyondCost(SquaresLess(split.one_lens, split.two_lenses), later.num_params * std::log(std::max(2, later.num_corners)), kMinStandardErrors);
+  const double cost = later.num_params * std::log(std::max(2, later.num_corners));
+  return GainBeyondCost(SquaresLess(split.one_lens, split.two_lenses), cost, kMinStandardErrors);
 }
 
 /// Frames in which a camera sees a board, ascending.

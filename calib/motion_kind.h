@@ -9,7 +9,7 @@ namespace mvstudio::calib {
 
 /// Did the camera of a motion turn, or did its lens change? The camera is split at the motion and the rig adjusted again from
 /// `solved`: once with one lens for both parts, once with a lens for each. A lens changed when a second one explains the corners
-/// better than its numbers cost (Schwarz, "Estimating the dimension of a model", 1978) and by 3 standard errors over the views;
+/// better than its numbers cost (Schwarz, "Estimating the dimension of a model", 1978) and by 2 standard errors over the views;
 /// the motion then says by how much, and names the camera for which that holds best. Left as it is when there is no solution.
 void ExplainMotion(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                    const RunContext& run, CameraMotion* motion);

@@ -11,11 +11,13 @@
 
 namespace mvstudio::calib {
 
+/// A camera before it is calibrated.
 struct CameraInput {
   std::string name;
   int width_px = 0, height_px = 0;
 };
 
+/// Boards, cameras and the corners that these saw: the input of a calibration or of a check.
 struct CalibrateInput {
   std::vector<Board> boards;  ///< rigid to each other when there are several
   std::vector<CameraInput> cameras;

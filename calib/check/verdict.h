@@ -5,7 +5,7 @@
 
 namespace mvstudio::calib {
 
-/// What is to be thought of a calibration.
+/// Judgement of a calibration, with the figures that decided.
 struct Verdict {
   struct Reason {
     std::string code;  ///< stable, docs/reliability.md lists them all
