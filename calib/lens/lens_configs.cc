@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "calib/bundle/view_clusters.h"
 
@@ -12,7 +13,7 @@ using geometry::LensModel;
 
 constexpr double kWideRad = 0.70;        // corners farther from the axis than this make fisheye models worth a try
 constexpr double kVeryWideRad = 1.55;    // beyond this, perspective models are not
-constexpr int kMinSplineCorners = 5000;  // of one camera
+constexpr int kMinSplineCorners = 5000;  // of one camera, one view of each place of the board
 
 double LargestAngleOf(const LensPool& pool) {
   double angle = 0;
@@ -24,6 +25,23 @@ double LargestAngleOf(const LensPool& pool) {
     angle = std::max(angle, LargestAngle(pool.state.cameras[c], of_camera));
   }
   return angle;
+}
+
+/// The most corners that one camera has if each place of the board counts once, by its fullest view.
+int LargestIndependentCorners(const LensPool& pool) {
+  std::vector<std::map<int, int>> fullest(pool.state.cameras.size());  // [camera]: cluster -> corners
+  for (size_t v = 0; v < pool.views.size(); ++v) {
+    const View& view = pool.views[v];
+    int& corners = fullest[view.camera_idx][pool.cluster[v]];
+    corners = std::max(corners, static_cast<int>((view.weights.array() > 0).count()));
+  }
+  int largest = 0;
+  for (const std::map<int, int>& of_camera : fullest) {
+    int sum = 0;
+    for (const auto& [cluster, corners] : of_camera) sum += corners;
+    largest = std::max(largest, sum);
+  }
+  return largest;
 }
 
 /// Models worth comparing for the field of view and the number of corners.
@@ -41,7 +59,7 @@ std::vector<LensConfig> Models(const LensPool& pool, bool few) {
     add({LensModel::kUcm, LensModel::kEucm, LensModel::kDoubleSphere, LensModel::kKannalaBrandt4});
     if (!few) add({LensModel::kUcmP, LensModel::kEucmP, LensModel::kDoubleSphereP, LensModel::kKannalaBrandt4P});
   }
-  if (!few && angle > kWideRad && LargestNumCorners(pool) >= kMinSplineCorners) {
+  if (!few && angle > kWideRad && LargestIndependentCorners(pool) >= kMinSplineCorners) {
     for (const LensConfig& config : SplinedConfigs(pool)) models.push_back(config);
   }
   return models;
