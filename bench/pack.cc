@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "cli/pack_speed.h"
+#include "app/dataset/pack_speed.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -136,11 +136,11 @@ void Enlarge(const std::string& from, const std::string& to, int frames) {
   });
 }
 
-nlohmann::ordered_json Measure(const std::string& title, const std::string& root, cli::PackSpeedOptions options) {
-  const cli::PackSpeedReport report = cli::MeasurePackSpeed(root, options, {});
+nlohmann::ordered_json Measure(const std::string& title, const std::string& root, app::PackSpeedOptions options) {
+  const app::PackSpeedReport report = app::MeasurePackSpeed(root, options, {});
   const std::vector<bool> none(report.trials.size(), false);
-  std::printf("== %s\n%s", title.c_str(), cli::PackSpeedText(report, none).c_str());
-  nlohmann::ordered_json json = nlohmann::ordered_json::parse(cli::PackSpeedJson(report, none));
+  std::printf("== %s\n%s", title.c_str(), app::PackSpeedText(report, none).c_str());
+  nlohmann::ordered_json json = nlohmann::ordered_json::parse(app::PackSpeedJson(report, none));
   json["what"] = title;
   return json;
 }
@@ -162,7 +162,7 @@ int Main(int argc, char** argv) {
   const std::string json_path = argc > 2 ? argv[2] : "-", given = argc > 3 ? argv[3] : "-";
   const int frames = argc > 4 ? std::max(1, std::atoi(argv[4])) : 6;
   const TempFolder folder;
-  cli::PackSpeedOptions options;
+  app::PackSpeedOptions options;
   const ScratchFolder work(folder.path);
   options.frames = frames, options.work = work.path();
   options.codecs = {"raw", "png", "jpeg:90", "jpeg:95", "jpeg:98"}, options.crops = {128, 256};

@@ -51,7 +51,7 @@ std::vector<std::string> NamesOf(const std::vector<geometry::Camera>& cameras) {
   return names;
 }
 
-/// Frames of different cameras that do not belong together are refused, or shifted unless `--time-offset none`.
+/// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
 bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
   work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, NamesOf(work->state.cameras));
@@ -81,7 +81,7 @@ void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options
   for (size_t c = 0; c < fixed.size(); ++c) {
     const int index = input.start ? input.start->Find(input.cameras[c].name) : -1;
     if (fixed[c] && index < 0)
-      throw UsageError("--fix poses: camera " + input.cameras[c].name + " is not in the given calibration");
+      throw UsageError("option 'fix' poses: camera " + input.cameras[c].name + " is not in the given calibration");
     if (index >= 0) work->known_poses[c] = input.start->cameras[index].cam_from_world;
   }
   work->bundle.fix_camera = fixed;
@@ -397,7 +397,7 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   for (const std::string& text : options.split_at) internal::SplitCamera(text, &input);
   internal::CheckInput(input);
   if (options.engine != "mvstudio" && options.engine != "mrcal")
-    throw UsageError("--engine " + options.engine + ": expected mvstudio or mrcal");
+    throw UsageError("option 'engine' " + options.engine + ": expected mvstudio or mrcal");
   CalibrateOptions named = options;
   if (named.world == "camera") named.world += ":" + input.cameras[0].name;
   CalibrateReport report;

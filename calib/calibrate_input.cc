@@ -16,7 +16,7 @@ struct HoldoutRule {
   int step = 0, first = 0;  // of instants; step 0: none
 };
 
-/// `--holdout every:N` or `every:N:K`.
+/// `holdout`: every:N or every:N:K.
 HoldoutRule ParseHoldout(const std::string& text) {
   if (text.empty()) return {};
   const auto number = [](const std::string& digits) {
@@ -29,7 +29,7 @@ HoldoutRule ParseHoldout(const std::string& text) {
   rule.step = number(rest.substr(0, colon));
   rule.first = colon == std::string::npos ? rule.step - 1 : number(rest.substr(colon + 1));
   if (rule.step < 2 || rule.first < 0 || rule.first >= rule.step)
-    throw UsageError("--holdout " + text + ": expected every:N with N at least 2, or every:N:K with K from 0 to N - 1");
+    throw UsageError("option 'holdout' " + text + ": expected every:N with N at least 2, or every:N:K with K from 0 to N - 1");
   return rule;
 }
 
@@ -59,7 +59,7 @@ SplitAt ParseSplit(const std::string& text) {
   const auto colon = rest.rfind(':');
   const std::string frame = colon == std::string::npos ? "" : rest.substr(colon + 1);
   if (frame.empty() || frame.size() > 9 || frame.find_first_not_of("0123456789") != std::string::npos)
-    throw UsageError("--split-at " + text + ": expected CAMERA:FRAME or CAMERA:FRAME:lens");
+    throw UsageError("option 'split-at' " + text + ": expected CAMERA:FRAME or CAMERA:FRAME:lens");
   split.name = rest.substr(0, colon);
   split.frame = std::stoll(frame);
   return split;
@@ -74,12 +74,12 @@ World ParseWorld(const std::string& text, const std::vector<CameraInput>& camera
   if (kind == "camera") {
     if (value.empty()) return world;
     const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const CameraInput& c) { return c.name == value; });
-    if (found == cameras.end()) throw UsageError("--world " + text + ": there is no camera called '" + value + "'");
+    if (found == cameras.end()) throw UsageError("option 'world' " + text + ": there is no camera called '" + value + "'");
     world.camera = static_cast<int>(found - cameras.begin());
     return world;
   }
   if (kind != "board" || value.empty() || value.find_first_not_of("0123456789") != std::string::npos || value.size() > 9) {
-    throw UsageError("--world " + text + ": expected camera, camera:NAME or board:FRAME");
+    throw UsageError("option 'world' " + text + ": expected camera, camera:NAME or board:FRAME");
   }
   world.is_board = true;
   world.frame_idx = std::stoll(value);
@@ -124,7 +124,7 @@ void SplitCamera(const std::string& text, CalibrateInput* input) {
   const auto found =
       std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == split.name; });
   if (found == input->cameras.end())
-    throw UsageError("--split-at " + text + ": there is no camera called '" + split.name + "'");
+    throw UsageError("option 'split-at' " + text + ": there is no camera called '" + split.name + "'");
   const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
   CameraInput later = *found;
   later.name += "@" + std::to_string(split.frame);

@@ -42,14 +42,14 @@ int CameraIndex(const std::vector<CameraInput>& cameras, const std::string& name
   throw UsageError(option + ": there is no camera called '" + name + "'");
 }
 
-/// Group number of each camera in `--share-intrinsics a,b;c,d`, -1 for those not named.
+/// Group number of each camera in `share_intrinsics`, "a,b;c,d", -1 for those not named.
 std::vector<int> ParseGroups(const std::string& text, const std::vector<CameraInput>& cameras) {
   std::vector<int> group(cameras.size(), -1);
   const std::vector<std::string> groups = SplitNames(text, ';');
   for (size_t g = 0; g < groups.size(); ++g) {
     for (const std::string& name : SplitNames(groups[g], ',')) {
-      const int camera = CameraIndex(cameras, name, "--share-intrinsics " + text);
-      if (group[camera] >= 0) throw UsageError("--share-intrinsics " + text + ": camera " + name + " stands twice");
+      const int camera = CameraIndex(cameras, name, "option 'share-intrinsics' " + text);
+      if (group[camera] >= 0) throw UsageError("option 'share-intrinsics' " + text + ": camera " + name + " stands twice");
       group[camera] = static_cast<int>(g);
     }
   }
@@ -89,7 +89,8 @@ std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions&
       if (done[b] || fixed[a] != fixed[b] || groups[a] != groups[b]) continue;
       if (a != b && !kind.forced_sharing && (kind.assumed || work.lens_step[b].assume_centre)) continue;
       if (kind.forced_sharing && !SameSize(first, other))
-        throw UsageError("--share-intrinsics: cameras " + first.name + " and " + other.name + " have images of different sizes");
+        throw UsageError("option 'share-intrinsics': cameras " + first.name + " and " + other.name +
+                         " have images of different sizes");
       if (!kind.forced_sharing && !SameKind(first, other)) continue;
       kind.cameras.push_back(static_cast<int>(b));
       done[b] = true;
@@ -102,7 +103,8 @@ std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions&
 std::optional<LensModel> FixedModel(const CalibrateOptions& options) {
   if (options.model == "auto") return std::nullopt;
   const auto model = geometry::LensModelFromString(options.model);
-  if (!model) throw UsageError("--model " + options.model + ": no such lens model; there are " + geometry::LensModelNames());
+  if (!model)
+    throw UsageError("option 'model' " + options.model + ": no such lens model; there are " + geometry::LensModelNames());
   return model;
 }
 
@@ -274,7 +276,8 @@ void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, con
 /// One question about the boards by its option: auto, on or off.
 template <class Judge>
 bool Decide(const std::string& option, const std::string& name, Judge&& judge, std::string* reason) {
-  if (option != "off" && option != "on" && option != "auto") throw UsageError(name + " " + option + ": expected auto, on or off");
+  if (option != "off" && option != "on" && option != "auto")
+    throw UsageError("option '" + name + "' " + option + ": expected auto, on or off");
   *reason = option == "on" ? "asked for" : "not asked for";
   if (option != "auto") return option == "on";
   const ShapeChoice choice = judge();
@@ -293,11 +296,12 @@ BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, s
   selection.folds = std::max(3, options.holdout_folds);
   selection.max_views = options.holdout_views;
   BoardShape shape;
-  shape.bent = Decide(options.warp, "--warp", [&] { return ChooseWarp(pool, selection, options.bundle, run); }, &report->warp_reason);
+  shape.bent = Decide(
+      options.warp, "warp", [&] { return ChooseWarp(pool, selection, options.bundle, run); }, &report->warp_reason);
   selection.warp = shape.bent;
   // libmrcal knows no such boards, and the control points of a spline take up most of a stretch: hundreds of slow steps.
   const bool unable = options.engine == "mrcal" || (options.stretch == "auto" && pool.config.model == LensModel::kSplined);
-  shape.stretched = Decide(unable ? "off" : options.stretch, "--stretch",
+  shape.stretched = Decide(unable ? "off" : options.stretch, "stretch",
                            [&] { return ChooseStretch(pool, selection, options.bundle, run); }, &report->stretch_reason);
   if (unable) report->stretch_reason = "not judged with " + (options.engine == "mrcal" ? "libmrcal" : ToString(pool.config));
   return shape;
@@ -354,14 +358,15 @@ std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::strin
   for (const std::string& text : fix) {
     const auto colon = text.find(':');
     const std::string kind = text.substr(0, colon);
-    if (kind != "lenses" && kind != "poses") throw UsageError("--fix " + text + ": expected lenses, poses, or lenses:NAME,NAME");
+    if (kind != "lenses" && kind != "poses")
+      throw UsageError("option 'fix' " + text + ": expected lenses, poses, or lenses:NAME,NAME");
     if (kind != what) continue;
     if (colon == std::string::npos) {
       flags.assign(cameras.size(), true);
       continue;
     }
     for (const std::string& name : SplitNames(text.substr(colon + 1), ','))
-      flags[CameraIndex(cameras, name, "--fix " + text)] = true;
+      flags[CameraIndex(cameras, name, "option 'fix' " + text)] = true;
   }
   return flags;
 }
@@ -371,7 +376,7 @@ bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& option
   const std::vector<bool> fixed = ParseFix(options.fix, "lenses", input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
     if (fixed[c] && !Given(input, input.cameras[c].name))
-      throw UsageError("--fix lenses: camera " + input.cameras[c].name + " is not in the given calibration");
+      throw UsageError("option 'fix' lenses: camera " + input.cameras[c].name + " is not in the given calibration");
   }
   work->bundle = options.bundle;
   work->bundle.fix_lens = fixed;

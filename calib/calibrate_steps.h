@@ -15,7 +15,7 @@
 /// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
 namespace mvstudio::calib::internal {
 
-/// `--world`, parsed.
+/// `world`, parsed.
 struct World {
   bool is_board = false;
   int camera = 0;
@@ -48,7 +48,7 @@ World ParseWorld(const std::string& text, const std::vector<CameraInput>& camera
 /// Cameras without a size or of one name, detections of no camera or given twice: UsageError or a broken contract.
 void CheckInput(const CalibrateInput& input);
 
-/// `--split-at`: the camera's later frames become those of another camera.
+/// `split_at`: the camera's later frames become those of another camera.
 void SplitCamera(const std::string& text, CalibrateInput* input);
 
 /// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
@@ -59,7 +59,7 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
 /// Views of the frames that take part and of those that are held out.
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
-/// Names after "lenses" or "poses" in `--fix`: one flag a camera.
+/// Names after "lenses" or "poses" in `fix`: one truth value a camera.
 std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what, const std::vector<CameraInput>& cameras);
 
 /// Cameras by themselves, lens models, sharing and bend by held-out error. Fills state.cameras, lens_group, board_warp_m,
@@ -95,14 +95,14 @@ void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options
 /// Cameras whose lenses have most numbers.
 std::vector<int> MostDemanding(const Work& work);
 
-/// Are the cameras' offsets in time to be estimated? `--time-offset`; with auto by the residuals, then by held-out frames, from a
+/// Are the cameras' offsets in time to be estimated? `time_offset`; with auto by the residuals, then by held-out frames, from a
 /// solution without them whose standard deviation per coordinate is `sigma_px`.
 bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
 
 /// The adjustment with time offsets, from the solution without them; corners that it rejected have their say again.
 BundleReport SolveWithTimeOffsets(Work* work);
 
-/// Gives the rig the covariances and the time offsets. Unknown are those of a camera without corners and of what `--fix` holds at
+/// Gives the rig the covariances and the time offsets. Unknown are those of a camera without corners and of what `fix` holds at
 /// a calibration that states none; the frame itself is exact.
 void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig);
 

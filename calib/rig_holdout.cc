@@ -187,7 +187,7 @@ BundleReport SolveWithTimeOffsets(Work* work) {
 
 bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason) {
   if (options.time_offset != "auto" && options.time_offset != "on" && options.time_offset != "none")
-    throw UsageError("--time-offset " + options.time_offset + ": expected auto, on or none");
+    throw UsageError("option 'time-offset' " + options.time_offset + ": expected auto, on or none");
   if (options.time_offset == "none" || options.intrinsics_only) return false;
   *reason = options.engine == "mrcal" ? "mrcal knows no time offsets" : "asked for";
   if (options.engine == "mrcal" || options.time_offset == "on") return options.engine != "mrcal";

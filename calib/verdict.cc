@@ -77,7 +77,7 @@ void JudgeGross(const CameraReport& camera, Judgement* out) {
                                 camera.name.c_str(), 100 * camera.holdout_gross_fraction, 100 * kWarnGross);
   const bool fail = camera.holdout_gross_fraction > kFailGross;
   const char* const hint =
-      fail ? "the lens model does not fit, or boards were found wrongly: try --model auto, look at the worst boards"
+      fail ? "the lens model does not fit, or boards were found wrongly: try option 'model' auto, look at the worst boards"
            : "look at the worst boards: blur, glare, a hand over the board";
   fail ? out->Fail("CAL-GROSS", text, hint) : out->Warn("CAL-GROSS", text, hint);
 }
@@ -146,7 +146,8 @@ bool HasFigures(const CalibrateReport& report) {
 
 void JudgeFrames(const CalibrateReport& report, Judgement* out) {
   if (!report.held_doubt.empty())
-    out->Warn("CAL-HELD", report.held_doubt, "leave the camera out of --fix, or check that the calibration is that of this footage");
+    out->Warn("CAL-HELD", report.held_doubt,
+              "leave the camera out of option 'fix', or check that the calibration is that of this footage");
   if (!report.frames_doubt.empty())
     out->Warn("CAL-FRAMES", report.frames_doubt,
               report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"
@@ -174,7 +175,7 @@ void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Jud
     out->Warn(
         "CAL-FOLD",
         Text("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
-        "choose a simpler --model or show the board in the corners");
+        "choose a simpler option 'model' or show the board in the corners");
   }
 }
 

@@ -34,7 +34,7 @@ void JudgeLensChange(const CameraMotion& motion, const std::string& names, doubl
       motion.centre_shift_px.y(), motion.shift_px);
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-LENSCHANGED", text,
              "focus, zoom, stabiliser, crop or scale: fix them and film again, or treat it as two cameras with a lens each: "
-             "--split-at " +
+             "option 'split-at' " +
                  motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens");
 }
 
@@ -60,7 +60,7 @@ void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
       motion.cameras.size() > 1
           ? "two cameras only know of each other: film again, or leave out what came after frame " +
                 std::to_string(motion.last_before)
-          : "treat it as two cameras, before and after: --split-at " + names + ":" + std::to_string(motion.frame_idx);
+          : "treat it as two cameras, before and after: option 'split-at' " + names + ":" + std::to_string(motion.frame_idx);
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
 }
 

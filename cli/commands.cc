@@ -1,9 +1,9 @@
-#include "cli/commands.h"
+#include "cli/program/commands.h"
 
 #include <cstring>
 
-#include "cli/companion.h"
-#include "cli/options.h"
+#include "cli/program/companion.h"
+#include "cli/program/options.h"
 
 /// What `mvstudio` knows: the commands that do without libtorch.
 namespace mvstudio::cli {

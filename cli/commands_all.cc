@@ -1,7 +1,6 @@
-#include "cli/commands.h"
-#include "cli/companion.h"
-#include "cli/options.h"
-#include "cli/tradeoff.h"
+#include "cli/program/commands.h"
+#include "cli/program/companion.h"
+#include "cli/program/options.h"
 
 /// What `mvstudio-avatar` knows: every command.
 namespace mvstudio::cli {

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <chrono>
 
-#include "cli/companion.h"
-#include "cli/console.h"
-#include "cli/interrupt.h"
-#include "cli/redact.h"
-#include "cli/result.h"
-#include "cli/run_line.h"
+#include "cli/program/companion.h"
+#include "cli/program/console.h"
+#include "cli/program/interrupt.h"
+#include "cli/program/redact.h"
+#include "cli/program/result.h"
+#include "cli/program/run_line.h"
 #include "core/error.h"
 
 namespace mvstudio::cli {

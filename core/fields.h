@@ -8,7 +8,8 @@
 ///     }
 ///
 /// and command-line flags, provenance and the tables of docs/cli.md all come from it. Field types: bool, int, int64_t,
-/// uint64_t, double, std::string, std::vector<std::string>. The name is the flag without its dashes.
+/// uint64_t, double, std::string, std::vector<std::string>.
+/// A library knows no flags: its texts name an option as `option 'max-error-px'`, of which the program makes its flag.
 namespace mvstudio {
 
 /// Calls `visit(name, value, help)` for each field of a const options struct.

@@ -53,14 +53,14 @@ std::string AabbsCsv(const Take& take, int* empty) {
 void WriteActorsHq(const Job& job) {
   const Take& take = job.take;
   const std::string scale = SafeNames({job.options.scale_folder})[0];
-  if (scale != job.options.scale_folder) throw UsageError("--scale-folder: letters, digits, _ and - only, e.g. 4x");
+  if (scale != job.options.scale_folder) throw UsageError("option 'scale-folder': letters, digits, _ and - only, e.g. 4x");
   job.Write(scale + "/calibration.csv", CalibrationCsv(take));
   if (take.frames.empty()) return;
   int empty = 0;
   job.Write("aabbs.csv", AabbsCsv(take, &empty));
   if (empty > 0) {
     job.report->notes.push_back({"EXP-EMPTY-FRAME", std::to_string(empty) + " frames without joints have no line in aabbs.csv",
-                                 "choose frames with people by --frames"});
+                                 "choose frames with people by option 'frames'"});
   }
   for (const int frame : take.frames) {
     for (size_t i = 0; i < take.views.size(); ++i) {

@@ -88,7 +88,8 @@ class Budget {
   void Add(size_t bytes) {
     constexpr uint64_t kMostBytes = 8ull << 30;
     total_ += bytes;
-    if (total_ > kMostBytes) throw UsageError("an SMC file of more than 8 GiB; choose fewer --frames or --cameras");
+    if (total_ > kMostBytes)
+      throw UsageError("an SMC file of more than 8 GiB; choose fewer option 'frames' or option 'cameras'");
   }
 
  private:

@@ -105,7 +105,7 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
   if (!format.has_pictures || options.pictures == "none") return;
   if (report->missing_pictures > 0) {
     report->notes.push_back({"EXP-NO-PICTURE", std::to_string(report->missing_pictures) + " pictures are not in the dataset",
-                             "`mvstudio dataset verify` lists them; --frames and --cameras leave them out"});
+                             "`mvstudio dataset verify` lists them; option 'frames' and option 'cameras' leave them out"});
   }
   if (report->missing_masks > 0) {
     report->notes.push_back({"EXP-NO-MASK", std::to_string(report->missing_masks) + " masks are not in the dataset",

@@ -41,7 +41,7 @@ std::vector<int> ContinuousFrames(const Take& take) {
   if (span > kMostFrames) {
     throw UsageError("frames " + std::to_string(take.frames.front()) + " to " + std::to_string(take.frames.back()) +
                      ": this format has one line an instant, which would be " + std::to_string(span) +
-                     "; choose a shorter stretch with --frames");
+                     "; choose a shorter stretch with option 'frames'");
   }
   std::vector<int> frames;
   for (int64_t i = 0; i < span; ++i) frames.push_back(static_cast<int>(take.frames.front() + i));

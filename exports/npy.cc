@@ -162,7 +162,7 @@ std::string NpyOfTexts(const std::vector<std::string>& texts) {
 std::string NpzOf(const std::vector<std::pair<std::string, std::string>>& members) {
   std::string bytes, directory;
   for (const auto& [stem, content] : members) {
-    if (bytes.size() + content.size() > 0xfff00000u) throw UsageError(".npz: more than 4 GiB; choose fewer --frames");
+    if (bytes.size() + content.size() > 0xfff00000u) throw UsageError(".npz: more than 4 GiB; choose fewer option 'frames'");
     const std::string name = stem + ".npy", common = ZipCommon(name, content);
     directory += "PK\x01\x02";
     Append<uint16_t>(20, &directory);

@@ -31,7 +31,7 @@ std::vector<size_t> ChooseCameras(const dataset::PanopticDataset& dataset, const
   std::set<std::string> wanted;
   for (const std::string& name : options.cameras) {
     const std::string resolved = dataset.Resolve(name);
-    if (resolved.empty()) throw UsageError("--cameras: the dataset has no camera '" + name + "'");
+    if (resolved.empty()) throw UsageError("option 'cameras': the dataset has no camera '" + name + "'");
     wanted.insert(resolved);
   }
   std::vector<size_t> chosen;
@@ -41,7 +41,7 @@ std::vector<size_t> ChooseCameras(const dataset::PanopticDataset& dataset, const
     if (split && PartOf(*split, name).empty()) continue;
     chosen.push_back(i);
   }
-  if (chosen.empty()) throw UsageError("no camera is left: --cameras and --split have none in common");
+  if (chosen.empty()) throw UsageError("no camera is left: option 'cameras' and option 'split' have none in common");
   return chosen;
 }
 
@@ -50,7 +50,7 @@ std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const For
   const std::set<int> have(dataset.frames.begin(), dataset.frames.end());
   std::vector<int> chosen = options.frames;
   for (const int frame : chosen) {
-    if (!have.count(frame)) throw UsageError("--frames: the dataset has no joints of frame " + std::to_string(frame));
+    if (!have.count(frame)) throw UsageError("option 'frames': the dataset has no joints of frame " + std::to_string(frame));
   }
   if (!chosen.empty()) return chosen;
   chosen = dataset.frames;
@@ -63,7 +63,7 @@ std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const For
     report->notes.push_back({"EXP-ONE-FRAME",
                              format.name + " describes one instant: frame " + std::to_string(chosen[0]) + " of " +
                                  std::to_string(chosen.size()) + " was taken",
-                             "choose with --frames, or pass --frames all for a folder per frame"});
+                             "choose with option 'frames', or pass option 'frames' all for a folder per frame"});
     chosen.resize(1);
   }
   return chosen;
@@ -94,7 +94,7 @@ void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* vi
   const bool distorted = !Carries(LensNeed::kPinhole, lens);
   if (!carried && options.undistort == "never") {
     throw UsageError("camera " + lens.name + ": " + format.name + " describes " + LensText(format.lens) + ", not a lens " +
-                     std::string(ToString(lens.model)) + "; leave out --undistort never to have its pictures resampled");
+                     std::string(ToString(lens.model)) + "; leave out option 'undistort' never to have its pictures resampled");
   }
   if (carried && !(options.undistort == "always" && distorted)) return;
   dataset::UndistortOptions undistort;
@@ -139,15 +139,15 @@ void RequireOneSize(const FormatInfo& format, const std::vector<View>& views) {
     if (lens.width_px == first.width_px && lens.height_px == first.height_px) continue;
     throw UsageError(format.name + " holds pictures of one size: " + first.name + " has " + std::to_string(first.width_px) +
                      "x" + std::to_string(first.height_px) + ", " + lens.name + " has " + std::to_string(lens.width_px) + "x" +
-                     std::to_string(lens.height_px) + "; choose cameras of one size with --cameras");
+                     std::to_string(lens.height_px) + "; choose cameras of one size with option 'cameras'");
   }
 }
 
-void CheckChoice(const std::string& flag, const std::string& value, const std::vector<std::string>& allowed) {
+void CheckChoice(const std::string& option, const std::string& value, const std::vector<std::string>& allowed) {
   if (std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return;
   std::string list;
   for (const std::string& word : allowed) list += (list.empty() ? "" : ", ") + word;
-  throw UsageError(flag + " " + value + ": must be one of " + list);
+  throw UsageError("option '" + option + "' " + value + ": must be one of " + list);
 }
 
 void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
@@ -163,7 +163,7 @@ void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
   std::snprintf(text, sizeof text,
                 "pictures of %d cameras are resampled to ideal pinholes; %s loses most, %.1f %% of its pixels", count,
                 worst->info.source.c_str(), 100 * worst->info.lost_share);
-  report->notes.push_back({"EXP-UNDISTORTED", text, "--undistort-view all keeps every pixel, with black borders"});
+  report->notes.push_back({"EXP-UNDISTORTED", text, "option 'undistort-view' all keeps every pixel, with black borders"});
 }
 
 }  // namespace
@@ -273,11 +273,12 @@ double FloatRoundingM(const Take& take) {
 
 Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                  ExportReport* report) {
-  CheckChoice("--pictures", options.pictures, {"link", "copy", "none"});
-  CheckChoice("--undistort", options.undistort, {"auto", "always", "never"});
-  CheckChoice("--names", options.names, {"dataset", "studio"});
-  if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("--jpeg-quality must be 0 to 100");
-  if (!(options.frame_rate_hz >= 0) || !std::isfinite(options.frame_rate_hz)) throw UsageError("--frame-rate must be positive");
+  CheckChoice("pictures", options.pictures, {"link", "copy", "none"});
+  CheckChoice("undistort", options.undistort, {"auto", "always", "never"});
+  CheckChoice("names", options.names, {"dataset", "studio"});
+  if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be 0 to 100");
+  if (!(options.frame_rate_hz >= 0) || !std::isfinite(options.frame_rate_hz))
+    throw UsageError("option 'frame-rate' must be positive");
   Take take;
   take.sequence = SafeNames({dataset.sequence})[0];
   take.root = dataset.root;
@@ -313,7 +314,7 @@ Take TakeOfRig(const geometry::Rig& rig, const FormatInfo& format, const std::st
       throw FormatError(path, camera.camera.name,
                         format.name + " describes " + LensText(format.lens) + ", not a lens " +
                             std::string(ToString(camera.camera.model)) +
-                            "; `dataset export` resamples the pictures, or write --to mvstudio and keep the lens");
+                            "; `dataset export` resamples the pictures, or write option 'to' mvstudio and keep the lens");
     }
     View view;
     view.source = view.camera = camera;

@@ -91,8 +91,9 @@ std::vector<ColouredPoint> StartPoints(const Job& job, int frame) {
 
 void RequirePeople(const Job& job) {
   if (!job.take.PersonIds().empty()) return;
-  throw FormatError(job.take.root, "hdPose3d_stage1_coco19",
-                    "the chosen frames hold nobody's joints, which is all that this format holds; choose other --frames");
+  throw FormatError(
+      job.take.root, "hdPose3d_stage1_coco19",
+      "the chosen frames hold nobody's joints, which is all that this format holds; choose other option 'frames'");
 }
 
 }  // namespace mvstudio::exports

@@ -86,7 +86,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
 std::string NumbersPath(const std::string& html_path) {
   const std::string json_path = fs::path(html_path).replace_extension(".json").string();
   if (json_path == html_path)
-    throw UsageError("--out " + html_path + ": the page must not end in .json, that name is for its numbers");
+    throw UsageError("option 'out' " + html_path + ": the page must not end in .json, that name is for its numbers");
   return json_path;
 }
 

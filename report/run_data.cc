@@ -187,7 +187,8 @@ RunData ScanRun(const std::string& folder) {
   RunData data;
   data.root = folder;
   std::error_code ignored;
-  if (!fs::is_directory(folder, ignored)) throw IoError(folder, "no such folder; give the --out folder of an earlier command");
+  if (!fs::is_directory(folder, ignored))
+    throw IoError(folder, "no such folder; give the option 'out' folder of an earlier command");
   const fs::path root(folder);
   Reader reader(root, &data);
   for (const fs::path& path : WantedFiles(root, &data.warnings)) reader.Read(path);

@@ -17,7 +17,7 @@ constexpr double kSubjectHeight = 2.4;     // m, fills the picture's height at t
 constexpr double kRingAlternation = 0.65;  // m
 
 void Require(bool condition, const std::string& option, const std::string& expected) {
-  if (!condition) throw UsageError("--" + option + ": expected " + expected);
+  if (!condition) throw UsageError("option '" + option + "': expected " + expected);
 }
 
 /// Distortion of an ordinary lens, parameters in the model's order.

@@ -49,7 +49,7 @@ void VisitFields(Visitor&& visit, SynthOptions& o) {
   visit("texture-px", o.texture_px, "px, side of each of the 24 charts of the person's texture");
   visit("format", o.format, "footage as mp4 (H.264) or png (lossless, picture folders)");
   visit("crf", o.crf, "H.264 quality: 0 lossless ... 51 worst");
-  visit("background", o.background, "textured, plain, or posters: walls full of features (for calibrate --from-scene)");
+  visit("background", o.background, "textured, plain, or posters: walls full of features (for calibrate option 'from-scene')");
 }
 
 /// Throws UsageError that names the option and what was expected.

@@ -97,7 +97,7 @@ LiftOptions OptionsOf(const TensorFile& file, const std::string& path) {
 }
 
 void Check(bool fine, const std::string& option, const std::string& range) {
-  if (!fine) throw UsageError("--" + option + " must be " + range);
+  if (!fine) throw UsageError("option '" + option + "' must be " + range);
 }
 
 }  // namespace

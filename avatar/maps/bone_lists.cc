@@ -69,7 +69,7 @@ std::map<int, InputLayout> AllLayouts() {
 const InputLayout& LayoutOf(int inputs) {
   static const std::map<int, InputLayout> all = AllLayouts();
   const auto found = all.find(inputs);
-  if (found == all.end()) throw UsageError("--inputs must be 18, 21, 24, 27 or 36, it is " + std::to_string(inputs));
+  if (found == all.end()) throw UsageError("option 'inputs' must be 18, 21, 24, 27 or 36, it is " + std::to_string(inputs));
   return found->second;
 }
 

@@ -10,7 +10,7 @@ namespace mvstudio::avatar {
 namespace {
 
 void Require(bool ok, const std::string& field, const std::string& rule) {
-  if (!ok) throw UsageError("--" + field + " must be " + rule);
+  if (!ok) throw UsageError("option '" + field + "' must be " + rule);
 }
 
 template <class T>
@@ -55,7 +55,7 @@ bool SetFieldFromText(Options& options, const std::string& name, const std::stri
       [&](const std::string& field, auto& value, const std::string&) {
         if (field != name) return;
         found = true;
-        if (!FromText(text, &value)) throw UsageError("option '" + name + "' cannot be '" + text + "'");
+        if (!FromText(text, &value)) throw UsageError("option `" + name + "` cannot be '" + text + "'");
       },
       options);
   return found;

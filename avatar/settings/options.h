@@ -50,7 +50,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
       "prior", o.prior,
       "what the network starts from. template: the body template posed by the joints, whose outline, parts and coordinates are "
       "further inputs and are corrected by the network; none: the bones alone, as in the paper; auto (`avatar train` alone): "
-      "template, or none with --iuv");
+      "template, or none with option 'iuv'");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
@@ -113,8 +113,8 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("steps", o.steps, "end-to-end steps, after the initialisation");
   visit("init-steps", o.init_steps,
-        "steps that teach the network the template's part and texture coordinates first; -1: a third of --steps, or none where "
-        "the network knows them already (--prior template, --init-from)");
+        "steps that teach the network the template's part and texture coordinates first; -1: a third of option 'steps', or "
+        "none where the network knows them already (option 'prior' template, option 'init-from')");
   visit("batch", o.batch, "pictures per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
@@ -132,8 +132,8 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-uv", o.weight_uv,
         "initialisation: weight of the mean absolute difference to the template's texture coordinates");
   visit("keep-init", o.keep_init,
-        "share of the two initialisation terms that stays on while training end to end; -1: 0.2, or 0 with --prior template, "
-        "which they would only hold back");
+        "share of the two initialisation terms that stays on while training end to end; -1: 0.2, or 0 with option 'prior' "
+        "template, which they would only hold back");
   visit("weight-logit", o.weight_logit,
         "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");

@@ -23,11 +23,11 @@ void CheckNet(const TensorFile& checkpoint, const std::string& path, const Featu
   const std::string then = found == checkpoint.metadata.end() ? "none" : found->second, now = net ? net->name() : "none";
   if (then != now)
     throw UsageError(path + ": was trained with the perceptual net '" + then + "', now it is '" + now +
-                     "'; give the same --perceptual");
+                     "'; give the same option 'perceptual'");
   const auto digest = checkpoint.metadata.find("perceptual_sha256");  // older checkpoints have none
   if (net && digest != checkpoint.metadata.end() && digest->second != net->sha256())
     throw UsageError(path + ": was trained with another perceptual net of the name '" + then + "', of SHA-256 " +
-                     digest->second + "; give that file as --perceptual");
+                     digest->second + "; give that file as option 'perceptual'");
 }
 
 void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, const std::string& path) {

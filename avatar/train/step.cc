@@ -20,17 +20,17 @@ constexpr int64_t kStepsToDoubleScale = 2000;
 void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
   const int multiple = 1 << model.options.downs;
   if (pack.size_px % multiple || pack.size_px / multiple < 2) {
-    throw UsageError("--size " + std::to_string(pack.size_px) + " must be a multiple of 2^downs = " + std::to_string(multiple) +
-                     " and at least " + std::to_string(2 * multiple));
+    throw UsageError("option 'size' " + std::to_string(pack.size_px) + " must be a multiple of 2^downs = " +
+                     std::to_string(multiple) + " and at least " + std::to_string(2 * multiple));
   }
   const int given = NumBodyJoints(pack.joint_valid.size(1)), needed = NumBodyJoints(LayoutOf(model.options.inputs).num_joints);
   if (given != needed) {
-    throw UsageError("--inputs " + std::to_string(model.options.inputs) + " needs bodies of " + std::to_string(needed) +
+    throw UsageError("option 'inputs' " + std::to_string(model.options.inputs) + " needs bodies of " + std::to_string(needed) +
                      " joints, the pack has " + std::to_string(given));
   }
   const bool has_maps = pack.template_maps.defined(), wants_maps = NumTemplateChannels(model.options) > 0;
   if (has_maps != wants_maps || (has_maps && pack.template_maps.size(3) != pack.size_px)) {
-    throw UsageError("--prior " + model.options.prior + (wants_maps ? " needs" : " takes no") +
+    throw UsageError("option 'prior' " + model.options.prior + (wants_maps ? " needs" : " takes no") +
                      " template maps of the pictures' size in the pack");
   }
 }
@@ -41,7 +41,7 @@ std::string ResolveDevice(const std::string& device) {
   const bool found = torch::cuda::is_available();
   if (device == "auto") return found ? "cuda" : "cpu";
   if (device != "cpu" && !found)
-    throw MissingToolError("--device " + device + ": libtorch finds no GPU here; take --device cpu or auto");
+    throw MissingToolError("option 'device' " + device + ": libtorch finds no GPU here; take option 'device' cpu or auto");
   return device;
 }
 
@@ -49,12 +49,13 @@ void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run, bo
   Validate(source);
   Validate(options);
   options.init_steps =
-      InitSteps(options, model.options, transferred);  // more --steps later must not move the end of the initialisation
+      InitSteps(options, model.options, transferred);  // more steps asked for later must not move the end of the initialisation
   CheckFit(source, model);
   asked_device = options.device;
   options.device = ResolveDevice(options.device);
   if (options.amp && options.device == "cpu")
-    throw UsageError("--amp needs a GPU: half precision is slower than single on CPUs; leave it out or take --device cuda");
+    throw UsageError(
+        "option 'amp' needs a GPU: half precision is slower than single on CPUs; leave it out or take option 'device' cuda");
   loss_scale = options.amp ? kFirstLossScale : 1;
   initialised = options.init_steps > 0 || NumTemplateChannels(model.options) > 0 || transferred;
   at::set_num_threads(ResolveThreads(run.num_threads));

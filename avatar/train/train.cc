@@ -74,7 +74,7 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
       report.best_step = s.best_step;
       report.message = "step " + std::to_string(step + 1) + ": the loss or a gradient is not finite (" +
                        NamesOfBatch(s.pack, s.RowsOfStep(step, true)) +
-                       "); weights kept as they were; try a smaller --learning-rate";
+                       "); weights kept as they were; try a smaller option 'learning-rate'";
       return report;
     }
     if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();  // before a check or a checkpoint of this step

@@ -94,9 +94,9 @@ class GlooRanks : public Ranks {
 
 std::shared_ptr<const Ranks> JoinRanks(const RankPlace& place) {
   if (place.size < 1 || place.rank < 0 || place.rank >= place.size)
-    throw UsageError("--rank " + std::to_string(place.rank) + " of --world-size " + std::to_string(place.size) +
+    throw UsageError("option 'rank' " + std::to_string(place.rank) + " of option 'world-size' " + std::to_string(place.size) +
                      ": ranks count from 0 to one less than their number");
-  if (place.rendezvous.empty()) throw UsageError("--rendezvous: several ranks need a file to find each other");
+  if (place.rendezvous.empty()) throw UsageError("option 'rendezvous': several ranks need a file to find each other");
 #ifdef MVSTUDIO_GLOO
   return std::make_shared<GlooRanks>(place);
 #else

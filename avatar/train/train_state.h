@@ -51,11 +51,11 @@ struct Trainer::State {
   bool initialised = false;       // the network knew parts and coordinates before the textures were averaged
   int64_t pictures_per_step = 0;  // of all ranks so far; 0: not begun
   std::string asked_device;       // as in the options given; options.device is the one in use
-  NamedTensors average;           // running averages of weights and textures, with --ema
-  NamedTensors best;              // all tensors of the best check, with --patience
+  NamedTensors average;           // running averages of weights and textures, with `ema`
+  NamedTensors best;              // all tensors of the best check, with `patience`
   int64_t best_step = -1, idle_checks = 0;
   double best_score = 0;
-  double loss_scale = 1;          // with --amp
+  double loss_scale = 1;          // with `amp`
   int64_t steps_since_scale = 0;  // since it changed
 
   bool v2v() const { return model.options.method == "v2v"; }

@@ -33,7 +33,7 @@ constexpr Paper kPapers[] = {{"a4", 210, 297}, {"a3", 297, 420}, {"letter", 215.
 
 std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
 std::string Format(const char* format, ...) {
-  char text[256];
+  char text[320];
   va_list values;
   va_start(values, format);
   std::vsnprintf(text, sizeof text, format, values);
@@ -48,7 +48,7 @@ void ChoosePage(const Board& board, const std::string& paper, double width, doub
     return;
   }
   const auto* found = std::find_if(std::begin(kPapers), std::end(kPapers), [&](const Paper& p) { return paper == p.name; });
-  if (found == std::end(kPapers)) throw UsageError("--paper " + paper + " is unknown: use a4, a3, letter or none");
+  if (found == std::end(kPapers)) throw UsageError("option 'paper' " + paper + " is unknown: use a4, a3, letter or none");
   const double room_x = found->width - 2 * kPrinterMargin, room_y = found->height - 2 * kPrinterMargin;
   if (width <= room_x && height <= room_y) {
     page->width = found->width, page->height = found->height;
@@ -57,7 +57,7 @@ void ChoosePage(const Board& board, const std::string& paper, double width, doub
   } else {
     throw UsageError(
         Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
-               "paper (--paper a3 or none) or a smaller board",
+               "paper (option 'paper' a3 or none) or a smaller board",
                ToString(board).c_str(), width, height, found->name, room_x, room_y));
   }
 }
@@ -199,11 +199,12 @@ std::string ToSvg(const BoardPage& page) {
 }
 
 std::string ToPng(const BoardPage& page, double dpi) {
-  if (!(dpi >= 20 && dpi <= 4800)) throw UsageError("--dpi must be from 20 to 4800");
+  if (!(dpi >= 20 && dpi <= 4800)) throw UsageError("option 'dpi' must be from 20 to 4800");
   const auto px_per_m = static_cast<uint32_t>(std::lround(dpi / 0.0254));
   const double px_per_mm = px_per_m * 1e-3;
   const double width = std::ceil(page.width * px_per_mm - 1e-6), height = std::ceil(page.height * px_per_mm - 1e-6);
-  if (width * height > kMaxPixels) throw UsageError(Format("%.0f x %.0f pixels are too many; lower --dpi", width, height));
+  if (width * height > kMaxPixels)
+    throw UsageError(Format("%.0f x %.0f pixels are too many; lower option 'dpi'", width, height));
   cv::Mat ink(static_cast<int>(height), static_cast<int>(width), CV_32F, cv::Scalar(255)), grey;
   for (const auto& rect : page.rects) Darken(rect, px_per_mm, &ink);
   ink.convertTo(grey, CV_8U);
@@ -223,7 +224,7 @@ std::string ToPng(const BoardPage& page, double dpi) {
 void WriteBoardPage(const Board& board, const std::string& path, const BoardDrawOptions& options) {
   const std::string extension = std::filesystem::path(path).extension().string();
   if (extension != ".pdf" && extension != ".svg" && extension != ".png") {
-    throw UsageError("--out " + path + ": the name must end in .pdf, .svg or .png");
+    throw UsageError("option 'out' " + path + ": the name must end in .pdf, .svg or .png");
   }
   const BoardPage page = LayOutBoard(board, options);
   WriteFileAtomic(path, extension == ".pdf" ? ToPdf(page) : extension == ".svg" ? ToSvg(page) : ToPng(page, options.dpi));

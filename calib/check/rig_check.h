@@ -27,7 +27,8 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, RigCheckOptions& o) {
   visit("reject-sigmas", o.reject_sigmas,
         "corners farther from the fit to their own view than so many standard deviations are dropped");
-  visit("bump-sigmas", o.bump_sigmas, "a camera has moved when its motion exceeds so many standard deviations and --bump-px");
+  visit("bump-sigmas", o.bump_sigmas,
+        "a camera has moved when its motion exceeds so many standard deviations and option 'bump-px'");
   visit("bump-px", o.bump_px, "shift of its corners in the image (rms) below which a camera's motion is let pass");
   visit("scale-percent", o.scale_percent,
         "error of all lengths beyond which the verdict is warn and cameras are checked apart from it");

@@ -37,7 +37,8 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
   }
   if (c.moved) {
     Add("fail",
-        {"CAL-BUMPED", Text("camera %s has moved: ", name) + Motion(c), "calibrate anew, or take the new pose with --repair"},
+        {"CAL-BUMPED", Text("camera %s has moved: ", name) + Motion(c),
+         "calibrate anew, or take the new pose with option 'repair'"},
         verdict);
     return;
   }

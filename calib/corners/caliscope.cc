@@ -157,7 +157,7 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
   const int instant = InstantColumn(table, columns);
   CheckFrameOrder(table, columns);
   if (!options.board && !columns.has_points()) {
-    throw UsageError(path + ": this corner file does not say where the corners lie on the board; give --board");
+    throw UsageError(path + ": this corner file does not say where the corners lie on the board; give option 'board'");
   }
   ObjectPoints points;
   if (options.board) {
@@ -177,7 +177,7 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
     if (options.board && (id < 0 || id >= options.board->num_corners())) {
       throw FormatError(path, table.Where(row, columns.corner),
                         "key point " + std::to_string(id) + " is not on the board, which has " +
-                            std::to_string(options.board->num_corners()) + " corners; is --board the right one?");
+                            std::to_string(options.board->num_corners()) + " corners; is option 'board' the right one?");
     }
     const int corner = options.board ? static_cast<int>(id) : points.corner_of_id[static_cast<size_t>(board)].at(id);
     builder.Add(camera, table.Integer(row, instant), board, corner,

@@ -68,15 +68,15 @@ double MetresPerUnit(const std::string& unit) {
   if (unit == "cm") return 1e-2;
   if (unit == "mm") return 1e-3;
   if (unit == "in") return 0.0254;
-  throw UsageError("--corners-unit '" + unit + "': expected m, cm, mm or in");
+  throw UsageError("option 'corners-unit' '" + unit + "': expected m, cm, mm or in");
 }
 
-std::pair<int, int> ParseSize(const std::string& text, const std::string& flag) {
+std::pair<int, int> ParseSize(const std::string& text, const std::string& what) {
   int width = 0, height = 0;
   char end = 0;
   if (std::sscanf(text.c_str(), "%7dx%7d%c", &width, &height, &end) != 2 || width < 1 || height < 1 || width > (1 << 20) ||
       height > (1 << 20)) {
-    throw UsageError(flag + " '" + text + "': expected WIDTHxHEIGHT in px, e.g. 1920x1080");
+    throw UsageError(what + " '" + text + "': expected WIDTHxHEIGHT in px, e.g. 1920x1080");
   }
   return {width, height};
 }
@@ -94,26 +94,28 @@ std::string DetectCornerFormat(const std::string& path) {
   if (has("x_px")) return "csv";
   if (std::filesystem::path(path).extension() == ".vnl" || has("# filename x y")) return "vnl";
   throw FormatError(
-      path, "", "not a corner file that is known here; name its format with --corners-format vnl, caliscope, opencv or csv");
+      path, "",
+      "not a corner file that is known here; name its format with option 'corners-format' vnl, caliscope, opencv or csv");
 }
 
 void ApplySizes(const CornerFileOptions& options, CornerFile* file) {
   for (const std::string& text : options.sizes) {
     const size_t equals = text.rfind('=');
     const std::string name = equals == std::string::npos ? "" : text.substr(0, equals);
-    const auto [width, height] = internal::ParseSize(equals == std::string::npos ? text : text.substr(equals + 1), "--size");
+    const auto [width, height] =
+        internal::ParseSize(equals == std::string::npos ? text : text.substr(equals + 1), "option 'size'");
     bool used = false;
     for (CameraInput& camera : file->cameras) {
       if (!name.empty() && camera.name != name) continue;
       used = true;
       const bool known = camera.width_px > 0 && camera.height_px > 0;
       if (known && (camera.width_px != width || camera.height_px != height)) {
-        throw UsageError("--size " + text + ": the corner file says that camera " + camera.name + " has " +
+        throw UsageError("option 'size' " + text + ": the corner file says that camera " + camera.name + " has " +
                          std::to_string(camera.width_px) + "x" + std::to_string(camera.height_px) + " px");
       }
       camera.width_px = width, camera.height_px = height;
     }
-    if (!used) throw UsageError("--size " + text + ": the corner file has no camera '" + name + "'");
+    if (!used) throw UsageError("option 'size' " + text + ": the corner file has no camera '" + name + "'");
   }
 }
 
@@ -124,7 +126,7 @@ void CheckCorners(const std::string& path, const CornerFile& file) {
     if (detection.corner_ids.back() < board.num_corners()) continue;
     throw FormatError(path, "frame " + std::to_string(detection.frame_idx),
                       "corner " + std::to_string(detection.corner_ids.back()) + " is not on the board, which has " +
-                          std::to_string(board.num_corners()) + "; is --board the right one?");
+                          std::to_string(board.num_corners()) + "; is option 'board' the right one?");
   }
 }
 
@@ -324,7 +326,7 @@ CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& opti
   } else if (format == "csv") {
     file = internal::ReadCornerCsv(path, options);
   } else {
-    throw UsageError("--corners-format '" + format + "': expected auto, vnl, caliscope, opencv or csv");
+    throw UsageError("option 'corners-format' '" + format + "': expected auto, vnl, caliscope, opencv or csv");
   }
   DropPlaceholders(&file);
   CheckCorners(path, file);

@@ -38,8 +38,8 @@ class DetectionBuilder {
 
 /// Metres per "m", "cm", "mm" or "in"; throws UsageError.
 double MetresPerUnit(const std::string& unit);
-/// "640x480"; throws UsageError that names `flag`.
-std::pair<int, int> ParseSize(const std::string& text, const std::string& flag);
+/// "640x480"; throws UsageError that begins with `what`.
+std::pair<int, int> ParseSize(const std::string& text, const std::string& what);
 
 CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options);
 CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& options);

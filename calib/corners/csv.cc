@@ -136,7 +136,7 @@ CornerFile ReadCornerCsv(const std::string& path, const CornerFileOptions& optio
   const Header header(table, &builder, &file);
   if (options.board) file.boards = {*options.board};
   if (file.boards.empty()) {
-    throw UsageError(path + ": this corner file does not say what the board is ('# board 0 …'); give --board");
+    throw UsageError(path + ": this corner file does not say what the board is ('# board 0 …'); give option 'board'");
   }
   for (size_t row = 0; row < table.num_rows(); ++row) {
     const int64_t board_idx = board >= 0 ? table.Integer(row, board) : 0;

@@ -87,7 +87,7 @@ std::vector<CameraPattern> ParsePatterns(const std::vector<std::string>& texts) 
     const size_t equals = text.find('='), star = text.find('*');
     if (equals == std::string::npos || equals == 0 || star == std::string::npos || star < equals ||
         text.find('*', star + 1) != std::string::npos) {
-      throw UsageError("--corners-camera '" + text + "': expected NAME=PATTERN with one *, e.g. left=left*.jpg");
+      throw UsageError("option 'corners-camera' '" + text + "': expected NAME=PATTERN with one *, e.g. left=left*.jpg");
     }
     patterns.push_back({text.substr(0, equals), text.substr(equals + 1, star - equals - 1), text.substr(star + 1)});
   }
@@ -111,7 +111,7 @@ std::optional<ImageName> Resolve(const std::vector<CameraPattern>& patterns, con
     if (auto parsed = ParseImageName(name)) return parsed;
     throw FormatError(place.path, place.where,
                       "no frame number in the image name '" + Printable(name) +
-                          "'; say which part it is with --corners-camera NAME=PATTERN, e.g. left=left*.jpg");
+                          "'; say which part it is with option 'corners-camera' NAME=PATTERN, e.g. left=left*.jpg");
   }
   const std::string file = std::filesystem::path(name).filename().string();
   for (const CameraPattern& pattern : patterns) {
@@ -216,7 +216,7 @@ bool IsEmpty(const VnlTable& table, const VnlImage& image) {
 
 CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
   if (!options.board) {
-    throw UsageError(path + ": this corner file does not say what the board is; give --board, e.g. grid:10x10:77mm");
+    throw UsageError(path + ": this corner file does not say what the board is; give option 'board', e.g. grid:10x10:77mm");
   }
   const auto num_corners = static_cast<size_t>(options.board->num_corners());
   const std::vector<CameraPattern> patterns = ParsePatterns(options.cameras);
@@ -252,7 +252,7 @@ CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
   for (const std::string& camera : builder.cameras()) file.cameras.push_back({camera, 0, 0});
   if (num_foreign > 0) {
     file.notes.push_back({"CAL-IGNORED",
-                          std::to_string(num_foreign) + " images fit no --corners-camera pattern and are left out",
+                          std::to_string(num_foreign) + " images fit no option 'corners-camera' pattern and are left out",
                           "add a pattern for their camera"});
   }
   return file;

@@ -32,8 +32,8 @@ class SharedStage {
 };
 
 int Stride(const std::vector<Footage>& footage, const FootageOptions& options) {
-  if (options.every < 1) throw UsageError("--every must be 1 or more");
-  if (options.max_frames < 0) throw UsageError("--max-frames must not be negative");
+  if (options.every < 1) throw UsageError("option 'every' must be 1 or more");
+  if (options.max_frames < 0) throw UsageError("option 'max-frames' must not be negative");
   int64_t longest = 0;
   for (const Footage& f : footage) longest = std::max(longest, f.num_frames);
   if (options.max_frames == 0) return options.every;
@@ -60,7 +60,7 @@ void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int6
 std::string HintFor(const Board& board, const std::string& detector) {
   if (board.kind == Board::Kind::kChessboard) {
     return "the numbers of INNER corners, that the whole board is visible and sharp" +
-           std::string(detector == "fast" ? ", or try --detector exact" : "");
+           std::string(detector == "fast" ? ", or try option 'detector' exact" : "");
   }
   if (board.has_tags()) return "the family, the ids and the numbers of tags";
   return "the numbers of squares, the dictionary, and whether the layout is legacy";

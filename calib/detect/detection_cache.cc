@@ -173,7 +173,7 @@ void Add(const std::string& text, Sha256* digest) {
 
 DetectionCache::DetectionCache(const std::string& where) {
   const std::string chosen = where == "auto" ? FromEnvironment() : where;
-  if (chosen.empty()) throw UsageError("--cache needs auto, off or a folder");
+  if (chosen.empty()) throw UsageError("option 'cache' needs auto, off or a folder");
   if (chosen != "off") folder_ = chosen + "/detections";
 }
 

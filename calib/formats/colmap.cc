@@ -108,7 +108,7 @@ ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& im
     const geometry::RigCamera& camera = rig.cameras[i];
     if (images[i].find_first_of(" \t\n\r") != std::string::npos) {
       throw UsageError("the camera name '" + Printable(camera.camera.name) +
-                       "' has a space in it, which COLMAP cannot read; use --rename OLD=NEW");
+                       "' has a space in it, which COLMAP cannot read; use option 'rename' OLD=NEW");
     }
     const uint32_t id = static_cast<uint32_t>(i + 1);
     model.cameras[id] = FromCamera(camera.camera);

@@ -47,7 +47,7 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& name, const 
   }
   if (options.width_px <= 0 || options.height_px <= 0) {
     throw UsageError(path + ": the file does not give the image size of camera " + internal::Printable(name) +
-                     "; pass --size WIDTHxHEIGHT");
+                     "; pass option 'size' WIDTHxHEIGHT");
   }
   return {options.width_px, options.height_px};
 }
@@ -102,7 +102,7 @@ internal::Files internal::WriteEasyMocap(const geometry::Rig& rig, const std::st
     const std::string& name = camera.camera.name;
     if (name.find_first_of(" \t:'\"\\#") != std::string::npos) {
       throw UsageError("the camera name '" + Printable(name) +
-                       "' cannot be part of a key of EasyMocap's; use --rename OLD=NEW");
+                       "' cannot be part of a key of EasyMocap's; use option 'rename' OLD=NEW");
     }
     names += "  - " + Quoted(FileName(name)) + "\n";
   }

@@ -111,11 +111,12 @@ geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, c
     const std::string lens = std::string(ToString(camera.camera.model));
     const std::string what = "its lens " + lens + " cannot be written as " + std::string(ToString(format));
     if (!nearest || !(nearest->error_px <= options.allow_approximation_px)) {
-      throw FormatError(path, camera.camera.name,
-                        what + (nearest ? "; the nearest lens that can be, " + std::string(ToString(nearest->camera.model)) +
-                                              ", is off by " + PxText(nearest->error_px) +
-                                              " px at worst: pass --allow-approximation PX to accept it, or choose another --to"
-                                        : " and no lens of that format comes near it: choose another --to"));
+      throw FormatError(
+          path, camera.camera.name,
+          what + (nearest ? "; the nearest lens that can be, " + std::string(ToString(nearest->camera.model)) + ", is off by " +
+                                PxText(nearest->error_px) +
+                                " px at worst: pass option 'allow-approximation' PX to accept it, or choose another option 'to'"
+                          : " and no lens of that format comes near it: choose another option 'to'"));
     }
     notes->push_back({"CAL-APPROXIMATED",
                       "camera " + camera.camera.name + ": " + what + "; written as " +

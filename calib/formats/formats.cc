@@ -22,7 +22,7 @@ constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "c
 [[noreturn]] void Unknown(const std::string& path) {
   std::string names;
   for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
-  throw FormatError(path, "", "not a calibration that is known here; name its format with --from (" + names + ")");
+  throw FormatError(path, "", "not a calibration that is known here; name its format with option 'from' (" + names + ")");
 }
 
 Format DetectFolder(const std::string& path) {

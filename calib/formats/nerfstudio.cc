@@ -31,7 +31,7 @@ class FrameKeys {
 Eigen::Vector2d ReadSize(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame) {
   if (keys.Has("w") && keys.Has("h")) return {keys["w"].Number(), keys["h"].Number()};
   if (options.width_px <= 0 || options.height_px <= 0) {
-    throw UsageError(frame.place().path + ": the file does not give the image size; pass --size WIDTHxHEIGHT");
+    throw UsageError(frame.place().path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
   }
   return {options.width_px, options.height_px};
 }

@@ -25,7 +25,7 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const 
     return {internal::ParseNumber(width->value, width->place), internal::ParseNumber(height->value, height->place)};
   }
   if (options.width_px <= 0 || options.height_px <= 0) {
-    throw UsageError(path + ": the file does not give the image size; pass --size WIDTHxHEIGHT");
+    throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
   }
   return {options.width_px, options.height_px};
 }

@@ -264,12 +264,12 @@ std::optional<ImportNote> internal::QcaDivisorNote(const geometry::Rig& rig, dou
                       "the lens distortion was " + std::string(writing ? "multiplied" : "divided") + " by " + text(divisor) +
                           ", as Pose2Sim reads it; board images say that Qualisys means the coefficients as they stand" +
                           (small ? ", and these look like it: divided, no lens has a k1 above " + text(largest_k1) : ""),
-                      "leave --qca-distortion-divisor out unless the other program needs it"};
+                      "leave option 'qca-distortion-divisor' out unless the other program needs it"};
   }
   if (writing || largest_k1 <= kHugeK1) return std::nullopt;
   return ImportNote{"CAL-QCADISTORTION",
                     "a k1 of " + text(largest_k1) + " is no lens's; was the file written with coefficients times 64?",
-                    "compare with --qca-distortion-divisor 64"};
+                    "compare with option 'qca-distortion-divisor' 64"};
 }
 
 internal::Files internal::WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor) {

@@ -162,7 +162,7 @@ std::string Quoted(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
     if (static_cast<unsigned char>(c) < ' ') {
-      throw UsageError("'" + Printable(text) + "' has a control character in it; use --rename OLD=NEW");
+      throw UsageError("'" + Printable(text) + "' has a control character in it; use option 'rename' OLD=NEW");
     }
     if (c == '"' || c == '\\') quoted += '\\';
     quoted += c;
@@ -183,7 +183,7 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 
 const std::string& FileName(const std::string& name) {
   if (name.empty() || name[0] == '.' || name.find('/') != std::string::npos) {
-    throw UsageError("the camera name '" + Printable(name) + "' cannot be a file's name; use --rename OLD=NEW");
+    throw UsageError("the camera name '" + Printable(name) + "' cannot be a file's name; use option 'rename' OLD=NEW");
   }
   return name;
 }
@@ -194,7 +194,7 @@ ImportNote UnitNote(double metres_per_unit) {
   char number[32];
   std::snprintf(number, sizeof number, "%g", metres_per_unit);
   return {"CAL-UNIT", "the format names no unit of length; translations are taken as " + std::string(number) + " m per unit",
-          "pass --unit mm, cm or m: that of the program that wrote the file"};
+          "pass option 'unit' mm, cm or m: that of the program that wrote the file"};
 }
 
 }  // namespace mvstudio::calib::internal

@@ -16,13 +16,13 @@ void CheckOptions(const KeypointRefineOptions& o) {
   const auto require = [](bool holds, const char* message) {
     if (!holds) throw UsageError(message);
   };
-  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
-  require(o.max_persons >= 1, "--max-persons must be at least 1");
-  require(o.choice.num_folds >= 2 && o.choice.num_folds <= 50, "--keypoint-folds must lie in 2..50");
-  require(o.choice.sigmas >= 0, "--choice-sigmas must not be negative");
-  require(o.choice.gap_frames >= 0, "--keypoint-gap-frames must not be negative");
-  require(o.max_frames >= 4, "--keypoint-frames must be at least 4");
-  require(o.holdout_scale_px > 0, "--holdout-scale-px must be positive");
+  require(o.min_score >= 0 && o.min_score <= 1, "option 'min-score' must lie in 0..1");
+  require(o.max_persons >= 1, "option 'max-persons' must be at least 1");
+  require(o.choice.num_folds >= 2 && o.choice.num_folds <= 50, "option 'keypoint-folds' must lie in 2..50");
+  require(o.choice.sigmas >= 0, "option 'choice-sigmas' must not be negative");
+  require(o.choice.gap_frames >= 0, "option 'keypoint-gap-frames' must not be negative");
+  require(o.max_frames >= 4, "option 'keypoint-frames' must be at least 4");
+  require(o.holdout_scale_px > 0, "option 'holdout-scale-px' must be positive");
 }
 
 void AddCovariances(const KeypointCovariance& covariance, geometry::Rig* rig) {

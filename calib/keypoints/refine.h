@@ -21,20 +21,21 @@ struct KeypointRefineOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
-  visit("min-score", o.min_score, "--from-keypoints: detections with a lower score are left out");
+  visit("min-score", o.min_score, "option 'from-keypoints': detections with a lower score are left out");
   visit("max-persons", o.max_persons,
-        "--from-keypoints: of each frame the best supported so many people are used; others are reported");
-  visit("keypoint-lenses", o.lenses, "--from-keypoints: adjust lenses too where held-out frames say that it pays");
-  visit("keypoint-folds", o.choice.num_folds, "--from-keypoints: stretches of time for the choice of what to adjust");
-  visit("choice-sigmas", o.choice.sigmas, "--from-keypoints: standard errors by which a change must lower the held-out error");
+        "option 'from-keypoints': of each frame the best supported so many people are used; others are reported");
+  visit("keypoint-lenses", o.lenses, "option 'from-keypoints': adjust lenses too where held-out frames say that it pays");
+  visit("keypoint-folds", o.choice.num_folds, "option 'from-keypoints': stretches of time for the choice of what to adjust");
+  visit("choice-sigmas", o.choice.sigmas,
+        "option 'from-keypoints': standard errors by which a change must lower the held-out error");
   visit("keypoint-frames", o.max_frames,
-        "--from-keypoints: at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 points "
-        "each");
+        "option 'from-keypoints': at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 "
+        "points each");
   visit("keypoint-gap-frames", o.choice.gap_frames,
-        "--from-keypoints: frames left out between what is adjusted to and what measures it, about a second; a tenth of the "
-        "take at most");
+        "option 'from-keypoints': frames left out between what is adjusted to and what measures it, about a second; a tenth of "
+        "the take at most");
   visit("holdout-scale-px", o.holdout_scale_px,
-        "px; --from-keypoints: scale of the Cauchy loss of the points that the final figures are taken from");
+        "px; option 'from-keypoints': scale of the Cauchy loss of the points that the final figures are taken from");
 }
 
 struct KeypointCamera {

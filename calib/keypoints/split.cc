@@ -64,7 +64,8 @@ KeypointSplit SplitKeypoints(const std::vector<KeypointJoint>& joints, const std
   for (const KeypointJoint& joint : joints) {
     const bool in_test = test ? test->Contains(joint.frame) : !train->Contains(joint.frame);
     const bool in_train = train ? train->Contains(joint.frame) : !in_test;
-    if (in_train && in_test) throw UsageError("--train-frames and --test-frames share frame " + std::to_string(joint.frame));
+    if (in_train && in_test)
+      throw UsageError("option 'train-frames' and option 'test-frames' share frame " + std::to_string(joint.frame));
     if (in_train) split.train.push_back(joint);
     if (in_test) split.test.push_back(joint);
   }

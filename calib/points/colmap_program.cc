@@ -33,7 +33,7 @@ std::string FindProgram(const std::string& name) {
   }
   throw MissingToolError("the program '" + name +
                          "' is not there; install COLMAP (Debian: apt install colmap) or say where it is "
-                         "with --colmap");
+                         "with option 'colmap'");
 }
 
 /// The last lines of a log, for a message.

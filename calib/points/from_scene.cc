@@ -304,7 +304,7 @@ KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& det
 
 SceneScale::Distance ParseCameraDistance(const std::string& text) {
   const auto fail = [&] {
-    return UsageError("--camera-distance '" + text + "': expected CAMERA:CAMERA:LENGTH, e.g. left:right:1.234m");
+    return UsageError("option 'camera-distance' '" + text + "': expected CAMERA:CAMERA:LENGTH, e.g. left:right:1.234m");
   };
   const size_t last = text.rfind(':'), first = text.find(':');
   if (last == std::string::npos || first == last) throw fail();
@@ -342,7 +342,8 @@ SceneSimilarity AlignScene(const geometry::Rig& rig, const KnownPoints& known) {
 FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneImage>& images, const SceneScale& scale,
                             const FromSceneOptions& options, const RunContext& run) {
   if (!scale.points && !scale.distance) {
-    throw UsageError("the scale of a scene is not seen in pictures: give a board, --scene-points or --camera-distance");
+    throw UsageError(
+        "the scale of a scene is not seen in pictures: give a board, option 'scene-points' or option 'camera-distance'");
   }
   if (input.rig.cameras.size() < 2 || input.tracks.empty())
     return Refused(Status::kTooFewViews,

@@ -56,8 +56,8 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, FromSceneOptions& o) {
   VisitFields(visit, o.colmap);
   visit("refine-unknown-lenses", o.refine_intrinsics,
-        "--from-scene: adjust focal length, k1 and k2 of lenses that --start does not give");
-  visit("scene-reject-sigmas", o.reject_sigmas, "--from-scene: standard deviations beyond which a feature is rejected");
+        "option 'from-scene': adjust focal length, k1 and k2 of lenses that option 'start' does not give");
+  visit("scene-reject-sigmas", o.reject_sigmas, "option 'from-scene': standard deviations beyond which a feature is rejected");
 }
 
 struct FromSceneReport {

@@ -116,7 +116,7 @@ void AddCameras(const geometry::Rig& group, const PointResection& resection, geo
 }  // namespace
 
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths) {
-  if (paths.empty() || paths.size() > 2) throw UsageError("--scene-points takes one file, or two: clicks and places");
+  if (paths.empty() || paths.size() > 2) throw UsageError("option 'scene-points' takes one file, or two: clicks and places");
   Collector collector;
   for (const std::string& path : paths) collector.Add(CsvTable(path));
   return collector.Finish();
@@ -128,7 +128,7 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
   for (const std::string& name : points.cameras) {
     rig_idx.push_back(intrinsics.Find(name));
     if (rig_idx.back() < 0)
-      throw UsageError("--scene-points names the camera '" + name + "', which the intrinsics do not have");
+      throw UsageError("option 'scene-points' names the camera '" + name + "', which the intrinsics do not have");
   }
   SceneResectionReport report;
   report.rig.gauge = "the marked points";

@@ -157,7 +157,7 @@ bool Allowed(const char* operation, const std::string& path) {
 void ThrowErrno(const std::string& path, const std::string& action, int code) {
   const std::string text = action + ": " + std::strerror(code);
   if (code == ENOSPC || code == EDQUOT || code == EFBIG) {
-    throw ResourceError(path + ": " + text + "; free some space or choose another --out");
+    throw ResourceError(path + ": " + text + "; free some space or choose another option 'out'");
   }
   if (code == ENOMEM || code == EMFILE || code == ENFILE) throw ResourceError(path + ": " + text);
   throw IoError(path, text);

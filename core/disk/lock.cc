@@ -140,7 +140,7 @@ OutputLock::OutputLock(const std::string& path) : key_(internal::Normal(path)) {
   std::vector<std::string> made;
   FileLock lock = LockBeside(key_, &made);
   if (!lock.owned())
-    throw LockedError(path + ": is being written by " + lock.owner() + "; wait for it, or choose another --out");
+    throw LockedError(path + ": is being written by " + lock.owner() + "; wait for it, or choose another option 'out'");
   held.by_output.emplace(key_, Held(std::move(lock), std::move(made)));
 }
 

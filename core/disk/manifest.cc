@@ -152,7 +152,7 @@ void RequireNothing(const std::vector<std::string>& in_the_way) {
   for (size_t i = 0; i < std::min(in_the_way.size(), kMostNamed); ++i) names += (i ? ", " : "") + in_the_way[i];
   if (in_the_way.size() > kMostNamed) names += " and " + std::to_string(in_the_way.size() - kMostNamed) + " more";
   throw UsageError("in the way, not written by mvstudio or changed since: " + names +
-                   "; nothing was touched: move them elsewhere or choose another --out");
+                   "; nothing was touched: move them elsewhere or choose another option 'out'");
 }
 
 void RemoveFile(const std::string& path) {

@@ -144,7 +144,7 @@ AtomicFolder::AtomicFolder(const std::string& path, bool overwrite, const std::v
   if (internal::Exists(path_) && !fs::is_directory(path_)) throw UsageError(path + ": is a file; a folder goes there");
   lock_ = std::make_unique<OutputLock>(path_);
   if (internal::Exists(path_) && !fs::is_empty(path_)) {
-    if (!overwrite) throw UsageError(path + ": exists already; choose another --out or pass --overwrite");
+    if (!overwrite) throw UsageError(path + ": exists already; choose another option 'out' or pass option 'overwrite'");
     RequireOurs({path_});
   }
   MakeFolder(internal::ParentOf(path_));
@@ -189,7 +189,7 @@ void AtomicFolder::SwapBack() {
 void AtomicFolder::Swap() {
   const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());
   if (internal::Exists(path_) && !fs::is_empty(path_)) {
-    if (!overwrite_) throw UsageError(path_ + ": somebody put files there in the meantime; choose another --out");
+    if (!overwrite_) throw UsageError(path_ + ": somebody put files there in the meantime; choose another option 'out'");
     RequireOurs({path_});
   }
   internal::SwapFolders(work_path_, path_);
@@ -224,14 +224,14 @@ OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vecto
     for (const std::string& input : inputs) {
       std::error_code error;
       if (fs::equivalent(path, input, error))
-        throw UsageError(path + ": is the input " + input + " itself; choose another --out");
+        throw UsageError(path + ": is the input " + input + " itself; choose another option 'out'");
     }
     locks_.insert(locks_.begin(), std::make_unique<OutputLock>(path));  // the first goes last: it may have made the folder
     RequireReplaceable(path);
     const std::string writer = WriterOf(path), now = WriterName().first;
     if (internal::Exists(path) && writer != now)
       throw UsageError(path + ": was written by `mvstudio " + writer + "` and is no output of `" + now +
-                       "`; choose another --out");
+                       "`; choose another option 'out'");
   }
 }
 

@@ -39,8 +39,9 @@ void RequireApart(const std::string& out, const fs::path& real, const std::strin
   std::error_code error;
   if (folder.empty() || !fs::exists(folder, error)) return;
   const fs::path other = Real(folder);
-  if (real == other) throw UsageError(out + ": is " + what + "; name a folder of its own with --out");
-  if (whole && IsWithin(other, real)) throw UsageError(out + ": contains " + what + "; name a folder of its own with --out");
+  if (real == other) throw UsageError(out + ": is " + what + "; name a folder of its own with option 'out'");
+  if (whole && IsWithin(other, real))
+    throw UsageError(out + ": contains " + what + "; name a folder of its own with option 'out'");
 }
 
 bool Lists(const Manifest& manifest, const std::string& relative) {
@@ -75,11 +76,11 @@ void RequireSafeOutput(const std::string& out, const std::vector<std::string>& i
     std::error_code error;
     if (input.empty() || !fs::exists(input, error)) continue;
     const fs::path other = Real(input);
-    if (real == other) throw UsageError(out + ": is the input " + input + " itself; choose another --out");
+    if (real == other) throw UsageError(out + ": is the input " + input + " itself; choose another option 'out'");
     const bool within = IsWithin(real, other) && fs::is_directory(other, error);
-    if (within) throw UsageError(out + ": lies in the input " + input + "; choose another --out");
+    if (within) throw UsageError(out + ": lies in the input " + input + "; choose another option 'out'");
     if (IsWithin(other, real) && (replaced_as_a_whole || !WrittenThere(other, real)))
-      throw UsageError(out + ": contains the input " + input + "; choose another --out");
+      throw UsageError(out + ": contains the input " + input + "; choose another option 'out'");
   }
 }
 

@@ -35,7 +35,8 @@ void RenameIntoPlace(const std::string& from, const std::string& to) {
   // Nobody's file is replaced that came after the last look.
   const bool is_new = !Exists(to);
   if (is_new && Rename(from, to, RENAME_NOREPLACE)) return;
-  if (is_new && errno == EEXIST) throw UsageError(to + ": somebody made that file in the meantime; choose another --out");
+  if (is_new && errno == EEXIST)
+    throw UsageError(to + ": somebody made that file in the meantime; choose another option 'out'");
   if (is_new && !Unknown(errno)) ThrowErrno(to, "cannot rename into place", errno);
   if (!Allowed("rename", to) || rename(from.c_str(), to.c_str()) != 0) ThrowErrno(to, "cannot rename into place", errno);
 }
@@ -247,7 +248,7 @@ std::string FollowedFolder(const std::string& path) {
   if (!fs::is_symlink(fs::symlink_status(normal))) return normal;
   std::error_code error;
   const fs::path target = fs::canonical(normal, error);
-  if (error) throw UsageError(path + ": is a symbolic link that leads nowhere; choose another --out");
+  if (error) throw UsageError(path + ": is a symbolic link that leads nowhere; choose another option 'out'");
   return target.string();
 }
 

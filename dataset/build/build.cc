@@ -45,13 +45,14 @@ std::string PanopticName(const geometry::Rig& rig, int idx) {
 void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
   const std::set<std::string> rules = {"auto", "fill", "stretch", "crop-right", "crop-centre", "crop-left"};
   if (!rules.count(options.size_rule))
-    throw UsageError("--size-rule " + options.size_rule +
+    throw UsageError("option 'size-rule' " + options.size_rule +
                      ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
   const std::string why = WhyNotAName(options.sequence);
-  if (!why.empty()) throw UsageError("--sequence must be a plain name: it " + why);
-  if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("--jpeg-quality must be in 0..100");
-  if (!(options.frame_rate_hz > 0)) throw UsageError("--frame-rate must be positive");
-  if (inputs.footage.empty()) throw UsageError("no footage was given: add --video CAMERA=FILE or --images CAMERA=PATTERN");
+  if (!why.empty()) throw UsageError("option 'sequence' must be a plain name: it " + why);
+  if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be in 0..100");
+  if (!(options.frame_rate_hz > 0)) throw UsageError("option 'frame-rate' must be positive");
+  if (inputs.footage.empty())
+    throw UsageError("no footage was given: add option 'video' CAMERA=FILE or option 'images' CAMERA=PATTERN");
   std::set<std::string> cameras;
   for (const CameraFootage& f : inputs.footage) {
     if (!cameras.insert(f.camera).second) throw UsageError("camera " + f.camera + " was given footage twice");

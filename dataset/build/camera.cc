@@ -100,7 +100,7 @@ void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>
   if (!all.empty() && options.require_complete) {
     throw FormatError(job.footage.path, "instant " + std::to_string(*all.begin()),
                       "has 3D joints and no picture: no frame was recorded at the instants " + ListText(all) +
-                          "; without --require-complete these pictures are left out");
+                          "; without option 'require-complete' these pictures are left out");
   }
   samples->gaps.assign(all.begin(), all.end());
 }
@@ -185,7 +185,7 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
   warnings->push_back({"DAT-SIZE",
                        "camera " + job.footage.camera + ": " + sizes + "; taken as '" + decision.rule.name + "', " + reason +
                            ": the dataset's intrinsics follow",
-                       "calibrate with footage of the size that is used, or name the rule with --size-rule"});
+                       "calibrate with footage of the size that is used, or name the rule with option 'size-rule'"});
   return decision;
 }
 

@@ -212,10 +212,10 @@ void WriteSessionFile(const ImportJob& job, std::vector<SessionTake> takes) {
 
 void CheckOptions(const std::string& root, const PanopticImportOptions& options) {
   if (options.pictures != "link" && options.pictures != "copy" && options.pictures != "decode")
-    throw UsageError("--pictures is link, copy or decode, not " + internal::Quoted(options.pictures));
-  if (options.quality < 1 || options.quality > 100) throw UsageError("--quality must be 1 to 100");
+    throw UsageError("option 'pictures' is link, copy or decode, not " + internal::Quoted(options.pictures));
+  if (options.quality < 1 || options.quality > 100) throw UsageError("option 'quality' must be 1 to 100");
   if (!options.take.empty() && Slug(options.take) != options.take)
-    throw UsageError("--take " + internal::Quoted(options.take) + " cannot name a folder; use letters, digits, _ and -");
+    throw UsageError("option 'take' " + internal::Quoted(options.take) + " cannot name a folder; use letters, digits, _ and -");
   if (!fs::is_directory(root)) throw IoError(root, "no such folder");
 }
 
@@ -226,7 +226,7 @@ void RefuseLinks(const PanopticSequence& sequence, const PanopticImportOptions& 
       path, "",
       "is a symbolic link out of the sequence, to " + internal::Quoted(target) +
           (sequence.links_out.size() > 1 ? " (and " + std::to_string(sequence.links_out.size() - 1) + " more)" : "") +
-          "; --follow-links reads through it");
+          "; option 'follow-links' reads through it");
 }
 
 /// The sequence and the cameras chosen of it.
@@ -282,7 +282,7 @@ std::map<int, double> ImportHdJoints(ImportJob* job, bool without_hd, PanopticIm
                               (job->sequence.vga_scenes.files.empty() ? "" : ", those by VGA frames with the take"));
   }
   if (report->frames > 0) return times;
-  std::string why = "no file gives joints" + (job->options.frames.empty() ? "" : " in --frames " + job->options.frames);
+  std::string why = "no file gives joints" + (job->options.frames.empty() ? "" : " in option 'frames' " + job->options.frames);
   if (!job->findings.list().empty()) why += "; " + job->findings.list().back().path + ": " + job->findings.list().back().text;
   throw FormatError(scenes.folder, "", why);
 }
@@ -299,7 +299,7 @@ FrameRange ParseFrameRange(const std::string& text) {
   if (count == 1 && text.find_first_not_of("0123456789") == std::string::npos)
     range.last = range.first;
   else if (count != 2 || text.find_first_not_of("0123456789-") != std::string::npos || range.first > range.last)
-    throw UsageError("--frames " + Quoted(text) + " is not of the form A-B");
+    throw UsageError("option 'frames' " + Quoted(text) + " is not of the form A-B");
   return range;
 }
 
@@ -334,7 +334,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   if (options.pictures == "link" && !session_takes.empty()) {
     job.findings.Warning("DAT-OUTSIDE", session_folder,
                          "its footage is symbolic links to " + root +
-                             ": commands on this session need --allow-outside; --pictures copy makes it whole");
+                             ": commands on this session need option 'allow-outside'; option 'pictures' copy makes it whole");
   }
   WriteSessionFile(job, std::move(session_takes));
   folder.Commit();

@@ -53,17 +53,17 @@ void RequireFolderFor(const PackPlan& plan, const std::string& out) {
   RequireSafeOutput(out, {plan.dataset.root}, true);
   if (!fs::exists(out)) return MakeFolder(out);
   RemoveLeftovers(out);
-  if (!fs::is_directory(out)) throw UsageError(out + ": is a file; --out names a folder");
+  if (!fs::is_directory(out)) throw UsageError(out + ": is a file; option 'out' names a folder");
   const auto is_record = [](const auto& entry) { return entry.path().filename().string().rfind(".mvstudio", 0) == 0; };
   const fs::directory_iterator entries(out);
   const bool pack = std::all_of(fs::begin(entries), fs::end(entries), is_record) || !FilesNamed(out, "shard-", "").empty() ||
                     fs::exists(out + "/" + kIndexName) || fs::exists(out + "/" + kManifestName);
-  if (!pack) throw UsageError(out + ": is not empty and holds no pack; choose another --out");
+  if (!pack) throw UsageError(out + ": is not empty and holds no pack; choose another option 'out'");
   for (const std::string& path : FilesNamed(out, "shard-", ".done.json")) {
     const std::optional<DoneMarker> done = UsableDone(path);
     if (done && done->plan_sha256 != plan.sha256) {
-      throw UsageError(out +
-                       ": holds a pack made with other options or from another dataset; choose another --out or remove it");
+      throw UsageError(
+          out + ": holds a pack made with other options or from another dataset; choose another option 'out' or remove it");
     }
   }
 }
@@ -208,7 +208,7 @@ std::vector<DoneMarker> AllDone(const std::string& out) {
   if (count > 0) {
     throw FormatError(out, "",
                       "lacks " + std::to_string(count) + " of " + std::to_string(num_shards) + " shards (" + missing +
-                          "); run dataset pack again for them, then --merge");
+                          "); run dataset pack again for them, then option 'merge'");
   }
   return all;
 }
@@ -243,7 +243,7 @@ void WriteIndex(const std::string& out, const std::vector<DoneMarker>& shards) {
 PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,
                           const ShardShare& share, const RunContext& run) {
   if (share.count < 1 || share.index < 0 || share.index >= share.count) {
-    throw UsageError("--shard " + std::to_string(share.index) + "/" + std::to_string(share.count) +
+    throw UsageError("option 'shard' " + std::to_string(share.index) + "/" + std::to_string(share.count) +
                      ": use K/N with 0 <= K < N");
   }
   const auto start = Clock::now();
@@ -287,7 +287,7 @@ void WriteSinglePack(const std::string& pack, const std::string& file) {
   for (const DoneMarker& done : index.shards) {
     ReadShardResult read = ReadShard(pack + "/" + done.file, ShardPart::kAll);
     if (read.content_sha256 != done.content_sha256) {
-      throw FormatError(pack, done.file, "is not the shard of the index; run dataset pack --merge");
+      throw FormatError(pack, done.file, "is not the shard of the index; run dataset pack option 'merge'");
     }
     shards.push_back(std::move(read.shard));
   }

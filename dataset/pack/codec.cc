@@ -97,7 +97,8 @@ Codec ParseCodec(const std::string& text) {
   const bool number = !digits.empty() && digits.size() <= 3 &&
                       std::all_of(digits.begin(), digits.end(), [](unsigned char c) { return std::isdigit(c); });
   const int quality = number ? std::stoi(digits) : 0;
-  if (quality < 1 || quality > 100) throw UsageError("--codec '" + text + "': use png, raw, or jpeg:Q with Q from 1 to 100");
+  if (quality < 1 || quality > 100)
+    throw UsageError("option 'codec' '" + text + "': use png, raw, or jpeg:Q with Q from 1 to 100");
   return {Codec::Kind::kJpeg, quality};
 }
 

@@ -216,14 +216,14 @@ Pack OpenPack(const std::string& path, const PackOpenOptions& options) {
     const std::string index_path = path + "/" + internal::kIndexName;
     if (!fs::exists(index_path)) {
       throw FormatError(path, "",
-                        IsPack(path) ? "is not finished: no INDEX.json; run dataset pack --merge"
+                        IsPack(path) ? "is not finished: no INDEX.json; run dataset pack option 'merge'"
                                      : "is no pack: neither INDEX.json nor shards in it");
     }
     for (const internal::DoneMarker& done : internal::ReadIndex(index_path).shards) {
       const std::string file = path + "/" + done.file;
       const internal::ReadShardResult read = internal::ReadShardCarefully(file, options);
       if (read.content_sha256 != done.content_sha256) {
-        throw FormatError(file, "", "is not the shard that INDEX.json names; run dataset pack again, then --merge");
+        throw FormatError(file, "", "is not the shard that INDEX.json names; run dataset pack again, then option 'merge'");
       }
       internal::AddShard(file, read, data.get());
     }

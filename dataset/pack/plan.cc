@@ -20,19 +20,19 @@ namespace fs = std::filesystem;
 constexpr int64_t kShardPixelBytes = int64_t{768} << 20;  // decoded pictures of one shard, at most
 
 void CheckOptions(const PackOptions& o) {
-  if (o.crop_px < 8 || o.crop_px > 4096) throw UsageError("--crop " + std::to_string(o.crop_px) + ": use 8 to 4096 px");
-  if (!(o.fill > 0.05 && o.fill <= 2)) throw UsageError("--fill: use 0.05 to 2");
+  if (o.crop_px < 8 || o.crop_px > 4096) throw UsageError("option 'crop' " + std::to_string(o.crop_px) + ": use 8 to 4096 px");
+  if (!(o.fill > 0.05 && o.fill <= 2)) throw UsageError("option 'fill': use 0.05 to 2");
   if (!(o.half_extent_m >= 0 && o.half_extent_m < 100))
-    throw UsageError("--half-extent: use metres, or 0 for the person's own");
-  if (o.shard_samples < 1) throw UsageError("--shard-samples: use 1 or more");
-  if (o.undistort && !o.full) throw UsageError("--undistort goes with --full; crops are undistorted always");
+    throw UsageError("option 'half-extent': use metres, or 0 for the person's own");
+  if (o.shard_samples < 1) throw UsageError("option 'shard-samples': use 1 or more");
+  if (o.undistort && !o.full) throw UsageError("option 'undistort' goes with option 'full'; crops are undistorted always");
 }
 
 std::set<int> ChooseCameras(const PanopticDataset& dataset, const std::vector<std::string>& names) {
   std::set<int> chosen;
   for (const std::string& name : names) {
     const int idx = dataset.rig.Find(dataset.Resolve(name));
-    if (idx < 0) throw UsageError("--cameras: '" + name + "' is not in " + dataset.root);
+    if (idx < 0) throw UsageError("option 'cameras': '" + name + "' is not in " + dataset.root);
     chosen.insert(idx);
   }
   for (size_t i = 0; names.empty() && i < dataset.rig.cameras.size(); ++i) chosen.insert(static_cast<int>(i));
@@ -43,7 +43,7 @@ std::set<int> ChooseFrames(const PanopticDataset& dataset, const std::vector<int
   const std::set<int> known(dataset.frames.begin(), dataset.frames.end());
   for (const int frame : frames) {
     if (!known.count(frame)) {
-      throw UsageError("--frames: frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
+      throw UsageError("option 'frames': frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
                        "; it has " + std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
     }
   }
@@ -67,7 +67,7 @@ void RequirePerson(const PanopticDataset& dataset, int person) {
   for (const auto& [frame, people] : dataset.poses) {
     if (people.count(person)) return;
   }
-  throw UsageError("--person " + std::to_string(person) + " is in no frame of " + dataset.root);
+  throw UsageError("option 'person' " + std::to_string(person) + " is in no frame of " + dataset.root);
 }
 
 // Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.

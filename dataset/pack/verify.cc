@@ -58,7 +58,7 @@ class Verifier {
     const std::string index_path = path_ + "/" + kIndexName;
     if (!fs::exists(index_path)) {
       complete_ = false;
-      Error("PCK-INDEX", path_, "is not finished: no INDEX.json; run dataset pack --merge");
+      Error("PCK-INDEX", path_, "is not finished: no INDEX.json; run dataset pack option 'merge'");
     } else {
       try {
         Index(ReadIndex(index_path), &shards);
@@ -101,7 +101,7 @@ class Verifier {
       if (marker == shards->end()) {
         Add(Finding::Severity::kWarning, "PCK-DONE", path_ + "/" + done.file, "has no done-marker that can be read");
       } else if (marker->second.sha256 != done.sha256) {
-        Error("PCK-INDEX", path_ + "/" + done.file, "was made again after INDEX.json; run dataset pack --merge");
+        Error("PCK-INDEX", path_ + "/" + done.file, "was made again after INDEX.json; run dataset pack option 'merge'");
         listed[done.file] = marker->second;
       }
     }

@@ -101,7 +101,7 @@ Eigen::Matrix<double, 5, 1> BrownCoefficients(const Camera& camera) {
     dist.head(count) = k.head(count);
   } else {
     throw UsageError("camera " + camera.name + ": its lens model " + std::string(ToString(camera.model)) +
-                     " cannot be written in Panoptic's five coefficients; calibrate with --model brown5");
+                     " cannot be written in Panoptic's five coefficients; calibrate with option 'model' brown5");
   }
   return dist;
 }

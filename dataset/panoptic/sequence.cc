@@ -215,10 +215,11 @@ std::vector<std::string> SelectPanopticCameras(const std::vector<std::string>& n
   }
   for (const std::string& word : words) {
     if (!used.count(word))
-      throw UsageError("--cameras " + internal::Quoted(word) + ": the calibration has no such camera; it has " +
+      throw UsageError("option 'cameras' " + internal::Quoted(word) + ": the calibration has no such camera; it has " +
                        NamesText(names));
   }
-  if (selected.empty()) throw UsageError("--cameras names no camera; it takes hd, vga, kinect and names: " + NamesText(names));
+  if (selected.empty())
+    throw UsageError("option 'cameras' names no camera; it takes hd, vga, kinect and names: " + NamesText(names));
   return selected;
 }
 

@@ -47,7 +47,7 @@ json ParsePoseJson(const std::string& text, const PoseFile& file) {
 std::string FittingSkeletons(size_t num_joints) {
   std::string fitting;
   for (const std::string& name : body::SkeletonsOfSize(num_joints)) fitting += (fitting.empty() ? "" : " or ") + name;
-  return fitting.empty() ? "no known skeleton has that many" : "--skeleton " + fitting + " would fit";
+  return fitting.empty() ? "no known skeleton has that many" : "option 'skeleton' " + fitting + " would fit";
 }
 
 void AppendKeypoints(const json& numbers, size_t num_joints, const std::string& where, const PoseFile& file, Person2d* person) {

@@ -237,9 +237,10 @@ void ReadHead(TableView& top, Session* session) {
   session->calibration = top.Text("calibration");
   session->fps_hz = Rate(top);
   if (top.Flag("follow_symlinks")) {
-    session->warnings.push_back(top.path() +
-                                ": follow_symlinks is not used any more: only --allow-outside on the command line lets a "
-                                "session leave its folder");
+    session->warnings.push_back(
+        top.path() +
+        ": follow_symlinks is not used any more: only option 'allow-outside' on the command line lets a session "
+        "leave its folder");
   }
 }
 

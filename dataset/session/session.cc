@@ -25,7 +25,7 @@ bool IsWithin(const fs::path& real, const fs::path& real_folder) {
 
 [[noreturn]] void Leaves(const Session& session, const std::string& path, const std::string& how) {
   throw FormatError((fs::path(session.folder) / "mvstudio.toml").string(), path,
-                    how + "; footage must lie in the session: copy it there, or allow it with --allow-outside");
+                    how + "; footage must lie in the session: copy it there, or allow it with option 'allow-outside'");
 }
 
 /// What a pattern begins with, up to the first part that is not there by its very name.
@@ -48,9 +48,10 @@ std::string PlaceInSession(const Session& session, const fs::path& relative) {
     std::error_code error;
     if (!fs::is_symlink(fs::symlink_status(at, error))) continue;
     if (fs::exists(at, error) && IsWithin(Real(at), real_folder)) continue;
-    throw FormatError(at.string(), "",
-                      "is a symbolic link out of the session; make it a folder, allow it with --allow-outside, or name another "
-                      "place with --out");
+    throw FormatError(
+        at.string(), "",
+        "is a symbolic link out of the session; make it a folder, allow it with option 'allow-outside', or name another "
+        "place with option 'out'");
   }
   return at.string();
 }
@@ -92,9 +93,10 @@ const SessionTake& TakeOf(const Session& session, const std::string& name) {
     if (!name.empty() && take.name == name) return take;
     if (take.kind == "people") only = &take, ++people;
   }
-  if (!name.empty()) throw UsageError("--take " + name + ": the session has no such take; it has " + KnownTakes(session));
+  if (!name.empty())
+    throw UsageError("option 'take' " + name + ": the session has no such take; it has " + KnownTakes(session));
   if (people == 1) return *only;
-  throw UsageError("--take is needed: the session has " + std::to_string(people) +
+  throw UsageError("option 'take' is needed: the session has " + std::to_string(people) +
                    " takes with people (takes: " + KnownTakes(session) + ")");
 }
 

@@ -35,7 +35,7 @@ struct Session {
   std::string folder;            ///< where mvstudio.toml lies
   std::string units;             ///< "m", "cm" or "mm"
   std::string source;            ///< a note; may be empty
-  std::string board;             ///< as `--board` takes it; may be empty
+  std::string board;             ///< as `calib::ParseBoard` takes it; may be empty
   std::string calibration;       ///< relative path; empty: calib/calibration.json where it is there
   std::optional<double> fps_hz;  ///< of all footage that does not say it itself
   bool allow_outside = false;    ///< whoever runs the command lets it leave its folder; a session cannot say so itself

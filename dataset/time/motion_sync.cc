@@ -145,7 +145,7 @@ size_t Reference(Network* net, const std::vector<MotionEnergy>& cameras, const s
     for (size_t j = 0; j < net->size; ++j) score += i != j && net->At(i, j).tells ? net->At(i, j).score : 0;
     if (score > best_score) best = i, best_score = score;
   }
-  if (!name.empty()) throw UsageError("--reference " + name + ": no such camera has footage");
+  if (!name.empty()) throw UsageError("option 'reference' " + name + ": no such camera has footage");
   return best;
 }
 

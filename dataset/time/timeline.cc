@@ -71,7 +71,7 @@ size_t Reference(const std::vector<Clock>& clocks, const std::vector<double>& kn
     throw FormatError(clocks[i].times->source, "",
                       "camera " + named + " has no regular time stamps, or no offset: it cannot be the reference");
   }
-  if (must) throw UsageError("--reference " + named + ": no such camera has footage in this take");
+  if (must) throw UsageError("option 'reference' " + named + ": no such camera has footage in this take");
   for (size_t i = 0; i < clocks.size(); ++i) {
     if (fits(i)) return i;
   }

@@ -91,7 +91,7 @@ void InspectVideo(InspectedFootage* f, bool decode, Findings* findings) {
   if (f->num_frames == 0) damage.push_back("holds no frame");
   for (const std::string& line : damage) {
     findings->push_back({true, "SES-DAMAGED", Where(*f) + " (" + f->path + "): " + line,
-                         "copy the video again, or use what decodes with --keep-undamaged"});
+                         "copy the video again, or use what decodes with option 'keep-undamaged'"});
   }
 }
 
@@ -176,7 +176,7 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
     findings->push_back({false, "SES-SIZE",
                          Where(f) + ": the footage is " + SizeText(f.info->width, f.info->height) +
                              ", the calibration is for " + SizeText(c.width_px, c.height_px),
-                         "small differences are explained by dataset build --size-rule"});
+                         "small differences are explained by dataset build option 'size-rule'"});
   }
   for (const SessionCamera& camera : session.cameras) {
     if (rig.Find(camera.name) >= 0) continue;

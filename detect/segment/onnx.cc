@@ -54,7 +54,7 @@ class Onnx : public internal::CropSegmenter {
     }
     if (net_.empty()) throw FormatError(path, "", "holds no net");
     if (options.width < 1 || options.height < 1 || options.width > kMostSide || options.height > kMostSide)
-      throw UsageError("--onnx-width and --onnx-height must be in 1.." + std::to_string(kMostSide));
+      throw UsageError("option 'onnx-width' and option 'onnx-height' must be in 1.." + std::to_string(kMostSide));
   }
 
  protected:
@@ -71,7 +71,7 @@ class Onnx : public internal::CropSegmenter {
     } catch (const cv::Exception& error) {
       throw FormatError(path_, "",
                         "does not run on " + std::to_string(options_.width) + "x" + std::to_string(options_.height) +
-                            " px (--onnx-width, --onnx-height): " + error.err);
+                            " px (option 'onnx-width', option 'onnx-height'): " + error.err);
     }
     return PersonChannel(out);
   }
@@ -92,7 +92,8 @@ class Onnx : public internal::CropSegmenter {
     }
     const int person = options_.person_channel >= 0 ? options_.person_channel : (count == 2 ? 1 : -1);
     if (person < 0 || person >= count)
-      throw UsageError("--onnx-channel: which of the " + std::to_string(count) + " channels of " + path_ + " is the person's?");
+      throw UsageError("option 'onnx-channel': which of the " + std::to_string(count) + " channels of " + path_ +
+                       " is the person's?");
     return ChannelProbability(channels, person);
   }
 

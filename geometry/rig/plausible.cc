@@ -123,7 +123,8 @@ double FarthestApart(const Rig& rig) {
 void LookAtDistances(const Rig& rig, std::vector<RigDoubt>* doubts) {
   if (rig.cameras.size() < 2) return;
   const double apart = FarthestApart(rig), least = rig.cameras.size() == 2 ? kMinApartPair : kMinApart;
-  const std::string hint = "if the unit is another: calib convert --unit mm, cm or m, or the side of the board's squares";
+  const std::string hint =
+      "if the unit is another: calib convert option 'unit' mm, cm or m, or the side of the board's squares";
   if (apart > kMaxApart) {
     doubts->push_back({"CAL-DISTANCES",
                        "the cameras stand up to " + Number(apart) + " m apart; were the numbers millimetres it would be " +
@@ -214,8 +215,8 @@ double ShareWithoutRay(const Camera& camera) {
 std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
   std::vector<RigDoubt> doubts;
   const std::string compare = "compare with the program that wrote the file; calib eval tells whether pictures agree with it";
-  Report(rig, "CAL-DECENTRING", compare + "; --ignore-distortion where the pictures are undistorted already", LookAtDecentring,
-         &doubts);
+  Report(rig, "CAL-DECENTRING", compare + "; option 'ignore-distortion' where the pictures are undistorted already",
+         LookAtDecentring, &doubts);
   LookAtOrder(rig, &doubts);
   Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
          &doubts);

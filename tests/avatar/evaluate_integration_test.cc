@@ -247,7 +247,7 @@ TEST_F(EvaluateRun, MissingThingsAreNamed) {
   moved.dataset = "/nowhere/dataset";
   WriteRunConfig(moved, run() + "/config.json");
   EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), {}, {}); }),
-              AllOf(HasSubstr("/nowhere/dataset"), HasSubstr("--dataset")));
+              AllOf(HasSubstr("/nowhere/dataset"), HasSubstr("option 'dataset'")));
   EvaluateOptions options;
   options.dataset = dataset(), options.other_pictures = 0, options.pictures = 0;
   EXPECT_NO_THROW(Evaluate(run(), options, {}));

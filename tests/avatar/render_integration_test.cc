@@ -221,7 +221,8 @@ TEST_F(RenderRun, SizesAndWholePictures) {
   }
   EXPECT_LT(nearest, 20);
   options.network_size_px = 66;
-  EXPECT_THAT(MessageOf<UsageError>([&] { RenderAll(model, options); }), AllOf(HasSubstr("--network-size"), HasSubstr("66")));
+  EXPECT_THAT(MessageOf<UsageError>([&] { RenderAll(model, options); }),
+              AllOf(HasSubstr("option 'network-size'"), HasSubstr("66")));
 }
 
 TEST_F(RenderRun, ATurntableLooksAtThePersonFromAllSides) {
@@ -257,8 +258,8 @@ TEST_F(RenderRun, WrongRequestsAreNamed) {
   };
   EXPECT_THAT(message([](RenderOptions& o) { o.cameras = "cam_77"; }), AllOf(HasSubstr("cam_77"), HasSubstr("00_04")));
   EXPECT_THAT(message([](RenderOptions& o) { o.frames = {99}; }), HasSubstr("frame 99"));
-  EXPECT_THAT(message([](RenderOptions& o) { o.scale_normalise = "yes"; }), HasSubstr("--scale-normalise"));
-  EXPECT_THAT(message([](RenderOptions& o) { o.poses = "a", o.bvh = "b"; }), HasSubstr("--bvh"));
+  EXPECT_THAT(message([](RenderOptions& o) { o.scale_normalise = "yes"; }), HasSubstr("option 'scale-normalise'"));
+  EXPECT_THAT(message([](RenderOptions& o) { o.poses = "a", o.bvh = "b"; }), HasSubstr("option 'bvh'"));
   RenderOptions usual;
   const RenderPlan plan = MakeRenderPlan(config_, data_, usual);
   EXPECT_EQ(plan.jobs.size(), 4u) << "held-out cameras in held-out frames";

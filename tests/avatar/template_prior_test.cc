@@ -217,13 +217,13 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   const auto message = [](const AvatarPack& pack, const ModelOptions& options) {
     return MessageOf<UsageError>([&] { Trainer(pack, options, Steps(1), OneThread()); });
   };
-  EXPECT_THAT(message(without, Tiny("tna")), AllOf(HasSubstr("--prior template needs"), HasSubstr("template maps")));
-  EXPECT_THAT(message(small, Tiny("tna")), HasSubstr("--prior template needs"));
-  EXPECT_THAT(message(with, bones), HasSubstr("--prior none takes no"));
+  EXPECT_THAT(message(without, Tiny("tna")), AllOf(HasSubstr("option 'prior' template needs"), HasSubstr("template maps")));
+  EXPECT_THAT(message(small, Tiny("tna")), HasSubstr("option 'prior' template needs"));
+  EXPECT_THAT(message(with, bones), HasSubstr("option 'prior' none takes no"));
   AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
   EXPECT_THROW(Render(model, PosesOf(without), kSize, kSize), ContractViolation);
   bones.prior = "all";
-  EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("--prior must be none or template"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("option 'prior' must be none or template"));
 }
 
 TEST(TemplatePrior, PacksKeepTheMapsAndRefuseBadOnes) {

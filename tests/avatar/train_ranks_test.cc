@@ -212,7 +212,7 @@ TEST(Ranks, GoOnWithAsManyPicturesAStepAsBefore) {
   TrainOptions options = TrainOptionsFrom(file, "x");
   Trainer alone(pack, file, "x", options, OneThread());
   EXPECT_THAT(mvstudio::testing::MessageOf<UsageError>([&] { alone.Run(nullptr, nullptr); }),
-              ::testing::HasSubstr("--ranks as before, 2"));
+              ::testing::HasSubstr("option 'ranks' as before, 2"));
   options.batch = 4;
   EXPECT_EQ(Trainer(pack, file, "x", options, OneThread()).Run(nullptr, nullptr).steps_done, 5) << "the same pictures";
 }

@@ -141,13 +141,13 @@ TEST(Vnl, SaysWhatIsWrong) {
     return MessageOf<Error>([&] { ReadCornerFile(Write(folder, "a.vnl", text), options); });
   };
   const CornerFileOptions two = WithBoard(Grid(2, 2, 0.1));
-  EXPECT_SAYS(read(kVnl, {}), "give --board");
+  EXPECT_SAYS(read(kVnl, {}), "give option 'board'");
   EXPECT_SAYS(read(kVnl, WithBoard(Grid(3, 3, 0.1))), "has 4 corners, the board 9");
   EXPECT_SAYS(read("# filename x y level\ncam0-1.jpg 1 nan 0\n", WithBoard(Grid(1, 1, 0.1))), "line 2");
   EXPECT_SAYS(read("# filename x y level\ncam0-1.jpg 1 2\n", two), "3 columns");
   EXPECT_SAYS(read("# filename x y level\n", two), "no corner in it");
   EXPECT_SAYS(read("", two), "empty");
-  EXPECT_SAYS(read("board.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\n", two), "--corners-camera");
+  EXPECT_SAYS(read("board.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\n", two), "option 'corners-camera'");
   EXPECT_SAYS(read("a1.jpg 1 1\nb1.jpg 1 1\na1.jpg 1 1\n", two), "not together");
   CornerFileOptions bad = two;
   bad.sizes = {"cam7=640x480"};
@@ -319,7 +319,7 @@ TEST(CornerCsv, SaysWhatIsWrong) {
     return MessageOf<Error>([&] { ReadCornerFile(Write(folder, "a.csv", text)); });
   };
   const std::string header = "# board 0 chessboard:3x2:25mm\ncamera,frame,board,corner,x_px,y_px\n";
-  EXPECT_SAYS(read("camera,frame,corner,x_px,y_px\na,1,0,1,1\n"), "give --board");
+  EXPECT_SAYS(read("camera,frame,corner,x_px,y_px\na,1,0,1,1\n"), "give option 'board'");
   EXPECT_SAYS(read(header + "a,1,1,0,1,1\n"), "there are 1 boards");
   EXPECT_SAYS(read(header + "a,1,0,6,1,1\n"), "corner 6 is not on the board");
   EXPECT_SAYS(read(header + "a,1,0,0,1,inf\n"), "line 3, y_px");

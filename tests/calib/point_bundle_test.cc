@@ -271,7 +271,7 @@ TEST(AdjustScene, ReasonsForRefusal) {
   SceneScale scale;
   EXPECT_NE(mvstudio::testing::MessageOf<UsageError>([&] {
               AdjustScene(model.scene, model.images, scale, {}, {});
-            }).find("--camera-distance"),
+            }).find("option 'camera-distance'"),
             std::string::npos);
   scale.distance = SceneScale::Distance{"cam0", "blind", 1, 0};
   EXPECT_EQ(AdjustScene(model.scene, model.images, scale, {}, {}).status, Status::kTooFewViews);

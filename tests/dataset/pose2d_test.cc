@@ -258,7 +258,7 @@ TEST_F(Pose2d, PeopleWithoutABodyAreLeftOut) {
 
 TEST_F(Pose2d, WrongSkeletonNamesTheOneThatFits) {
   Put("1.json", People(75));
-  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("--skeleton body25 or body25b would fit"));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("option 'skeleton' body25 or body25b would fit"));
   Put("1.json", People(18 * 3));
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("coco18"));
   Put("1.json", People(76));

@@ -56,18 +56,18 @@ TEST(SynthOptions, NonsenseIsRefusedByName) {
     }
     return false;
   };
-  EXPECT_TRUE(refused("--size", [](auto& o) { o.size = "640"; }));
-  EXPECT_TRUE(refused("--size", [](auto& o) { o.size = "641x480"; }));
-  EXPECT_TRUE(refused("--size", [](auto& o) { o.size = "640x480x3"; }));
-  EXPECT_TRUE(refused("--lens", [](auto& o) { o.lens = "fisheye"; }));
-  EXPECT_TRUE(refused("--lens", [](auto& o) { o.lens = "splined"; }));
-  EXPECT_TRUE(refused("--arrangement", [](auto& o) { o.arrangement = "line"; }));
-  EXPECT_TRUE(refused("--cameras", [](auto& o) { o.cameras = 0; }));
-  EXPECT_TRUE(refused("--noise-px", [](auto& o) { o.noise_px = -1; }));
-  EXPECT_TRUE(refused("--samples", [](auto& o) { o.samples = 0; }));
+  EXPECT_TRUE(refused("option 'size'", [](auto& o) { o.size = "640"; }));
+  EXPECT_TRUE(refused("option 'size'", [](auto& o) { o.size = "641x480"; }));
+  EXPECT_TRUE(refused("option 'size'", [](auto& o) { o.size = "640x480x3"; }));
+  EXPECT_TRUE(refused("option 'lens'", [](auto& o) { o.lens = "fisheye"; }));
+  EXPECT_TRUE(refused("option 'lens'", [](auto& o) { o.lens = "splined"; }));
+  EXPECT_TRUE(refused("option 'arrangement'", [](auto& o) { o.arrangement = "line"; }));
+  EXPECT_TRUE(refused("option 'cameras'", [](auto& o) { o.cameras = 0; }));
+  EXPECT_TRUE(refused("option 'noise-px'", [](auto& o) { o.noise_px = -1; }));
+  EXPECT_TRUE(refused("option 'samples'", [](auto& o) { o.samples = 0; }));
   EXPECT_TRUE(refused("board", [](auto& o) { o.board = "charuco"; }));
-  EXPECT_TRUE(refused("--format", [](auto& o) { o.format = "avi"; }));
-  EXPECT_TRUE(refused("--fps", [](auto& o) { o.fps = 0; }));
+  EXPECT_TRUE(refused("option 'format'", [](auto& o) { o.format = "avi"; }));
+  EXPECT_TRUE(refused("option 'fps'", [](auto& o) { o.fps = 0; }));
 }
 
 TEST(LensRays, GoThroughTheExactLens) {

@@ -77,12 +77,13 @@ void CheckOptions(const SkeletonRefineOptions& o) {
   for (const auto& [name, value] : {std::pair<std::string, std::string>{"robust", o.robust},
                                     {"smoothness", o.smoothness},
                                     {"bone-lengths", o.bone_lengths}}) {
-    require(value == "auto" || value == "on" || value == "off", "--refine-" + name + " is auto, on or off, not " + value);
+    require(value == "auto" || value == "on" || value == "off",
+            "option 'refine-" + name + "' is auto, on or off, not " + value);
   }
-  require(o.max_fill_frames >= 0 && o.max_fill_frames <= 1000, "--refine-max-fill-frames must lie in 0..1000");
-  require(o.max_fill_sigmas > 0, "--refine-max-fill-sigmas must be positive");
-  require(o.choice_frames >= 10, "--refine-choice-frames must be at least 10");
-  require(o.choice_cameras >= 1, "--refine-choice-cameras must be at least 1");
+  require(o.max_fill_frames >= 0 && o.max_fill_frames <= 1000, "option 'refine-max-fill-frames' must lie in 0..1000");
+  require(o.max_fill_sigmas > 0, "option 'refine-max-fill-sigmas' must be positive");
+  require(o.choice_frames >= 10, "option 'refine-choice-frames' must be at least 10");
+  require(o.choice_cameras >= 1, "option 'refine-choice-cameras' must be at least 1");
 }
 
 size_t NumJoints(const TakeResult& take) {

@@ -31,16 +31,16 @@ void CheckOptions(const PreparedRig& rig, const SyncOptions& o) {
   const auto require = [](bool holds, const std::string& message) {
     if (!holds) throw UsageError(message);
   };
-  require(o.max_offset_frames >= 1 && o.max_offset_frames <= 100000, "--max-offset-frames must lie in 1..100000");
-  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
-  require(o.min_frames >= 5, "--min-frames must be at least 5");
-  require(o.min_overlap > 0 && o.min_overlap <= 1, "--min-overlap must lie in 0..1, above 0");
+  require(o.max_offset_frames >= 1 && o.max_offset_frames <= 100000, "option 'max-offset-frames' must lie in 1..100000");
+  require(o.min_score >= 0 && o.min_score <= 1, "option 'min-score' must lie in 0..1");
+  require(o.min_frames >= 5, "option 'min-frames' must be at least 5");
+  require(o.min_overlap > 0 && o.min_overlap <= 1, "option 'min-overlap' must lie in 0..1, above 0");
   std::string names;
   for (const PreparedCamera& camera : rig.cameras) {
     if (camera.name == o.reference) return;
     names += (names.empty() ? "" : ", ") + camera.name;
   }
-  require(o.reference.empty(), "--reference " + o.reference + " is no camera of the calibration; there are " + names);
+  require(o.reference.empty(), "option 'reference' " + o.reference + " is no camera of the calibration; there are " + names);
 }
 
 double Strength(const PairCurve& curve) { return curve.usable() ? 1 - curve.Cost(curve.Best()) : 0; }

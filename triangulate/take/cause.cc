@@ -263,8 +263,8 @@ void TryOffsets(const Take& take, const std::vector<FrameFit>& given, const Judg
   if (offsets.empty()) return;
   std::vector<DetectedFrame> frames = Draw(ApplyOffsets(take.frames, offsets), judge).judge;
   if (frames.size() < 2) return;
-  Try({Cause::kTimeOffset, internal::OffsetText(take.rig, offsets), "run `mvstudio sync` and give its result with --sync",
-       take.rig, std::move(frames)},
+  Try({Cause::kTimeOffset, internal::OffsetText(take.rig, offsets),
+       "run `mvstudio sync` and give its result with option 'sync'", take.rig, std::move(frames)},
       given, judge, report);
 }
 

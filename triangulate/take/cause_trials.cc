@@ -41,7 +41,7 @@ void AddDistortion(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   if (!changed) return;
   list->push_back({Cause::kDistortion, "without distortion",
                    "if the pictures are undistorted already, give the calibration of the undistorted ones (triangulate: "
-                   "--ignore-distortion)",
+                   "option 'ignore-distortion')",
                    *changed, frames});
 }
 

@@ -17,7 +17,7 @@ constexpr char kExhaustiveDlt[] = "exhaustive-dlt";
 PointMethod MethodByName(const std::string& name) {
   if (name == kExhaustiveDlt) return PointMethod::kRobust;
   const std::optional<PointMethod> method = PointMethodFromString(name);
-  if (!method) throw UsageError("--method " + name + " is unknown; choose one of " + MethodNames());
+  if (!method) throw UsageError("option 'method' " + name + " is unknown; choose one of " + MethodNames());
   return *method;
 }
 
@@ -130,17 +130,18 @@ void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
   const auto require = [](bool holds, const char* message) {
     if (!holds) throw UsageError(message);
   };
-  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "--sigma-px must be a positive number, or 0 to estimate it");
-  require(o.min_score >= 0 && o.min_score <= 1, "--min-score must lie in 0..1");
-  require(o.score_power >= 0 && o.score_power <= 4, "--score-power must lie in 0..4");
-  require(o.max_residual_sigmas > 0, "--max-residual-sigmas must be positive");
-  require(o.min_parallax_sigmas > 0, "--min-parallax-sigmas must be positive");
-  require(o.max_distance_m >= 0, "--max-distance-m must not be negative");
-  require(o.min_views >= 2, "--min-views must be at least 2");
-  require(o.max_persons >= 1, "--max-persons must be at least 1");
-  require(o.max_error_px > 0, "--max-error-px must be positive");
-  require(o.holdout_points >= 0, "--holdout-points must not be negative");
-  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20, "--method exhaustive-dlt takes at most 20 cameras; use auto");
+  require(o.sigma_px >= 0 && std::isfinite(o.sigma_px), "option 'sigma-px' must be a positive number, or 0 to estimate it");
+  require(o.min_score >= 0 && o.min_score <= 1, "option 'min-score' must lie in 0..1");
+  require(o.score_power >= 0 && o.score_power <= 4, "option 'score-power' must lie in 0..4");
+  require(o.max_residual_sigmas > 0, "option 'max-residual-sigmas' must be positive");
+  require(o.min_parallax_sigmas > 0, "option 'min-parallax-sigmas' must be positive");
+  require(o.max_distance_m >= 0, "option 'max-distance-m' must not be negative");
+  require(o.min_views >= 2, "option 'min-views' must be at least 2");
+  require(o.max_persons >= 1, "option 'max-persons' must be at least 1");
+  require(o.max_error_px > 0, "option 'max-error-px' must be positive");
+  require(o.holdout_points >= 0, "option 'holdout-points' must not be negative");
+  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20,
+          "option 'method' exhaustive-dlt takes at most 20 cameras; use auto");
 }
 
 TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& detected, const TakeBody& body,

@@ -36,7 +36,7 @@ std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& so
 /// One camera left out, on at most about `max_points` points evenly spread over the take.
 LeftOutSummary HoldOut(const TakeProblem& problem, const PointSolver& solve, int max_points, int num_threads);
 
-/// The names that --method knows, in one line.
+/// The names that `method` knows, in one line.
 std::string MethodNames();
 
 }  // namespace mvstudio::triangulate

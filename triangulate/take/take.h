@@ -76,7 +76,7 @@ struct TakeResult {
   std::vector<std::vector<Observation>> observations;  ///< of each point, with its final sigmas
   std::vector<CameraDiagnosis> cameras;                ///< in the rig's order
   std::string method;                                  ///< that solved the points
-  MethodChoice choice;                                 ///< how --method auto came to it; no scores for any other
+  MethodChoice choice;                                 ///< how the method auto came to it; no scores for any other
   LeftOutSummary holdout;                              ///< that method, one camera left out
   SideReport sides;                                    ///< detections whose left and right were swapped back
   int num_ghosts = 0;                                  ///< persons made of chance matches, dropped

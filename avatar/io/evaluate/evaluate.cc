@@ -66,9 +66,9 @@ struct Selection {
 
 Selection Holdout(const DatasetSplit& split, const std::string& folder) {
   if (split.holdout_cameras.empty() && split.holdout_frames.empty()) {
-    throw UsageError(
-        folder +
-        ": nothing was held out in training, so nothing can be scored; train with --holdout-cameras and --holdout-frames");
+    throw UsageError(folder +
+                     ": nothing was held out in training, so nothing can be scored; train with option 'holdout-cameras' and "
+                     "option 'holdout-frames'");
   }
   if (split.holdout_frames.empty()) return {"held-out cameras in training frames", split.holdout_cameras, split.train_frames};
   if (split.holdout_cameras.empty()) return {"training cameras in held-out frames", split.train_cameras, split.holdout_frames};
@@ -83,9 +83,9 @@ void UseCameras(const dataset::PanopticDataset& data, const std::string& names, 
   std::istringstream in(names);
   for (std::string name; std::getline(in, name, ',');) {
     const std::string camera = data.Resolve(name);
-    if (camera.empty()) throw UsageError("--cameras " + name + " is not in " + data.root);
+    if (camera.empty()) throw UsageError("option 'cameras' " + name + " is not in " + data.root);
     if (std::count(split.train_cameras.begin(), split.train_cameras.end(), camera) > 0) {
-      throw UsageError("--cameras " + name + ": the run was trained on it");
+      throw UsageError("option 'cameras' " + name + ": the run was trained on it");
     }
     split.holdout_cameras.push_back(camera);
   }

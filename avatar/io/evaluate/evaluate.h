@@ -107,7 +107,7 @@ struct Evaluation {
 Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& options, const RunContext& run,
                     const std::function<double()>& clock_s = {});
 
-/// The metrics of `mvstudio avatar eval --json`: holdout, baselines, per_camera, per_motion, other_splits, split, training,
+/// The metrics of an evaluation as JSON: holdout, baselines, per_camera, per_motion, other_splits, split, training,
 /// protocol_sha256, convention. One JSON object.
 std::string ToJsonText(const Evaluation& evaluation);
 /// The same as a table for people.

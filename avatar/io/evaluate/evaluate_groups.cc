@@ -42,7 +42,7 @@ MotionFrames ParseMotion(const std::string& text) {
   int length = 0;
   if (std::sscanf(range.c_str(), "%d-%d%n", &motion.first, &motion.last, &length) != 2 ||
       length != static_cast<int>(range.size()) || motion.last < motion.first || equals == 0) {
-    throw UsageError("--motions: '" + text + "' is not NAME=FIRST-LAST");
+    throw UsageError("option 'motions': '" + text + "' is not NAME=FIRST-LAST");
   }
   motion.name = equals == std::string::npos ? RangeText(motion.first, motion.last) : text.substr(0, equals);
   return motion;
@@ -73,7 +73,7 @@ std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vecto
     motions.push_back(ParseMotion(one));
     const MotionFrames& motion = motions.back();
     if (std::none_of(frames.begin(), frames.end(), [&](int f) { return motion.first <= f && f <= motion.last; }))
-      throw UsageError("--motions: no frame of '" + one + "' is scored; the frames are " +
+      throw UsageError("option 'motions': no frame of '" + one + "' is scored; the frames are " +
                        RangeText(frames.front(), frames.back()));
   }
   return motions;

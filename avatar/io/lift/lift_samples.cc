@@ -134,16 +134,17 @@ std::array<LiftView, kLiftWindow> Detect(const std::array<Coco19Pose, kLiftWindo
 }
 
 void Check(bool fine, const std::string& option, const std::string& range) {
-  if (!fine) throw UsageError("--" + option + " must be " + range);
+  if (!fine) throw UsageError("option '" + option + "' must be " + range);
 }
 
 }  // namespace
 
 void Validate(const LiftSampleOptions& o) {
   Check(o.pose_jitter_deg >= 0 && o.pose_jitter_deg <= 90, "pose-jitter-deg", "0 to 90");
-  Check(o.min_distance >= 1 && o.min_distance <= o.max_distance, "min-distance", "1 to --max-distance");
+  Check(o.min_distance >= 1 && o.min_distance <= o.max_distance, "min-distance", "1 to option 'max-distance'");
   Check(o.max_distance <= 1000, "max-distance", "at most 1000");
-  Check(o.min_pitch_deg > -90 && o.min_pitch_deg <= o.max_pitch_deg, "min-pitch-deg", "above -90 and at most --max-pitch-deg");
+  Check(o.min_pitch_deg > -90 && o.min_pitch_deg <= o.max_pitch_deg, "min-pitch-deg",
+        "above -90 and at most option 'max-pitch-deg'");
   Check(o.max_pitch_deg < 90, "max-pitch-deg", "below 90");
   Check(o.noise >= 0 && o.noise <= 0.2, "noise", "0 to 0.2");
   Check(o.bias >= 0 && o.bias <= 0.2, "bias", "0 to 0.2");

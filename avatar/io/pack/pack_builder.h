@@ -37,8 +37,8 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
   visit("person", o.person, "person id in the dataset; -1: the one with most frames");
   visit("pose3d", o.pose3d,
-        "folder with points.csv (`triangulate`): toes, heels, hands and face for --inputs 21, 24 and 27, beside the dataset's "
-        "own files");
+        "folder with points.csv (`triangulate`): toes, heels, hands and face for option 'inputs' 21, 24 and 27, beside the "
+        "dataset's own files");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
   visit(
       "iuv", o.iuv,

@@ -155,7 +155,8 @@ RunConfig ReadRunConfig(const std::string& path) {
 
 RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
   namespace fs = std::filesystem;
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder; give the --out folder of `mvstudio avatar train`");
+  if (!fs::is_directory(folder))
+    throw IoError(folder, "no such folder; give the option 'out' folder of `mvstudio avatar train`");
   const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
   if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
   if (!fs::exists(checkpoint))
@@ -165,7 +166,7 @@ RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
   if (!dataset.empty()) config.dataset = dataset;
   if (!fs::is_directory(config.dataset)) {
     throw IoError(config.dataset,
-                  "the dataset that " + config_path + " was trained on is not there; pass its new place with --dataset");
+                  "the dataset that " + config_path + " was trained on is not there; pass its new place with option 'dataset'");
   }
   return config;
 }

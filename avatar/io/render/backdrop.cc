@@ -87,7 +87,7 @@ Backdrop::Backdrop(const std::string& text) {
   if (named != NamedColours().end()) colour_ = named->second;
   if (named != NamedColours().end() || ParseColour(text, &colour_)) return;
   if (!std::filesystem::exists(text)) {
-    throw UsageError("--background '" + text +
+    throw UsageError("option 'background' '" + text +
                      "' is neither a file nor a colour; colours are black, white, grey, green, #rrggbb or r,g,b");
   }
   picture_ = dataset::ReadImage(text);

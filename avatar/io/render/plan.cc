@@ -28,7 +28,7 @@ std::vector<Coco19Pose> TrainingPoses(const RunConfig& config, const dataset::Pa
   }
   if (poses.empty()) {
     throw UsageError("the dataset " + data.root +
-                     " has none of the frames that the avatar was trained on; pass the right one with --dataset");
+                     " has none of the frames that the avatar was trained on; pass the right one with option 'dataset'");
   }
   return poses;
 }
@@ -37,17 +37,17 @@ void CheckOptions(const RenderOptions& o) {
   const auto require = [](bool ok, const std::string& text) {
     if (!ok) throw UsageError(text);
   };
-  require(o.poses.empty() || o.bvh.empty(), "--poses and --bvh exclude each other");
-  require(o.scale_normalise == "on" || o.scale_normalise == "off", "--scale-normalise must be on or off");
-  require(o.place == "auto" || o.place == "keep" || o.place == "training", "--place must be auto, keep or training");
-  require(o.frame == "crop" || o.frame == "camera", "--frame must be crop or camera");
-  require(o.turntable >= 0 && o.turntable <= 100000, "--turntable must be in 0..100000");
+  require(o.poses.empty() || o.bvh.empty(), "option 'poses' and option 'bvh' exclude each other");
+  require(o.scale_normalise == "on" || o.scale_normalise == "off", "option 'scale-normalise' must be on or off");
+  require(o.place == "auto" || o.place == "keep" || o.place == "training", "option 'place' must be auto, keep or training");
+  require(o.frame == "crop" || o.frame == "camera", "option 'frame' must be crop or camera");
+  require(o.turntable >= 0 && o.turntable <= 100000, "option 'turntable' must be in 0..100000");
   require(o.turntable == 0 || (o.cameras.empty() && o.calib.empty()),
-          "--turntable has a camera of its own: leave --cameras and --calib out");
-  require(o.turntable == 0 || o.frame == "crop", "--turntable makes crops: leave --frame out");
-  require(o.elevation_deg == -1000 || std::abs(o.elevation_deg) < 90, "--elevation-deg must be between -90 and 90");
-  require(o.size_px == 0 || (o.size_px >= 8 && o.size_px <= 8192), "--size must be 0 or in 8..8192");
-  require(o.network_size_px >= 0 && o.network_size_px <= 8192, "--network-size must be in 0..8192");
+          "option 'turntable' has a camera of its own: leave option 'cameras' and option 'calib' out");
+  require(o.turntable == 0 || o.frame == "crop", "option 'turntable' makes crops: leave option 'frame' out");
+  require(o.elevation_deg == -1000 || std::abs(o.elevation_deg) < 90, "option 'elevation-deg' must be between -90 and 90");
+  require(o.size_px == 0 || (o.size_px >= 8 && o.size_px <= 8192), "option 'size' must be 0 or in 8..8192");
+  require(o.network_size_px >= 0 && o.network_size_px <= 8192, "option 'network-size' must be in 0..8192");
 }
 
 /// The poses asked for and, of other people, in the trained person's size and place.

@@ -25,7 +25,7 @@ Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOpt
   sizes.out_px = o.size_px > 0 ? o.size_px : config.pack.size_px;
   const int step = 1 << model.options.downs;
   if (sizes.network_px % step != 0 || sizes.network_px < 2 * step) {
-    throw UsageError("--network-size must be a multiple of " + std::to_string(step) + " and at least " +
+    throw UsageError("option 'network-size' must be a multiple of " + std::to_string(step) + " and at least " +
                      std::to_string(2 * step) + " for this network, it is " + std::to_string(sizes.network_px));
   }
   return sizes;

@@ -39,19 +39,20 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, RenderOptions& o) {
   visit("dataset", o.dataset, "dataset folder, when it is no longer where the training found it");
   visit("cameras", o.cameras,
-        "cameras to render, e.g. cam_02,cam_05 (held-out ones too); those held out unless given, or all of --calib");
+        "cameras to render, e.g. cam_02,cam_05 (held-out ones too); those held out unless given, or all of option 'calib'");
   visit("calib", o.calib, "calibration file, ours or Panoptic's, whose cameras are rendered instead of the dataset's");
   visit("poses", o.poses,
         "poses of another take or person: a Panoptic sequence, a folder of body3DScene files, one of them, or a folder with "
         "points.csv (pose3d)");
   visit("bvh", o.bvh, "poses of an animation file (Biovision hierarchy)");
-  visit("pose-person", o.pose_person, "person id in --poses; -1: the one with most frames");
+  visit("pose-person", o.pose_person, "person id in option 'poses'; -1: the one with most frames");
   visit("every", o.every, "use every n-th of the frames");
   visit("scale-normalise", o.scale_normalise,
-        "on: poses of --poses and --bvh get the trained person's bone lengths and steps; off: they stay as they are");
+        "on: poses of option 'poses' and option 'bvh' get the trained person's bone lengths and steps; off: they stay as they "
+        "are");
   visit("place", o.place,
-        "where poses of --poses and --bvh stand: keep (as given), training (their middle where the trained person's was), or "
-        "auto: training for --bvh, else keep");
+        "where poses of option 'poses' and option 'bvh' stand: keep (as given), training (their middle where the trained "
+        "person's was), or auto: training for option 'bvh', else keep");
   visit("turntable", o.turntable, "pictures of a camera that goes once round the person; 0: calibrated cameras instead");
   visit("elevation-deg", o.elevation_deg,
         "degrees; how far above the person's middle the turning camera stands; -1000: the median of the training cameras");

@@ -136,7 +136,7 @@ int UsualStep(const std::vector<int>& frames) {
 }
 
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step) {
-  if (step < 1) throw UsageError("--every must be at least 1");
+  if (step < 1) throw UsageError("option 'every' must be at least 1");
   const std::vector<int>& wanted = frames.empty() ? track.frames : frames;
   PoseTrack some{track.source, {}, {}, track.rate_hz};
   for (size_t i = 0; i < wanted.size(); i += static_cast<size_t>(step)) {

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+#include "calib/calibrate.h"
+#include "calib/detect/detect_footage.h"
+
+namespace mvstudio::app {
+
+/// Metrics of `calibrate` and `calib refine`. `found` is empty for corner files.
+void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
+                          nlohmann::ordered_json* metrics);
+
+/// What a person reads.
+std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path);
+
+nlohmann::ordered_json VerdictJson(const calib::Verdict& verdict);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/input/pose_input.h"
+#include "app/result.h"
+#include "core/progress.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/take/take.h"
+
+/// What a command does with the uncertainty and the timing that a calibration states, said in text, metrics and warnings.
+namespace mvstudio::app {
+
+/// One line: is the calibration's own uncertainty in the sigmas of a result, and of which cameras is it unknown? `cameras`:
+/// names of those that take part; empty: all of the rig. `unused_because`: empty when the command uses what is there.
+std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because);
+
+/// The same as metrics["calibration_covariance"] (used, reason, known, missing, correlated, assumed) and as a line at the end
+/// of the text; the warning CAL-COVARIANCE-MISSING when some of `cameras` have a covariance and others do not.
+void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
+                         CommandResult* result);
+
+/// Of a rig that a command wrote: metrics["covariance_missing"] and a warning for cameras whose covariance is unknown, and a
+/// warning when the joint covariance is too large for the file. `also`: more cameras whose errors were not known to the
+/// command.
+void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also = {});
+
+/// Time offsets of the calibration in the rig's order, 0 where a camera has none; empty when no camera has one that matters.
+std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);
+
+/// Says that the calibration's offsets are not applied, and why; nothing when it has none.
+void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, CommandResult* result);
+
+/// Applies the calibration's offsets to the detections: `how` is "auto" (when the take confirms them), "on" or "off".
+void ApplyCalibrationOffsets(const std::string& how, const triangulate::TakeOptions& options, const RunContext& run,
+                             PoseInput* input, CommandResult* result);
+
+}  // namespace mvstudio::app

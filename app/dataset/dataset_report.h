@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+#include "core/progress.h"
+#include "dataset/verify/verify.h"
+
+/// What is in a dataset, a pack or a session, and what is wrong with it.
+namespace mvstudio::app {
+
+/// Everything that is wrong with a folder in Panoptic layout or a pack: exit 6 when parts are bad, 3 when all is. Throws
+/// UsageError for a session.
+CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run);
+
+/// Describes a session, a folder in Panoptic layout or a pack.
+CommandResult DescribeDataset(const std::string& path);
+
+/// Adds findings to a result: metrics.findings, its errors and warnings, a line of text each.
+void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* result);
+
+}  // namespace mvstudio::app

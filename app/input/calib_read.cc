@@ -1,0 +1,131 @@
+#include "app/input/calib_read.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "core/error.h"
+#include "core/units.h"
+#include "dataset/panoptic/panoptic.h"
+#include "geometry/rig/plausible.h"
+#include "geometry/rigid/decompositions.h"
+
+namespace mvstudio::app {
+
+std::string CalibrationFormatNames() {
+  std::string names;
+  for (const auto format : calib::kAllCalibrationFormats) {
+    names += (names.empty() ? "" : ", ") + std::string(calib::ToString(format));
+  }
+  return names;
+}
+
+std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
+  std::vector<std::string> choices;
+  if (with_auto) choices.push_back("auto");
+  for (const auto format : calib::kAllCalibrationFormats) choices.emplace_back(calib::ToString(format));
+  for (const char* other : {"qualisys", "pose2sim", "aniposelib"}) choices.emplace_back(other);
+  return choices;
+}
+
+double MetresPerUnit(const std::string& unit) { return unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1.0; }
+
+calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options) {
+  calib::ReadOptions read;
+  char end = 0;
+  if (!options.size.empty() && (std::sscanf(options.size.c_str(), "%dx%d%c", &read.width_px, &read.height_px, &end) != 2 ||
+                                read.width_px <= 0 || read.height_px <= 0)) {
+    throw UsageError("option 'size' " + options.size + ": expected WIDTHxHEIGHT in pixels, e.g. option 'size' 640x480");
+  }
+  read.metres_per_unit = MetresPerUnit(options.unit);
+  read.qca_distortion_divisor = options.qca_distortion_divisor;
+  const auto named = calib::CalibrationFormatFromString(options.from);
+  const calib::CalibrationFormat format = named ? *named : calib::DetectFormat(paths.front());
+  if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
+    throw UsageError(paths[1] + ": Panoptic's calibration is one file");
+  }
+  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic
+                                    ? calib::ImportedRig{dataset::ReadPanopticCalibration(paths[0]), {}}
+                                    : calib::ReadCalibration(format, paths, read);
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
+    imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
+  }
+  return imported;
+}
+
+void AddDoubts(const geometry::Rig& rig, CommandResult* result) {
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+    result->warnings.push_back({doubt.code, doubt.text, doubt.hint});
+  }
+}
+
+void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result) {
+  for (const calib::ImportNote& note : notes) result->warnings.push_back({note.code, note.text, note.hint});
+}
+
+Eigen::Vector3d FieldOfViewDeg(const geometry::Camera& camera) {
+  const geometry::Projector projector(camera);
+  const double right = camera.width_px - 0.5, bottom = camera.height_px - 0.5;
+  const auto angle = [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    const Eigen::Vector2d middle((right - 0.5) / 2, (bottom - 0.5) / 2);
+    const auto from = projector.Unproject(a), to = projector.Unproject(b), centre = projector.Unproject(middle);
+    if (from.status != Status::kOk || to.status != Status::kOk || centre.status != Status::kOk) {
+      return std::numeric_limits<double>::quiet_NaN();
+    }
+    // By way of the centre, so that more than 180 degrees count as such.
+    const auto between = [](const Eigen::Vector3d& u, const Eigen::Vector3d& v) {
+      return std::atan2(u.cross(v).norm(), u.dot(v));
+    };
+    return RadToDeg(between(from.ray_in_cam, centre.ray_in_cam) + between(centre.ray_in_cam, to.ray_in_cam));
+  };
+  return {angle({-0.5, (bottom - 0.5) / 2}, {right, (bottom - 0.5) / 2}),
+          angle({(right - 0.5) / 2, -0.5}, {(right - 0.5) / 2, bottom}), angle({-0.5, -0.5}, {right, bottom})};
+}
+
+CameraSigmas SigmasOf(const geometry::RigCamera& camera) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  CameraSigmas sigmas{none, none, none};
+  if (camera.params_covariance) {
+    sigmas.focal_px = std::sqrt(std::max((*camera.params_covariance)(0, 0), (*camera.params_covariance)(1, 1)));
+  }
+  if (!camera.cam_from_world_covariance) return sigmas;
+  const Eigen::Matrix<double, 6, 6>& cov = *camera.cam_from_world_covariance;
+  // Centre = -R^T t; under a left perturbation (w, v) it moves by R^T (w x t - v).
+  const Eigen::Vector3d& t = camera.cam_from_world.translation;
+  Eigen::Matrix<double, 3, 6> j;
+  j << 0, t.z(), -t.y(), -1, 0, 0, -t.z(), 0, t.x(), 0, -1, 0, t.y(), -t.x(), 0, 0, 0, -1;
+  const auto largest = [](const Eigen::Matrix3d& m) { return std::sqrt(std::max(0.0, geometry::SymmetricEigenvalues(m)[2])); };
+  sigmas.rotation_rad = largest(cov.topLeftCorner<3, 3>());
+  sigmas.position_m = largest(j * cov * j.transpose());
+  return sigmas;
+}
+
+void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
+  using nlohmann::ordered_json;
+  result->metrics["num_cameras"] = rig.cameras.size();
+  auto& list = result->metrics["cameras"] = ordered_json::array();
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const geometry::Camera& c = camera.camera;
+    const Eigen::Vector3d centre = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
+    const Eigen::Vector3d fov = FieldOfViewDeg(c);
+    const CameraSigmas sigmas = SigmasOf(camera);
+    ordered_json entry = {{"name", c.name},
+                          {"model", std::string(geometry::ToString(c.model))},
+                          {"size_px", {c.width_px, c.height_px}},
+                          {"focal_px", {c.fx(), c.fy()}},
+                          {"center_px", {c.cx(), c.cy()}},
+                          {"center_in_world_m", {centre[0], centre[1], centre[2]}},
+                          {"height_m", centre[2]}};
+    entry["fov_deg"] = {FiniteOrNull(fov[0]), FiniteOrNull(fov[1]), FiniteOrNull(fov[2])};
+    entry["valid_radius"] = FiniteOrNull(geometry::ValidRadius(c));
+    entry["sigma_focal_px"] = FiniteOrNull(sigmas.focal_px);
+    entry["sigma_rotation_deg"] = FiniteOrNull(RadToDeg(sigmas.rotation_rad));
+    entry["sigma_position_mm"] = FiniteOrNull(1e3 * sigmas.position_m);
+    if (camera.time_offset)
+      entry["time_offset"] = {{"frames", camera.time_offset->frames}, {"sigma_frames", camera.time_offset->sigma_frames}};
+    list.push_back(entry);
+  }
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+#include "calib/calibrate.h"
+#include "calib/corners/corner_files.h"
+#include "calib/detect/detect_footage.h"
+#include "core/progress.h"
+
+namespace mvstudio::app {
+
+/// Where board corners come from: footage of --camera, searched for --board, or a file, --corners.
+struct CornerArguments {
+  std::vector<std::string> boards, cameras;
+  std::string corners;
+  calib::FootageOptions footage;
+  calib::CornerFileOptions corner_files;
+};
+
+struct CornerInput {
+  calib::CalibrateInput input;
+  std::vector<calib::FootageDetections> found;  ///< of footage only
+};
+
+/// Corners of both kinds; image sizes are 0 where a corner file does not say. Notes become warnings, files inputs. Throws
+/// UsageError, IoError, FormatError.
+CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result);
+
+}  // namespace mvstudio::app

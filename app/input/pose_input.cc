@@ -1,0 +1,149 @@
+#include "app/input/pose_input.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "app/input/calib_read.h"
+#include "app/input/take_frames.h"
+#include "app/words.h"
+#include "core/error.h"
+
+namespace mvstudio::app {
+namespace {
+
+std::vector<std::pair<int, int>> Limbs(const body::Skeleton& skeleton) {
+  std::vector<std::pair<int, int>> limbs;
+  for (const std::string side : {"L", "R"}) {
+    for (const auto& [from, to] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
+      const int a = skeleton.Find(side + from), b = skeleton.Find(side + to);
+      if (a >= 0 && b >= 0) limbs.emplace_back(a, b);
+    }
+  }
+  return limbs;
+}
+
+void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result) {
+  constexpr size_t kShown = 5;
+  if (skipped.empty()) return;
+  result->exit = kExitPartial;
+  for (size_t i = 0; i < std::min(skipped.size(), kShown); ++i) {
+    result->warnings.push_back({"POSE-SKIPPED", skipped[i], "the rest was used; run the detector again on these frames"});
+  }
+  if (skipped.size() > kShown) {
+    result->warnings.push_back({"POSE-SKIPPED", "and " + std::to_string(skipped.size() - kShown) + " more", ""});
+  }
+}
+
+const body::Skeleton& SkeletonOf(const PoseArguments& arguments) {
+  return body::SkeletonByName(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
+}
+
+PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
+  if (arguments.pose2d.empty() == arguments.points2d.empty())
+    throw UsageError("give either option 'pose2d' or option 'points2d'");
+  PoseInput input;
+  result->inputs.push_back(arguments.calib);
+  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, {});
+  AddNotes(imported.notes, result);
+  input.rig = imported.rig;
+  return input;
+}
+
+void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
+  input->skeleton = SkeletonOf(arguments);
+  std::set<std::string> seen;
+  for (const std::string& text : arguments.pose2d) {
+    const auto [camera, path] = SplitNamePath("option 'pose2d'", text);
+    if (!seen.insert(camera).second) throw UsageError("option 'pose2d' names camera " + camera + " twice");
+    const bool file = std::filesystem::is_regular_file(path);
+    input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
+                                 : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
+    result->inputs.push_back(path);
+    ListSkipped(input->tracks.back().skipped, result);
+  }
+}
+
+/// The same camera under two names: triangulation counts its pixels once.
+void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks, CommandResult* result) {
+  const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
+  for (const dataset::Pose2dTrack& track : tracks) {
+    const int camera = rig.Find(track.camera);
+    if (camera < 0 || duplicate_of[static_cast<size_t>(camera)] < 0) continue;
+    const std::string& original = rig.cameras[static_cast<size_t>(duplicate_of[static_cast<size_t>(camera)])].camera.name;
+    result->warnings.push_back(
+        {"TRI-DUPLICATE",
+         track.camera + " has the lens and the place of " + original + ": it counts once where their pixels agree",
+         "leave one of the two out"});
+  }
+}
+
+void ReadPoints(const PoseArguments& arguments, CommandResult* result, PoseInput* input) {
+  const bool named = !arguments.skeleton.empty();
+  dataset::Pose2dSet set =
+      dataset::ReadPose2dCsv(arguments.points2d, named ? &body::SkeletonByName(arguments.skeleton) : nullptr);
+  input->skeleton = std::move(set.skeleton);
+  input->tracks = std::move(set.tracks);
+  result->inputs.push_back(arguments.points2d);
+  ListSkipped(set.skipped, result);
+}
+
+}  // namespace
+
+triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
+  return {static_cast<int>(skeleton.joints.size()), body::MirrorGroups(skeleton)};
+}
+
+PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
+  PoseInput input = ReadRig(arguments, result);
+  if (arguments.points2d.empty()) {
+    ReadTracks(arguments, {}, result, &input);
+  } else {
+    ReadPoints(arguments, result, &input);
+  }
+  if (input.tracks.size() < 2) throw UsageError("at least two cameras are needed, option 'pose2d' NAME=FOLDER once for each");
+  WarnOfDuplicates(input.rig, input.tracks, result);
+  for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
+  input.limbs = Limbs(input.skeleton);
+  input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
+  return input;
+}
+
+PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : arguments_(arguments) {
+  std::set<int> numbers;
+  const auto is_folder = [](const std::string& text) {
+    return std::filesystem::is_directory(SplitNamePath("option 'pose2d'", text).second);
+  };
+  if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
+    input_ = ReadRig(arguments, result);
+    input_.skeleton = SkeletonOf(arguments);
+    input_.limbs = Limbs(input_.skeleton);
+    for (const std::string& text : arguments.pose2d) {
+      const auto [camera, folder] = SplitNamePath("option 'pose2d'", text);
+      input_.cameras.push_back(camera);
+      for (const int frame : dataset::OpenPoseFrames(folder, camera)) numbers.insert(frame);
+    }
+  } else {
+    input_ = ReadPoseInput(arguments, result);
+    frames_ = std::move(input_.frames);
+    for (const triangulate::DetectedFrame& frame : frames_) numbers.insert(frame.frame);
+    input_.frames.clear(), input_.tracks.clear();
+  }
+  numbers_.assign(numbers.begin(), numbers.end());
+}
+
+std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end, CommandResult* result) const {
+  end = std::min(end, numbers_.size());
+  if (begin >= end) return {};
+  if (!frames_.empty()) {
+    return {frames_.begin() + static_cast<std::ptrdiff_t>(begin), frames_.begin() + static_cast<std::ptrdiff_t>(end)};
+  }
+  PoseInput part;
+  CommandResult own;
+  ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1]}, &own, &part);
+  if (own.exit != kExitOk) result->exit = own.exit;
+  result->warnings.insert(result->warnings.end(), own.warnings.begin(), own.warnings.end());
+  return ToFrames(part.tracks, input_.rig, arguments_.calib);
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,54 @@
+#include "app/input/pose_truth.h"
+
+#include <filesystem>
+#include <map>
+#include <vector>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "dataset/panoptic/panoptic.h"
+
+namespace mvstudio::app {
+namespace {
+
+std::map<int, std::map<int, dataset::Coco19Pose>> ReadScenes(const std::vector<std::string>& files) {
+  std::map<int, std::map<int, dataset::Coco19Pose>> scenes;
+  for (const std::string& file : files) {
+    const std::string digits = std::filesystem::path(file).stem().string().substr(std::string("body3DScene_").size());
+    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos) {
+      throw FormatError(file, "", "the file name is not body3DScene_%08d.json");
+    }
+    scenes[std::stoi(digits)] = dataset::ReadBody3dScene(file);
+  }
+  return scenes;
+}
+
+}  // namespace
+
+dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align) {
+  namespace fs = std::filesystem;
+  const fs::path path(truth);
+  const std::vector<std::string> scenes = FilesNamed(truth, "body3DScene_", ".json");
+  if (!scenes.empty()) return ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align);
+  const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
+  if (!fs::exists(table))
+    throw IoError(truth, "option 'truth' is neither a points.csv nor a folder with body3DScene_*.json or points.csv");
+  const dataset::JointTable reference = dataset::ToTable(dataset::ReadPointsCsv(table.string()));
+  const fs::path header = table.parent_path() / "pose3d.json";
+  const bool coco19 =
+      pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
+  return ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align);
+}
+
+nlohmann::ordered_json ComparisonToJson(const dataset::Pose3dComparison& comparison) {
+  nlohmann::ordered_json json = {
+      {"median_mm", comparison.median_mm}, {"mean_mm", comparison.mean_mm}, {"p95_mm", comparison.p95_mm},
+      {"max_mm", comparison.max_mm},       {"num", comparison.num},         {"aligned", comparison.aligned}};
+  if (comparison.num_covariance > 0) {
+    json["coverage68"] = comparison.coverage68;
+    json["coverage95"] = comparison.coverage95;
+  }
+  return json;
+}
+
+}  // namespace mvstudio::app

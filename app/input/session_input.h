@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "app/input/corner_input.h"
+#include "app/input/pose_input.h"
+#include "app/result.h"
+#include "dataset/session/session.h"
+#include "dataset/time/timeline.h"
+
+/// What commands on boards and on 2D joints take from a session, in place of the flags that were not given. (Footage of people:
+/// app/input/take_input.h.)
+namespace mvstudio::app {
+
+struct SessionArguments {
+  std::string session, take;
+  bool allow_outside = false;
+};
+
+struct FoundTake {
+  dataset::Session session;
+  dataset::SessionTake take;
+};
+
+/// The take with people; nothing without --session. The session's warnings become warnings of the result.
+std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result);
+
+/// --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
+void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose);
+
+/// --board and --camera from the take with the board.
+void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result);
+
+/// Frame numbers of 2D poses are those of the footage: dropped frames do not count. Turns them into ticks of each camera's
+/// clock; true when that changed any.
+bool RenumberByClock(const FoundTake& found, const SessionArguments& arguments, PoseInput* input);
+
+/// The same into instants of a timeline; false without change.
+bool RenumberByTimeline(const dataset::Timeline& timeline, PoseInput* input);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "body/skeleton.h"
+#include "dataset/pose/pose2d.h"
+#include "dataset/pose/pose3d.h"
+#include "geometry/rig/rig.h"
+#include "triangulate/take/take.h"
+
+/// Between the files of dataset/ and the arrays of triangulate/.
+namespace mvstudio::app {
+
+/// One entry for each frame that any camera has. Throws FormatError (naming `calib_path`, the track's camera and both lists)
+/// when a track's camera is not in the rig.
+std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
+                                                 const std::string& calib_path);
+
+dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const body::Skeleton& skeleton);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,108 @@
+#include "app/input/take_input.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "app/words.h"
+#include "core/error.h"
+#include "dataset/session/timeline_source.h"
+
+namespace mvstudio::app {
+namespace {
+
+using dataset::CameraFootage;
+
+void AddFootage(const std::string& flag, const std::vector<std::string>& words, TakeInput* input, CommandResult* result) {
+  for (const std::string& word : words) {
+    const auto [camera, path] = SplitNamePath(flag, word);
+    const bool twice = std::any_of(input->footage.begin(), input->footage.end(),
+                                   [&name = camera](const CameraFootage& f) { return f.camera == name; });
+    const std::string why = dataset::WhyNotAName(camera);
+    if (!why.empty()) throw UsageError(flag + " " + word + ": a camera's name becomes a file name, and this one " + why);
+    if (twice) throw UsageError(flag + " " + word + ": camera " + camera + " was given footage twice");
+    input->footage.push_back({camera, path, ""});
+    result->inputs.push_back(path);
+  }
+}
+
+void WarnIfOlder(const dataset::Session& session, const dataset::SessionTake& take, const std::string& timeline,
+                 bool allow_outside, CommandResult* result) {
+  std::error_code error;
+  const auto written = std::filesystem::last_write_time(timeline, error);
+  for (const dataset::SessionFootage& f : take.footage) {
+    const auto filmed = std::filesystem::last_write_time(dataset::ResolveInSession(session, f.path, allow_outside), error);
+    if (error || filmed <= written) continue;
+    result->warnings.push_back({"SES-TIMELINE", timeline + " is older than the footage of camera " + f.camera,
+                                "run mvstudio session timeline again if the footage changed"});
+    return;
+  }
+}
+
+void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, CommandResult* result) {
+  input->session = dataset::ReadSession(arguments.session, arguments.allow_outside);
+  const dataset::Session& session = *input->session;
+  for (const std::string& warning : session.warnings) {
+    result->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});
+  }
+  const dataset::SessionTake& take = dataset::TakeOf(session, arguments.take);
+  if (take.footage.empty()) throw UsageError("take " + take.name + " of " + session.folder + " has no footage");
+  input->take = take.name;
+  input->fps_hz = take.fps_hz.value_or(session.fps_hz.value_or(0));
+  input->calibration = dataset::CalibrationOf(session, arguments.allow_outside);
+  const auto timeline =
+      arguments.with_timeline ? TimelineOf(session, take, arguments.allow_outside, arguments.make_timeline, result) : nullptr;
+  for (const dataset::SessionFootage& f : take.footage) {
+    CameraFootage footage{f.camera, dataset::ResolveInSession(session, f.path, arguments.allow_outside), ""};
+    if (!f.plate.empty()) footage.plate = dataset::ResolveInSession(session, f.plate, arguments.allow_outside);
+    footage.timeline = timeline;
+    result->inputs.push_back(footage.path);
+    input->footage.push_back(std::move(footage));
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
+                                                    bool allow_outside, bool make, CommandResult* result) {
+  const std::string path = dataset::TimelinePath(session, take.name);
+  if (std::filesystem::exists(path)) {
+    result->inputs.push_back(path);
+    WarnIfOlder(session, take, path, allow_outside, result);
+    return std::make_shared<dataset::Timeline>(dataset::ReadTimeline(path));
+  }
+  const bool related = !take.timestamps.empty() || !dataset::SyncPathOf(session, take, allow_outside).empty();
+  if (!make || !related) return nullptr;
+  dataset::TakeTimelineOptions options;
+  options.allow_outside = allow_outside;
+  dataset::TakeTimeline made = dataset::BuildTakeTimeline(session, take, options);
+  for (const std::string& note : made.notes) {
+    result->warnings.push_back({"SES-TIMELINE", note, "see mvstudio session timeline"});
+  }
+  return std::make_shared<dataset::Timeline>(std::move(made.timeline));
+}
+
+std::string TakeInput::Folder(const std::string& kind, const std::string& camera) const {
+  return session ? dataset::TakeFolder(*session, kind, take, camera) : "";
+}
+
+TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {
+  TakeInput input;
+  const bool named = !arguments.video.empty() || !arguments.images.empty();
+  if (!arguments.session.empty() && named)
+    throw UsageError("give either option 'session', or option 'video' and option 'images'");
+  if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
+  if (!arguments.session.empty()) ReadSessionTake(arguments, &input, result);
+  AddFootage("option 'video'", arguments.video, &input, result);
+  AddFootage("option 'images'", arguments.images, &input, result);
+  for (const std::string& word : arguments.plate) {
+    const auto [camera, path] = SplitNamePath("option 'plate'", word);
+    const auto found = std::find_if(input.footage.begin(), input.footage.end(),
+                                    [&name = camera](const CameraFootage& f) { return f.camera == name; });
+    if (found == input.footage.end()) throw UsageError("option 'plate' " + word + ": camera " + camera + " has no footage");
+    found->plate = path;
+    result->inputs.push_back(path);
+  }
+  return input;
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,140 @@
+#include "app/nets/avatar_train_data.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include "app/words.h"
+#include "avatar/nets/generator.h"
+#include "core/error.h"
+#include "dataset/views/split.h"
+
+namespace mvstudio::app {
+namespace {
+
+std::vector<std::string> SplitCommas(const std::string& text) {
+  std::vector<std::string> names;
+  std::istringstream in(text);
+  for (std::string name; std::getline(in, name, ',');) {
+    if (!name.empty()) names.push_back(name);
+  }
+  return names;
+}
+
+/// Those of `frames` in which the person has a pose.
+std::vector<int> WithPose(const dataset::PanopticDataset& data, int person, const std::vector<int>& frames) {
+  std::vector<int> with;
+  for (const int frame : frames) {
+    const auto found = data.poses.find(frame);
+    if (found != data.poses.end() && found->second.count(person)) with.push_back(frame);
+  }
+  return with;
+}
+
+avatar::DatasetSplit FromFile(const dataset::PanopticDataset& data, int person, const std::string& path) {
+  const dataset::Split file = dataset::ReadSplit(path);
+  dataset::RequireSplitOf(file, data, path);
+  avatar::DatasetSplit split;
+  split.train_cameras = file.train.cameras, split.train_frames = WithPose(data, person, file.train.frames);
+  split.holdout_cameras = file.test.cameras, split.holdout_frames = WithPose(data, person, file.test.frames);
+  split.validation_cameras = file.validation.cameras;
+  split.validation_frames = WithPose(data, person, file.validation.frames);
+  if (split.validation_frames.empty()) split.validation_cameras.clear();
+  if (split.train_frames.empty())
+    throw FormatError(path, "train.frames", "person " + std::to_string(person) + " has no pose in any of them");
+  return split;
+}
+
+/// Takes the camera out of those trained on.
+void TakeValidationCamera(const dataset::PanopticDataset& data, const std::string& name, avatar::DatasetSplit* split) {
+  if (!split->validation_cameras.empty())
+    throw UsageError("option 'validate-camera' " + name +
+                     ": the split has validation pictures already; leave one of the two out");
+  auto& cameras = split->train_cameras;
+  const auto found = std::find(cameras.begin(), cameras.end(), data.Resolve(name));
+  if (found == cameras.end()) {
+    std::string known;
+    for (const std::string& camera : cameras) known += (known.empty() ? "" : ", ") + camera;
+    throw UsageError("option 'validate-camera' " + name + " is not one of the training cameras: " + known);
+  }
+  if (cameras.size() == 1) throw UsageError("option 'validate-camera' " + name + " leaves no camera to train on");
+  split->validation_cameras = {*found};
+  split->validation_frames = split->train_frames;
+  cameras.erase(found);
+}
+
+/// About `count` of `frames`, spread evenly; for methods with memory runs of frames, each with a past but for its first ones.
+std::vector<int> SpreadFrames(const std::vector<int>& frames, size_t count, bool memory) {
+  const size_t length = std::min<size_t>(memory ? avatar::kNumPrevious + 1 : 1, frames.size());
+  const size_t runs = std::clamp<size_t>(count / length, 1, frames.size() / length);
+  std::vector<int> some;
+  for (size_t i = 0; i < runs; ++i) {
+    const size_t begin = std::min((2 * i + 1) * frames.size() / (2 * runs), frames.size() - length);
+    for (size_t k = 0; k < length; ++k) {
+      if (some.empty() || frames[begin + k] > some.back()) some.push_back(frames[begin + k]);
+    }
+  }
+  return some;
+}
+
+/// At most `count` pictures, spread over cameras and frames.
+std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
+                                              bool memory, const RunContext& run) {
+  const avatar::DatasetSplit& split = config.split;
+  const bool validation = !split.validation_cameras.empty();
+  if (count == 0 || (!validation && split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
+  avatar::PackOptions options = config.pack;
+  options.cameras = validation                      ? split.validation_cameras
+                    : split.holdout_cameras.empty() ? split.train_cameras
+                                                    : split.holdout_cameras;
+  const std::vector<int>& frames = validation                     ? split.validation_frames
+                                   : split.holdout_frames.empty() ? split.train_frames
+                                                                  : split.holdout_frames;
+  const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
+  options.frames = SpreadFrames(frames, wanted, memory);
+  try {
+    return avatar::BuildPack(data, options, run).pack;
+  } catch (const FormatError&) {
+    if (validation) throw;
+    return std::nullopt;  // none of these few pictures is usable; evaluation says why
+  }
+}
+
+}  // namespace
+
+avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& a) {
+  if (!a.split.empty() && !(a.train_cameras + a.holdout_cameras + a.holdout_frames).empty())
+    throw UsageError(
+        "option 'split' names the cameras and frames: leave option 'train-cameras', option 'holdout-cameras' and option "
+        "'holdout-frames' out");
+  avatar::DatasetSplit split;
+  if (!a.split.empty()) {
+    split = FromFile(data, person, a.split);
+  } else {
+    const std::vector<int> frames =
+        a.holdout_frames.empty() ? std::vector<int>() : ParseRanges("option 'holdout-frames'", a.holdout_frames);
+    split = avatar::SplitDataset(data, person, SplitCommas(a.holdout_cameras), frames, SplitCommas(a.train_cameras));
+  }
+  if (!a.validate_camera.empty()) TakeValidationCamera(data, a.validate_camera, &split);
+  return split;
+}
+
+RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
+                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config) {
+  if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_pictures == 0))
+    throw UsageError(
+        "option 'patience' needs option 'validate-camera' or a option 'split' with validation pictures, and option "
+        "'validate-pictures' above 0: pictures "
+        "of the final score must not choose the weights");
+  config->pack.cameras = config->split.train_cameras;
+  config->pack.frames = config->split.train_frames;
+  const avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
+  config->shape = config->pack.shape = built.shape;
+  config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;
+  config->template_iou = built.template_iou;
+  config->pack.person = built.person;
+  config->pack.fit_shape = false;
+  return {built.pack, WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run),
+          built.skipped};
+}
+
+}  // namespace mvstudio::app

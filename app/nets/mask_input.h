@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/nets/mask_run.h"
+#include "core/progress.h"
+
+/// Reads what `mvstudio mask` is given.
+namespace mvstudio::app {
+
+struct MaskArguments {
+  TakeArguments take;
+  std::string calib, pose3d, skeleton = "body25", backend = "auto", out;
+  std::vector<std::string> pose2d;  ///< CAMERA=FOLDER
+  std::vector<std::string> truth;   ///< CAMERA=FOLDER or PATTERN of exact masks
+  dataset::MaskOptions mask;
+  dataset::HullOptions hull;
+  detect::OnnxSegmenterOptions onnx;
+  MaskRunOptions run;
+};
+
+/// Footage is sampled, sizes are checked, joints are projected. Throws UsageError, IoError, FormatError.
+MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run);
+
+/// The backends that `--backend` names, or those there are for "auto"; a net that is not installed is then left out with a
+/// warning. Throws UsageError, MissingToolError.
+std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandResult* result);
+
+/// Masks against exact ones.
+struct TruthScore {
+  int pictures = 0, missing = 0;
+  double iou_sum = 0, worst = 1;
+  std::string worst_picture;
+  double too_much_px = 0, too_little_px = 0;
+};
+TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/input/take_input.h"
+#include "app/result.h"
+#include "core/progress.h"
+#include "dataset/masks/mask_take.h"
+#include "dataset/masks/visual_hull.h"
+#include "detect/segment/segment.h"
+
+/// What `mvstudio mask` does, apart from parsing and printing.
+namespace mvstudio::app {
+
+struct MaskRunOptions {
+  int hull_frames = 24;
+  int trial_frames = 6;
+  int sheet_tiles = 24;
+  bool soft = false;
+  bool hull = false;
+  bool overwrite = false;
+  std::string size_rule = "auto";
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, MaskRunOptions& o) {
+  visit("soft", o.soft, "write the covered share of each pixel, too: OUT/soft/CAMERA/%08d.png, 0..255");
+  visit("hull", o.hull,
+        "make the masks twice: the second time nobody is where two other cameras' masks leave no room; needs option 'calib'");
+  visit("hull-frames", o.hull_frames, "frames on which masks are compared with the visual hull; 0: none");
+  visit("trial-frames", o.trial_frames, "frames on which option 'backend' auto tries every backend");
+  visit("sheet-tiles", o.sheet_tiles, "pictures on each camera's contact sheet; 0: no sheet");
+  visit("size-rule", o.size_rule,
+        "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
+  visit("overwrite", o.overwrite, "replace the output folder");
+}
+
+/// One camera of the take, ready to be segmented.
+struct MaskCamera {
+  dataset::CameraFootage footage;
+  std::optional<geometry::RigCamera> camera;  ///< at the footage's size; without --calib none
+  dataset::FootageSamples samples;
+  Image plate;                   ///< may be empty
+  dataset::BodiesOfTake bodies;  ///< by frame number
+  /// Instant -> frame number by the take's timeline; none: frame n shows instant n.
+  std::optional<std::map<int, int>> frame_at;
+
+  /// -1: none.
+  int FrameAt(int instant) const;
+  int InstantOf(int frame) const;
+};
+
+using People = std::map<int, dataset::Coco19Pose>;
+
+struct MaskJob {
+  std::vector<MaskCamera> cameras;
+  std::map<int, People> poses;  ///< 3D, by instant; may be empty
+  dataset::MaskOptions mask;
+  dataset::HullOptions hull;
+  MaskRunOptions run;
+  bool has_calibration() const { return !cameras.empty() && cameras[0].camera.has_value(); }
+};
+
+/// A way to find people: colour and motion alone, or with a net.
+struct MaskBackend {
+  std::string name;
+  std::shared_ptr<const detect::Segmenter> net;  ///< null: background
+};
+
+/// A backend tried on a few frames.
+struct MaskTrial {
+  std::string name;
+  Status status = Status::kOk;  ///< of the camera where it failed
+  std::string failed_camera;    ///< empty when none did
+  double disagreement = 0;      ///< with the visual hull; outside + missing, mean over cameras; NaN without hull
+  double joints_supported = 0;  ///< share; NaN without joints
+  std::vector<dataset::CameraMaskModel> models;
+  double score() const;  ///< smaller is better
+};
+
+dataset::PersonNet NetOf(const MaskBackend& backend);
+
+/// Learns every camera; with `on_frames` also makes masks of some frames and judges them.
+MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_frames, const RunContext& run);
+
+struct MaskCameraResult {
+  dataset::TakeMasks take;
+  double background_known = 0;
+  Image sheet;  ///< may be empty
+};
+
+struct MaskRunResult {
+  std::vector<MaskCameraResult> cameras;
+  dataset::HullSummary hull;
+  std::vector<size_t> disagreeing;
+};
+
+/// Masks of the whole take into `folder`.
+MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
+                       const std::string& folder, const RunContext& run);
+
+/// FOLDER/CAMERA/%08d.png
+std::string MaskPath(const std::string& folder, const std::string& camera, int frame);
+
+}  // namespace mvstudio::app

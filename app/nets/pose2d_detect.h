@@ -1,0 +1,56 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "app/input/take_input.h"
+#include "app/result.h"
+#include "core/progress.h"
+#include "dataset/pose/pose2d.h"
+#include "detect/joints/joint_net.h"
+#include "detect/joints/pose_tracker.h"
+
+/// Key points of a take's footage.
+namespace mvstudio::app {
+
+/// What finds the joints.
+struct PoseBackend {
+  std::string name;  ///< "posenet", "movenet" or "onnx:FILE"
+  std::shared_ptr<const detect::JointNet> net;
+  std::shared_ptr<const detect::PersonFinder> finder;  ///< may be null: the person fills the picture
+  detect::CropPlan plan;
+};
+
+/// Throws UsageError for an unknown name; what the nets' functions throw.
+PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, const std::string& quality,
+                            const detect::OnnxOptions& onnx);
+
+/// Names of the nets that are installed, the one to prefer without a measurement first. Throws MissingToolError when there is
+/// none.
+std::vector<std::string> InstalledPoseBackends(const std::string& models);
+
+struct CameraPoses {
+  dataset::Pose2dTrack track;
+  std::map<int, Image> overlays;    ///< a few frames with the key points drawn
+  std::vector<std::string> damage;  ///< of the footage, one line each
+  std::string failure;              ///< why there is nothing; empty: all went well
+  int frames = 0, frames_with_people = 0;
+  int width = 0, height = 0;
+  double seconds = 0;  ///< of detection, without decoding
+};
+
+struct DetectJob {
+  std::vector<dataset::CameraFootage> footage;
+  detect::PoseOptions options;
+  int overlays = 0;    ///< frames a camera to draw
+  int every = 1;       ///< use every so many frames
+  int max_frames = 0;  ///< 0: all
+};
+
+/// Cameras side by side. Frames carry the number of the instant where the footage has a timeline, else their own. A camera
+/// whose footage cannot be read has a failure; the rest goes on.
+std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& backend, const RunContext& run);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,253 @@
+#include "app/people/triangulate_metrics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "app/people/likely_cause.h"
+
+namespace mvstudio::app {
+namespace {
+
+using nlohmann::ordered_json;
+
+double Median(std::vector<float> values) {
+  if (values.empty()) return std::nan("");
+  std::sort(values.begin(), values.end());
+  return 0.5 * (static_cast<double>(values[(values.size() - 1) / 2]) + static_cast<double>(values[values.size() / 2]));
+}
+
+double Mean(const std::vector<float>& values) {
+  double sum = 0;
+  for (const float value : values) sum += static_cast<double>(value);
+  return sum / static_cast<double>(values.size());
+}
+
+ordered_json ToJson(const Eigen::Vector2d& v) { return ordered_json::array({v.x(), v.y()}); }
+
+int SidesSwapped(const triangulate::TakeResult& take, const std::string& name) {
+  for (const triangulate::CameraSides& camera : take.sides.cameras) {
+    if (camera.name == name) return camera.num_swapped;
+  }
+  return 0;
+}
+
+ordered_json CameraMetrics(const triangulate::TakeResult& take) {
+  ordered_json list = ordered_json::array();
+  for (const triangulate::CameraDiagnosis& camera : take.cameras) {
+    list.push_back({{"name", camera.name},
+                    {"mean_residual_px", ToJson(camera.mean_residual_px)},
+                    {"sigma_residual_px", ToJson(camera.sigma_residual_px)},
+                    {"mean_left_out_residual_px", ToJson(camera.mean_left_out_residual_px)},
+                    {"image_scale", ToJson(camera.image_scale)},
+                    {"num_detections", camera.num_detections},
+                    {"num_rejected", camera.num_rejected},
+                    {"num_sides_swapped", SidesSwapped(take, camera.name)},
+                    {"off", camera.off},
+                    {"scaled", camera.scaled}});
+  }
+  return list;
+}
+
+ordered_json ToJson(const triangulate::LeftOutFigures& f) {
+  return {{"num", f.num_samples},
+          {"coverage", FiniteOrNull(f.coverage)},
+          {"median_px", FiniteOrNull(f.median_px)},
+          {"median_error_px", FiniteOrNull(f.median_error_px)},
+          {"p90_px", FiniteOrNull(f.p90_px)},
+          {"predicted_mean_px", FiniteOrNull(f.predicted_mean_px)},
+          {"median_sigmas", FiniteOrNull(f.median_sigmas)}};
+}
+
+/// What the other cameras say of each camera's detections.
+ordered_json HoldoutMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
+  ordered_json json = ToJson(take.holdout.all);
+  json["cameras"] = json["joints"] = ordered_json::array();
+  for (size_t c = 0; c < take.holdout.cameras.size(); ++c) {
+    ordered_json entry = {{"name", take.cameras[c].name}};
+    entry.update(ToJson(take.holdout.cameras[c]));
+    json["cameras"].push_back(entry);
+  }
+  for (size_t j = 0; j < take.holdout.joints.size(); ++j) {
+    ordered_json entry = {{"joint", skeleton.joints[j]}};
+    entry.update(ToJson(take.holdout.joints[j]));
+    json["joints"].push_back(entry);
+  }
+  return json;
+}
+
+ordered_json MethodMetrics(const triangulate::MethodChoice& choice) {
+  ordered_json list = ordered_json::array();
+  for (size_t m = 0; m < choice.scores.size(); ++m) {
+    const triangulate::MethodScore& score = choice.scores[m];
+    list.push_back({{"method", score.name},
+                    {"holdout_median_px", FiniteOrNull(score.figures.median_px)},
+                    {"holdout_p90_px", FiniteOrNull(score.figures.p90_px)},
+                    {"coverage", FiniteOrNull(score.figures.coverage)},
+                    {"justified", score.justified},
+                    {"chosen", m == choice.chosen}});
+  }
+  return list;
+}
+
+}  // namespace
+
+PointStatistics::PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs)
+    : limbs_(std::move(limbs)),
+      joint_rms_px_(static_cast<size_t>(num_joints)),
+      joint_sigma_mm_(static_cast<size_t>(num_joints)) {}
+
+void PointStatistics::Add(const triangulate::TakeResult& take) {
+  solve_s_ += take.solve_s;
+  for (const triangulate::TakePoint& entry : take.points) {
+    ++num_tried_;
+    ++counts_[entry.point.status];
+    if (entry.point.status != Status::kOk) continue;
+    num_lower_bounds_ += entry.point.num_unknown_cameras > 0 && !entry.point.calibration_covariance.isZero(0);
+    const float rms = static_cast<float>(entry.point.rms_px);
+    const float sigma = static_cast<float>(1000 * std::sqrt(entry.point.covariance.trace() / 3));
+    rms_px_.push_back(rms), sigma_mm_.push_back(sigma);
+    joint_rms_px_[static_cast<size_t>(entry.joint_idx)].push_back(rms);
+    joint_sigma_mm_[static_cast<size_t>(entry.joint_idx)].push_back(sigma);
+  }
+  limb_lengths_ = MergeLimbs(limb_lengths_, MeasureLimbs(take.points, limbs_));
+  num_persons_ = std::max(num_persons_, take.num_persons);
+}
+
+void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& frames,
+                                const triangulate::TakeOptions& options) {
+  num_frames_ += static_cast<int>(frames.size());
+  for (const triangulate::DetectedFrame& frame : frames) {
+    num_carriable_ += NumCarriable(frame, options.min_score, options.max_persons, options.min_views);
+    frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
+    for (size_t c = 0; c < frame.people.size(); ++c) frames_with_people_[c] += !frame.people[c].empty();
+  }
+}
+
+void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* result) const {
+  for (const std::string& camera : input.cameras) {
+    const size_t c = static_cast<size_t>(input.rig.Find(camera));
+    const int seen = c < frames_with_people_.size() ? frames_with_people_[c] : 0;
+    if (2 * seen >= num_frames_) continue;
+    result->warnings.push_back(
+        {"TRI-FEW-DETECTIONS",
+         camera + ": people in " + std::to_string(seen) + " of " + std::to_string(num_frames_) + " frames only",
+         "check the detector's output for this camera and that all cameras count frames from the same instant"});
+  }
+}
+
+void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metrics) const {
+  ordered_json& m = *metrics;
+  m["num_points"] = rms_px_.size();
+  m["num_joints_tried"] = num_tried_;
+  m["num_sigma_lower_bounds"] = num_lower_bounds_;
+  m["num_joints_carriable"] = num_carriable_;
+  m["num_persons"] = num_persons_;
+  m["status_counts"] = ordered_json::object();
+  for (const auto& [status, count] : counts_) m["status_counts"][std::string(ToString(status))] = count;
+  m["mean_rms_px"] = FiniteOrNull(Mean(rms_px_));
+  m["median_rms_px"] = FiniteOrNull(Median(rms_px_));
+  m["points_per_s"] = FiniteOrNull(num_tried_ / solve_s_);
+  m["median_sigma_mm"] = FiniteOrNull(Median(sigma_mm_));
+  m["limb_std_mm"] = FiniteOrNull(1000 * MeanLimbStd(limb_lengths_));
+  m["limbs"] = m["joints"] = ordered_json::array();
+  for (const triangulate::LimbLength& limb : limb_lengths_) {
+    const auto [a, b] = limbs_[static_cast<size_t>(limb.limb)];
+    m["limbs"].push_back({{"person", limb.person},
+                          {"limb", skeleton.joints[static_cast<size_t>(a)] + "-" + skeleton.joints[static_cast<size_t>(b)]},
+                          {"num_frames", limb.num_frames},
+                          {"mean_mm", 1000 * limb.mean_m},
+                          {"std_mm", 1000 * limb.std_m}});
+  }
+  for (size_t j = 0; j < skeleton.joints.size(); ++j) {
+    m["joints"].push_back({{"joint", skeleton.joints[j]},
+                           {"num", joint_rms_px_[j].size()},
+                           {"sigma_mm", FiniteOrNull(Median(joint_sigma_mm_[j]))},
+                           {"rms_px", FiniteOrNull(Median(joint_rms_px_[j]))}});
+  }
+}
+
+void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  m["sigma_px"] = take.sigma_px;
+  m["method"] = take.method;
+  if (!take.choice.scores.empty()) {
+    m["method_reason"] = take.choice.reason;
+    m["methods"] = MethodMetrics(take.choice);
+  }
+  m["num_ghosts"] = take.num_ghosts;
+  m["holdout"] = HoldoutMetrics(take, skeleton);
+  m["cameras"] = CameraMetrics(take);
+}
+
+void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, ordered_json* metrics) {
+  ordered_json trials = ordered_json::array();
+  for (const triangulate::TermTrial& trial : report.trials) {
+    trials.push_back({{"term", trial.name},
+                      {"weight", trial.weight},
+                      {"holdout_before_px", FiniteOrNull(trial.before.median_px)},
+                      {"holdout_after_px", FiniteOrNull(trial.after.median_px)},
+                      {"gain_px", FiniteOrNull(-trial.difference.median_px)},
+                      {"gain_error_px", FiniteOrNull(trial.difference.median_error_px)},
+                      {"chosen", trial.chosen}});
+  }
+  (*metrics)["refinement"] = {
+      {"robust", report.robust},
+      {"smoothness", report.smoothness},
+      {"bone_lengths", report.bone_lengths},
+      {"holdout_median_px",
+       {{"before", FiniteOrNull(report.before.median_px)}, {"after", FiniteOrNull(report.after.median_px)}}},
+      {"bone_std_mm", {{"before", FiniteOrNull(report.limb_std_before_mm)}, {"after", FiniteOrNull(report.limb_std_after_mm)}}},
+      {"num_filled", report.num_filled},
+      {"trials", trials}};
+}
+
+void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
+  for (const triangulate::CameraDiagnosis& camera : take.cameras) {
+    if (camera.off) {
+      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message,
+                                  "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
+                                  "option 'from-keypoints'`); check that its pictures "
+                                  "have the calibrated size and were not cropped"});
+    } else if (camera.scaled) {
+      result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its pictures have the calibrated size"});
+    }
+  }
+  for (const triangulate::CameraSides& camera : take.sides.cameras) {
+    if (camera.message.empty() || 20 * camera.num_swapped < camera.num_frames) continue;
+    result->warnings.push_back(
+        {"TRI-SIDES-SWAPPED", camera.message,
+         "they were swapped back; check the detector on this camera's pictures (mirrored? seen from behind?)"});
+  }
+}
+
+void CheckLoss(const PointStatistics& statistics, CommandResult* result) {
+  const double carriable = static_cast<double>(statistics.num_carriable());
+  if (statistics.num_ok() == 0 || statistics.num_ok() >= kLostShare * carriable) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"TRI-LOST",
+                            "only " + std::to_string(statistics.num_ok()) + " of " +
+                                std::to_string(statistics.num_carriable()) +
+                                " joints that several cameras see could be "
+                                "triangulated",
+                            "check that calibration and poses belong to the same cameras and that all cameras count frames "
+                            "alike"});
+}
+
+void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result) {
+  constexpr double kMaxSigmaOfDiagonal = 0.015;
+  double diagonal_px = 0;
+  for (const geometry::RigCamera& camera : rig.cameras)
+    diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
+  diagonal_px /= static_cast<double>(rig.cameras.size());
+  if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
+  char text[200];
+  std::snprintf(text, sizeof text, "views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
+                100 * take.sigma_px / diagonal_px);
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"TRI-INCONSISTENT", text,
+                            "check that each folder belongs to its camera, that all cameras count frames from the same "
+                            "instant, and the calibration"});
+}
+
+}  // namespace mvstudio::app

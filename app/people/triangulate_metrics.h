@@ -1,0 +1,58 @@
+#pragma once
+
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "app/input/pose_input.h"
+#include "core/status.h"
+#include "triangulate/skeleton/refine.h"
+#include "triangulate/take/limbs.h"
+/// What `triangulate` says about its points.
+namespace mvstudio::app {
+
+/// Figures over all points of a take, added chunk by chunk.
+class PointStatistics {
+ public:
+  PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs);
+  void Add(const triangulate::TakeResult& take);
+  void AddFrames(const std::vector<triangulate::DetectedFrame>& frames, const triangulate::TakeOptions& options);
+  /// Cameras that hardly ever see anybody.
+  void WarnOfAbsence(const PoseInput& input, CommandResult* result) const;
+
+  int num_ok() const { return static_cast<int>(rms_px_.size()); }
+  int num_tried() const { return num_tried_; }
+  /// Joints that enough cameras see for a point.
+  int64_t num_carriable() const { return num_carriable_; }
+  void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
+
+ private:
+  std::vector<std::pair<int, int>> limbs_;
+  std::map<Status, int> counts_;
+  std::vector<float> rms_px_, sigma_mm_;                           // of points with status kOk
+  std::vector<std::vector<float>> joint_rms_px_, joint_sigma_mm_;  // the same by joint
+  std::vector<triangulate::LimbLength> limb_lengths_;
+  std::vector<int> frames_with_people_;  // by camera
+  int num_frames_ = 0;
+  int num_lower_bounds_ = 0;  // points whose sigma holds the calibration's part of some of their cameras only
+  int num_tried_ = 0, num_persons_ = 0;
+  int64_t num_carriable_ = 0;
+  double solve_s_ = 0;
+};
+
+/// Noise, method, held-out figures and the judgement of the cameras.
+void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
+
+/// Terms tried, and what they did to limbs.
+void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohmann::ordered_json* metrics);
+
+/// Cameras that are off or scaled, or that take left for right.
+void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
+
+/// Nearly all joints that could be triangulated were lost: exit 4, "TRI-LOST".
+void CheckLoss(const PointStatistics& statistics, CommandResult* result);
+
+/// Detections that scatter by a noticeable part of the picture do not belong to this calibration: exit 4.
+void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);
+
+}  // namespace mvstudio::app

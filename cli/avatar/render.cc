@@ -1,0 +1,213 @@
+#include "avatar/io/render/render.h"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <sstream>
+
+#include "app/input/calib_read.h"
+#include "avatar/io/render/backdrop.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/footage/video_io.h"
+#include "dataset/panoptic/panoptic.h"
+
+namespace mvstudio::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using avatar::RenderJob;
+using avatar::RenderPlan;
+using Clock = std::chrono::steady_clock;
+
+struct RenderArguments {
+  std::string run_folder, out, video, background, frames;
+  double rate_hz = 0;
+  bool overwrite = false;
+  avatar::RenderOptions options;
+};
+
+/// Pictures as files of a folder, as one video a view, or both.
+class PictureSink {
+ public:
+  PictureSink(const RenderArguments& arguments, const RenderPlan& plan)
+      : video_(arguments.video), backdrop_(BackdropText(arguments)), rate_hz_(RateOf(arguments, plan)) {
+    for (const RenderJob& job : plan.jobs) views_.insert(job.view);
+    if (!video_.empty() && fs::path(video_).extension() != ".mp4")
+      throw UsageError("--video " + video_ + ": videos are written as .mp4");
+    for (const std::string& view : views_) {
+      if (!video_.empty() && !arguments.overwrite && fs::exists(VideoPath(view)))
+        throw UsageError("--video " + VideoPath(view) + " is there: choose another name or give --overwrite");
+    }
+    folder_path_ = !arguments.out.empty() ? arguments.out : video_.empty() ? arguments.run_folder + "/render" : "";
+    const bool own_folder = arguments.out.empty();
+    if (!folder_path_.empty())
+      // Files of the run, not its folder: RUN/render is a usual place, RUN itself is none.
+      folder_ = std::make_unique<AtomicFolder>(folder_path_, arguments.overwrite || own_folder,
+                                               std::vector<std::string>{arguments.run_folder + "/" + avatar::kCheckpointFile});
+  }
+
+  void Add(const RenderJob& job, const Image& premultiplied) {
+    const Image picture = backdrop_.Under(premultiplied);
+    if (folder_) {
+      char number[24];
+      std::snprintf(number, sizeof number, "_%08d.png", job.frame);
+      const std::string name = job.view + "/" + job.view + number;
+      MakeFolder(folder_->work_path() + "/" + job.view);
+      dataset::WriteImage(picture, folder_->work_path() + "/" + name);
+      outputs_.push_back({folder_path_ + "/" + name, "rendered-picture"});
+    }
+    if (!video_.empty()) AddToVideo(job.view, picture);
+  }
+
+  std::vector<CommandResult::Output> Finish() {
+    CloseVideo();
+    videos_->Commit();
+    videos_.reset();  // what is written from now on is no video
+    if (folder_) folder_->Commit();
+    return outputs_;
+  }
+  double rate_hz() const { return rate_hz_; }
+
+ private:
+  /// A video has no opacity: black unless a backdrop is asked for.
+  static std::string BackdropText(const RenderArguments& arguments) {
+    const bool none = arguments.background.empty() || arguments.background == "none";
+    return none && !arguments.video.empty() ? "black" : arguments.background;
+  }
+  static double RateOf(const RenderArguments& arguments, const RenderPlan& plan) {
+    constexpr double kUsualHz = 30;
+    if (arguments.rate_hz < 0 || arguments.rate_hz > 1000) throw UsageError("--fps must be in 0..1000");
+    return arguments.rate_hz > 0 ? arguments.rate_hz : plan.rate_hz > 0 ? plan.rate_hz : kUsualHz;
+  }
+  std::string VideoPath(const std::string& view) const {
+    if (views_.size() < 2) return video_;
+    const fs::path path(video_);
+    return (path.parent_path() / (path.stem().string() + "_" + view + path.extension().string())).string();
+  }
+  void AddToVideo(const std::string& view, const Image& picture) {
+    if (view != open_view_) {
+      CloseVideo();
+      open_view_ = view;
+      if (fs::path(video_).has_parent_path()) MakeFolder(fs::path(video_).parent_path().string());
+      const bool odd = picture.width % 2 != 0 || picture.height % 2 != 0;
+      writer_ = std::make_unique<dataset::VideoWriter>(VideoPath(view), picture.width, picture.height, rate_hz_, 16, odd);
+    }
+    writer_->Write(picture);
+  }
+  void CloseVideo() {
+    if (!writer_) return;
+    writer_->Close();
+    writer_.reset();
+    outputs_.push_back({VideoPath(open_view_), "video"});
+  }
+
+  std::string video_, folder_path_, open_view_;
+  avatar::Backdrop backdrop_;
+  double rate_hz_;
+  std::set<std::string> views_;
+  std::unique_ptr<AtomicFolder> folder_;
+  std::optional<FilesTogether> videos_{std::in_place};
+  std::unique_ptr<dataset::VideoWriter> writer_;
+  std::vector<CommandResult::Output> outputs_;
+};
+
+void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const avatar::AvatarModel& model, double seconds,
+                 double rate_hz, CommandResult* result) {
+  std::set<std::string> views;
+  for (const RenderJob& job : plan.jobs) views.insert(job.view);
+  auto& m = result->metrics;
+  m["pictures"] = plan.jobs.size();
+  m["views"] = views;
+  m["poses"] = {{"source", plan.track.source}, {"number", plan.track.poses.size()}};
+  m["scale"] = {{"normalised", plan.scaled}, {"trained_over_given", plan.ratio}};
+  m["size_px"] = a.options.size_px > 0 ? a.options.size_px : model.size_px;
+  m["network_size_px"] = a.options.network_size_px > 0 ? a.options.network_size_px : model.size_px;
+  m["frame"] = a.options.frame;
+  m["rate_hz"] = rate_hz;
+  m["method"] = model.options.method;
+  m["checkpoint_step"] = model.step;
+  m["seconds_per_picture"] = FiniteOrNull(seconds / static_cast<double>(plan.jobs.size()));
+}
+
+void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar::AvatarModel& model, CommandResult* result) {
+  if (!a.options.calib.empty()) app::AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
+  if (!plan.skipped.empty()) {
+    result->exit = kExitPartial;
+    result->warnings.push_back(
+        {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " pictures could not be made; the first: " + plan.skipped.front(),
+         "leave these cameras or frames out, or use --place training"});
+  }
+  constexpr double kSameSize = 0.05;
+  if (plan.foreign && !plan.scaled && std::abs(plan.ratio - 1) > kSameSize) {
+    char text[160];
+    std::snprintf(text, sizeof text, "the poses' bones are %.3g times the trained person's, which the network never saw",
+                  1 / plan.ratio);
+    result->warnings.push_back({"AVA-SCALE", text, "render with --scale-normalise on"});
+  }
+  if (model.options.method == "v2v" && a.options.turntable > 0) {
+    result->warnings.push_back({"AVA-V2V-MOVING-CAMERA",
+                                "v2v carries the picture before over and learned that with cameras that stand still",
+                                "expect trails, or turn with an avatar of method tna"});
+  }
+}
+
+CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& context) {
+  avatar::RenderOptions options = arguments.options;
+  if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
+  const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
+  const RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
+  avatar::AvatarModel model = avatar::LoadModel(arguments.run_folder + "/" + avatar::kCheckpointFile);
+  PictureSink sink(arguments, plan);
+  const Clock::time_point start = Clock::now();
+  avatar::RenderPictures(model, config, plan, options, context.run,
+                         [&](const RenderJob& job, const Image& picture) { sink.Add(job, picture); });
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  CommandResult result;
+  result.outputs = sink.Finish();
+  result.folder = arguments.run_folder;
+  result.inputs = {arguments.run_folder, config.dataset};
+  for (const std::string& input : {options.calib, options.poses, options.bvh}) {
+    if (!input.empty()) result.inputs.push_back(input);
+  }
+  FillMetrics(arguments, plan, model, seconds, sink.rate_hz(), &result);
+  AddWarnings(arguments, plan, model, &result);
+  std::ostringstream text;
+  text << plan.jobs.size() << " pictures of " << result.metrics["views"].size() << " view(s), " << plan.track.poses.size()
+       << " pose(s) of " << plan.track.source;
+  if (plan.scaled) text << " in the trained person's size (x " << plan.ratio << ")";
+  text << ", " << seconds / static_cast<double>(plan.jobs.size()) << " s each\n";
+  if (!result.outputs.empty()) text << "  " << result.outputs.front().path << (result.outputs.size() > 1 ? " …\n" : "\n");
+  result.text = text.str();
+  return result;
+}
+
+}  // namespace
+
+void RegisterAvatarRender(CLI::App& avatar, Registry& registry) {
+  auto a = std::make_shared<RenderArguments>();
+  CLI::App* sub = avatar.add_subcommand(
+      "render", "New pictures of a trained avatar: any calibrated camera, other poses, or a camera that goes round");
+  AddOption(sub, "run", a->run_folder, "folder of the training run (--out of `avatar train`)")->required();
+  AddOption(sub, "--out", a->out, "folder of the pictures; RUN/render unless given or only --video is asked for");
+  AddOption(sub, "--video", a->video, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
+  AddOption(
+      sub, "--background", a->background,
+      "colour (black, white, grey, green, #rrggbb or r,g,b) or picture behind the person; none: PNG with opacity (videos: "
+      "black)");
+  AddOption(sub, "--frames", a->frames, "frames to render, e.g. 90-119; those held out unless given (other takes: all)");
+  AddOption(sub, "--fps", a->rate_hz, "pictures a second of the video; 0: that of the poses")->capture_default_str();
+  AddFlag(sub, "--overwrite", a->overwrite, "replace what is at --out or --video");
+  AddOptions(sub, a->options);
+  registry.Add(sub, "avatar render", [a](CommandContext& context) { return RunAvatarRender(*a, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,354 @@
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "app/nets/avatar_run.h"
+#include "app/nets/avatar_train_data.h"
+#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/io/pack/pack_builder.h"
+#include "cli/avatar/ranks.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/redact.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using avatar::AvatarPack;
+using avatar::RunConfig;
+using Clock = std::chrono::steady_clock;
+
+struct TrainArguments {
+  TrainArguments() { model.prior = "auto"; }
+  std::string dataset, out, init_from;
+  app::SplitArguments split;
+  RankArguments ranks;
+  avatar::ModelOptions model;
+  avatar::TrainOptions train;
+  avatar::PackOptions pack;
+  bool overwrite = false;
+  std::function<bool(const std::string&)> given;  ///< whether the command line has this option
+};
+
+struct ResumeArguments {
+  ResumeArguments() { ranks.ranks = 0; }  // as many as before
+  std::string run, device, perceptual;
+  int steps = -1, patience = -1;
+  RankArguments ranks;
+};
+
+/// Trains to the end with checkpoints on the way. A request to stop saves first. `files`: null for ranks that write nothing.
+avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, app::AvatarRun* files, const app::RunPacks& packs,
+                                 const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
+  const Clock::time_point start = Clock::now();
+  const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
+  const AvatarPack* watched = packs.watched ? &*packs.watched : nullptr;
+  const AvatarPack& samples = watched ? *watched : packs.train;
+  ProgressStage stage(context.run, "training", trainer.total_steps() - trainer.model().step);
+  bool stopped = false;
+  bool begun = false;
+  const auto callback = [&](int64_t step, const avatar::HistoryRow* row) {
+    if (files && !std::exchange(begun, true)) files->ForgetScores();
+    if (row && files) files->AddRow(*row, wall_s());
+    if (row && row->phase == "validation") return true;
+    if (files && step % options.save_every == 0) files->Save(trainer, samples);
+    if (files && options.picture_every > 0 && step % options.picture_every == 0) files->SavePicture(trainer, samples);
+    stopped = context.run.progress && context.run.progress->Cancelled();
+    if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string((*row)["total"]) : "");
+    return !stopped;
+  };
+  const avatar::TrainReport report = trainer.Run(watched, callback);
+  if (files) files->Save(trainer, samples);
+  if (report.stopped) {
+    throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) +
+                         ": the checkpoint is saved, `mvstudio avatar resume` goes on");
+  }
+  return report;
+}
+
+CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& trainer, const app::AvatarRun& files, double seconds,
+                       double wall_s) {
+  CommandResult result;
+  auto& m = result.metrics;
+  m["method"] = trainer.model().options.method;
+  m["num_parameters"] = avatar::NumParameters(trainer.model().options);
+  m["steps"] = trainer.model().step;
+  if (report.best_step >= 0) m["best_step"] = report.best_step;
+  m["ended_early"] = report.ended_early;
+  m["device"] = trainer.device();
+  std::map<std::string, avatar::HistoryRow> last;
+  for (const avatar::HistoryRow& row : report.history) last[row.phase] = row;
+  for (const auto& [phase, row] : last) {
+    m["final"][phase]["step"] = row.step;
+    for (size_t i = 0; i < row.values.size(); ++i) m["final"][phase][avatar::kLossColumns[i]] = row.values[i];
+  }
+  m["it_per_s"] = report.steps_done > 0 ? static_cast<double>(report.steps_done) / seconds : std::nan("");
+  m["wall_s"] = wall_s;
+  result.outputs = files.Outputs();
+  if (report.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"AVA-NONFINITE", report.message,
+                             "look at these pictures; train again without them or with a smaller --learning-rate"});
+  }
+  return result;
+}
+
+/// Joins the other ranks, trains, and says how it went. `begin`: called once nothing can be refused any more.
+CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const app::RunPacks& packs,
+                        const avatar::TrainOptions& options, double earlier_s, RankProcesses& ranks, CommandContext& context,
+                        const std::function<void()>& begin = {}) {
+  const Clock::time_point start = Clock::now();
+  if (const auto joined = ranks.Join()) trainer.Join(joined);
+  if (begin && ranks.first()) begin();
+  const avatar::TrainReport report =
+      TrainAndSave(trainer, ranks.first() ? &files : nullptr, packs, options, earlier_s, context);
+  if (!ranks.first()) return {};
+  ranks.Finish();
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  CommandResult result = ResultOf(report, trainer, files, seconds, earlier_s + seconds);
+  result.metrics["ranks"] = ranks.place().size;
+  if (report.ended_early) result.text = report.message + "\n";
+  return result;
+}
+
+void FillCommon(const RunConfig& config, const app::RunPacks& packs, const std::string& folder, CommandResult* result) {
+  result->folder = folder;
+  result->inputs = {config.dataset};
+  result->metrics["train"] = {{"cameras", config.split.train_cameras.size()},
+                              {"frames", config.split.train_frames.size()},
+                              {"images", packs.train.size()},
+                              {"template_iou", config.template_iou}};
+  if (!packs.skipped.empty()) {
+    result->warnings.push_back(
+        {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " pictures were left out; the first: " + packs.skipped.front(),
+         "check these pictures, masks and joints"});
+    if (result->exit == kExitOk) result->exit = kExitPartial;
+  }
+  std::ostringstream text;
+  const auto& m = result->metrics;
+  text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
+       << packs.train.size() << " pictures of " << config.split.train_cameras.size() << " cameras: " << m["steps"]
+       << " steps in " << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
+  result->text = text.str() + result->text;
+}
+
+/// The net of the perceptual loss, null for none. What "auto" became is kept, so that a run goes on with the same.
+std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* options) {
+  if (options->weight_perceptual == 0) options->perceptual = "none";
+  const auto net = avatar::FeatureNetByName(options->perceptual);
+  if (options->perceptual == "auto") options->perceptual = net ? net->name() : "none";
+  return net;
+}
+
+/// What was asked for and the network that training starts from has not is a usage error.
+void RequireFit(const TrainArguments& arguments, const avatar::ModelOptions& from) {
+  const auto wanted = FieldsAsText(arguments.model), has = FieldsAsText(from);
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    const auto& [name, value] = wanted[i];
+    if (name == "texture-px" || !arguments.given(name) || value == has[i].second || value == "auto") continue;
+    throw UsageError("--" + name + " " + value + ": the network of --init-from " + arguments.init_from + " has " +
+                     has[i].second + "; leave the option out");
+  }
+}
+
+std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
+  if (arguments.init_from.empty()) return std::nullopt;
+  avatar::AvatarModel from = avatar::LoadModel(app::AvatarRun(arguments.init_from).checkpoint_path());
+  RequireFit(arguments, from.options);
+  return from;
+}
+
+/// The network's options with every choice made.
+avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
+  avatar::ModelOptions model = from ? from->options : arguments.model;
+  const bool labelled = !arguments.pack.iuv.empty();
+  if (model.prior == "auto") model.prior = labelled ? "none" : "template";
+  if (model.prior == "template" && labelled)
+    throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
+  Validate(model);
+  return model;
+}
+
+/// Where files lie says who works where; relative to the run they can be found as well.
+RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
+  for (std::string* path : {&config.dataset, &config.pack.pose3d, &config.pack.iuv}) {
+    if (!path->empty())
+      *path = std::filesystem::path(*path).lexically_relative(std::filesystem::absolute(run).lexically_normal()).string();
+  }
+  return config;
+}
+
+CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
+  Validate(arguments.train);
+  const std::optional<avatar::AvatarModel> from = StartOf(arguments);
+  const avatar::ModelOptions model = ModelOf(arguments, from);
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
+  RunConfig config;
+  config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
+  config.pack = arguments.pack;
+  if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
+  config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
+  config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
+  config.pack.template_input_px = model.prior == "template" ? config.pack.size_px : 0;
+  if (!config.pack.pose3d.empty())
+    config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
+  config.split = app::SplitOf(data, config.pack.person, arguments.split);
+  app::AvatarRun files(arguments.out);
+  std::optional<OutputFolder> place;
+  if (arguments.ranks.rank == 0) {
+    place.emplace(arguments.out,
+                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d, arguments.init_from},
+                  app::AvatarRun::Names());
+    files.RequireFree(arguments.overwrite);
+  }
+  RankProcesses ranks(arguments.ranks, context, arguments.out);
+  context.run.num_threads = ranks.threads();
+  const app::RunPacks packs = app::BuildPacks(data, model, arguments.train, context.run, &config);
+  avatar::TrainOptions options = arguments.train;
+  const auto net = PerceptualNet(&options);
+  avatar::Trainer trainer = from ? avatar::Trainer(packs.train, *from, arguments.model.texture_px, options, context.run, net)
+                                 : avatar::Trainer(packs.train, model, options, context.run, net);
+  const auto replace_older = [&] {
+    files.Clear();
+    WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
+  };
+  CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
+  if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
+  return result;
+}
+
+/// A checkpoint from elsewhere must not choose code that is run: a TorchScript file is named on the command line.
+void SettlePerceptual(const ResumeArguments& arguments, const std::string& path, avatar::TrainOptions* options) {
+  const std::string& then = options->perceptual;
+  const bool file = then != "none" && then != "auto" && then != "posenet" && options->weight_perceptual != 0;
+  if (!arguments.perceptual.empty()) {
+    options->perceptual = arguments.perceptual;
+  } else if (file) {
+    throw UsageError(path + ": was trained with the TorchScript file '" + then +
+                     "', and such a file is a program: give it as --perceptual FILE");
+  }
+}
+
+RankArguments RanksOf(const ResumeArguments& arguments, const avatar::TensorFile& checkpoint, const std::string& path) {
+  RankArguments ranks = arguments.ranks;
+  if (ranks.ranks == 0) ranks.ranks = ranks.world_size > 1 || ranks.rank > 0 ? 1 : RanksFrom(checkpoint, path);
+  return ranks;
+}
+
+CommandResult RunResume(const ResumeArguments& arguments, CommandContext& context) {
+  app::AvatarRun files(arguments.run);
+  RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
+  const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
+  avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
+  if (arguments.steps >= 0) options.steps = arguments.steps;
+  if (arguments.patience >= 0) options.patience = arguments.patience;
+  if (!arguments.device.empty()) options.device = arguments.device;
+  SettlePerceptual(arguments, files.checkpoint_path(), &options);
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
+  std::optional<OutputFolder> place;
+  if (arguments.ranks.rank == 0)
+    place.emplace(arguments.run, std::vector<std::string>{config.dataset}, app::AvatarRun::Names());
+  config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
+  RankProcesses ranks(RanksOf(arguments, checkpoint, files.checkpoint_path()), context, arguments.run);
+  context.run.num_threads = ranks.threads();
+  const app::RunPacks packs =
+      app::BuildPacks(data, ModelOptionsFrom(checkpoint, files.checkpoint_path()), options, context.run, &config);
+  avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
+  const int64_t before = trainer.model().step;
+  const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
+  CommandResult result = TrainHere(trainer, files, packs, options, earlier_s, ranks, context);
+  if (!ranks.first()) return result;
+  FillCommon(config, packs, arguments.run, &result);
+  result.metrics["resumed_from"] = before;
+  if (trainer.model().step == before) {
+    result.warnings.push_back({"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done, or --patience was over",
+                               "ask for more with --steps or --patience"});
+  }
+  return result;
+}
+
+CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked) {
+  CommandResult result;
+  avatar::ModelOptions options = asked;
+  if (!run.empty()) {
+    const avatar::AvatarModel model = avatar::LoadModel(app::AvatarRun(run).checkpoint_path());
+    options = model.options;
+    result.metrics["steps"] = model.step;
+    result.metrics["size_px"] = model.size_px;
+    result.inputs = {run};
+  }
+  Validate(options);
+  const int64_t texels = options.method == "tna" ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
+  result.metrics["num_parameters"] = avatar::NumParameters(options);
+  result.metrics["num_texels"] = texels;
+  for (const auto& [name, value] : FieldsAsText(options)) result.metrics["model"][name] = value;
+  result.text = "network: " + std::to_string(result.metrics["num_parameters"].get<int64_t>()) +
+                " parameters; textures: " + std::to_string(texels) + " numbers\n";
+  return result;
+}
+
+void RegisterTrain(CLI::App& avatar, Registry& registry) {
+  auto a = std::make_shared<TrainArguments>();
+  CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
+  AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
+  AddOption(sub, "--out", a->out, "folder of the run")->required();
+  AddSplitOptions(sub, a->split);
+  AddOption(sub, "--init-from", a->init_from,
+            "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
+            "initialisation unless --init-steps asks for one");
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
+  AddOptions(sub, a->model);
+  AddOptions(sub, a->train);
+  AddOptions(sub, a->pack);
+  AddRankOptions(sub, a->ranks);
+  a->given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
+  registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });
+}
+
+void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
+  AddOption(sub, "--train-cameras", a.train_cameras,
+            "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
+  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
+            "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
+  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
+  AddOption(sub, "--split", a.split,
+            "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
+  AddOption(sub, "--validate-camera", a.validate_camera,
+            "a training camera that is not trained on but scored at each checkpoint, for --patience");
+}
+
+}  // namespace
+
+void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
+  RegisterTrain(avatar, registry);
+  auto resume = std::make_shared<ResumeArguments>();
+  CLI::App* again = avatar.add_subcommand("resume", "Continue an interrupted or finished training run");
+  AddOption(again, "run", resume->run, "folder of the run")->required();
+  AddOption(again, "--steps", resume->steps,
+            "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
+  AddOption(again, "--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
+      ->capture_default_str();
+  AddOption(again, "--perceptual", resume->perceptual,
+            "the TorchScript file of the perceptual loss, where one was used: it is run, so a checkpoint alone cannot name it");
+  AddOption(again, "--device", resume->device, "auto, cpu or cuda; as asked for then unless given");
+  AddRankOptions(again, resume->ranks);
+  again->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");
+  registry.Add(again, "avatar resume", [resume](CommandContext& context) { return RunResume(*resume, context); });
+
+  auto options = std::make_shared<avatar::ModelOptions>(avatar::PaperModel());
+  auto run = std::make_shared<std::string>();
+  CLI::App* info = avatar.add_subcommand("info", "Size of a network (defaults: the published one) or of a trained run");
+  AddOption(info, "run", *run, "folder of a run; without it the options below are used");
+  AddOptions(info, *options);
+  registry.Add(info, "avatar info", [run, options](CommandContext&) { return RunInfo(*run, *options); });
+}
+
+}  // namespace mvstudio::cli

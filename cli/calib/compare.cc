@@ -1,0 +1,236 @@
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "app/format.h"
+#include "app/input/calib_read.h"
+#include "calib/check/rig_compare.h"
+#include "cli/calib/calib.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+#include "core/units.h"
+#include "geometry/rig/alignment.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using geometry::Rig;
+using geometry::RigCamera;
+using nlohmann::ordered_json;
+
+struct Arguments {
+  app::CalibReadOptions read;
+  std::string rig, reference, ranges = "1,3,inf";
+  double max_rotation_deg = 0, max_translation_mm = 0, max_focal_percent = 0, max_lens_px = 0, max_projection_px = 0;
+  bool implied = true;
+  double focus = 1;
+  int grid = 24;
+};
+
+/// Keeps the cameras of `rig` that `other` has too; the rest are named in a warning.
+void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResult* result) {
+  std::string missing;
+  std::vector<RigCamera> kept;
+  for (const RigCamera& camera : rig->cameras) {
+    if (other.Find(camera.camera.name) >= 0)
+      kept.push_back(camera);
+    else
+      missing += (missing.empty() ? "" : ", ") + camera.camera.name;
+  }
+  if (!missing.empty())
+    result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
+                                "rename cameras with calib convert --rename"});
+  rig->cameras = kept;
+}
+
+void AddDifference(const geometry::RigDifference& difference, const Arguments& options, CommandResult* result) {
+  struct Row {
+    const char* key;
+    double value, mean, limit;
+    const char* unit;
+  };
+  const Row rows[] = {{"rotation_deg", RadToDeg(difference.max_rotation_rad), RadToDeg(difference.mean_rotation_rad),
+                       options.max_rotation_deg, "deg"},
+                      {"translation_mm", 1e3 * difference.max_translation_m, 1e3 * difference.mean_translation_m,
+                       options.max_translation_mm, "mm"},
+                      {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
+                      {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
+  for (const Row& row : rows) {
+    result->metrics[std::string("max_") + row.key] = row.value;
+    if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
+    result->text += app::Format("%-15s max %.6g %s", row.key, row.value, row.unit) +
+                    (row.mean >= 0 ? app::Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
+    if (row.limit > 0 && row.value > row.limit) {
+      result->exit = kExitQualityGate;
+      result->warnings.push_back({"CAL-DIFFERS", app::Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), ""});
+    }
+  }
+}
+
+std::vector<double> ParseMetres(const std::string& text) {
+  std::vector<double> ranges;
+  for (size_t start = 0; start <= text.size();) {
+    const size_t end = std::min(text.find(',', start), text.size());
+    double range = 0;
+    const auto [stop, code] = std::from_chars(text.data() + start, text.data() + end, range);
+    if (code != std::errc() || stop != text.data() + end || !(range > 0)) {
+      throw UsageError("--range-m " + text + ": expected distances in metres such as 1,3,inf");
+    }
+    ranges.push_back(range);
+    start = end + 1;
+  }
+  return ranges;
+}
+
+ordered_json GridJson(const Eigen::MatrixXd& grid) {
+  ordered_json rows = ordered_json::array();
+  for (Eigen::Index r = 0; r < grid.rows(); ++r) {
+    ordered_json row = ordered_json::array();
+    for (Eigen::Index c = 0; c < grid.cols(); ++c) row.push_back(FiniteOrNull(std::round(1e4 * grid(r, c)) / 1e4));
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+ordered_json AxisJson(const Eigen::RowVectorXd& axis) {
+  ordered_json json = ordered_json::array();
+  for (Eigen::Index i = 0; i < axis.size() && std::isfinite(axis[i]); ++i) json.push_back(axis[i]);
+  return json;
+}
+
+ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name) {
+  ordered_json json{{"name", name}, {"status", std::string(ToString(diff.status))}};
+  json["implied_rotation_deg"] = RadToDeg(diff.rotation_rad);
+  json["implied_translation_mm"] = 1e3 * diff.translation_m;
+  if (!diff.ranges.empty()) {
+    json["grid_u_px"] = AxisJson(diff.grid_axes_px.row(0));
+    json["grid_v_px"] = AxisJson(diff.grid_axes_px.row(1));
+  }
+  json["ranges"] = ordered_json::array();
+  for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
+    json["ranges"].push_back({{"range_m", FiniteOrNull(at.range_m)},
+                              {"rms_px", FiniteOrNull(at.rms_px)},
+                              {"max_px", FiniteOrNull(at.max_px)},
+                              {"centre_px", FiniteOrNull(at.centre_px)},
+                              {"num_points", at.num_points},
+                              {"grid_px", GridJson(at.grid_px)}});
+  }
+  return json;
+}
+
+std::string DiffText(const calib::ProjectionDiff& diff, const std::string& name) {
+  if (diff.ranges.empty()) return app::Format("%-14s image sizes differ\n", name.c_str());
+  std::string text =
+      app::Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
+  for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
+    text += app::Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px);
+  }
+  return text + "\n";
+}
+
+void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
+  calib::ProjectionDiffOptions options;
+  options.ranges_m = ParseMetres(arguments.ranges);
+  options.implied = arguments.implied;
+  options.focus = arguments.focus;
+  options.grid_cols = arguments.grid;
+  double worst = 0;
+  auto& list = result->metrics["projection"] = ordered_json::array();
+  for (const RigCamera& camera : reference.cameras) {
+    const std::string& name = camera.camera.name;
+    const geometry::Camera& other = rig.cameras[static_cast<size_t>(rig.Find(name))].camera;
+    const calib::ProjectionDiff diff = calib::CompareProjection(other, camera.camera, options);
+    list.push_back(DiffJson(diff, name));
+    result->text += DiffText(diff, name);
+    if (diff.status != Status::kOk) {
+      result->warnings.push_back({"CAL-NOTCOMPARED",
+                                  "camera " + name + ": the two lenses cannot be compared: " +
+                                      (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
+                                  ""});
+    }
+    for (const auto& at : diff.ranges) worst = std::max(worst, at.rms_px);
+  }
+  result->metrics["max_projection_rms_px"] = worst;
+  if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px) {
+    result->exit = kExitQualityGate;
+    result->warnings.push_back(
+        {"CAL-DIFFERS", app::Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px),
+         ""});
+  }
+}
+
+/// The rigid motion leaves one or two cameras or coincident ones alone: said, and the lenses are compared all the same.
+void ComparePoses(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
+  const geometry::RigDifference difference = geometry::CompareRigs(rig, reference);
+  result->metrics["status"] = std::string(ToString(difference.status));
+  if (difference.status != Status::kOk) {
+    result->exit = kExitIllPosed;
+    result->errors.push_back({"CAL-NOTALIGNED", "the rigs cannot be aligned: " + std::string(ToString(difference.status)), ""});
+    return;
+  }
+  AddDifference(difference, arguments, result);
+  result->text += std::to_string(rig.cameras.size()) + " cameras, after the best rigid alignment\n";
+}
+
+CommandResult Compare(const Arguments& arguments) {
+  calib::ImportedRig rig = app::ReadCalibrationFiles({arguments.rig}, arguments.read);
+  calib::ImportedRig reference = app::ReadCalibrationFiles({arguments.reference}, arguments.read);
+  CommandResult result;
+  result.inputs = {arguments.rig, arguments.reference};
+  app::AddNotes(rig.notes, &result);
+  app::AddNotes(reference.notes, &result);
+  if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
+    rig.rig.cameras[0].camera.name = reference.rig.cameras[0].camera.name;  // whatever their names: nothing else can be meant
+  }
+  KeepCommon(reference.rig, arguments.rig, &rig.rig, &result);
+  KeepCommon(rig.rig, arguments.reference, &reference.rig, &result);
+  if (rig.rig.cameras.empty())
+    throw UsageError(arguments.rig + " and " + arguments.reference + ": no camera name is in both; use calib convert --rename");
+  result.metrics["num_cameras"] = rig.rig.cameras.size();
+  ComparePoses(rig.rig, reference.rig, arguments, &result);
+  if (result.errors.empty()) CompareProjections(rig.rig, reference.rig, arguments, &result);
+  return result;
+}
+
+void AddLimits(CLI::App* sub, Arguments& arguments) {
+  AddOption(sub, "--max-rotation-deg", arguments.max_rotation_deg, "exit 4 when a camera differs more; 0: no limit")
+      ->capture_default_str();
+  AddOption(sub, "--max-translation-mm", arguments.max_translation_mm, "exit 4 when a camera differs more; 0: no limit")
+      ->capture_default_str();
+  AddOption(sub, "--max-focal-percent", arguments.max_focal_percent, "exit 4 when a focal length differs more; 0: no limit")
+      ->capture_default_str();
+  AddOption(sub, "--max-lens-px", arguments.max_lens_px,
+            "exit 4 when a ray's pixels through both lenses lie farther apart; 0: no limit")
+      ->capture_default_str();
+  AddOption(sub, "--max-projection-px", arguments.max_projection_px,
+            "exit 4 when the projection difference (rms over the image, any range) is larger; 0: no limit")
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void RegisterCalibCompare(CLI::App& calib, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = calib.add_subcommand("compare",
+                                       "Difference of two calibrations: poses after the rigid motion that aligns them "
+                                       "best, and projection in px");
+  AddOption(sub, "A", arguments->rig, "calibration")->required();
+  AddOption(sub, "B", arguments->reference, "reference calibration")->required();
+  AddOption(sub, "--range-m", arguments->ranges, "distances at which projections are compared, metres, with commas")
+      ->capture_default_str();
+  AddFlag(sub, "--implied,!--no-implied", arguments->implied,
+          "take out the small motion between the two camera frames that explains most of the projection difference")
+      ->capture_default_str();
+  AddOption(sub, "--focus", arguments->focus,
+            "share of the image's half diagonal, around its centre, in which that motion is fitted")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1.0));
+  AddOption(sub, "--grid", arguments->grid, "points across the image at which projections are compared")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 1000));
+  AddLimits(sub, *arguments);
+  AddReadOptions(sub, arguments->read);
+  registry.Add(sub, "calib compare", [arguments](CommandContext&) { return Compare(*arguments); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,167 @@
+#include <algorithm>
+#include <filesystem>
+
+#include "app/format.h"
+#include "app/input/calib_read.h"
+#include "calib/formats/formats.h"
+#include "cli/calib/calib.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "dataset/panoptic/panoptic.h"
+#include "exports/export.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using calib::CalibrationFormat;
+using geometry::Rig;
+using geometry::RigCamera;
+
+struct Arguments {
+  app::CalibReadOptions read;
+  std::vector<std::string> in, rename;
+  std::string to = "mvstudio", out, out_unit = "m";
+  double allow_approximation_px = 0;
+};
+
+void Rename(const std::vector<std::string>& pairs, Rig* rig) {
+  for (const std::string& pair : pairs) {
+    const auto [old_name, new_name] = SplitNamePath("--rename", pair);
+    const int found = rig->Find(old_name);
+    if (found < 0) throw UsageError("--rename " + pair + ": there is no camera '" + old_name + "'");
+    if (rig->Find(new_name) >= 0) throw UsageError("--rename " + pair + ": there is a camera '" + new_name + "' already");
+    rig->cameras[found].camera.name = new_name;
+  }
+}
+
+bool IsPanopticName(const std::string& name) {
+  const auto digit = [&](size_t i) { return name[i] >= '0' && name[i] <= '9'; };
+  return name.size() == 5 && digit(0) && digit(1) && name[2] == '_' && digit(3) && digit(4);
+}
+
+/// Panoptic's files know only names like 00_07: numbers the cameras in their order and says which became which.
+void RenameForPanoptic(Rig* rig, CommandResult* result) {
+  const bool fits = std::all_of(rig->cameras.begin(), rig->cameras.end(),
+                                [](const RigCamera& camera) { return IsPanopticName(camera.camera.name); });
+  if (fits) return;
+  if (rig->cameras.size() > 100)
+    throw UsageError("Panoptic's file names hold at most 100 cameras of one panel, here are " +
+                     std::to_string(rig->cameras.size()));
+  std::string mapping;
+  for (size_t i = 0; i < rig->cameras.size(); ++i) {
+    const std::string name = app::Format("00_%02d", static_cast<int>(i));
+    mapping += (i ? ", " : "") + rig->cameras[i].camera.name + "=" + name;
+    result->metrics["renamed"][rig->cameras[i].camera.name] = name;
+    rig->cameras[i].camera.name = name;
+  }
+  result->warnings.push_back({"CAL-RENAMED", "Panoptic names its cameras 00_NN; renamed in order: " + mapping,
+                              "choose the names yourself with --rename OLD=NEW"});
+}
+
+/// Formats of whole datasets that hold the cameras by themselves too.
+std::vector<std::string> DatasetFormats() {
+  std::vector<std::string> names;
+  for (const exports::FormatInfo& format : exports::Formats()) {
+    if (format.rig_only) names.push_back(format.name);
+  }
+  return names;
+}
+
+std::vector<std::string> OutputChoices() {
+  std::vector<std::string> choices = app::CalibrationFormatChoices(false);
+  for (const std::string& name : DatasetFormats()) choices.push_back(name);
+  return choices;
+}
+
+std::string OutputNames() {
+  std::string names = app::CalibrationFormatNames();
+  for (const std::string& name : DatasetFormats()) names += ", " + name;
+  return names;
+}
+
+/// Writes a dataset format's cameras; returns the files.
+std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Rig& rig, CommandResult* result) {
+  if (arguments.out_unit != "m") throw UsageError("--out-unit: " + arguments.to + " has a unit of its own");
+  const exports::ExportReport report = exports::WriteRig(rig, arguments.to, arguments.out);
+  std::vector<std::string> files;
+  for (const std::string& file : report.files) files.push_back(arguments.out + "/" + file);
+  for (const exports::ExportNote& note : report.notes) result->warnings.push_back({note.code, note.text, note.hint});
+  for (const exports::ExportedCamera& camera : report.cameras) {
+    if (camera.name != camera.source) result->metrics["renamed"][camera.source] = camera.name;
+  }
+  return files;
+}
+
+/// Writes the rig; returns the files.
+std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat format, Rig* rig, CommandResult* result) {
+  calib::WriteOptions options;
+  options.metres_per_unit = app::MetresPerUnit(arguments.out_unit);
+  options.allow_approximation_px = arguments.allow_approximation_px;
+  options.qca_distortion_divisor = arguments.read.qca_distortion_divisor;
+  if (format != CalibrationFormat::kPanoptic) {
+    const calib::ExportReport report = calib::WriteCalibration(*rig, format, arguments.out, options);
+    app::AddNotes(report.notes, result);
+    return report.files;
+  }
+  std::vector<calib::ImportNote> notes;
+  *rig = calib::RigForFormat(*rig, format, options, arguments.out, &notes);
+  app::AddNotes(notes, result);
+  RenameForPanoptic(rig, result);
+  dataset::WritePanopticCalibration(*rig, arguments.out, std::filesystem::path(arguments.in.front()).filename().string());
+  return {arguments.out};
+}
+
+CommandResult Convert(const Arguments& arguments) {
+  calib::ImportedRig imported = app::ReadCalibrationFiles(arguments.in, arguments.read);
+  CommandResult result;
+  result.inputs = arguments.in;
+  app::AddNotes(imported.notes, &result);
+  Rename(arguments.rename, &imported.rig);
+  const auto format = calib::CalibrationFormatFromString(arguments.to);
+  const bool folder = std::filesystem::is_directory(arguments.out);
+  const auto in_folder =
+      folder ? std::make_unique<OutputFolder>(arguments.out, arguments.in, std::vector<std::string>()) : nullptr;
+  const auto as_file = folder ? nullptr : std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in);
+  FilesTogether together;
+  for (const std::string& file :
+       format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
+    result.outputs.push_back({file, "calibration"});
+  }
+  together.Commit();
+  app::AddCameraMetrics(imported.rig, &result);
+  result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
+  const bool is_folder = std::filesystem::is_directory(arguments.out);
+  result.folder = is_folder ? arguments.out : std::filesystem::absolute(arguments.out).parent_path().string();
+  result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";
+  return result;
+}
+
+}  // namespace
+
+void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = calib.add_subcommand("convert", "Read a calibration of any known program and write it for another");
+  AddOption(sub, "IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
+  AddOption(sub, "--to", arguments->to, "format of the output: " + OutputNames())
+      ->capture_default_str()
+      ->type_name("FORMAT")
+      ->check(CLI::IsMember(OutputChoices()).description(""));
+  AddOption(sub, "--out", arguments->out,
+            "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
+            "several cameras")
+      ->required();
+  AddOption(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"m", "cm", "mm"}));
+  AddOption(sub, "--allow-approximation", arguments->allow_approximation_px,
+            "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  AddOption(sub, "--rename", arguments->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();
+  AddReadOptions(sub, arguments->read);
+  registry.Add(sub, "calib convert", [arguments](CommandContext&) { return Convert(*arguments); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,142 @@
+#include <algorithm>
+#include <cmath>
+
+#include "app/calib/calibrate_result.h"
+#include "app/calib/calibration_use.h"
+#include "app/format.h"
+#include "app/input/calib_read.h"
+#include "app/input/corner_input.h"
+#include "calib/check/rig_check.h"
+#include "cli/calib/calib.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/units.h"
+#include "geometry/rig/rig_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::string calibration, from = "auto", unit = "m", repair;
+  app::CornerArguments corners;
+  calib::RigCheckOptions check;
+};
+
+ordered_json CameraJson(const calib::CameraCheck& camera) {
+  ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}, {"moved", camera.moved}};
+  json["num_views"] = camera.num_views;
+  json["num_corners"] = camera.num_corners;
+  json["num_rejected"] = camera.num_rejected;
+  json["num_bad_views"] = camera.num_bad_views;
+  json["num_outlying_views"] = camera.num_outlying_views;
+  json["own_rms_px"] = FiniteOrNull(camera.own_rms_px);
+  json["rms_px"] = FiniteOrNull(camera.rms_px);
+  json["median_px"] = FiniteOrNull(camera.median_px);
+  if (camera.status != Status::kOk) return json;
+  json["rms_after_px"] = FiniteOrNull(camera.rms_after_px);
+  json["rotation_deg"] = FiniteOrNull(RadToDeg(camera.rotation_rad));
+  json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(camera.rotation_sigma_rad));
+  json["translation_mm"] = FiniteOrNull(1e3 * camera.translation_m);
+  json["translation_sigma_mm"] = FiniteOrNull(1e3 * camera.translation_sigma_m);
+  json["shift_px"] = FiniteOrNull(camera.shift_px);
+  json["significance"] = FiniteOrNull(camera.significance);
+  return json;
+}
+
+void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  m["status"] = std::string(ToString(check.status));
+  m["verdict"] = app::VerdictJson(check.verdict);
+  m["moved"] = check.moved;
+  m["undecided"] = check.undecided;
+  m["rms_px"] = FiniteOrNull(check.rms_px);
+  m["median_px"] = FiniteOrNull(check.median_px);
+  m["num_boards"] = check.num_boards;
+  m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
+  const auto& lengths = check.board_metrics;
+  m["board_edge_mm"] = {{"rms", FiniteOrNull(lengths.edge_rms_mm)},
+                        {"median", FiniteOrNull(lengths.edge_median_mm)},
+                        {"bias", FiniteOrNull(lengths.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = FiniteOrNull(lengths.pair_rms_mm);
+  m["pair_distance_bias_mm"] = FiniteOrNull(lengths.pair_bias_mm);
+  m["cameras"] = ordered_json::array();
+  for (const calib::CameraCheck& camera : check.cameras) m["cameras"].push_back(CameraJson(camera));
+}
+
+std::string Summary(const calib::RigCheck& check) {
+  std::string text = app::Format("%-16s %6s %8s %8s %8s   %-22s %-22s %8s\n", "camera", "boards", "own px", "rms px",
+                                 "after px", "turned deg", "moved mm", "shift px");
+  for (const calib::CameraCheck& c : check.cameras) {
+    text += app::Format("%-16s %6d %8.3f %8.3f ", c.name.c_str(), c.num_views, c.own_rms_px, c.rms_px);
+    if (c.status == Status::kOk) {
+      text += app::Format("%8.3f   %8.4f +- %-8.4f   %8.3f +- %-8.3f   %8.3f%s\n", c.rms_after_px, RadToDeg(c.rotation_rad),
+                          RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px,
+                          c.moved ? "  MOVED" : "");
+    } else {
+      text += std::string(ToString(c.status)) + "\n";
+    }
+  }
+  text += app::Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
+                      check.median_px);
+  text += app::Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
+                      check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
+  text += app::Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
+  text += "verdict: " + check.verdict.status + "\n";
+  for (const auto& reason : check.verdict.reasons) {
+    text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
+  }
+  return text;
+}
+
+CommandResult Eval(const Arguments& arguments, CommandContext& context) {
+  CommandResult result;
+  app::CalibReadOptions read;
+  read.from = arguments.from, read.unit = arguments.unit;
+  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, read);
+  app::AddNotes(imported.notes, &result);
+  result.inputs.push_back(arguments.calibration);
+  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context, &result).input;
+  const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
+  FillMetrics(check, &result.metrics);
+  result.text = Summary(check);
+  app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
+  if (check.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
+    return result;
+  }
+  for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
+  if (check.verdict.status == "fail") result.exit = kExitQualityGate;
+  if (!arguments.repair.empty()) {
+    const OutputFiles place({arguments.repair}, result.inputs);
+    geometry::WriteRig(check.repaired, arguments.repair);
+    result.outputs.push_back({arguments.repair, "calibration"});
+    result.text += "wrote " + arguments.repair + "\n";
+    app::WarnOfCovariance(check.repaired, &result);
+  }
+  return result;
+}
+
+}  // namespace
+
+void RegisterCalibEval(CLI::App& calib, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = calib.add_subcommand(
+      "eval", "Check a calibration on new footage of a board: has a camera been bumped, which one, how far");
+  AddOption(sub, "CALIB", arguments->calibration, "calibration to check")->required();
+  AddCornerArguments(sub, arguments->corners);
+  AddOption(sub, "--repair", arguments->repair, "write the calibration with the new poses of the cameras that have moved");
+  AddOptions(sub, arguments->check);
+  AddOption(sub, "--from", arguments->from, "format of the calibration: auto, " + app::CalibrationFormatNames())
+      ->capture_default_str()
+      ->type_name("FORMAT")
+      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+  AddOption(sub, "--unit", arguments->unit, "unit of length of files that name none")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"m", "cm", "mm"}));
+  registry.Add(sub, "calib eval", [arguments](CommandContext& context) { return Eval(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

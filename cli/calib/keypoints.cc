@@ -1,0 +1,300 @@
+#include "cli/calib/keypoints.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "app/calib/calibration_use.h"
+#include "app/format.h"
+#include "app/input/calib_read.h"
+#include "app/input/pose_input.h"
+#include "app/people/likely_cause.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "core/units.h"
+#include "geometry/rig/rig_covariance.h"
+#include "geometry/rig/rig_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json Pair(double before, double after) { return {{"before", FiniteOrNull(before)}, {"after", FiniteOrNull(after)}}; }
+
+ordered_json Vector(const Eigen::Vector2d& v) { return ordered_json::array({FiniteOrNull(v.x()), FiniteOrNull(v.y())}); }
+
+std::optional<calib::FrameChoice> ParseFrames(const std::string& flag, const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const size_t colon = text.find(':');
+  const auto number = [&](const std::string& digits) {
+    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos)
+      throw UsageError(flag + " " + text + ": give START:STEP, e.g. 0:4 for frames 0, 4, 8, ...");
+    return std::stoi(digits);
+  };
+  calib::FrameChoice choice{number(text.substr(0, colon)), colon == std::string::npos ? 0 : number(text.substr(colon + 1))};
+  if (choice.step < 1) throw UsageError(flag + " " + text + ": the step must be at least 1 (START:STEP)");
+  return choice;
+}
+
+/// The rig's cameras that have poses, and the frames with those cameras alone.
+struct Posed {
+  geometry::Rig rig;
+  std::vector<size_t> camera_of;  // index in the whole rig
+  std::vector<triangulate::DetectedFrame> frames;
+};
+
+Posed PosedCameras(const app::PoseInput& input) {
+  Posed posed;
+  for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
+    const std::string& name = input.rig.cameras[c].camera.name;
+    const auto is_it = [&](const dataset::Pose2dTrack& track) { return track.camera == name; };
+    if (std::none_of(input.tracks.begin(), input.tracks.end(), is_it)) continue;
+    posed.camera_of.push_back(c);
+  }
+  posed.rig = geometry::SubsetOf(input.rig, posed.camera_of);
+  for (const triangulate::DetectedFrame& frame : input.frames) {
+    triangulate::DetectedFrame& own = posed.frames.emplace_back();
+    own.frame = frame.frame;
+    for (const size_t c : posed.camera_of) own.people.push_back(frame.people[c]);
+  }
+  return posed;
+}
+
+ordered_json CameraJson(const calib::KeypointCamera& camera, const geometry::Camera& lens, const std::string& distortion) {
+  return {{"name", camera.name},
+          {"rotation_deg", FiniteOrNull(RadToDeg(camera.rotation_rad))},
+          {"rotation_sigma_deg", FiniteOrNull(RadToDeg(camera.rotation_sigma_rad))},
+          {"translation_mm", FiniteOrNull(1e3 * camera.translation_m)},
+          {"translation_sigma_mm", FiniteOrNull(1e3 * camera.translation_sigma_m)},
+          {"focal_change_percent", FiniteOrNull(100 * camera.focal_change)},
+          {"mean_residual_px",
+           {{"before", Vector(camera.mean_residual_before_px)}, {"after", Vector(camera.mean_residual_after_px)}}},
+          {"distortion", distortion},
+          {"model", std::string(geometry::ToString(lens.model))},
+          {"num_detections", camera.num_detections}};
+}
+
+ordered_json CulpritJson(const calib::KeypointCulprit& culprit) {
+  if (culprit.fault == calib::CameraFault::kNone) return nullptr;
+  ordered_json json = {{"camera", culprit.corrected.camera.name},
+                       {"fault", calib::ToString(culprit.fault)},
+                       {"message", culprit.message},
+                       {"explained", FiniteOrNull(culprit.explained)}};
+  if (culprit.fault == calib::CameraFault::kPose) {
+    json["rotation_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_rad));
+    json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_sigma_rad));
+    json["translation_mm"] = FiniteOrNull(1e3 * culprit.translation_m);
+    json["translation_sigma_mm"] = FiniteOrNull(1e3 * culprit.translation_sigma_m);
+  } else {
+    json["scale"] = FiniteOrNull(culprit.scale);
+    json["scale_sigma"] = FiniteOrNull(culprit.scale_sigma);
+  }
+  return json;
+}
+
+ordered_json HeldOutJson(const calib::KeypointHeldOut& part) {
+  return {{"part", part.name},
+          {"first_frame", part.first_frame},
+          {"last_frame", part.last_frame},
+          {"num_frames", part.num_frames},
+          {"num_train_frames", part.num_train_frames},
+          {"kept_input", part.kept_input},
+          {"median_px", Pair(part.before.median_px, part.after.median_px)},
+          {"mean_px", Pair(part.before.mean_px, part.after.mean_px)},
+          {"p90_px", Pair(part.before.p90_px, part.after.p90_px)},
+          {"limb_std_mm", Pair(part.before.limb_std_mm, part.after.limb_std_mm)}};
+}
+
+void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  const calib::KeypointError &before = report.before, &after = report.after;
+  m["holdout_median_px"] = Pair(before.median_px, after.median_px);
+  m["holdout_mean_px"] = Pair(before.mean_px, after.mean_px);
+  m["holdout_p90_px"] = Pair(before.p90_px, after.p90_px);
+  m["limb_std_mm"] = Pair(before.limb_std_mm, after.limb_std_mm);
+  m["limb_mean_mm"] = Pair(before.limb_mean_mm, after.limb_mean_mm);
+  m["num_holdout_joints"] = after.num_joints;
+  m["num_holdout_failed"] = {{"before", before.num_failed}, {"after", after.num_failed}};
+  m["kept_input"] = report.kept_input;
+  m["keypoint_sigma_px"] = FiniteOrNull(report.sigma_px);
+  m["keypoint_cauchy_px"] = FiniteOrNull(report.cauchy_px);
+  m["num_train_frames"] = report.num_train_frames;
+  m["num_test_frames"] = report.num_test_frames;
+  m["num_train_joints"] = report.num_train_joints;
+  m["held_out"] = ordered_json::array();
+  for (const calib::KeypointHeldOut& part : report.held_out) m["held_out"].push_back(HeldOutJson(part));
+  m["num_gap_frames"] = report.num_gap_frames;
+  m["left_out_persons"] = {{"num_persons", report.left_out.num_persons}, {"num_frames", report.left_out.frames.size()}};
+  m["culprit"] = CulpritJson(report.culprit);
+  m["cameras"] = ordered_json::array();
+  for (size_t c = 0; c < report.cameras.size(); ++c)
+    m["cameras"].push_back(
+        CameraJson(report.cameras[c], report.rig.cameras[c].camera, calib::ToString(report.plan.distortion)));
+  m["decisions"] = ordered_json::array();
+  for (const calib::KeypointDecision& d : report.decisions)
+    m["decisions"].push_back({{"group", d.group},
+                              {"choice", d.choice},
+                              {"holdout_px", FiniteOrNull(d.holdout_px)},
+                              {"standard_error", FiniteOrNull(d.standard_error_px)},
+                              {"chosen", d.chosen}});
+}
+
+std::string Limbs(const calib::KeypointError& error) {
+  if (!std::isfinite(error.limb_mean_mm)) return "";
+  return app::Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
+}
+
+std::string Summary(const calib::KeypointRefineReport& report) {
+  std::string text;
+  for (const auto& [name, error] : {std::pair("before", &report.before), std::pair("after", &report.after)})
+    text += app::Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px%s\n", name, error->median_px,
+                        error->mean_px, error->p90_px, Limbs(*error).c_str());
+  for (const calib::KeypointHeldOut& part : report.held_out)
+    text += app::Format("  %-12s frames %d to %d (%d), adjusted to %d others: median %.2f -> %.2f px, mean %.2f -> %.2f px%s\n",
+                        part.name.c_str(), part.first_frame, part.last_frame, part.num_frames, part.num_train_frames,
+                        part.before.median_px, part.after.median_px, part.before.mean_px, part.after.mean_px,
+                        part.kept_input ? " (input kept)" : "");
+  if (report.num_gap_frames > 0)
+    text += app::Format("  %d frames between the halves measure neither; the calibration is adjusted to all %d frames\n",
+                        report.num_gap_frames, report.num_train_frames);
+  for (const calib::KeypointCamera& c : report.cameras)
+    text += app::Format(
+        "%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) "
+        "px\n",
+        c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
+        1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(), c.mean_residual_before_px.y(),
+        c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
+  text += app::Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
+  for (const calib::KeypointDecision& d : report.decisions)
+    text += app::Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px,
+                        d.standard_error_px, d.chosen ? "  <-" : "");
+  if (report.culprit.fault != calib::CameraFault::kNone) text += report.culprit.message + "\n";
+  if (report.kept_input) text += report.message + "\n";
+  return text;
+}
+
+triangulate::CauseOptions CauseOptionsOf(const KeypointArguments& arguments) {
+  triangulate::CauseOptions options;
+  options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  return options;
+}
+
+/// The causes of a take of which less than half fits the given rig; nothing else is looked at.
+std::optional<triangulate::CauseReport> WhyNoFit(const KeypointArguments& arguments, const Posed& posed,
+                                                 const triangulate::TakeBody& body, const RunContext& run) {
+  const triangulate::CauseOptions options = CauseOptionsOf(arguments);
+  if (FitAsGiven(posed.rig, posed.frames, options, run).carried >= 0.5) return std::nullopt;
+  return RankCauses(posed.rig, posed.frames, body, options, run);
+}
+
+/// What part of a sample of the detections fits. Exit 4 where that is next to nothing, or where one assumption about what is
+/// wrong explains the take better than the adjustment does.
+void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
+               const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
+  const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
+  result->metrics["detections_carried"] = after.carried;
+  if (after.num_detections == 0) return;
+  std::string hint = "check that calibration and poses belong to the same cameras";
+  const auto why = WhyNoFit(arguments, posed, body, run);
+  if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, result);
+  const bool explained = why && !why->message.empty() && why->trials[0].residual_px < after.residual_px;
+  if (after.carried >= app::kLostShare && !explained) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"CAL-NOFIT",
+                            app::Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px",
+                                        100 * after.carried, after.residual_px),
+                            hint});
+}
+
+/// The whole rig with the adjusted cameras in their places.
+geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camera_of, const geometry::Rig& adjusted) {
+  if (camera_of.size() == whole.cameras.size()) return adjusted;
+  geometry::Rig merged = whole;
+  merged.joint_covariance.reset(), merged.gauge = adjusted.gauge;
+  for (size_t i = 0; i < camera_of.size(); ++i) merged.cameras[camera_of[i]] = adjusted.cameras[i];
+  return merged;
+}
+
+std::string LeftOutLine(const calib::LeftOutPersons& others, int max_persons) {
+  const size_t count = others.frames.size();
+  return app::Format("%d more %s than --max-persons %d, in %zu %s (%s%d): left out", others.num_persons,
+                     others.num_persons == 1 ? "person" : "persons", max_persons, count, count == 1 ? "frame" : "frames",
+                     count == 1 ? "" : "the first: ", others.frames.front());
+}
+
+void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out, int max_persons, CommandResult* result) {
+  if (report.kept_input)
+    result->warnings.push_back({"CAL-INPUT-KEPT", report.message, "film more, in more of the space, or recalibrate"});
+  if (report.culprit.fault != calib::CameraFault::kNone)
+    result->warnings.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
+                                "the new calibration corrects it; check the camera and its pictures all the same"});
+  if (num_left_out > 0)
+    result->warnings.push_back(
+        {"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without 2D points stay as they are", "give theirs too"});
+  if (!report.left_out.frames.empty())
+    result->warnings.push_back(
+        {"CAL-PERSONS-LEFT-OUT", LeftOutLine(report.left_out, max_persons),
+         "--max-persons " + std::to_string(max_persons + report.left_out.num_persons) + " uses them too"});
+  for (const std::string& note : report.notes)
+    result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
+}
+
+}  // namespace
+
+void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
+  AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
+          "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
+  AddOption(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
+  AddOption(sub, "--points2d", arguments.points2d,
+            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
+            "joints may be names or numbers, frames need no connection in time");
+  AddOption(sub, "--skeleton", arguments.skeleton,
+            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d the points in "
+            "the file");
+  AddOption(sub, "--train-frames", arguments.train_frames,
+            "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
+            "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
+  AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
+  AddOptions(sub, arguments.options);
+}
+
+CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string& calib_path, const std::string& out,
+                           CommandContext& context) {
+  CommandResult result;
+  const auto train = ParseFrames("--train-frames", arguments.train_frames);
+  const auto test = ParseFrames("--test-frames", arguments.test_frames);
+  app::PoseArguments pose;
+  pose.calib = calib_path, pose.skeleton = arguments.skeleton;
+  pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d;
+  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
+  const app::PoseInput input = app::ReadPoseInput(pose, &result);
+  const Posed posed = PosedCameras(input);
+  const calib::KeypointRefineReport report =
+      RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
+  result.metrics["status"] = std::string(ToString(report.status));
+  if (report.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    std::string hint = "people or markers must be seen by several cameras at once, in many places";
+    const auto why = WhyNoFit(arguments, posed, app::BodyOf(input.skeleton), context.run);
+    if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, &result);
+    result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
+    result.text = report.message + "\n";
+    return result;
+  }
+  FillMetrics(report, &result.metrics);
+  AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
+  CheckLoss(arguments, posed, report.rig, app::BodyOf(input.skeleton), context.run, &result);
+  result.folder = out;
+  const std::string path = out + "/calibration.json";
+  const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
+  geometry::WriteRig(written, path);
+  result.outputs.push_back({path, "calibration"});
+  result.text = Summary(report) + "wrote " + path + "\n";
+  app::WarnOfCovariance(written, &result);
+  return result;
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/points/from_scene.h"
+#include "calib/points/scene_points.h"
+#include "cli/program/command.h"
+
+namespace mvstudio::cli {
+
+/// `mvstudio calibrate` without footage of a board: marked points, or the scene itself.
+struct SceneArguments {
+  std::string from_scene;                 ///< folder or pattern of images, one a camera, named by the camera
+  std::vector<std::string> scene_points;  ///< one or two CSV files
+  std::string camera_distance;            ///< "A:B:1.234m"
+  bool rigid = false;                     ///< scene points: --start gives a rig whose cameras keep their relative poses
+  calib::PointResectionOptions points;
+  calib::FromSceneOptions scene;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, SceneArguments& o) {
+  visit("from-scene", o.from_scene,
+        "images of the empty scene, one a camera, named by the camera: a folder or a pattern in quotes");
+  visit("scene-points", o.scene_points,
+        "CSV camera,point,x_px,y_px and CSV point,x,y,z (metres), in one file or two: marks with known places");
+  visit("camera-distance", o.camera_distance, "--from-scene: CAMERA:CAMERA:LENGTH gives the scale, e.g. left:right:1.234m");
+  visit("rigid", o.rigid, "--scene-points: place the rig of --start in one piece");
+  VisitFields(visit, o.points);
+  VisitFields(visit, o.scene);
+}
+
+/// True when the arguments ask for a calibration without footage of a board.
+inline bool UsesScene(const SceneArguments& arguments) {
+  return !arguments.from_scene.empty() || !arguments.scene_points.empty();
+}
+
+/// --from-scene when it is given, else --scene-points alone. `start` is a calibration of any format with the lenses that are
+/// known ("" for none), `boards` what --board named: with --from-scene the first one is looked for in the images and gives
+/// place and scale. Writes calibration.json to the folder `out`.
+CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<std::string>& boards,
+                       const std::string& out, CommandContext& context);
+
+}  // namespace mvstudio::cli

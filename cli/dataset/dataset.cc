@@ -1,0 +1,136 @@
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+
+#include "app/input/take_input.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+#include "dataset/build/build.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct BuildArguments {
+  app::TakeArguments take;
+  std::string calib, pose3d, out;
+  bool sequence_given = false, rate_given = false;
+  dataset::BuildOptions options;
+};
+
+/// Inputs; what a session says takes the place of flags that were not given.
+dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) {
+  app::TakeInput take = app::ReadTakeInput(arguments->take, result);
+  if (take.footage.empty()) throw UsageError("no footage: give --video or --images once a camera, or --session");
+  dataset::BuildInputs inputs;
+  inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
+  if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
+  inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
+  if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
+  if (arguments->out.empty()) arguments->out = take.Folder("dataset");
+  if (arguments->out.empty()) throw UsageError("--out is needed without --session");
+  if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);
+  if (!arguments->rate_given && take.fps_hz > 0) arguments->options.frame_rate_hz = take.fps_hz;
+  inputs.footage = std::move(take.footage);
+  return inputs;
+}
+
+ordered_json MaskMetrics(const dataset::BuildReport& report) {
+  double area = 0;
+  int joints = 0, on_mask = 0, supported = 0;
+  for (const dataset::BuiltCamera& c : report.cameras) {
+    area += c.mean_area_fraction / static_cast<double>(report.cameras.size());
+    joints += c.joints, on_mask += c.joints_on_mask, supported += c.joints_supported;
+  }
+  const double n = std::max(joints, 1);
+  return {{"mean_area_fraction", area}, {"joints_on_mask", on_mask / n}, {"joints_supported", supported / n}};
+}
+
+ordered_json CameraMetrics(const dataset::BuildReport& report) {
+  ordered_json list = ordered_json::array();
+  for (const dataset::BuiltCamera& c : report.cameras) {
+    const double n = std::max(c.joints, 1);
+    list.push_back({{"name", c.name},
+                    {"alias", c.alias},
+                    {"images", c.images},
+                    {"size_rule", c.size_rule},
+                    {"background_known", c.background_known},
+                    {"mean_area_fraction", c.mean_area_fraction},
+                    {"joints_on_mask", c.joints_on_mask / n},
+                    {"joints_supported", c.joints_supported / n}});
+  }
+  return list;
+}
+
+CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
+  const auto start = std::chrono::steady_clock::now();
+  CommandResult result;
+  const dataset::BuildInputs inputs = ToInputs(&arguments, &result);
+  const dataset::BuildReport report = dataset::BuildDataset(inputs, arguments.out, arguments.options, context.run);
+  const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.metrics = {{"cameras", report.cameras.size()}, {"frames", report.frames}, {"images", report.images}};
+  if (arguments.options.masks) result.metrics["masks"] = MaskMetrics(report);
+  result.metrics["per_camera"] = CameraMetrics(report);
+  result.metrics["wall_s"] = wall_s;
+  if (report.calibration_offset_frames > 0)
+    result.metrics["calibration_offsets"] = {
+        {"applied", false},
+        {"largest_frames", report.calibration_offset_frames},
+        {"reason", "pictures are taken whole; a timeline of the take is what chooses them"}};
+  for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
+  result.outputs.push_back({arguments.out, "dataset"});
+  result.outputs.push_back(
+      {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
+  result.folder = arguments.out;
+  result.inputs.insert(result.inputs.end(), {inputs.calibration, inputs.pose3d});
+  if (!report.gaps.empty()) result.exit = kExitPartial;
+  if (report.images == 0) {
+    result.exit = kExitBadInput;
+    result.errors.push_back({"DAT-INSTANTS", "no camera has a picture of any instant with joints",
+                             "do the frame numbers in " + inputs.pose3d + " count the take's instants? see session timeline"});
+  }
+  char text[160];
+  std::snprintf(text, sizeof(text), "%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(),
+                report.cameras.size(), report.frames, report.images, wall_s);
+  result.text = text;
+  for (const dataset::BuiltCamera& c : report.cameras) {
+    std::snprintf(text, sizeof(text), "  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n",
+                  c.name.c_str(), c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
+    if (arguments.options.masks) result.text += text;
+  }
+  return result;
+}
+
+void RegisterBuild(CLI::App* dataset, Registry& registry) {
+  auto arguments = std::make_shared<BuildArguments>();
+  CLI::App* sub =
+      dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
+  AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
+  AddTakeArguments(sub, arguments->take);
+  AddOption(sub, "--pose3d", arguments->pose3d,
+            "folder with points.csv, as triangulate writes it; the session's pose3d/TAKE unless given");
+  AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
+  AddOptions(sub, arguments->options);
+  registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
+    arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;
+    return RunBuild(*arguments, context);
+  });
+}
+
+}  // namespace
+
+void RegisterDataset(CLI::App& app, Registry& registry) {
+  CLI::App* dataset = app.add_subcommand("dataset", "Build, check and describe datasets in CMU Panoptic layout");
+  dataset->require_subcommand(1);
+  RegisterBuild(dataset, registry);
+  RegisterDatasetImport(*dataset, registry);
+  RegisterDatasetPack(*dataset, registry);
+  RegisterDatasetSplit(*dataset, registry);
+  RegisterDatasetExport(*dataset, registry);
+  RegisterDatasetVerify(*dataset, registry);
+}
+
+}  // namespace mvstudio::cli

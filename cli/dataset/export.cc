@@ -1,0 +1,135 @@
+#include "exports/export.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <sstream>
+
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+#include "dataset/panoptic/sequence.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::string folder, to, out, frames;
+  exports::ExportOptions options;
+};
+
+/// "00_00,00_03" and repeated flags alike.
+std::vector<std::string> SplitCommas(const std::vector<std::string>& words) {
+  std::vector<std::string> names;
+  for (const std::string& word : words) {
+    std::istringstream stream(word);
+    for (std::string name; std::getline(stream, name, ',');) {
+      if (!name.empty()) names.push_back(name);
+    }
+  }
+  return names;
+}
+
+exports::ExportOptions OptionsOf(const Arguments& arguments) {
+  exports::ExportOptions options = arguments.options;
+  options.cameras = SplitCommas(options.cameras);
+  options.all_frames = arguments.frames == "all";
+  if (!arguments.frames.empty() && !options.all_frames) options.frames = ParseRanges("--frames", arguments.frames);
+  return options;
+}
+
+ordered_json Metrics(const exports::ExportReport& report) {
+  ordered_json metrics = {{"format", report.format},
+                          {"num_cameras", report.cameras.size()},
+                          {"num_frames", report.frames.size()},
+                          {"people", report.people},
+                          {"pictures", report.pictures},
+                          {"masks", report.masks},
+                          {"linked", report.linked},
+                          {"missing_pictures", report.missing_pictures},
+                          {"missing_masks", report.missing_masks}};
+  for (const auto& [name, value] : report.figures) metrics[name] = FiniteOrNull(value);
+  metrics["cameras"] = ordered_json::array();
+  for (const exports::ExportedCamera& camera : report.cameras) {
+    metrics["cameras"].push_back({{"name", camera.name},
+                                  {"dataset_name", camera.source},
+                                  {"studio_name", camera.studio},
+                                  {"undistorted", camera.undistorted},
+                                  {"lost_share", FiniteOrNull(camera.lost_share)}});
+  }
+  return metrics;
+}
+
+/// Cameras and joints of a folder without pictures, as Panoptic's sequences are before their videos are fetched.
+dataset::PanopticDataset OpenWithoutPictures(const std::string& root) {
+  dataset::PanopticDataset dataset;
+  dataset.root = root;
+  const std::string calibration = dataset::FindPanopticCalibration(root);
+  dataset.sequence = std::filesystem::path(calibration).stem().string().substr(std::string("calibration_").size());
+  dataset.rig = dataset::ReadPanopticCalibration(calibration);
+  dataset.aliases = dataset::ReadPanopticAliases(root);
+  for (const auto& [frame, path] : dataset::ListBody3dScenes(root)) {
+    dataset.frames.push_back(frame);
+    dataset.poses[frame] = dataset::ReadBody3dScene(path);
+  }
+  if (dataset.frames.empty()) throw FormatError(root, "hdPose3d_stage1_coco19", "holds no body3DScene_%08d.json");
+  return dataset;
+}
+
+dataset::PanopticDataset Open(const Arguments& arguments) {
+  const bool wants_pictures = exports::FormatByName(arguments.to).has_pictures && arguments.options.pictures != "none";
+  const bool has_pictures = std::filesystem::exists(arguments.folder + "/hdImgs");
+  return wants_pictures || has_pictures ? dataset::OpenPanopticDataset(arguments.folder)
+                                        : OpenWithoutPictures(arguments.folder);
+}
+
+CommandResult Export(const Arguments& arguments, CommandContext& context) {
+  const exports::ExportOptions options = OptionsOf(arguments);
+  const dataset::PanopticDataset dataset = Open(arguments);
+  const exports::ExportReport report = exports::ExportDataset(dataset, arguments.to, arguments.out, options, context.run);
+  CommandResult result;
+  result.inputs = {arguments.folder};
+  if (!options.split.empty()) result.inputs.push_back(options.split);
+  result.folder = arguments.out;
+  result.outputs.push_back({arguments.out, "export"});
+  constexpr size_t kFewFiles = 20;
+  for (size_t i = 0; i < std::min(report.files.size(), kFewFiles); ++i) {
+    result.outputs.push_back({arguments.out + "/" + report.files[i], "export-file"});
+  }
+  result.metrics = Metrics(report);
+  for (const exports::ExportNote& note : report.notes) result.warnings.push_back({note.code, note.text, note.hint});
+  char text[200];
+  std::snprintf(text, sizeof text, ": %zu cameras, %zu frames, %d people, %d pictures, %d masks (%s)\n", report.cameras.size(),
+                report.frames.size(), report.people, report.pictures, report.masks, arguments.to.c_str());
+  result.text = arguments.out + text;
+  if (report.missing_pictures > 0) result.exit = kExitPartial;
+  return result;
+}
+
+std::string FormatList() {
+  std::string list;
+  for (const exports::FormatInfo& format : exports::Formats()) list += (list.empty() ? "" : ", ") + format.name;
+  return list;
+}
+
+}  // namespace
+
+void RegisterDatasetExport(CLI::App& dataset, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = dataset.add_subcommand("export", "Write a dataset for the program that is to read it (docs/exports.md)");
+  AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
+  AddOption(sub, "--to", arguments->to, "format: " + FormatList())->required()->type_name("FORMAT");
+  AddOption(sub, "--out", arguments->out, "new folder")->required();
+  AddOption(sub, "--cameras", arguments->options.cameras, "only these, of either name, separated by commas; default: all")
+      ->take_all();
+  AddOption(sub, "--frames", arguments->frames,
+            "80-99 or 1,4,7-9, or all; default: the first for formats of one instant (colmap, nerfstudio), else all");
+  AddOption(sub, "--split", arguments->options.split,
+            "split file: its cameras and frames, train and test where the format has them");
+  AddOptions(sub, arguments->options);
+  registry.Add(sub, "dataset export", [arguments](CommandContext& context) { return Export(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

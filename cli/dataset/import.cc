@@ -1,0 +1,68 @@
+#include <chrono>
+#include <cstdio>
+
+#include "app/dataset/dataset_report.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "dataset/import/panoptic_import.h"
+
+namespace mvstudio::cli {
+namespace {
+
+struct ImportArguments {
+  std::string folder, out;
+  dataset::PanopticImportOptions options;
+};
+
+CommandResult RunPanoptic(const ImportArguments& arguments, CommandContext& context) {
+  const auto start = std::chrono::steady_clock::now();
+  CommandResult result;
+  const dataset::PanopticImportReport report =
+      dataset::ImportPanoptic(arguments.folder, arguments.out, arguments.options, context.run);
+  const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.inputs = {arguments.folder};
+  result.folder = arguments.out;
+  result.outputs.push_back({arguments.out, "session"});
+  result.outputs.push_back({arguments.out + "/calib/calibration.json", "calibration"});
+  result.metrics = {{"sequence", report.sequence},
+                    {"takes", report.takes},
+                    {"cameras", report.cameras},
+                    {"cameras_with_footage", report.cameras_with_footage},
+                    {"frames", report.frames},
+                    {"first_frame", report.first_frame},
+                    {"last_frame", report.last_frame},
+                    {"most_people", report.most_people},
+                    {"joints", report.joints},
+                    {"faces", report.faces},
+                    {"hands", report.hands},
+                    {"pictures", report.pictures},
+                    {"worst_clock_ms", FiniteOrNull(report.worst_clock_ms)},
+                    {"wall_s", wall_s}};
+  app::AddFindings(report.findings, &result);
+  if (!result.errors.empty()) result.exit = kExitPartial;
+  char text[300];
+  std::snprintf(text, sizeof text,
+                ": %d cameras, %d with footage; joints of %d frames (%d to %d), %d people at most; %d faces, %d hands files; "
+                "%.1f s\n",
+                report.cameras, report.cameras_with_footage, report.frames, report.first_frame, report.last_frame,
+                report.most_people, report.faces, report.hands, wall_s);
+  result.text += arguments.out + text;
+  return result;
+}
+
+}  // namespace
+
+void RegisterDatasetImport(CLI::App& dataset, Registry& registry) {
+  CLI::App* import = dataset.add_subcommand("import", "Turn another project's recordings into a session folder");
+  import->require_subcommand(1);
+  auto arguments = std::make_shared<ImportArguments>();
+  CLI::App* sub = import->add_subcommand(
+      "panoptic", "A CMU Panoptic sequence, or a folder in its layout -> session with calibration, joints, footage and times");
+  AddOption(sub, "folder", arguments->folder, "folder with calibration_<sequence>.json")->required();
+  AddOption(sub, "--out", arguments->out, "new session folder")->required();
+  AddOptions(sub, arguments->options);
+  registry.Add(sub, "dataset import panoptic",
+               [arguments](CommandContext& context) { return RunPanoptic(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

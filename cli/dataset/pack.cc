@@ -1,0 +1,157 @@
+#include <algorithm>
+#include <cstdio>
+
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+#include "dataset/pack/build.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct PackArguments {
+  std::string dataset, out, shard, frames, single;
+  bool merge = false;
+  dataset::PackOptions options;
+};
+
+// "K/N".
+dataset::ShardShare ParseShare(const std::string& text) {
+  dataset::ShardShare share;
+  int used = 0;
+  const bool whole =
+      std::sscanf(text.c_str(), "%d/%d%n", &share.index, &share.count, &used) == 2 && used == static_cast<int>(text.size());
+  if (!whole || share.count < 1 || share.index < 0 || share.index >= share.count) {
+    throw UsageError("--shard '" + text + "': use K/N with 0 <= K < N");
+  }
+  return share;
+}
+
+void CheckUse(const PackArguments& arguments) {
+  if (arguments.merge && !arguments.shard.empty())
+    throw UsageError("--merge and --shard exclude each other: merge when all are made");
+  if (!arguments.merge && arguments.dataset.empty())
+    throw UsageError("the dataset folder is missing (only --merge does without)");
+  if (!arguments.single.empty() && !arguments.shard.empty())
+    throw UsageError("--single needs the whole pack, not a share of it");
+}
+
+ordered_json Metrics(const dataset::PackBuildReport& report) {
+  const dataset::PackTimes& t = report.times;
+  ordered_json metrics = {{"shards", report.num_shards}, {"built", report.built},     {"kept", report.kept},
+                          {"busy", report.busy},         {"samples", report.samples}, {"bytes", report.bytes},
+                          {"complete", report.complete}, {"skipped", report.skipped}};
+  metrics["times"] = {{"decode_s", t.decode_s}, {"hash_s", t.hash_s},       {"resample_s", t.resample_s},
+                      {"encode_s", t.encode_s}, {"write_s", t.write_s},     {"verify_s", t.verify_s},
+                      {"wall_s", t.wall_s},     {"threads", report.threads}};
+  // How far the build is from doing nothing but decoding its input.
+  const double decode_wall_s = t.decode_s / std::max(report.threads, 1);
+  metrics["wall_over_decode"] = decode_wall_s > 0 ? FiniteOrNull(t.wall_s / decode_wall_s) : ordered_json();
+  if (!report.colour_reason.empty()) metrics["colour"] = report.colour_reason;
+  for (const dataset::PackUndistortion& u : report.undistortion) {
+    metrics["undistortion"].push_back({{"camera", u.camera},
+                                       {"max_joint_px", FiniteOrNull(u.max_joint_px)},
+                                       {"max_map_px", FiniteOrNull(u.max_map_px)},
+                                       {"lost_share", u.lost_share},
+                                       {"empty_share", u.empty_share}});
+  }
+  return metrics;
+}
+
+std::string UndistortionText(const dataset::PackBuildReport& report) {
+  if (report.undistortion.empty()) return "";
+  double map_px = 0, lost = 0;
+  for (const dataset::PackUndistortion& u : report.undistortion) {
+    map_px = std::max(map_px, u.max_map_px), lost = std::max(lost, u.lost_share);
+  }
+  char line[160];
+  std::snprintf(line, sizeof(line),
+                "  undistorted: pictures are within %.1g px of the lens; at most %.1f %% of a camera's picture is not shown\n",
+                map_px, 100 * lost);
+  return line;
+}
+
+std::string Text(const PackArguments& arguments, const dataset::PackBuildReport& report) {
+  const dataset::PackTimes& t = report.times;
+  char line[320];
+  std::snprintf(line, sizeof(line), "%s: %zu of %d shards (%zu made, %zu kept), %lld pictures, %.1f MB in %.1f s%s\n",
+                arguments.out.c_str(), report.built.size() + report.kept.size(), report.num_shards, report.built.size(),
+                report.kept.size(), static_cast<long long>(report.samples), static_cast<double>(report.bytes) / 1e6, t.wall_s,
+                report.complete ? "; complete" : "");
+  std::string text = line;
+  if (!report.built.empty()) {
+    std::snprintf(
+        line, sizeof(line),
+        "  decode %.1f s, hash %.1f s, resample %.1f s, encode %.1f s (over %d threads); write %.1f s, verify %.1f s\n",
+        t.decode_s, t.hash_s, t.resample_s, t.encode_s, report.threads, t.write_s, t.verify_s);
+    text += line;
+  }
+  if (!report.colour_reason.empty()) text += "  colours: " + report.colour_reason + "\n";
+  text += UndistortionText(report);
+  for (const std::string& note : report.notes) text += "  " + note + "\n";
+  return text;
+}
+
+void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
+  for (const std::string& skipped : report.skipped)
+    result->warnings.push_back({"PCK-SKIPPED", skipped, "left out of the pack"});
+  if (!report.skipped.empty()) result->exit = kExitPartial;
+  if (report.colour_status != Status::kOk) {
+    result->warnings.push_back({"PCK-COLOUR", "colours were not matched: " + report.colour_reason,
+                                "check the masks, pack more frames, or leave out --match-colours"});
+  }
+  if (report.busy.empty()) return;
+  std::string numbers;
+  for (const int number : report.busy) numbers += (numbers.empty() ? "" : ", ") + std::to_string(number);
+  result->errors.push_back({"PCK-BUSY", "shards being made by someone else: " + numbers + " (" + report.busy_owner + ")",
+                            "run the same command again when that is done"});
+  result->exit = kExitTryAgain;
+}
+
+CommandResult RunPack(PackArguments arguments, CommandContext& context) {
+  CheckUse(arguments);
+  dataset::PackOptions& options = arguments.options;
+  if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
+  const dataset::ShardShare share = arguments.shard.empty() ? dataset::ShardShare{} : ParseShare(arguments.shard);
+  const dataset::PackBuildReport report =
+      arguments.merge ? dataset::MergePack(arguments.out, context.run)
+                      : dataset::BuildPack(arguments.dataset, arguments.out, options, share, context.run);
+  CommandResult result;
+  result.metrics = Metrics(report);
+  result.text = Text(arguments, report);
+  result.outputs.push_back({arguments.out, "pack"});
+  if (!arguments.dataset.empty()) result.inputs.push_back(arguments.dataset);
+  AddNotices(report, &result);
+  if (!arguments.single.empty() && report.complete) {
+    dataset::WriteSinglePack(arguments.out, arguments.single);
+    result.outputs.push_back({arguments.single, "pack"});
+  }
+  return result;
+}
+
+}  // namespace
+
+void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
+  auto arguments = std::make_shared<PackArguments>();
+  CLI::App* sub = dataset.add_subcommand(
+      "pack", "Dataset -> HDF5 shards of crops or whole pictures with cameras, masks and joints, for training and archive");
+  AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
+  AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
+  AddOption(sub, "--shard", arguments->shard,
+            "K/N: make only every N-th shard, from K; several terminals or a job array share a pack");
+  AddFlag(sub, "--merge", arguments->merge, "check that all shards are there and write INDEX.json");
+  AddOption(sub, "--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
+  AddOption(sub, "--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
+      ->delimiter(',');
+  AddOption(sub, "--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
+  AddOption(sub, "--split", arguments->options.split,
+            "split file: pack its pictures only, each marked train, validation or test");
+  AddOptions(sub, arguments->options);
+  AddOptions(sub, arguments->options.undistort_view);
+  AddOptions(sub, arguments->options.colour);
+  registry.Add(sub, "dataset pack", [arguments](CommandContext& context) { return RunPack(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,140 @@
+#include "dataset/views/split.h"
+
+#include <cstdio>
+
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/error.h"
+#include "dataset/panoptic/panoptic.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::string folder, out, from, test_frames, validation_frames;
+  dataset::SplitOptions options;
+};
+
+ordered_json PartJson(const dataset::SplitPart& part, int pictures) {
+  return {{"cameras", part.cameras.size()}, {"frames", part.frames.size()}, {"pictures", pictures}};
+}
+
+ordered_json ReportJson(const dataset::Split& split, const dataset::SplitReport& report) {
+  ordered_json json{{"rule", split.rule},
+                    {"train", PartJson(split.train, report.train_pictures)},
+                    {"validation", PartJson(split.validation, report.validation_pictures)},
+                    {"test", PartJson(split.test, report.test_pictures)},
+                    {"guard_frames", split.guard_frames},
+                    {"unused_frames", split.unused_frames.size()},
+                    {"motion_blocks", ordered_json::array()},
+                    {"median_angle_deg", FiniteOrNull(report.median_angle_deg)},
+                    {"max_angle_deg", FiniteOrNull(report.max_angle_deg)},
+                    {"median_novelty_mm", FiniteOrNull(1000 * report.median_novelty_m)},
+                    {"p90_novelty_mm", FiniteOrNull(1000 * report.p90_novelty_m)},
+                    {"max_novelty_mm", FiniteOrNull(1000 * report.max_novelty_m)},
+                    {"usual_step_mm", FiniteOrNull(1000 * report.usual_step_m)},
+                    {"test_cameras", ordered_json::array()}};
+  for (const dataset::MotionBlock& block : split.blocks) json["motion_blocks"].push_back({block.first, block.last});
+  for (const auto& camera : report.test_cameras) {
+    json["test_cameras"].push_back(
+        {{"name", camera.name}, {"nearest_train", camera.nearest_train}, {"angle_deg", FiniteOrNull(camera.angle_deg)}});
+  }
+  return json;
+}
+
+std::string ReportText(const dataset::Split& split, const dataset::SplitReport& report) {
+  char line[240];
+  std::string text = split.rule + "\n";
+  const std::pair<const char*, const dataset::SplitPart*> parts[] = {
+      {"train", &split.train}, {"validation", &split.validation}, {"test", &split.test}};
+  for (const auto& [name, part] : parts) {
+    if (part->empty()) continue;
+    std::snprintf(line, sizeof(line), "  %-10s %3zu cameras, %5zu frames (%d to %d)\n", name, part->cameras.size(),
+                  part->frames.size(), part->frames.front(), part->frames.back());
+    text += line;
+  }
+  std::snprintf(line, sizeof(line), "  %zu frames in no part; %zu uninterrupted motions\n", split.unused_frames.size(),
+                split.blocks.size());
+  text += line;
+  std::snprintf(line, sizeof(line), "  test cameras are %.1f degrees from a training camera (median; at most %.1f)\n",
+                report.median_angle_deg, report.max_angle_deg);
+  text += line;
+  std::snprintf(line, sizeof(line),
+                "  test poses are %.0f mm a joint from the most similar training pose (median; 90 %%: %.0f); "
+                "neighbouring frames: %.0f mm\n",
+                1000 * report.median_novelty_m, 1000 * report.p90_novelty_m, 1000 * report.usual_step_m);
+  return text + line;
+}
+
+dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, CommandResult* result) {
+  if (!arguments.from.empty()) {
+    const dataset::Split split = dataset::ReadSplit(arguments.from);
+    dataset::RequireSplitOf(split, data, arguments.from);
+    result->inputs.push_back(arguments.from);
+    return split;
+  }
+  if (arguments.out.empty()) throw UsageError("--out is needed: the file for the split (or --describe an existing one)");
+  if (!arguments.test_frames.empty()) arguments.options.test_frames = ParseRanges("--test-frames", arguments.test_frames);
+  if (!arguments.validation_frames.empty()) {
+    arguments.options.validation_frames = ParseRanges("--validation-frames", arguments.validation_frames);
+  }
+  return dataset::MakeSplit(data, arguments.options);
+}
+
+CommandResult Run(Arguments& arguments) {
+  CommandResult result;
+  result.inputs = {arguments.folder};
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.folder);
+  const dataset::Split split = Make(arguments, data, &result);
+  const dataset::SplitReport report = dataset::DescribeSplit(data, split);
+  if (!arguments.out.empty()) {
+    const OutputFiles place({arguments.out}, Joined(result.inputs, {arguments.from}));
+    dataset::WriteSplit(split, arguments.out);
+    result.outputs.push_back({arguments.out, "split"});
+  }
+  result.metrics = ReportJson(split, report);
+  result.text = ReportText(split, report);
+  if (report.median_novelty_m < 2 * report.usual_step_m) {
+    result.warnings.push_back({"SPL-NEAR", "half of the test poses are as near to a training pose as neighbouring frames are",
+                               "hold out another motion, or widen --guard"});
+  }
+  return result;
+}
+
+}  // namespace
+
+void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = dataset.add_subcommand(
+      "split",
+      "Choose cameras and frames for training and test that share neither, write them to a file, and say how new the test is");
+  dataset::SplitOptions& o = arguments->options;
+  std::string presets;
+  for (const dataset::SplitPreset& preset : dataset::SplitPresets())
+    presets += (presets.empty() ? "" : "; ") + preset.name + ": " + preset.what;
+  AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
+  AddOption(sub, "--out", arguments->out, "file for the split (JSON)");
+  AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
+  AddOption(sub, "--preset", o.preset, presets);
+  AddOption(sub, "--test-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
+  AddOption(sub, "--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
+  AddOption(sub, "--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
+  AddOption(sub, "--train-count", o.num_train_cameras,
+            "number of training cameras, spread evenly around the people; the others are for test; --seed gives other choices");
+  AddOption(sub, "--every-camera", o.every_camera, "every k-th camera is for test");
+  AddOption(sub, "--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
+  AddOption(sub, "--validation-frames", arguments->validation_frames, "likewise");
+  AddOption(sub, "--test-share", o.test_share, "share of the frames, the last ones, when none are named")
+      ->capture_default_str();
+  AddOption(sub, "--guard", o.guard_frames, "frames left out on either side of test and validation frames")
+      ->capture_default_str();
+  registry.Add(sub, "dataset split", [arguments](CommandContext& context) {
+    arguments->options.seed = context.run.seed;
+    return Run(*arguments);
+  });
+}
+
+}  // namespace mvstudio::cli

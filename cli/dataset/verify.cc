@@ -1,0 +1,36 @@
+#include "app/dataset/dataset_report.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+
+namespace mvstudio::cli {
+namespace {
+
+struct VerifyArguments {
+  std::string folder, keep;
+  dataset::VerifyOptions options;
+};
+
+}  // namespace
+
+void RegisterDatasetVerify(CLI::App& dataset, Registry& registry) {
+  auto arguments = std::make_shared<VerifyArguments>();
+  CLI::App* verify = dataset.add_subcommand(
+      "verify", "List everything that is wrong with a dataset folder or a pack; exit 6 when parts are bad, 3 when all is");
+  AddOption(verify, "folder", arguments->folder, "folder in Panoptic layout, or a pack (folder of shards, .h5 file)")
+      ->required();
+  AddOption(verify, "--keep", arguments->keep,
+            "folder that keeps the findings for the report; the dataset itself is only read");
+  AddOptions(verify, arguments->options);
+  registry.Add(verify, "dataset verify", [arguments](CommandContext& context) {
+    CommandResult result = app::VerifyDatasetOrPack(arguments->folder, arguments->options, context.run);
+    result.folder = arguments->keep;
+    return result;
+  });
+
+  auto folder = std::make_shared<std::string>();
+  CLI::App* info = dataset.add_subcommand("info", "Describe a session, a dataset folder or a pack");
+  AddOption(info, "folder", *folder, "session, folder in Panoptic layout, or a pack (folder of shards, .h5 file)")->required();
+  registry.Add(info, "dataset info", [folder](CommandContext&) { return app::DescribeDataset(*folder); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,194 @@
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "app/dataset/session_table.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/error.h"
+#include "dataset/session/session_scan.h"
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+}
+
+namespace mvstudio::cli {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::string path;
+  dataset::InspectOptions options;
+};
+
+std::string LibavVersion(unsigned version) {
+  return std::to_string(version >> 16) + "." + std::to_string(version >> 8 & 0xff) + "." + std::to_string(version & 0xff);
+}
+
+ordered_json Libraries() {
+  return {{"opencv", MVSTUDIO_OPENCV_VERSION},
+          {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                        std::to_string(EIGEN_MINOR_VERSION)},
+          {"libavcodec", LibavVersion(avcodec_version())},
+          {"libavformat", LibavVersion(avformat_version())}};
+}
+
+/// A line "Name:  123 kB" of /proc/meminfo in bytes; 0: not there.
+double MemoryBytes(const std::string& name) {
+  std::ifstream in("/proc/meminfo");
+  for (std::string line; std::getline(in, line);) {
+    if (line.rfind(name + ":", 0) == 0) return 1024 * std::atof(line.c_str() + name.size() + 1);
+  }
+  return 0;
+}
+
+double FreeDiskBytes(const std::string& folder) {
+  struct statvfs disk {};
+  if (statvfs(folder.c_str(), &disk) != 0) return 0;
+  return static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
+}
+
+/// Where a program is found on PATH; empty: nowhere.
+std::string FindProgram(const std::string& name) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const std::string candidate = (fs::path(folder) / name).string();
+    if (!folder.empty() && access(candidate.c_str(), X_OK) == 0 && fs::is_regular_file(candidate)) return candidate;
+  }
+  return "";
+}
+
+fs::path ModelsFolder() {
+  const char *own = std::getenv("MVSTUDIO_MODELS"), *cache = std::getenv("XDG_CACHE_HOME"), *home = std::getenv("HOME");
+  if (own && *own) return own;
+  if (cache && *cache) return fs::path(cache) / "mvstudio" / "models";
+  return fs::path(home && *home ? home : ".") / ".cache" / "mvstudio" / "models";
+}
+
+ordered_json Models() {
+  ordered_json names = ordered_json::array();
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(ModelsFolder(), error)) names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return {{"folder", ModelsFolder().string()}, {"there", names}};
+}
+
+ordered_json Gpu() {
+  std::ifstream driver("/proc/driver/nvidia/version");
+  std::string line;
+  const bool there = driver && std::getline(driver, line);
+  return {{"nvidia_driver", there ? ordered_json(line) : ordered_json(nullptr)}, {"device", fs::exists("/dev/nvidia0")}};
+}
+
+ordered_json Programs(CommandResult* result) {
+  const struct {
+    const char *name, *use;
+  } programs[] = {{"colmap", "checks of COLMAP exports"}, {"npm", "models fetch"}, {"chromium", "pictures of the report"}};
+  ordered_json json = ordered_json::object();
+  for (const auto& program : programs) {
+    const std::string path = FindProgram(program.name);
+    json[program.name] = path.empty() ? ordered_json(nullptr) : ordered_json(path);
+    if (path.empty()) {
+      result->warnings.push_back(
+          {"DOC-PROGRAM", std::string(program.name) + " is not on the PATH", std::string("needed for ") + program.use});
+    }
+  }
+  return json;
+}
+
+std::string Gigabytes(double bytes) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f GiB", bytes / (1 << 30));
+  return text;
+}
+
+/// The machine: what is there, and what is short.
+void ExamineMachine(const std::string& folder, CommandResult* result) {
+  constexpr double kLeastDisk = 2.0 * (1 << 30), kLeastMemory = 2.0 * (1 << 30);
+  ordered_json& m = result->metrics;
+  const double memory = MemoryBytes("MemTotal"), available = MemoryBytes("MemAvailable"), disk = FreeDiskBytes(folder);
+  m["version"] = MVSTUDIO_VERSION;
+  m["avatar"] = MVSTUDIO_HAS_AVATAR != 0;
+  m["libraries"] = Libraries();
+  m["cores"] = std::thread::hardware_concurrency();
+  m["memory_bytes"] = {{"total", memory}, {"available", available}};
+  m["disk_free_bytes"] = disk;
+  m["programs"] = Programs(result);
+  m["models"] = Models();
+  m["gpu"] = Gpu();
+  if (disk < kLeastDisk)
+    result->warnings.push_back({"DOC-DISK", "only " + Gigabytes(disk) + " are free at " + folder, "make room"});
+  if (available > 0 && available < kLeastMemory) {
+    result->warnings.push_back({"DOC-MEMORY", "only " + Gigabytes(available) + " of memory are free", "end other programs"});
+  }
+  if (m["models"]["there"].empty()) {
+    result->warnings.push_back({"DOC-MODELS", "no models in " + ModelsFolder().string(), "mvstudio models fetch"});
+  }
+  std::string libraries;
+  for (const auto& [name, version] : m["libraries"].items()) {
+    libraries += (libraries.empty() ? "" : ", ") + name + " " + version.get<std::string>();
+  }
+  result->text = std::string("mvstudio ") + MVSTUDIO_VERSION + " (" + libraries + ")\n" +
+                 std::to_string(std::thread::hardware_concurrency()) + " cores, " + Gigabytes(available) + " of " +
+                 Gigabytes(memory) + " memory free, " + Gigabytes(disk) + " of disk free, " +
+                 (m["gpu"]["device"].get<bool>() ? "an NVIDIA GPU" : "no GPU") + "\n";
+}
+
+dataset::Session SessionAt(const std::string& path, CommandResult* result) {
+  if (!fs::exists(path)) throw IoError(path, "no such session or folder");
+  if (!fs::is_directory(path) || fs::exists(fs::path(path) / "mvstudio.toml")) return dataset::ReadSession(path);
+  dataset::Session session;
+  session.folder = path;
+  session.units = "m";
+  const dataset::ScannedSession scanned = dataset::ScanSession(path);
+  session.cameras = scanned.cameras;
+  session.takes = scanned.takes;
+  if (scanned.takes.empty()) session.takes = {dataset::ScanFolder(path, &session.cameras)};
+  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: looked at as a folder of footage",
+                              "make a session with mvstudio session init"});
+  return session;
+}
+
+CommandResult Run(const Arguments& arguments, CommandContext& context) {
+  CommandResult result;
+  const bool folder = !arguments.path.empty() && fs::is_directory(arguments.path);
+  ExamineMachine(folder ? arguments.path : ".", &result);
+  if (arguments.path.empty()) return result;
+  const dataset::Session session = SessionAt(arguments.path, &result);
+  const dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
+  result.inputs = {arguments.path};
+  result.metrics["footage"] = app::FootageJson(report);
+  result.metrics["findings"] = ordered_json::array();
+  for (const dataset::SessionFinding& f : report.findings) {
+    result.metrics["findings"].push_back({{"severity", f.error ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
+  }
+  app::AddFindings(report, &result);
+  result.text += app::FootageText(report) + std::to_string(report.num_errors()) + " errors, " +
+                 std::to_string(static_cast<int>(report.findings.size()) - report.num_errors()) + " warnings\n";
+  return result;
+}
+
+}  // namespace
+
+void RegisterDoctor(CLI::App& app, Registry& registry) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub =
+      app.add_subcommand("doctor", "Look at the machine, and at a session: everything that is wrong, not the first");
+  AddOption(sub, "path", arguments->path, "a session, or a folder of footage");
+  AddFlag(sub, "--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  registry.Add(sub, "doctor", [arguments](CommandContext& context) { return Run(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,262 @@
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "app/nets/mask_input.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string Percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f %%", 100 * share);
+  return text;
+}
+
+ordered_json TrialMetrics(const app::MaskTrial& trial) {
+  ordered_json json = {{"backend", trial.name}, {"status", std::string(ToString(trial.status))}};
+  if (!trial.failed_camera.empty()) json["failed_camera"] = trial.failed_camera;
+  json["disagreement_with_hull"] = FiniteOrNull(trial.disagreement);
+  json["joints_supported"] = FiniteOrNull(trial.joints_supported);
+  return json;
+}
+
+std::string WhyText(const app::MaskTrial& trial) {
+  if (!trial.failed_camera.empty())
+    return trial.name + " cannot tell people from background (camera " + trial.failed_camera + ")";
+  std::string text = trial.name;
+  if (std::isfinite(trial.disagreement)) text += " disagrees with the visual hull by " + Percent(trial.disagreement);
+  if (std::isfinite(trial.joints_supported)) {
+    text += std::string(std::isfinite(trial.disagreement) ? ", its" : "'s") + " colours support " +
+            Percent(trial.joints_supported) + " of the joints";
+  }
+  return text;
+}
+
+/// The first of the best: colour alone is cheaper and sharper than a net unless that is better by its figures.
+size_t Choose(const std::vector<app::MaskTrial>& trials) {
+  constexpr double kClearly = 0.005;
+  size_t best = 0;
+  for (size_t i = 1; i < trials.size(); ++i) {
+    if (trials[i].score() < trials[best].score() - kClearly) best = i;
+  }
+  return best;
+}
+
+/// The backend and what it learned; the reason goes into the metrics.
+app::MaskTrial ChooseBackend(const app::MaskJob& job, const std::vector<app::MaskBackend>& backends, size_t* chosen,
+                             CommandResult* result, const RunContext& run) {
+  std::vector<app::MaskTrial> trials;
+  for (const app::MaskBackend& backend : backends) trials.push_back(app::TryBackend(job, backend, backends.size() > 1, run));
+  *chosen = Choose(trials);
+  app::MaskTrial& best = trials[*chosen];
+  if (!best.failed_camera.empty()) return std::move(best);
+  std::string why;
+  for (const app::MaskTrial& trial : trials) why += (why.empty() ? "" : "; ") + WhyText(trial);
+  result->metrics["backend"] = best.name;
+  if (trials.size() > 1) {
+    result->metrics["backend_reason"] = why;
+    result->metrics["trials"] = ordered_json::array();
+    for (const app::MaskTrial& trial : trials) result->metrics["trials"].push_back(TrialMetrics(trial));
+    result->text += "backend " + best.name + ": " + why + "\n";
+  }
+  return std::move(best);
+}
+
+ordered_json CameraMetrics(const app::MaskCamera& camera, const app::MaskCameraResult& r, const dataset::HullSummary& hull,
+                           size_t c) {
+  const double joints = r.take.joints > 0 ? r.take.joints : std::nan("");
+  const dataset::HullAgreement a = hull.Mean(c);
+  const bool compared = hull.instants > 0;
+  return {{"name", camera.footage.camera},
+          {"pictures", r.take.pictures},
+          {"empty", r.take.empty},
+          {"background_known", r.background_known},
+          {"mean_area_fraction", r.take.mean_area_fraction},
+          {"flicker", r.take.flicker.Share()},
+          {"joints_on_mask", FiniteOrNull(r.take.joints_on_mask / joints)},
+          {"joints_supported", FiniteOrNull(r.take.joints_supported / joints)},
+          {"mask_outside_hull", FiniteOrNull(compared ? a.outside : std::nan(""))},
+          {"hull_outside_mask", FiniteOrNull(compared ? a.missing : std::nan(""))},
+          {"hull_blame", FiniteOrNull(compared ? a.blame : std::nan(""))},
+          {"ms_per_picture", r.take.ms_per_picture}};
+}
+
+void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResult* result) {
+  for (const size_t c : masks.disagreeing) {
+    const dataset::HullAgreement a = masks.hull.Mean(c);
+    result->warnings.push_back(
+        {"MSK-HULL",
+         "camera " + job.cameras[c].footage.camera + " disagrees with the others: " + Percent(a.outside) +
+             " of its masks lie outside the visual hull, " + Percent(a.missing) + " of the others' hull is not in its masks",
+         "look at its masks; check its calibration and its time offset"});
+  }
+  for (size_t c = 0; c < job.cameras.size(); ++c) {
+    const app::MaskCameraResult& r = masks.cameras[c];
+    const std::string name = "camera " + job.cameras[c].footage.camera + ": ";
+    if (r.take.empty > 0) {
+      result->warnings.push_back(
+          {"MSK-EMPTY", name + std::to_string(r.take.empty) + " of " + std::to_string(r.take.pictures) + " masks are empty",
+           "is anybody in view? otherwise give joints or another --backend"});
+    }
+    if (r.background_known < 0.9) {
+      result->warnings.push_back({"MSK-BACKGROUND",
+                                  name + "the background was seen on only " + Percent(r.background_known) +
+                                      " of the picture; colours of the surroundings stand in elsewhere",
+                                  "give a clean plate, or footage in which people walk about"});
+    }
+    if (r.take.joints > 0 && r.take.joints_supported < 0.8 * r.take.joints) {
+      result->warnings.push_back({"MSK-JOINTS",
+                                  name + "only " + Percent(r.take.joints_supported / double(r.take.joints)) +
+                                      " of the joints lie where the picture shows a person by its colours",
+                                  "check the calibration and the time offset of this camera"});
+    }
+  }
+}
+
+void AddTruth(const app::MaskArguments& arguments, const std::string& folder, CommandResult* result) {
+  if (arguments.truth.empty()) return;
+  ordered_json list = ordered_json::array();
+  double sum = 0, worst = 1;
+  int pictures = 0;
+  std::string worst_picture;
+  for (const std::string& word : arguments.truth) {
+    const auto [camera, path] = SplitNamePath("--truth", word);
+    app::TruthScore score = app::CompareWithTruth(path, folder, camera);
+    if (!score.worst_picture.empty()) score.worst_picture = arguments.out + score.worst_picture.substr(folder.size());
+    const double n = std::max(1, score.pictures);
+    list.push_back({{"name", camera},
+                    {"pictures", score.pictures},
+                    {"missing", score.missing},
+                    {"mean_iou", score.iou_sum / n},
+                    {"worst_iou", score.worst},
+                    {"worst_picture", score.worst_picture},
+                    {"too_much_px", score.too_much_px / n},
+                    {"too_little_px", score.too_little_px / n}});
+    sum += score.iou_sum, pictures += score.pictures;
+    if (score.pictures > 0 && score.worst <= worst) worst = score.worst, worst_picture = score.worst_picture;
+  }
+  result->metrics["truth"] = {{"pictures", pictures},
+                              {"mean_iou", FiniteOrNull(pictures ? sum / pictures : std::nan(""))},
+                              {"worst_iou", worst},
+                              {"worst_picture", worst_picture}};
+  result->metrics["truth_cameras"] = list;
+  char text[300];
+  std::snprintf(text, sizeof(text), "against exact masks: mean IoU %.4f over %d pictures, worst %.4f (%s)\n",
+                pictures ? sum / pictures : 0.0, pictures, worst, worst_picture.c_str());
+  result->text += text;
+}
+
+/// Sheets, figures and warnings into the result; `folder` is where the masks are now.
+void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const app::MaskRunResult& masks,
+            const std::string& folder, CommandResult* result) {
+  double area = 0, flicker = 0, ms = 0;
+  int pictures = 0;
+  ordered_json per_camera = ordered_json::array();
+  char text[240];
+  for (size_t c = 0; c < job.cameras.size(); ++c) {
+    const app::MaskCameraResult& r = masks.cameras[c];
+    const std::string& name = job.cameras[c].footage.camera;
+    pictures += r.take.pictures;
+    area += r.take.mean_area_fraction, flicker += r.take.flicker.Share(), ms += r.take.ms_per_picture;
+    per_camera.push_back(CameraMetrics(job.cameras[c], r, masks.hull, c));
+    std::snprintf(text, sizeof(text), "  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms a picture\n", name.c_str(),
+                  r.take.pictures, 100 * r.take.mean_area_fraction, 100 * r.take.flicker.Share(), r.take.ms_per_picture);
+    result->text += text;
+    if (r.sheet.empty()) continue;
+    dataset::WriteImage(r.sheet, folder + "/" + name + ".sheet.png");
+    result->outputs.push_back({arguments.out + "/" + name + ".sheet.png", "overlay"});
+  }
+  const double n = static_cast<double>(job.cameras.size());
+  result->metrics["cameras"] = job.cameras.size();
+  result->metrics["pictures"] = pictures;
+  result->metrics["mean_area_fraction"] = area / n;
+  result->metrics["flicker"] = flicker / n;
+  result->metrics["ms_per_picture"] = ms / n;
+  result->metrics["hull_instants"] = masks.hull.instants;
+  if (masks.hull.instants > 0) {
+    result->metrics["disagreement_with_hull"] = masks.hull.Disagreement();
+    result->text += "disagreement with the visual hull: " + Percent(masks.hull.Disagreement()) + "\n";
+  }
+  ordered_json named = ordered_json::array();
+  for (const size_t c : masks.disagreeing) named.push_back(job.cameras[c].footage.camera);
+  result->metrics["disagreeing_cameras"] = named;
+  result->metrics["per_camera"] = per_camera;
+  Warn(job, masks, result);
+  AddTruth(arguments, folder, result);
+}
+
+/// What the session gives where no flag does.
+void FillFromSession(const app::TakeInput& take, app::MaskArguments* arguments) {
+  if (arguments->out.empty()) arguments->out = take.Folder("masks");
+  if (arguments->out.empty()) throw UsageError("--out is needed without --session");
+  const std::string joints = take.Folder("pose3d");
+  const bool given = !arguments->pose3d.empty() || !arguments->pose2d.empty();
+  if (!given && !joints.empty() && std::filesystem::exists(joints + "/points.csv")) arguments->pose3d = joints;
+}
+
+CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
+  const auto start = std::chrono::steady_clock::now();
+  CommandResult result;
+  const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
+  FillFromSession(take, &arguments);
+  AtomicFolder folder(arguments.out, arguments.run.overwrite, Joined(PathsOf(take.footage), {arguments.pose3d}));
+  const std::vector<app::MaskBackend> backends = app::MaskBackends(arguments, &result);
+  const app::MaskJob job = app::ReadMaskJob(arguments, take, &result, context.run);
+  size_t chosen = 0;
+  const app::MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
+  if (!trial.failed_camera.empty()) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back(
+        {"MSK-NOBODY",
+         "camera " + trial.failed_camera +
+             ": nothing tells people from background: no joints, nothing that moves and, if a net was asked, "
+             "nobody that it sees",
+         "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
+    return result;
+  }
+  const app::MaskRunResult masks = app::RunMasks(job, backends[chosen], trial.models, folder.work_path(), context.run);
+  Report(arguments, job, masks, folder.work_path(), &result);
+  folder.Commit();
+  result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.outputs.insert(result.outputs.begin(), {arguments.out, "masks"});
+  result.folder = arguments.out;
+  return result;
+}
+
+}  // namespace
+
+void RegisterMask(CLI::App& app, Registry& registry) {
+  auto arguments = std::make_shared<app::MaskArguments>();
+  CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
+  AddTakeArguments(sub, arguments->take);
+  AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
+  AddOption(
+      sub, "--pose3d", arguments->pose3d,
+      "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
+  AddOption(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
+  AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
+  AddOption(sub, "--backend", arguments->backend,
+            "background (what the pictures show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
+            "masks agree best with the visual hull and the joints")
+      ->capture_default_str();
+  AddOption(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
+  AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
+  AddOptions(sub, arguments->run);
+  AddOptions(sub, arguments->mask);
+  AddOptions(sub, arguments->hull);
+  AddOptions(sub, arguments->onnx);
+  registry.Add(sub, "mask", [arguments](CommandContext& context) { return RunMask(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,242 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "app/format.h"
+#include "app/input/calib_read.h"
+#include "app/nets/pose2d_detect.h"
+#include "app/nets/pose2d_existing.h"
+#include "app/people/pose2d_quality.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using dataset::Pose2dTrack;
+using nlohmann::ordered_json;
+
+struct Arguments {
+  app::TakeArguments take;
+  std::string backend = "auto", calib, out, models, skeleton = "body25";
+  int trial_frames = 16, overlays = 2;
+  bool overwrite = false;
+  detect::PoseOptions options;
+  detect::OnnxOptions onnx;
+};
+
+/// What was detected, and by what.
+struct Detected {
+  std::string backend;
+  body::Skeleton skeleton;
+  std::vector<app::CameraPoses> cameras;
+  app::PoseAgreement agreement;
+};
+
+std::vector<Pose2dTrack> TracksOf(const std::vector<app::CameraPoses>& cameras) {
+  std::vector<Pose2dTrack> tracks;
+  for (const app::CameraPoses& camera : cameras) tracks.push_back(camera.track);
+  return tracks;
+}
+
+/// The backend whose key points agree best on frames spread over the take.
+std::string ChooseBackend(const Arguments& arguments, const app::DetectJob& job, const geometry::Rig& rig,
+                          const RunContext& run, CommandResult* result) {
+  const std::vector<std::string> names = app::InstalledPoseBackends(arguments.models);
+  if (rig.cameras.size() < 2 || job.footage.size() < 2 || names.size() < 2) return names[0];
+  app::DetectJob trial = job;
+  trial.overlays = 0;
+  trial.max_frames = arguments.trial_frames;
+  trial.every = std::max(1, app::FramesOf(job.footage[0]) / std::max(1, arguments.trial_frames));
+  std::string best = names[0];
+  double lowest = std::numeric_limits<double>::infinity();
+  result->metrics["trials"] = ordered_json::array();
+  for (const std::string& name : names) {
+    const app::PoseBackend backend = app::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
+    const app::PoseAgreement agreement = app::MeasureAgreement(
+        TracksOf(app::DetectPoses(trial, backend, run)), backend.net->skeleton(), rig, arguments.options.max_persons, run);
+    result->metrics["trials"].push_back({{"backend", name},
+                                         {"median_px", FiniteOrNull(agreement.median_px)},
+                                         {"p90_px", FiniteOrNull(agreement.p90_px)},
+                                         {"share_ok", agreement.share_ok}});
+    if (agreement.median_px < lowest) lowest = agreement.median_px, best = name;
+  }
+  return best;
+}
+
+Detected Detect(const Arguments& arguments, const app::DetectJob& job, const geometry::Rig& rig, const RunContext& run,
+                CommandResult* result) {
+  const std::string name = arguments.backend == "auto" ? ChooseBackend(arguments, job, rig, run, result) : arguments.backend;
+  const app::PoseBackend backend = app::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
+  return {name, backend.net->skeleton(), app::DetectPoses(job, backend, run), {}};
+}
+
+void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
+  double sum = 0;
+  int joints = 0;
+  for (const auto& [frame, people] : camera.track.frames) {
+    for (const dataset::Person2d& person : people) {
+      for (const dataset::Keypoint2d& joint : person.keypoints) sum += joint.score, ++joints;
+    }
+  }
+  ordered_json json{
+      {"name", camera.track.camera}, {"frames", camera.frames}, {"frames_with_people", camera.frames_with_people}};
+  json["mean_score"] = joints ? sum / joints : 0;
+  json["frames_per_s"] = camera.seconds > 0 ? ordered_json(camera.frames / camera.seconds) : ordered_json(nullptr);
+  result->metrics["cameras"].push_back(json);
+  if (!camera.failure.empty()) {
+    result->exit = kExitPartial;
+    result->warnings.push_back({"POSE-CAMERA", camera.track.camera + ": " + camera.failure, "the other cameras were done"});
+  }
+  for (const std::string& line : camera.damage) {
+    result->exit = kExitPartial;
+    result->warnings.push_back({"POSE-FRAMES", camera.track.camera + ": " + line, "the other frames were used"});
+  }
+  if (camera.failure.empty() && camera.frames_with_people * 10 < camera.frames) {
+    result->warnings.push_back({"POSE-NOBODY",
+                                camera.track.camera + ": somebody is seen in " + std::to_string(camera.frames_with_people) +
+                                    " of " + std::to_string(camera.frames) + " frames",
+                                "look at the overlay pictures; try another --backend"});
+  }
+}
+
+/// Footage of another size than the calibration: key points are in the footage's pixels.
+void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Rig& rig, CommandResult* result) {
+  for (const app::CameraPoses& camera : cameras) {
+    const int idx = rig.Find(camera.track.camera);
+    if (idx < 0 || camera.width == 0) continue;
+    const geometry::Camera& lens = rig.cameras[static_cast<size_t>(idx)].camera;
+    if (lens.width_px == camera.width && lens.height_px == camera.height) continue;
+    result->warnings.push_back(
+        {"POSE-SIZE",
+         camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+             " pixels, the calibration " + std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
+         "key points are in the footage's pixels; triangulating them with this calibration costs that difference"});
+  }
+}
+
+std::string OverlayPath(const std::string& out, const app::CameraPoses& camera, int frame) {
+  char name[64];
+  std::snprintf(name, sizeof name, "_%08d.jpg", frame);
+  return out + "/overlay/" + camera.track.camera + name;
+}
+
+void Write(const Detected& detected, AtomicFolder& folder) {
+  for (const app::CameraPoses& camera : detected.cameras) {
+    if (camera.track.frames.empty()) continue;
+    const std::string path = folder.work_path() + "/" + camera.track.camera;
+    dataset::WriteOpenPoseFolder(camera.track, path, &detected.skeleton);
+    for (const auto& [frame, picture] : camera.overlays) {
+      MakeFolder(folder.work_path() + "/overlay");
+      dataset::WriteImage(picture, OverlayPath(folder.work_path(), camera, frame), 90);
+    }
+  }
+  folder.Commit();
+}
+
+std::string Summary(const Detected& detected, const std::string& out) {
+  int frames = 0, with_people = 0;
+  double seconds = 0;
+  for (const app::CameraPoses& camera : detected.cameras)
+    frames += camera.frames, with_people += camera.frames_with_people, seconds += camera.seconds;
+  std::string text =
+      app::Format("%s: people in %d of %d pictures, %.2f s a picture and thread; skeleton %s, in %s", detected.backend.c_str(),
+                  with_people, frames, frames ? seconds / frames : 0, detected.skeleton.name.c_str(), out.c_str());
+  if (detected.agreement.json.empty()) return text;
+  return text + app::Format("\none camera left out: median %.2f px, p90 %.2f px; %.1f %% of the joints triangulated",
+                            detected.agreement.median_px, detected.agreement.p90_px, 100 * detected.agreement.share_ok);
+}
+
+geometry::Rig ReadRig(const std::string& path, CommandResult* result) {
+  if (path.empty()) return {};
+  result->inputs.push_back(path);
+  const calib::ImportedRig imported = app::ReadCalibrationFiles({path}, {});
+  app::AddNotes(imported.notes, result);
+  return imported.rig;
+}
+
+/// All went wrong: the first camera's reason.
+void CheckAnything(const Detected& detected, CommandResult* result) {
+  const auto failed = [](const app::CameraPoses& c) { return !c.failure.empty(); };
+  const auto& cameras = detected.cameras;
+  if (std::all_of(cameras.begin(), cameras.end(), failed))
+    throw FormatError(cameras.empty() ? "" : cameras[0].failure, "", "no camera's footage could be used");
+  const auto seen = [](const app::CameraPoses& c) { return c.frames_with_people > 0; };
+  if (std::any_of(cameras.begin(), cameras.end(), seen)) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back(
+      {"POSE-NOBODY", "nobody was found in any picture", "look at the overlay pictures; try another --backend"});
+}
+
+CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
+  CommandResult result;
+  const bool existing = arguments.backend.rfind("openpose:", 0) == 0;
+  const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
+  if (take.footage.empty() && !existing) throw UsageError("no footage: give --video or --images once a camera, or --session");
+  const geometry::Rig rig = ReadRig(arguments.calib.empty() ? take.calibration : arguments.calib, &result);
+  const std::string out = arguments.out.empty() ? take.Folder("pose2d") : arguments.out;
+  if (out.empty()) throw UsageError("--out is needed without --session");
+  AtomicFolder folder(out, arguments.overwrite, PathsOf(take.footage));
+  Detected detected;
+  if (existing) {
+    detected.backend = arguments.backend;
+    detected.skeleton = body::SkeletonByName(arguments.skeleton);
+    detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
+  } else {
+    detected = Detect(arguments, {take.footage, arguments.options, arguments.overlays}, rig, run, &result);
+  }
+  result.metrics["backend"] = detected.backend;
+  result.metrics["skeleton"] = detected.skeleton.name;
+  result.metrics["cameras"] = ordered_json::array();
+  for (const app::CameraPoses& camera : detected.cameras) AddCamera(camera, &result);
+  CheckAnything(detected, &result);
+  CheckSizes(detected.cameras, rig, &result);
+  detected.agreement =
+      app::MeasureAgreement(TracksOf(detected.cameras), detected.skeleton, rig, arguments.options.max_persons, run);
+  if (!detected.agreement.json.empty()) result.metrics["agreement"] = detected.agreement.json;
+  Write(detected, folder);
+  result.folder = out;
+  for (const app::CameraPoses& camera : detected.cameras) {
+    if (!camera.track.frames.empty()) result.outputs.push_back({out + "/" + camera.track.camera, "pose2d"});
+    for (const auto& [frame, picture] : camera.overlays) result.outputs.push_back({OverlayPath(out, camera, frame), "overlay"});
+  }
+  result.text = Summary(detected, out);
+  return result;
+}
+
+}  // namespace
+
+void RegisterPose2d(CLI::App& app, Registry& registry) {
+  auto* sub = app.add_subcommand("pose2d", "key points of people in footage, as OpenPose JSON a camera and frame");
+  const auto arguments = std::make_shared<Arguments>();
+  arguments->take.with_timeline = false;  // poses are numbered as the footage is; triangulate turns them into instants
+  AddTakeArguments(sub, arguments->take);
+  AddOption(sub, "--out", arguments->out,
+            "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
+  AddOption(sub, "--backend", arguments->backend,
+            "posenet or movenet (mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER (FOLDER/CAMERA holds "
+            "JSON files that are checked and "
+            "renumbered), auto: the installed net whose key points agree best across cameras (needs --calib)")
+      ->capture_default_str();
+  AddOption(sub, "--calib", arguments->calib, "calibration: reports how well the cameras agree");
+  AddOption(sub, "--models", arguments->models, "folder of the weights; default: as models fetch");
+  AddOption(sub, "--skeleton", arguments->skeleton, "openpose: the skeleton of the existing files")->capture_default_str();
+  AddOption(sub, "--trial-frames", arguments->trial_frames, "auto: frames on which the nets are compared")
+      ->capture_default_str()
+      ->check(CLI::Range(4, 10000));
+  AddOption(sub, "--overlays", arguments->overlays, "pictures a camera to draw the key points on")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1000));
+  AddFlag(sub, "--overwrite", arguments->overwrite, "replace the output folder");
+  AddOptions(sub, arguments->options);
+  AddOptions(sub, arguments->onnx);
+  registry.Add(sub, "pose2d", [arguments](CommandContext& context) { return Pose2d(*arguments, context.run); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,297 @@
+#include "triangulate/sync/sync.h"
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <optional>
+
+#include "app/input/pose_input.h"
+#include "app/input/session_input.h"
+#include "app/input/take_frames.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/footage/frames.h"
+#include "dataset/session/timeline_source.h"
+#include "dataset/time/motion_sync.h"
+#include "dataset/time/sync_file.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+using triangulate::CameraSync;
+using triangulate::SyncResult;
+using triangulate::SyncStatus;
+
+struct Arguments {
+  app::PoseArguments pose;
+  app::SessionArguments session;
+  std::string out, from = "poses";
+  double fps = 0;
+  bool range_given = false;
+  triangulate::SyncOptions options;
+};
+
+/// The cameras that have poses; others have no clock to find.
+geometry::Rig Filmed(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks) {
+  geometry::Rig filmed;
+  filmed.gauge = rig.gauge;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    for (const auto& track : tracks) {
+      if (track.camera == camera.camera.name) filmed.cameras.push_back(camera);
+    }
+  }
+  return filmed;
+}
+
+ordered_json CameraJson(const CameraSync& camera, double fps) {
+  const bool ok = camera.status == SyncStatus::kOk;
+  ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}};
+  json["offset_frames"] = ok ? FiniteOrNull(camera.offset_frames) : ordered_json(nullptr);
+  json["sigma_frames"] = ok ? FiniteOrNull(camera.sigma_frames) : ordered_json(nullptr);
+  if (fps > 0) {
+    json["offset_ms"] = ok ? FiniteOrNull(1000 * camera.offset_frames / fps) : ordered_json(nullptr);
+    json["sigma_ms"] = ok ? FiniteOrNull(1000 * camera.sigma_frames / fps) : ordered_json(nullptr);
+  }
+  json["contrast"] = FiniteOrNull(camera.contrast);
+  json["agreement"] = FiniteOrNull(camera.agreement);
+  json["runner_up_frames"] = FiniteOrNull(camera.runner_up_frames);
+  json["peak_ratio"] = FiniteOrNull(camera.peak_ratio);
+  json["num_pairs"] = camera.num_pairs;
+  json["num_pairs_disagree"] = camera.num_pairs_disagree;
+  return json;
+}
+
+void AddMetrics(const SyncResult& sync, double fps, CommandResult* result) {
+  ordered_json& metrics = result->metrics;
+  metrics["status"] = std::string(ToString(sync.status));
+  metrics["reference"] = sync.cameras[static_cast<size_t>(sync.reference_idx)].name;
+  metrics["median_residual_px"] = {{"before", FiniteOrNull(sync.residual_before_px)},
+                                   {"after", FiniteOrNull(sync.residual_after_px)}};
+  metrics["num_points"] = sync.num_points;
+  metrics["cameras"] = ordered_json::array();
+  for (const CameraSync& camera : sync.cameras) metrics["cameras"].push_back(CameraJson(camera, fps));
+}
+
+const char* Hint(SyncStatus status) {
+  switch (status) {
+    case SyncStatus::kTooFewDetections:
+      return "check the folder; or look further with --max-offset-frames, or ask for less with --min-frames";
+    case SyncStatus::kNoMotion:
+      return "use a part of the take where somebody moves all the time, in no regular rhythm";
+    case SyncStatus::kAmbiguous:
+      return "narrow --max-offset-frames to less than one period, or use a part with irregular motion";
+    default:
+      return "check that the folder belongs to this camera, and the calibration";
+  }
+}
+
+void AddErrors(const SyncResult& sync, CommandResult* result) {
+  int num_ok = 0;
+  for (const CameraSync& camera : sync.cameras) {
+    num_ok += camera.status == SyncStatus::kOk;
+    if (camera.status == SyncStatus::kOk) continue;
+    result->errors.push_back({"SYN-UNDETERMINED", camera.message, Hint(camera.status)});
+  }
+  if (num_ok < static_cast<int>(sync.cameras.size())) result->exit = num_ok > 0 ? kExitPartial : kExitIllPosed;
+}
+
+dataset::SyncFile ToFile(const SyncResult& sync, double fps) {
+  dataset::SyncFile file;
+  file.reference = sync.cameras[static_cast<size_t>(sync.reference_idx)].name;
+  if (fps > 0) file.fps = fps;
+  for (const CameraSync& camera : sync.cameras) {
+    dataset::SyncedCamera& entry = file.cameras.emplace_back();
+    entry.name = camera.name;
+    entry.status = std::string(ToString(camera.status));
+    if (camera.status != SyncStatus::kOk) continue;
+    entry.offset_frames = camera.offset_frames;
+    entry.sigma_frames = camera.sigma_frames;
+  }
+  return file;
+}
+
+std::string Summary(const SyncResult& sync, double fps) {
+  char line[240];
+  std::snprintf(line, sizeof line, "reference %s; median residual %.2f -> %.2f px\n",
+                sync.cameras[static_cast<size_t>(sync.reference_idx)].name.c_str(), sync.residual_before_px,
+                sync.residual_after_px);
+  std::string text = line;
+  for (const CameraSync& camera : sync.cameras) {
+    if (camera.status != SyncStatus::kOk) {
+      text += camera.name + "  " + std::string(ToString(camera.status)) + "\n";
+      continue;
+    }
+    std::snprintf(line, sizeof line, "%-12s %+9.3f +- %.3f frames", camera.name.c_str(), camera.offset_frames,
+                  camera.sigma_frames);
+    text += line;
+    if (fps > 0) {
+      std::snprintf(line, sizeof line, "  %+9.2f +- %.2f ms", 1000 * camera.offset_frames / fps,
+                    1000 * camera.sigma_frames / fps);
+      text += line;
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+/// What --session and --take say, in place of the flags that were not given.
+std::optional<app::FoundTake> FillFromSession(Arguments* arguments, CommandResult* result) {
+  std::optional<app::FoundTake> found = app::FindTake(arguments->session, result);
+  if (!found) return found;
+  if (arguments->out.empty()) arguments->out = dataset::TakeFolder(found->session, "sync", found->take.name);
+  if (arguments->fps <= 0) arguments->fps = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
+  if (arguments->from == "poses") app::FillPoses(*found, arguments->session, &arguments->pose);
+  return found;
+}
+
+/// Detectors number the frames that were recorded; dropped ones must count too.
+void CountDropped(const app::FoundTake& found, const Arguments& arguments, app::PoseInput* input, CommandResult* result) {
+  if (!app::RenumberByClock(found, arguments.session, input)) return;
+  input->frames = app::ToFrames(input->tracks, input->rig, arguments.pose.calib);
+  result->warnings.push_back({"SYN-DROPPED", "cameras dropped or doubled frames: offsets count the instants of their clocks",
+                              "see mvstudio session timeline"});
+}
+
+void Write(const dataset::SyncFile& file, const Arguments& arguments, CommandResult* result) {
+  const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
+  dataset::WriteSync(file, path);
+  result->outputs.push_back({path, "sync"});
+}
+
+CommandResult RunPoses(const Arguments& arguments, const std::optional<app::FoundTake>& found, CommandContext& context,
+                       CommandResult result) {
+  constexpr double kRangeSeconds = 3;
+  if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
+  app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
+  if (found) CountDropped(*found, arguments, &input, &result);
+  const geometry::Rig filmed = Filmed(input.rig, input.tracks);
+  triangulate::SyncOptions options = arguments.options;
+  if (arguments.fps > 0 && !arguments.range_given) {
+    options.max_offset_frames = static_cast<int>(std::lround(kRangeSeconds * arguments.fps));
+  }
+  const SyncResult sync = SynchronizeCameras(triangulate::Prepare(filmed),
+                                             filmed.cameras.size() == input.rig.cameras.size()
+                                                 ? input.frames
+                                                 : app::ToFrames(input.tracks, filmed, arguments.pose.calib),
+                                             options, context.run);
+  AddMetrics(sync, arguments.fps, &result);
+  AddErrors(sync, &result);
+  Write(ToFile(sync, arguments.fps), arguments, &result);
+  result.text = Summary(sync, arguments.fps);
+  return result;
+}
+
+/// Metrics, text and exit code of offsets that did not come from poses.
+void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* result) {
+  int num_ok = 0;
+  result->metrics["reference"] = file.reference;
+  result->metrics["cameras"] = ordered_json::array();
+  result->text = "reference " + file.reference + "\n";
+  char line[200];
+  for (const dataset::SyncedCamera& c : file.cameras) {
+    ordered_json json{{"name", c.name}, {"status", c.status}, {"offset_frames", nullptr}, {"sigma_frames", nullptr}};
+    if (c.offset_frames) {
+      ++num_ok;
+      json["offset_frames"] = FiniteOrNull(*c.offset_frames);
+      json["sigma_frames"] = FiniteOrNull(c.sigma_frames);
+      json["rate_ppm"] = FiniteOrNull(c.rate_ppm);
+      std::snprintf(line, sizeof line, "%-12s %+9.3f +- %.3f frames %+8.2f ppm\n", c.name.c_str(), *c.offset_frames,
+                    c.sigma_frames, c.rate_ppm);
+      result->text += line;
+    } else {
+      result->errors.push_back({"SYN-UNDETERMINED", "camera " + c.name + ": " + c.status, hint});
+      result->text += c.name + "  " + c.status + "\n";
+    }
+    result->metrics["cameras"].push_back(json);
+  }
+  const int total = static_cast<int>(file.cameras.size());
+  result->metrics["status"] = num_ok == total ? "Ok" : num_ok > 1 ? "Partial" : "Undetermined";
+  if (num_ok < total) result->exit = num_ok > 1 ? kExitPartial : kExitIllPosed;
+}
+
+CommandResult RunTimestamps(const Arguments& arguments, const app::FoundTake& found, CommandContext& context,
+                            CommandResult result) {
+  if (found.take.timestamps.empty()) {
+    throw UsageError("take " + found.take.name + " names no table of time stamps: timestamps = \"FILE.csv\" in mvstudio.toml");
+  }
+  dataset::TakeTimelineOptions options;
+  options.allow_outside = arguments.session.allow_outside;
+  options.timeline.reference = arguments.options.reference;
+  const dataset::TakeTimeline made = dataset::BuildTakeTimeline(found.session, found.take, options, context.run);
+  for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
+  const dataset::SyncFile file = dataset::SyncFromTimeline(made.timeline);
+  Describe(file, "see mvstudio session timeline", &result);
+  Write(file, arguments, &result);
+  return result;
+}
+
+CommandResult RunMotion(const Arguments& arguments, const app::FoundTake& found, CommandContext& context,
+                        CommandResult result) {
+  const auto& footage = found.take.footage;
+  std::vector<dataset::MotionEnergy> motion(footage.size());
+  {
+    ProgressStage stage(context.run, "looking for movement", static_cast<int64_t>(footage.size()));
+    ParallelFor(static_cast<int64_t>(footage.size()), context.run.num_threads, [&](int64_t i) {
+      const dataset::SessionFootage& f = footage[static_cast<size_t>(i)];
+      const std::string path = dataset::ResolveInSession(found.session, f.path, arguments.session.allow_outside);
+      motion[static_cast<size_t>(i)] = dataset::ReadMotionEnergy(dataset::ReadFootageTimes(f.camera, path, 30));
+    });
+  }
+  dataset::MotionSyncOptions options;
+  options.reference = arguments.options.reference;
+  options.max_offset_frames = arguments.options.max_offset_frames;
+  const dataset::MotionSync sync = dataset::SynchronizeByMotion(motion, options);
+  dataset::SyncFile file = dataset::ToSyncFile(sync);
+  if (arguments.fps > 0) file.fps = arguments.fps;
+  Describe(file, "film people who move, in no regular rhythm; or use 2D poses", &result);
+  for (size_t i = 0; i < sync.cameras.size(); ++i) {
+    result.metrics["cameras"][i]["correlation"] = FiniteOrNull(sync.cameras[i].correlation);
+    result.metrics["cameras"][i]["runner_up"] = FiniteOrNull(sync.cameras[i].runner_up);
+  }
+  Write(file, arguments, &result);
+  return result;
+}
+
+CommandResult Run(Arguments arguments, CommandContext& context) {
+  if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
+  CommandResult result;
+  const std::optional<app::FoundTake> found = FillFromSession(&arguments, &result);
+  if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
+  const OutputFolder place(
+      arguments.out, Joined(PathsIn(arguments.pose.pose2d), {arguments.pose.points2d, arguments.pose.calib}), {"sync.json"});
+  result.folder = arguments.out;
+  if (arguments.from == "poses") return RunPoses(arguments, found, context, std::move(result));
+  if (!found) throw UsageError("--from " + arguments.from + " needs --session");
+  return arguments.from == "timestamps" ? RunTimestamps(arguments, *found, context, std::move(result))
+                                        : RunMotion(arguments, *found, context, std::move(result));
+}
+
+}  // namespace
+
+void RegisterSync(CLI::App& app, Registry& registry) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub =
+      app.add_subcommand("sync", "Time offsets of the cameras: from people who move in the take, or from time stamps");
+  AddPoseArguments(sub, arguments->pose);
+  sub->get_option("--calib")->required(false);
+  AddOption(sub, "--from", arguments->from,
+            "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: pictures only, coarse")
+      ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
+      ->capture_default_str();
+  AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
+  AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
+  AddOption(sub, "--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
+  AddOptions(sub, arguments->options);
+  registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {
+    arguments->range_given = sub->count("--max-offset-frames") > 0;
+    return Run(*arguments, context);
+  });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+#include "app/words.h"
+#include "core/progress.h"
+
+namespace CLI {
+class App;
+}
+
+namespace mvstudio::cli {
+
+using app::CommandResult;
+using app::ExitCode;
+using app::FiniteOrNull;
+using app::kExitBadInput;
+using app::kExitIllPosed;
+using app::kExitInternal;
+using app::kExitInterrupted;
+using app::kExitMissingTool;
+using app::kExitOk;
+using app::kExitPartial;
+using app::kExitQualityGate;
+using app::kExitResources;
+using app::kExitTryAgain;
+using app::kExitUsage;
+using app::Notice;
+using app::ParseRanges;
+using app::RangesText;
+using app::SplitNamePath;
+
+struct CommandContext {
+  RunContext run;                 ///< progress, threads, seed
+  std::vector<std::string> argv;  ///< as typed
+};
+
+using RunCommand = std::function<CommandResult(CommandContext&)>;
+
+/// Where commands register: `registry.Add(app.add_subcommand(...), "calib convert", run)`.
+class Registry {
+ public:
+  void Add(CLI::App* sub, const std::string& name, RunCommand run) { entries_.push_back({sub, name, std::move(run)}); }
+  struct Entry {
+    CLI::App* app;
+    std::string name;
+    RunCommand run;
+  };
+  const std::vector<Entry>& entries() const { return entries_; }
+
+ private:
+  std::vector<Entry> entries_;
+};
+
+/// One line each in commands.cc; defined in the command's file.
+void RegisterAll(CLI::App& app, Registry& registry);
+
+}  // namespace mvstudio::cli

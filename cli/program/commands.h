@@ -1,0 +1,39 @@
+#pragma once
+
+#include "cli/program/command.h"
+
+/// One function a command file; each adds its subcommands to `app` (Avatar*, Dataset*: to the subcommand of that
+/// name) and registers what
+/// they run.
+namespace mvstudio::cli {
+
+void RegisterDemo(CLI::App& app, Registry& registry);
+void RegisterSynth(CLI::App& app, Registry& registry);
+void RegisterBoard(CLI::App& app, Registry& registry);
+void RegisterCalibrate(CLI::App& app, Registry& registry);
+void RegisterCalib(CLI::App& app, Registry& registry);
+void RegisterTradeoff(CLI::App& app, Registry& registry);
+void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry);
+void RegisterSync(CLI::App& app, Registry& registry);
+void RegisterTriangulate(CLI::App& app, Registry& registry);
+void RegisterModels(CLI::App& app, Registry& registry);
+void RegisterPose2d(CLI::App& app, Registry& registry);
+void RegisterMask(CLI::App& app, Registry& registry);
+void RegisterDataset(CLI::App& app, Registry& registry);
+void RegisterDatasetVerify(CLI::App& dataset, Registry& registry);
+void RegisterDatasetImport(CLI::App& dataset, Registry& registry);
+void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
+void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
+void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
+void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
+void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
+void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);
+void RegisterAvatarLift(CLI::App& avatar, Registry& registry);
+void RegisterAvatarRender(CLI::App& avatar, Registry& registry);
+void RegisterMetrics(CLI::App& app, Registry& registry);
+void RegisterReport(CLI::App& app, Registry& registry);
+void RegisterSession(CLI::App& app, Registry& registry);
+void RegisterDoctor(CLI::App& app, Registry& registry);
+void RegisterVersion(CLI::App& app, Registry& registry);
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,153 @@
+#include "cli/program/console.h"
+
+#include <poll.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+
+#include "cli/program/flag_text.h"
+#include "cli/program/interrupt.h"
+#include "core/disk/temporary.h"
+#include "core/error.h"
+#include "core/log.h"
+#include "core/utf8.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+class ConsoleProgress : public ProgressSink {
+ public:
+  explicit ConsoleProgress(bool bar) : bar_(bar) {}
+
+  void Begin(const std::string& stage, int64_t total) override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    stage_ = OneLine(stage), total_ = total, done_ = 0;
+    start_ = last_ = Clock::now();
+    shown_ = false;
+  }
+  void Advance(int64_t done, const std::string& note) override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    done_ += done;
+    const auto now = Clock::now();
+    if (now - last_ < (bar_ ? std::chrono::milliseconds(150) : std::chrono::milliseconds(10000))) return;
+    last_ = now;
+    Show(note);
+  }
+  void End() override {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (bar_ && shown_) std::fputs("\r\033[K", stderr);
+  }
+  bool Cancelled() const override { return ReceivedSignal() != 0; }
+
+ private:
+  void Show(const std::string& note) {
+    const double elapsed = std::chrono::duration<double>(last_ - start_).count();
+    const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0;
+    const double eta = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0;
+    char speed[32];
+    std::snprintf(speed, sizeof speed, rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s",
+                  rate > 0 && rate < 0.5 ? 1 / rate : rate);
+    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s  ETA %.0f s  %s" : "%s %lld/%lld  %s  ETA %.0f s  %s\n",
+                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed, eta,
+                 OneLine(note).c_str());
+    std::fflush(stderr);
+    shown_ = true;
+  }
+
+  const bool bar_;
+  std::mutex mutex_;
+  std::string stage_;
+  int64_t total_ = 0, done_ = 0;
+  Clock::time_point start_, last_;
+  bool shown_ = false;
+};
+
+/// Silent, but still asks to stop on a signal.
+class SilentProgress : public ProgressSink {
+ public:
+  bool Cancelled() const override { return ReceivedSignal() != 0; }
+};
+
+/// C1 controls, line separators, and the marks that turn the direction of writing.
+bool IsHiddenControl(const std::string& character) {
+  const auto between = [&](const char* first, const char* last) { return first <= character && character <= last; };
+  return between("\u0080", "\u009f") || between("\u200e", "\u200f") || between("\u2028", "\u202e") ||
+         between("\u2066", "\u2069");
+}
+
+/// What would move the cursor, colour the terminal or turn the direction of writing becomes '?', and so do bytes that are no
+/// UTF-8.
+std::string Harmless(const std::string& text, bool keep_lines) {
+  std::string line;
+  for (size_t at = 0; at < text.size();) {
+    const size_t length = Utf8Length(text, at);
+    const auto lead = static_cast<unsigned char>(text[at]);
+    if (lead == '\n' || lead == '\t') {
+      line += lead == '\n' && keep_lines ? '\n' : ' ';
+    } else if (length == 0 || lead < 0x20 || lead == 0x7f || IsHiddenControl(text.substr(at, length))) {
+      line += '?';
+    } else {
+      line.append(text, at, length);
+    }
+    at += std::max<size_t>(length, 1);
+  }
+  return line;
+}
+
+}  // namespace
+
+std::string OneLine(const std::string& text) {
+  constexpr size_t kMaxBytes = 4000;
+  std::string line = Harmless(text, false);
+  while (!line.empty() && line.back() == ' ') line.pop_back();
+  if (line.size() <= kMaxBytes) return line;
+  size_t head = kMaxBytes / 2, tail = line.size() - kMaxBytes / 2;
+  while (static_cast<unsigned char>(line[head]) >> 6 == 2) --head;
+  while (tail < line.size() && static_cast<unsigned char>(line[tail]) >> 6 == 2) ++tail;
+  return line.substr(0, head) + " [...] " + line.substr(tail);
+}
+
+std::string ManyLines(const std::string& text) { return Harmless(text, true); }
+
+void PrintOut(const std::string& text) {
+  for (size_t at = 0; at < text.size();) {
+    const ssize_t written = write(STDOUT_FILENO, text.data() + at, text.size() - at);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0 && errno == EAGAIN) {  // a terminal or pipe that somebody made so
+      pollfd free = {STDOUT_FILENO, POLLOUT, 0};
+      poll(&free, 1, 1000);
+      continue;
+    }
+    if (written < 0) throw ResourceError(std::string("stdout: cannot write: ") + std::strerror(errno));
+    at += static_cast<size_t>(written);
+  }
+}
+
+void InstallLog(const std::string& level) {
+  auto logger = spdlog::stderr_color_mt("mvstudio");
+  logger->set_pattern("%^%l%$: %v");
+  logger->set_level(spdlog::level::from_str(level));
+  SetLogSink([logger](LogLevel severity, const std::string& message) {
+    static constexpr spdlog::level::level_enum kLevels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
+                                                            spdlog::level::err};
+    logger->log(kLevels[static_cast<int>(severity)], "{}", OneLine(WithFlags(FinalNames(message))));
+  });
+}
+
+std::unique_ptr<ProgressSink> MakeProgress(const std::string& mode) {
+  if (mode == "none") return std::make_unique<SilentProgress>();
+  if (mode != "auto" && mode != "bar" && mode != "plain") {
+    throw UsageError("--progress " + mode + ": expected auto, bar, plain or none");
+  }
+  return std::make_unique<ConsoleProgress>(mode == "bar" || (mode == "auto" && isatty(STDERR_FILENO)));
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,68 @@
+#include "cli/program/input_flags.h"
+
+#include "cli/program/options.h"
+
+namespace mvstudio::cli {
+namespace {
+
+std::string Join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : " | ") + name;
+  return text;
+}
+
+}  // namespace
+
+void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
+  AddOption(sub, "--from", options.from, "format of the input: auto, " + app::CalibrationFormatNames())
+      ->capture_default_str()
+      ->type_name("FORMAT")
+      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+  AddOption(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
+  AddOption(sub, "--unit", options.unit, "unit of length of files that name none")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"m", "cm", "mm"}));
+  AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
+            "qca: the distortion is divided by this when read, multiplied when written (1: coefficients as they stand; 64: as "
+            "Pose2Sim does)")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+}
+
+void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
+  AddOption(sub, "--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
+  AddOption(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
+  AddOption(sub, "--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
+  AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
+  AddOption(sub, "--take", arguments.take, "take of the session; its only one with people unless given");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+}
+
+void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
+                         const std::string& unless_given) {
+  AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
+  AddOption(sub, "--take", arguments.take, "take of the session; its only one with " + unless_given + " unless given");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+}
+
+void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
+  AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
+  AddOption(sub, "--pose2d", arguments.pose2d,
+            "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
+  AddOption(sub, "--points2d", arguments.points2d,
+            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
+  AddOption(sub, "--skeleton", arguments.skeleton,
+            Join(body::SkeletonNames()) + "; body25 unless given, of --points2d the joints in the file");
+}
+
+void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
+  AddOption(sub, "--board", arguments.boards,
+            "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
+            "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
+  AddOption(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
+  AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
+  AddOptions(sub, arguments.footage);
+  AddOptions(sub, arguments.corner_files);
+}
+
+}  // namespace mvstudio::cli

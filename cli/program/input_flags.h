@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+
+#include "app/input/calib_read.h"
+#include "app/input/corner_input.h"
+#include "app/input/pose_input.h"
+#include "app/input/session_input.h"
+#include "app/input/take_input.h"
+
+namespace CLI {
+class App;
+}
+
+/// The flags of inputs that several commands share.
+namespace mvstudio::cli {
+
+/// --from, --size, --unit, --qca-distortion-divisor.
+void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options);
+
+/// Adds --video, --images, --plate, --session, --take and --allow-outside.
+void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments);
+
+/// Adds --session, --take and --allow-outside; `what` comes from the session, `unless_given` is the take without --take.
+void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
+                         const std::string& unless_given);
+
+/// Adds --calib, --pose2d, --points2d and --skeleton.
+void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments);
+
+void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments);
+
+}  // namespace mvstudio::cli

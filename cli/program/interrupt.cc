@@ -1,0 +1,131 @@
+#include "cli/program/interrupt.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <system_error>
+#include <thread>
+
+#include "core/disk/temporary.h"
+#include "core/process.h"
+
+namespace mvstudio::cli {
+namespace {
+
+constexpr int kPatienceMs = 3200;              // of the watcher with the command
+constexpr suseconds_t kLastStepsUs = 1700000;  // then; more is not waited for, whatever hangs
+
+std::atomic<int> received_signal{0};
+std::atomic<bool> output_claimed{false};
+std::atomic<int> wake_fd{-1};  // write end of a pipe to the watcher; -1: there is none
+pid_t own_pid = 0;
+
+void OnSignal(int number) {
+  if (getpid() != own_pid) _exit(128 + number);  // in a copy of this process nobody watches
+  const int code = errno;
+  int none = 0;
+  const bool first = received_signal.compare_exchange_strong(none, number);
+  const int fd = wake_fd;
+  if (fd < 0 && !first) _exit(128 + received_signal);
+  if (fd >= 0) (void)!write(fd, "", 1);
+  errno = code;
+}
+
+void ExitNow(int) { _exit(128 + received_signal); }
+
+void Handle(int number, void (*handler)(int)) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  action.sa_flags = SA_RESTART;
+  sigaction(number, &action, nullptr);
+}
+
+bool IsIgnored(int number) {
+  struct sigaction action {};
+  return sigaction(number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+/// True when a signal came in time; `timeout_ms` -1: however long it takes.
+bool AwaitSignal(int fd, int timeout_ms) {
+  pollfd waiting = {fd, POLLIN, 0};
+  int ready = 0;
+  while ((ready = poll(&waiting, 1, timeout_ms)) < 0 && errno == EINTR) {
+  }
+  char byte = 0;
+  return ready > 0 && read(fd, &byte, 1) == 1;
+}
+
+[[noreturn]] void EndProcess(const std::function<void(int)>& last_words) {
+  Handle(SIGALRM, ExitNow);
+  const itimerval limit = {{0, 0}, {kLastStepsUs / 1000000, kLastStepsUs % 1000000}};
+  setitimer(ITIMER_REAL, &limit, nullptr);
+  if (!output_claimed.exchange(true)) {
+    EndChildren();
+    AbandonTemporaries();
+    last_words(received_signal);
+  } else {
+    std::this_thread::sleep_for(std::chrono::seconds(1));  // the command has ended and is being reported
+  }
+  _exit(128 + received_signal);
+}
+
+void Watch(int fd, const std::function<void(int)>& last_words) {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, nullptr);
+  AwaitSignal(fd, -1);
+  AwaitSignal(fd, kPatienceMs);
+  EndProcess(last_words);
+}
+
+/// Without a watcher (no descriptors or no threads left) a second signal ends the process at once.
+void StartWatcher(const std::function<void(int)>& last_words) {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) return;
+  fcntl(ends[1], F_SETFL, O_NONBLOCK);
+  try {
+    std::thread(Watch, ends[0], last_words).detach();
+    wake_fd = ends[1];
+  } catch (const std::system_error&) {
+    close(ends[0]);
+    close(ends[1]);
+  }
+}
+
+}  // namespace
+
+void PrepareProcess() {
+  for (int fd = 0; fd <= 2; ++fd) {
+    if (fcntl(fd, F_GETFD) >= 0) continue;
+    open("/dev/null", fd == STDERR_FILENO ? O_WRONLY : O_RDONLY);  // takes that number; writing to a stdout like this fails
+  }
+  std::signal(SIGCHLD, SIG_DFL);
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error like a full disk, and nothing is left behind
+  sigset_t heard;
+  sigemptyset(&heard);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGALRM, SIGCHLD}) sigaddset(&heard, number);
+  sigprocmask(SIG_UNBLOCK, &heard, nullptr);
+}
+
+void InstallSignalHandlers(const std::function<void(int)>& last_words) {
+  own_pid = getpid();
+  StartWatcher(last_words);
+  Handle(SIGINT, OnSignal);
+  Handle(SIGTERM, OnSignal);
+  if (!IsIgnored(SIGHUP)) Handle(SIGHUP, OnSignal);
+}
+
+int ReceivedSignal() { return received_signal; }
+
+void ClaimOutput() {
+  while (output_claimed.exchange(true)) pause();
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,29 @@
+#include "cli/program/options.h"
+
+#include <cstdint>
+#include <vector>
+
+namespace mvstudio::cli {
+
+template <class T>
+CLI::Option* AddOption(CLI::App* app, const std::string& name, T& value, const std::string& help) {
+  CLI::Option* option = app->add_option(name, value, help);
+  if constexpr (!std::is_arithmetic_v<T> && !std::is_same_v<T, std::string>)
+    option->default_function([&value] { return CLI::detail::join(value, ","); });
+  return option;
+}
+
+template CLI::Option* AddOption(CLI::App*, const std::string&, std::string&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, int&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, int64_t&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, uint64_t&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, double&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<std::string>&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<double>&, const std::string&);
+template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<int>&, const std::string&);
+
+CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help) {
+  return app->add_flag(name, value, help);
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,199 @@
+#include "cli/program/result.h"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <filesystem>
+#include <functional>
+#include <new>
+
+#include "cli/program/fingerprint.h"
+#include "cli/program/interrupt.h"
+#include "cli/program/redact.h"
+#include "core/disk/files.h"
+#include "core/disk/lock.h"
+#include "core/disk/temporary.h"
+#include "core/error.h"
+
+namespace mvstudio::cli {
+namespace fs = std::filesystem;
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string StatusName(const CommandResult& result) {
+  switch (result.exit) {
+    case kExitOk:
+      return result.warnings.empty() ? "ok" : "warn";
+    case kExitQualityGate:
+      return "fail";
+    case kExitPartial:
+      return "partial";
+    default:
+      return "error";
+  }
+}
+
+Json NoticesToJson(const std::vector<Notice>& notices) {
+  Json list = Json::array();
+  for (const Notice& notice : notices) {
+    Json item = {{"code", notice.code}, {"text", notice.text}};
+    if (!notice.hint.empty()) item["hint"] = notice.hint;
+    list.push_back(item);
+  }
+  return list;
+}
+
+double PeakRssMb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+std::string UtcNow() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
+  return text;
+}
+
+/// Messages name the user's files: not the hidden ones that stand for them while they are written, and something at least.
+std::string WithoutEmptyPath(const std::string& text) {
+  return FinalNames(text.compare(0, 2, ": ") == 0 ? "a file or folder" + text : text);
+}
+
+CommandResult ErrorResult(int exit, const std::string& code, const std::string& text, const std::string& hint = {}) {
+  CommandResult result;
+  result.exit = exit;
+  result.errors.push_back({code, WithoutEmptyPath(text), hint});
+  return result;
+}
+
+}  // namespace
+
+Json ResultToJson(const std::string& command, const CommandResult& result, double wall_s,
+                  const std::vector<std::string>& argv) {
+  Json outputs = Json::array();
+  for (const auto& output : result.outputs) {
+    Json item = {{"path", output.path}};
+    if (!output.role.empty()) item["role"] = output.role;
+    outputs.push_back(item);
+  }
+  return {{"schema", "mvstudio.result/1"},
+          {"command", command},
+          {"version", MVSTUDIO_VERSION},
+          {"status", StatusName(result)},
+          {"exit", result.exit},
+          {"metrics", result.metrics},
+          {"outputs", outputs},
+          {"warnings", NoticesToJson(result.warnings)},
+          {"errors", NoticesToJson(result.errors)},
+          {"timing", {{"wall_s", wall_s}, {"peak_rss_mb", PeakRssMb()}}},
+          {"argv", argv}};
+}
+
+namespace {
+
+Json ProvenanceLine(const std::string& command, const CommandResult& result, const Json& json,
+                    const std::vector<std::string>& argv) {
+  Json line = {{"time", UtcNow()}, {"command", command}, {"version", MVSTUDIO_VERSION}, {"argv", argv}, {"exit", result.exit}};
+  line["inputs"] = Json::array();
+  line["outputs"] = Json::array();
+  for (const std::string& input : result.inputs) line["inputs"].push_back(Fingerprint(input));
+  for (const auto& output : result.outputs) line["outputs"].push_back(Fingerprint(output.path));
+  line["wall_s"] = json["timing"]["wall_s"];
+  return line;
+}
+
+/// A failure to record a result: the result itself stays what it is, but for a full disk, or where the record is all that there
+/// is.
+void NoteUnrecorded(CommandResult* result) {
+  const CommandResult failure = ResultOfCurrentException();
+  const Notice& why = failure.errors.front();
+  if (failure.exit == kExitResources) {
+    result->exit = kExitResources;
+    result->errors.push_back({why.code, "the outputs are complete, but not the record of them: " + why.text, why.hint});
+  } else if (result->outputs.empty()) {
+    result->exit = failure.exit;
+    result->errors.push_back(why);
+  } else {
+    result->warnings.push_back({"CLI-PROVENANCE", "the result is not recorded in its folder: " + why.text, why.hint});
+  }
+}
+
+CommandResult OutOfMemoryResult() {
+  return ErrorResult(kExitResources, "RESOURCES", "out of memory", "use fewer threads, smaller images or fewer frames");
+}
+
+/// libtorch and OpenCV have exceptions of their own for it.
+bool SaysOutOfMemory(const std::string& text) {
+  for (const char* words : {"can't allocate memory", "Insufficient memory", "not enough memory"}) {
+    if (text.find(words) != std::string::npos) return true;
+  }
+  return false;
+}
+
+CommandResult FilesystemErrorResult(const fs::filesystem_error& e) {
+  const bool full = e.code() == std::errc::no_space_on_device;
+  return ErrorResult(full ? kExitResources : kExitBadInput, full ? "RESOURCES" : "INPUT-IO",
+                     e.path1().string() + ": " + e.code().message());
+}
+
+}  // namespace
+
+std::string JsonText(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
+
+void KeepResult(const std::string& command, CommandResult* result, const Json& json, const std::vector<std::string>& argv) {
+  if (result->folder.empty()) return;
+  std::string name = command;
+  std::replace(name.begin(), name.end(), ' ', '_');
+  const size_t errors = result->errors.size();
+  const auto keep = [&](const std::function<void()>& write) {
+    try {
+      write();
+    } catch (...) {
+      if (result->errors.size() == errors) NoteUnrecorded(result);  // one error line tells it
+    }
+  };
+  keep([&] {
+    const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv));
+    AppendLine(result->folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
+  });
+  keep([&] { WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json))); });
+}
+
+CommandResult InterruptedResult(int signal, const std::string& text) {
+  return ErrorResult(signal > 0 ? 128 + signal : kExitInterrupted, "CLI-INTERRUPTED", text);
+}
+
+CommandResult ResultOfCurrentException() {
+  try {
+    throw;
+  } catch (const CancelledError& e) {
+    return InterruptedResult(ReceivedSignal(), e.what());
+  } catch (const UsageError& e) {
+    return ErrorResult(kExitUsage, "CLI-USAGE", e.what());
+  } catch (const LockedError& e) {
+    return ErrorResult(kExitTryAgain, "CLI-LOCKED", e.what());
+  } catch (const IoError& e) {
+    return ErrorResult(kExitBadInput, "INPUT-IO", e.what());
+  } catch (const FormatError& e) {
+    return ErrorResult(kExitBadInput, "INPUT-FORMAT", e.what());
+  } catch (const ResourceError& e) {
+    return ErrorResult(kExitResources, "RESOURCES", e.what());
+  } catch (const std::bad_alloc&) {
+    return OutOfMemoryResult();
+  } catch (const MissingToolError& e) {
+    return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
+  } catch (const fs::filesystem_error& e) {  // a path that cannot even be looked at: a loop of links, a name too long, no right
+    return FilesystemErrorResult(e);
+  } catch (const std::exception& e) {
+    if (SaysOutOfMemory(e.what())) return OutOfMemoryResult();
+    return ErrorResult(kExitInternal, "INTERNAL", e.what(),
+                       "this is a defect of mvstudio: please report it with the command line");
+  }
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "cli/program/command.h"
+
+namespace mvstudio::cli {
+
+/// The object of the command-line contract: schema, command, version, status, exit, metrics, outputs, warnings, errors, timing.
+nlohmann::ordered_json ResultToJson(const std::string& command, const CommandResult& result, double wall_s,
+                                    const std::vector<std::string>& argv);
+
+/// The text that is printed and kept.
+std::string JsonText(const nlohmann::ordered_json& json);
+
+/// Keeps `<folder>/<command>.result.json` and appends a line to `<folder>/provenance.jsonl` (argv, version, hashes, time),
+/// redacted when that was asked for. Where that fails, the result gets a warning and stays what it is, but for a full disk.
+void KeepResult(const std::string& command, CommandResult* result, const nlohmann::ordered_json& json,
+                const std::vector<std::string>& argv);
+
+/// Turns the exception being handled into an error result with the exit code of its type.
+CommandResult ResultOfCurrentException();
+
+/// Of a command that was asked to stop by a signal; 0: by something else.
+CommandResult InterruptedResult(int signal, const std::string& text = "interrupted");
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,133 @@
+#include "cli/program/run_line.h"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+
+#include "cli/program/arguments.h"
+#include "cli/program/flag_text.h"
+#include "cli/program/options.h"
+#include "cli/program/redact.h"
+#include "cli/program/result.h"
+#include "cli/program/short_help.h"
+#include "core/check.h"
+#include "core/disk/manifest.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
+  AddFlag(&app, "--json", global.json, "print exactly one JSON object on stdout");
+  AddOption(&app, "--threads", global.threads, "threads; 0: as many as the machine has")->capture_default_str();
+  AddOption(&app, "--seed", global.seed, "seed of everything random")->capture_default_str();
+  AddOption(&app, "--log-level", global.log_level, "debug, info, warning, error or off")
+      ->capture_default_str()
+      ->check(OneOf({"debug", "info", "warning", "error", "off"}));
+  AddOption(&app, "--progress", global.progress, "auto, bar, plain or none")
+      ->capture_default_str()
+      ->check(OneOf({"auto", "bar", "plain", "none"}));
+  AddFlag(&app, "--redact", global.redact,
+          "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
+}
+
+const Registry::Entry* Chosen(const Registry& registry) {
+  for (const auto& entry : registry.entries()) {
+    if (entry.app->parsed()) return &entry;
+  }
+  return nullptr;
+}
+
+CommandResult UsageResult(const Notice& notice) {
+  CommandResult result;
+  result.exit = kExitUsage;
+  result.errors.push_back(notice);
+  return result;
+}
+
+/// CLI11 takes the words last first. What looks like one of its lists and is a file is not to be taken apart.
+std::vector<std::string> WordsForParser(const std::vector<std::string>& words) {
+  std::vector<std::string> reversed(words.rbegin(), words.rend());
+  for (std::string& word : reversed) {
+    std::error_code ignored;
+    const bool list = word.size() > 1 && word.front() == '[' && word.back() == ']';
+    if (list && std::filesystem::exists(std::filesystem::symlink_status(word, ignored))) word.insert(0, "./");
+  }
+  return reversed;
+}
+
+/// Files that are written name the command that writes them, a stage of a longer one its own.
+struct WriterScope {
+  explicit WriterScope(const std::string& command) : before(WriterName()) { SetWriterName(command, MVSTUDIO_VERSION); }
+  ~WriterScope() { SetWriterName(before.first, before.second); }
+  WriterScope(const WriterScope&) = delete;
+  WriterScope& operator=(const WriterScope&) = delete;
+  const std::pair<std::string, std::string> before;
+};
+
+bool Has(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
+  const WriterScope writer(outcome.command);
+  NameFlags(&outcome.result);
+  outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
+  KeepResult(outcome.command, &outcome.result, outcome.json, argv);
+  outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
+}
+
+}  // namespace
+
+LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
+                    const std::function<CommandResult(const Registry::Entry&)>& run) {
+  CLI::App app{"mvstudio: multi-view capture, from footage to scored avatars", "mvstudio"};
+  app.fallthrough();
+  app.require_subcommand(1);
+  AddGlobalOptions(app, global);
+  Registry registry;
+  RegisterAll(app, registry);
+  CheckValues(app);
+  ShortenHelp(app);
+
+  std::vector<std::string> argv = {"mvstudio"};
+  argv.insert(argv.end(), words.begin(), words.end());
+  LineOutcome outcome;
+  const auto start = Clock::now();
+  try {
+    app.parse(WordsForParser(words));
+    if (global.redact) StartRedacting(argv);
+    const Registry::Entry* entry = Chosen(registry);
+    MVS_CHECK(entry, "a command that runs nothing");
+    outcome.command = entry->name;
+    const WriterScope writer(entry->name);
+    outcome.result = run(*entry);
+  } catch (const CLI::CallForHelp&) {
+    outcome.help = app.help();
+  } catch (const CLI::CallForAllHelp&) {
+    outcome.help = app.help("", CLI::AppFormatMode::All);
+  } catch (const CLI::ParseError& e) {
+    global.json = global.json || Has(words, "--json");
+    if (Has(words, "--redact")) StartRedacting(argv);
+    outcome.result = UsageResult(ParseNotice(app, e));
+  } catch (...) {
+    outcome.result = ResultOfCurrentException();
+  }
+  FinishOutcome(outcome, std::chrono::duration<double>(Clock::now() - start).count(), argv);
+  return outcome;
+}
+
+LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context) {
+  GlobalOptions global;
+  global.threads = context.run.num_threads;
+  global.seed = context.run.seed;
+  std::vector<std::string> argv = {"mvstudio"};
+  argv.insert(argv.end(), words.begin(), words.end());
+  return RunLine(words, global, [&](const Registry::Entry& entry) {
+    CommandContext stage{{context.run.progress, global.threads, global.seed}, argv};
+    return entry.run(stage);
+  });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,96 @@
+#include "cli/program/short_help.h"
+
+#include <algorithm>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/check.h"
+
+namespace mvstudio::cli {
+namespace {
+
+constexpr char kMore[] = "More options";
+
+struct CommonOptions {
+  const char *command, *options;
+};
+
+/// Required options and positionals are always shown.
+constexpr CommonOptions kCommon[] = {
+    {"calibrate",
+     "--board --camera --corners --from-scene --scene-points --session --take --every --max-frames --size --model "
+     "--share-intrinsics "
+     "--start --fix --holdout --split-at --world --out"},
+    {"calib refine",
+     "--board --camera --corners --session --take --from-keypoints --pose2d --points2d --skeleton --train-frames --test-frames "
+     "--max-persons --fix --model --out"},
+    {"triangulate",
+     "--calib --pose2d --points2d --skeleton --session --take --out --method --min-score --max-persons --sync --refine "
+     "--chunk-frames "
+     "--truth"},
+    {"pose2d",
+     "--video --images --session --take --calib --out --backend --quality --max-persons --skeleton --overlays --overwrite"},
+    {"mask",
+     "--video --images --plate --session --take --calib --pose3d --pose2d --backend --soft --hull --truth --out --overwrite"},
+    {"dataset build",
+     "--calib --video --images --plate --session --take --pose3d --masks --png --jpeg-quality --size-rule --require-complete "
+     "--out "
+     "--overwrite"},
+    {"dataset pack",
+     "--cameras --frames --split --codec --crop --full --undistort --match-colours --masks --person --shard --merge --single"},
+    {"avatar train",
+     "--train-cameras --holdout-cameras --holdout-frames --split --validate-camera --patience --method --prior --inputs "
+     "--pose3d "
+     "--width --size --steps --batch --picture-every --init-from --device --ranks --overwrite"},
+};
+
+class ShortFormatter : public CLI::Formatter {
+ public:
+  std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+    const std::string all = CLI::Formatter::make_help(app, name, mode);
+    const size_t more = all.find(std::string("\n") + kMore + ":\n");
+    if (mode == CLI::AppFormatMode::All || more == std::string::npos) return all;
+    const size_t count = app->get_options([](const CLI::Option* option) { return option->get_group() == kMore; }).size();
+    return all.substr(0, all.find_last_not_of('\n', more) + 1) + "\n\n" + std::to_string(count) + " more with --help-all\n";
+  }
+};
+
+CLI::App* Command(CLI::App& app, const std::string& words) {
+  CLI::App* command = &app;
+  std::istringstream in(words);
+  for (std::string word; command && in >> word;) {
+    const auto found = command->get_subcommands([&](CLI::App* sub) { return sub->get_name() == word; });
+    command = found.empty() ? nullptr : found.front();
+  }
+  return command;
+}
+
+void KeepInFront(CLI::App* command, const std::string& names) {
+  std::vector<const CLI::Option*> front;
+  std::istringstream in(names);
+  for (std::string name; in >> name;) {
+    front.push_back(command->get_option_no_throw(name));
+    MVS_CHECK(front.back(), "an option that is to be shown and does not exist: " << name);
+  }
+  for (CLI::Option* option : command->get_options()) {
+    const bool shown = option->get_required() || option->get_positional() || option == command->get_help_ptr() ||
+                       std::find(front.begin(), front.end(), option) != front.end();
+    if (!shown) option->group(kMore);
+  }
+}
+
+}  // namespace
+
+void ShortenHelp(CLI::App& app) {
+  app.set_help_all_flag("--help-all", "Print all options of a command, and exit");
+  for (const CommonOptions& common : kCommon) {
+    CLI::App* command = Command(app, common.command);
+    if (!command) continue;  // needs libtorch, and this program has none
+    KeepInFront(command, common.options);
+    command->formatter(std::make_shared<ShortFormatter>());
+  }
+}
+
+}  // namespace mvstudio::cli

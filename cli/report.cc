@@ -1,0 +1,91 @@
+#include "report/report.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <filesystem>
+
+#include "app/study/study.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "cli/program/redact.h"
+#include "core/error.h"
+
+namespace mvstudio::cli {
+namespace {
+
+std::string UtcNow() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  char text[40];
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M UTC", std::gmtime(&now));
+  return text;
+}
+
+/// Every text of a page, but not the pictures inside it.
+std::string RedactedPage(const std::string& html) {
+  constexpr char kData[] = "data:";
+  std::string page;
+  for (size_t at = 0; at < html.size();) {
+    const size_t picture = std::min(html.find(kData, at), html.size());
+    const size_t end = std::min(html.find_first_of("\"')", picture), html.size());
+    page += Redacted(html.substr(at, picture - at)) + html.substr(picture, end - picture);
+    at = end;
+  }
+  return page;
+}
+
+CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out) {
+  options.generated_at = UtcNow();
+  options.version = MVSTUDIO_VERSION;
+  const std::string html_path = out.empty() ? run + "/report.html" : out;
+  const OutputFiles place({html_path, report::NumbersPath(html_path)}, {});
+  report::Report page = report::BuildReport(run, options);
+  if (Redacting()) page.html = RedactedPage(page.html), page.json = Redacted(page.json);
+  const std::string json_path = report::WriteReport(page, html_path);
+  CommandResult result;
+  result.metrics["verdict"] = std::string(report::ToString(page.verdict));
+  result.metrics["num_results"] = page.num_stages;
+  result.metrics["num_warnings"] = page.warnings.size();
+  result.metrics["html_bytes"] = page.html.size();
+  result.outputs = {{html_path, "report"}, {json_path, "report"}};
+  for (const report::ReportNotice& notice : page.warnings) result.warnings.push_back({notice.code, notice.text, notice.hint});
+  result.inputs = {run};
+  result.text = "Report: " + std::filesystem::absolute(html_path).lexically_normal().string();
+  return result;
+}
+
+}  // namespace
+
+void RegisterReport(CLI::App& app, Registry& registry) {
+  auto options = std::make_shared<report::ReportOptions>();
+  auto study = std::make_shared<app::StudyArguments>();
+  auto run = std::make_shared<std::string>();
+  auto out = std::make_shared<std::string>();
+  CLI::App* sub = app.add_subcommand(
+      "report",
+      "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
+      "user study, and the count of its answers");
+  AddOption(sub, "RUN", *run, "folder with the results of other commands, searched four levels deep");
+  AddOption(sub, "--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
+  AddOptions(sub, *options);
+  AddOption(sub, "--study", study->sides,
+            "instead of a report: a page that asks which of two pictures is closer to the truth; two scored runs, or two "
+            "folders with the same file names, each FOLDER or NAME=FOLDER")
+      ->expected(2);
+  AddOption(sub, "--truth", study->truth, "study: folder of the true pictures; of runs, the truth that they were scored with");
+  AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the pictures")
+      ->capture_default_str();
+  AddOption(sub, "--study-tally", study->tally, "instead of a report: count these files of answers");
+  registry.Add(sub, "report", [=](CommandContext& context) {
+    const int asked =
+        static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
+    if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");
+    study->title = options->title;
+    if (!study->sides.empty()) return app::RunStudy(*study, *out, context.run.seed);
+    if (!study->tally.empty()) return app::RunStudyTally(*study);
+    return RunReport(*options, *run, *out);
+  });
+}
+
+}  // namespace mvstudio::cli

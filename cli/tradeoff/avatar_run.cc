@@ -1,0 +1,147 @@
+#include "cli/tradeoff/avatar_run.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <sstream>
+
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "core/process.h"
+#include "report/page/value.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using app::AvatarTradeoffOptions;
+using app::AvatarTrial;
+using report::Value;
+
+std::string Joined(const std::vector<std::string>& words, const char* between) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
+  return text;
+}
+
+std::vector<std::string> Words(const std::string& text, char between = ' ') {
+  std::vector<std::string> words;
+  std::istringstream in(text);
+  for (std::string word; std::getline(in, word, between);) {
+    if (!word.empty()) words.push_back(word);
+  }
+  return words;
+}
+
+/// The result object of a command of this program.
+Value Call(const std::vector<std::string>& words, const std::string& folder, const std::function<void()>& poll) {
+  const ScratchFolder scratch(folder);
+  std::vector<std::string> line = {"/proc/self/exe"};
+  line.insert(line.end(), words.begin(), words.end());
+  line.push_back("--json");
+  const std::string out = scratch.path() + "/out", err = scratch.path() + "/err";
+  const int exit = RunProcess(line, {out, err}, poll);
+  const std::string text = ReadFile(out);
+  if (exit != kExitOk && exit != kExitPartial) {
+    std::string why;
+    if (!text.empty()) why = Value::Parse(text, out)["errors"].At(0)["text"].Text();
+    throw IoError(folder, "`mvstudio " + Joined(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
+  }
+  return Value::Parse(text, out);
+}
+
+std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, const CommandContext& context,
+                                    const app::AvatarTrial& trial, const std::string& folder) {
+  std::vector<std::string> words = {"avatar", "train", options.dataset, "--out", folder, "--overwrite"};
+  const auto add = [&words](const std::string& flag, const std::string& value) {
+    words.push_back(flag), words.push_back(value);
+  };
+  add("--width", std::to_string(trial.width)), add("--size", std::to_string(trial.size_px));
+  add("--steps", std::to_string(trial.steps));
+  add("--train-cameras", Joined(trial.cameras, ","));
+  add("--holdout-cameras", Joined(options.holdout_cameras, ",")), add("--holdout-frames", options.holdout_frames);
+  add("--seed", std::to_string(context.run.seed)), add("--threads", std::to_string(context.run.num_threads));
+  for (const std::string& word : LossFlags(trial.loss)) words.push_back(word);
+  for (const std::string& word : Words(options.train_flags)) words.push_back(word);
+  return words;
+}
+
+std::vector<std::string> EvalWords(const app::AvatarTradeoffOptions& options, const CommandContext& context,
+                                   const std::string& folder) {
+  return {"avatar",
+          "eval",
+          folder,
+          "--score-size",
+          std::to_string(options.score_size_px),
+          "--other-pictures",
+          "0",
+          "--renders",
+          "0",
+          "--pictures",
+          "1",
+          "--features",
+          options.features,
+          "--threads",
+          std::to_string(context.run.num_threads)};
+}
+
+/// One after the other; what an earlier call finished with the same words is read from `folder`/trial.json.
+Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandContext& context, const app::AvatarTrial& trial,
+                    const std::string& folder, const std::function<void()>& poll) {
+  const std::vector<std::string> train = TrainWords(options, context, trial, folder),
+                                 eval = EvalWords(options, context, folder);
+  const std::string kept = folder + "/trial.json";
+  Value record = std::filesystem::exists(kept) ? Value::Parse(ReadFile(kept), kept) : Value();
+  const bool same = record["train_words"].Text() == Joined(train, " ");
+  if (!same) record = Value::Object().Set("train_words", Joined(train, " "));
+  if (same && record["eval_words"].Text() == Joined(eval, " ") && record["eval"].IsObject()) return record;
+  const auto keep = [&] { WriteFileAtomic(kept, record.Dump(1) + "\n"); };
+  if (!record["train"].IsObject()) {
+    const bool resume = same && std::filesystem::exists(folder + "/checkpoint.safetensors");
+    if (!resume) RemoveOurs({folder});
+    MakeFolder(folder);
+    keep();
+    const Value result =
+        Call(resume ? std::vector<std::string>{"avatar", "resume", folder, "--threads", std::to_string(context.run.num_threads)}
+                    : train,
+             folder, poll);
+    record.Set("train", result["metrics"]).Set("train_timing", result["timing"]);
+    keep();
+  }
+  record.Set("eval", Call(eval, folder, poll)["metrics"]).Set("eval_words", Joined(eval, " "));
+  keep();
+  return record;
+}
+
+}  // namespace
+
+std::vector<std::string> LossFlags(const std::string& loss) {
+  const std::vector<std::string> asked = Words(loss, '+'), known = {"l1", "ssim", "gradient", "posenet"};
+  for (const std::string& term : asked) {
+    if (std::find(known.begin(), known.end(), term) == known.end())
+      throw UsageError("--losses: '" + term + "' of '" + loss + "' is none of l1, ssim, gradient, posenet");
+  }
+  if (asked.empty()) throw UsageError("--losses: a loss needs at least one term");
+  const auto has = [&](const std::string& term) { return std::find(asked.begin(), asked.end(), term) != asked.end(); };
+  return {"--weight-l1",       has("l1") ? "1" : "0",         "--weight-ssim", has("ssim") ? "0.5" : "0",
+          "--weight-gradient", has("gradient") ? "0.5" : "0", "--perceptual",  has("posenet") ? "posenet" : "none"};
+}
+
+void RunTrial(const app::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
+              app::AvatarTrial* trial) {
+  char name[160];
+  std::snprintf(name, sizeof name, "/c%zu-s%d-w%d-n%d-%s-%llu", trial->cameras.size(), trial->size_px, trial->width,
+                trial->steps, trial->loss.c_str(), static_cast<unsigned long long>(context.run.seed));
+  const Value record = TrainAndScore(options, context, *trial, options.out + name, poll);
+  const Value &holdout = record["eval"]["holdout"], &train = record["train"];
+  trial->ssim = holdout["ssim"].Number(), trial->psnr_db = holdout["psnr_db"].Number();
+  trial->mask_iou = holdout["mask_iou"].Number(), trial->fd = holdout["fd"]["value"].Number();
+  trial->train_s = train["wall_s"].Number(), trial->s_per_step = 1 / train["it_per_s"].Number();
+  trial->ms_per_frame = 1000 * record["eval"]["seconds_per_frame"].Number();
+  trial->parameters = train["num_parameters"].Number();
+  trial->peak_rss_mb = record["train_timing"]["peak_rss_mb"].Number();
+  trial->done = true;
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,123 @@
+#include "app/study/avatar_scores.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "core/error.h"
+#include "tests/support/folder_state.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::app {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::Put;
+using mvstudio::testing::TempDir;
+using report::Value;
+using ::testing::HasSubstr;
+
+/// SHA-256 of {"crop":{"fill":0.97,"size_px":128},"name":"x"}, by Python's hashlib.
+constexpr char kDigest[] = "9829c5110b4f14946a71f93676eb77159b9f954af96c0561d923b36a91115ad6";
+constexpr char kBody[] = R"({ "name": "x", "crop": {"size_px": 128, "fill": 0.97} })";
+
+std::string ProtocolJson(const std::string& body, const std::string& digest) {
+  return R"({"schema": "mvstudio.avatar-protocol/1", "sha256": ")" + digest + R"(", "protocol": )" + body +
+         R"(, "splits": {"easy": {"pictures": 3, "sha256": "s"}}})";
+}
+
+/// A scored run.
+void PutRun(const std::string& folder, const std::string& holdout, const std::string& digest = kDigest) {
+  Put(folder + "/protocol.json", ProtocolJson(kBody, kDigest));
+  Put(folder + "/avatar_eval.result.json",
+      R"({"metrics": {"holdout": )" + holdout + R"(, "protocol_sha256": ")" + digest + "\"}}");
+}
+
+ScoreProtocol Protocol(const std::string& path, const std::string& body) {
+  return {path, "", Value::Parse(body, path), Value()};
+}
+
+/// Where the error of a file is.
+template <class F>
+std::string PlaceOf(F&& f) {
+  try {
+    f();
+  } catch (const FormatError& error) {
+    return error.where();
+  }
+  return "no FormatError";
+}
+
+TEST(AvatarScores, LabelsAreCutOffButNotFromFoldersThatHaveAnEqualsSign) {
+  const TempDir folder;
+  std::filesystem::create_directories(folder / "size=128");
+  const std::string run = folder / "size=128";
+  using Pair = std::pair<std::string, std::string>;
+  EXPECT_EQ(SplitLabel("runs/a"), Pair("", "runs/a"));
+  EXPECT_EQ(SplitLabel("ours=runs/a=b"), Pair("ours", "runs/a=b"));
+  EXPECT_EQ(SplitLabel(run), Pair("", run));
+  EXPECT_EQ(SplitLabel("ours=" + run), Pair("ours", run));
+  EXPECT_EQ(SplitLabel(folder / "size=64"), Pair(folder / "size", "64")) << "there is no such folder";
+}
+
+TEST(AvatarScores, TheDigestIsOfSortedKeysWithoutBlanks) {
+  const TempDir folder;
+  Put(folder / "protocol.json", ProtocolJson(kBody, kDigest));
+  const ScoreProtocol protocol = ReadScoreProtocol(folder.path());
+  EXPECT_EQ(protocol.sha256, kDigest);
+  EXPECT_EQ(protocol.path, folder / "protocol.json");
+  EXPECT_EQ(protocol.body["crop"]["size_px"].Number(), 128);
+  EXPECT_EQ(protocol.splits["easy"]["sha256"].Text(), "s");
+}
+
+TEST(AvatarScores, EditedAndForeignProtocolsAreRefusedWithThePlace) {
+  const TempDir folder;
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoreProtocol(folder.path()); }), HasSubstr("mvstudio avatar eval"));
+  const auto place_of = [&](const std::string& text) {
+    Put(folder / "protocol.json", text);
+    return PlaceOf([&] { ReadScoreProtocol(folder.path()); });
+  };
+  EXPECT_EQ(place_of(ProtocolJson(R"({"name": "y", "crop": {"size_px": 128, "fill": 0.97}})", kDigest)), "sha256");
+  EXPECT_EQ(place_of(ProtocolJson(kBody, std::string(64, '0'))), "sha256");
+  EXPECT_EQ(place_of(ProtocolJson("[]", kDigest)), "protocol");
+  EXPECT_EQ(place_of(R"({"schema": "mvstudio.avatar-protocol/2"})"), "schema");
+}
+
+TEST(AvatarScores, TheFirstDifferenceIsThatOfTheFirstFilesOrder) {
+  const ScoreProtocol first = Protocol("A/protocol.json", R"({"crop": {"size_px": 128, "fill": 1}, "net": "posenet"})");
+  EXPECT_EQ(FirstDifference(Protocol("B", R"({"net": "posenet", "crop": {"fill": 1, "size_px": 128}})"), first), "");
+  const ScoreProtocol own = Protocol("B", R"({"net": "gabor", "crop": {"fill": 1, "size_px": 96}})");
+  EXPECT_EQ(FirstDifference(own, first), "crop.size_px is 96, in A/protocol.json it is 128");
+  EXPECT_EQ(FirstDifference(Protocol("B", R"({"crop": {"size_px": 128, "fill": 1}})"), first),
+            "net is not there, in A/protocol.json it is posenet");
+  EXPECT_EQ(FirstDifference(first, Protocol("B", R"({"crop": {"size_px": 128, "fill": 1}})")),
+            "net is posenet, in B it is not there");
+  EXPECT_EQ(PlaceOf([&] { RequireSameProtocol(own, first); }), "crop.size_px");
+  EXPECT_NO_THROW(RequireSameProtocol(first, first));
+}
+
+TEST(AvatarScores, AScoredRunIsReadWithItsLabel) {
+  const TempDir folder;
+  PutRun(folder / "run", R"({"ssim": 0.875})");
+  const ScoredRun run = ReadScoredRun("ours=" + (folder / "run") + "//");
+  EXPECT_EQ(run.label, "ours");
+  EXPECT_EQ(run.folder, folder / "run");
+  EXPECT_EQ(run.metrics["holdout"]["ssim"].Number(), 0.875);
+  EXPECT_EQ(run.protocol.sha256, kDigest);
+}
+
+TEST(AvatarScores, RunsWithoutScoresAreRefused) {
+  const TempDir folder;
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(folder / "none"); }), HasSubstr(folder / "none"));
+  std::filesystem::create_directories(folder / "run");
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(folder / "run"); }), HasSubstr("avatar_eval.result.json"));
+  PutRun(folder / "run", "{}");
+  EXPECT_EQ(PlaceOf([&] { ReadScoredRun(folder / "run"); }), "metrics.holdout.ssim");
+  PutRun(folder / "run", R"({"ssim": 0.875})", "another");
+  EXPECT_EQ(PlaceOf([&] { ReadScoredRun(folder / "run"); }), "metrics.protocol_sha256");
+}
+
+}  // namespace
+}  // namespace mvstudio::app

@@ -1,0 +1,111 @@
+#include "app/study/avatar_trials.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+#include <tuple>
+
+#include "core/error.h"
+#include "tests/support/message_of.h"
+
+namespace mvstudio::app {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const std::vector<std::string> kCameras = {"d", "b", "c", "a"};
+
+double Cost(const AvatarTrial& t) { return double{1} * t.steps * t.width * t.size_px * t.size_px; }
+
+TEST(AvatarTrials, EveryCombinationOnceCheapestFirst) {
+  const AvatarGrid grid;  // cameras 16, 6, 3: with four cameras to choose from 4, 4 and 3
+  const std::vector<AvatarTrial> trials = MakeTrials(grid, kCameras);
+  const size_t with_net = 2 * 2 * 2 * 2 * 2, without = 2 * 2;  // counts, sizes, widths, steps, losses; counts, sizes
+  EXPECT_EQ(trials.size(), with_net + without);
+  std::set<std::tuple<size_t, int, int, int, std::string>> different;
+  size_t templates = 0;
+  for (size_t i = 0; i < trials.size(); ++i) {
+    const AvatarTrial& t = trials[i];
+    different.insert({t.cameras.size(), t.size_px, t.width, t.steps, t.loss});
+    templates += t.steps == 0;
+    if (i > 0) EXPECT_LE(Cost(trials[i - 1]), Cost(t));
+    EXPECT_TRUE(std::isnan(t.ssim) && std::isnan(t.train_s) && std::isnan(t.parameters)) << "before it has run";
+    EXPECT_FALSE(t.done);
+    const bool three = t.cameras.size() == 3;
+    EXPECT_EQ(t.cameras, three ? std::vector<std::string>({"b", "c", "d"}) : std::vector<std::string>({"a", "b", "c", "d"}));
+  }
+  EXPECT_EQ(different.size(), trials.size());
+  EXPECT_EQ(templates, without);
+}
+
+TEST(AvatarTrials, NamesTellWhatIsTried) {
+  AvatarTrial trial;
+  trial.width = 8, trial.size_px = 64, trial.steps = 300, trial.loss = "l1+ssim";
+  EXPECT_EQ(trial.Name(), "width 8, 64 px, 300 steps, l1+ssim");
+  trial.steps = 0;
+  EXPECT_EQ(trial.Name(), "64 px, template without a network");
+}
+
+TEST(AvatarTrials, ThereMustBeACamera) {
+  AvatarGrid grid;
+  grid.cameras = {3, 0};
+  EXPECT_THAT(MessageOf<UsageError>([&] { MakeTrials(grid, kCameras); }), HasSubstr("option 'cameras'"));
+}
+
+AvatarTrial Done(size_t cameras, double train_s, double ms_per_frame, double ssim) {
+  AvatarTrial trial;
+  trial.cameras.assign(cameras, "c");
+  trial.train_s = train_s, trial.ms_per_frame = ms_per_frame, trial.ssim = ssim, trial.done = true;
+  return trial;
+}
+
+TEST(AvatarTrials, FrontsCountWithinOneNumberOfCameras) {
+  std::vector<AvatarTrial> trials = {
+      Done(3, 10, 5, 0.9),              // best and quickest to train
+      Done(3, 20, 1, 0.8),              // slower and worse, but quickest to render
+      Done(3, 30, 9, 0.7),              // beaten in all
+      Done(6, 40, 9, 0.6),              // alone with six cameras
+      Done(6, 1, 1, std::nan("")),      // has no score
+  };
+  MarkFronts(&trials);
+  std::vector<bool> train, render;
+  for (const AvatarTrial& t : trials) train.push_back(t.train_front), render.push_back(t.render_front);
+  EXPECT_EQ(train, std::vector<bool>({true, false, false, true, false}));
+  EXPECT_EQ(render, std::vector<bool>({true, true, false, true, false}));
+}
+
+TEST(AvatarTrials, WhatHasNotRunIsNeverShownAsNaN) {
+  std::vector<AvatarTrial> trials = MakeTrials({}, kCameras);
+  trials[0].ssim = 0.875, trials[0].parameters = 1234, trials[0].train_s = 2, trials[0].done = true;
+  MarkFronts(&trials);
+  const std::string text = TrialsText(trials, "FD (gabor)");
+  EXPECT_THAT(text, Not(HasSubstr("nan")));
+  EXPECT_THAT(text, HasSubstr("FD (gabor)"));
+  EXPECT_THAT(text, HasSubstr("0.8750"));
+  EXPECT_THAT(text, HasSubstr("1234 *"));
+  const nlohmann::json table = nlohmann::json::parse(TrialsJson(trials).dump());
+  ASSERT_EQ(table.size(), trials.size());
+  EXPECT_EQ(table[0]["ssim"], 0.875);
+  EXPECT_EQ(table[0]["on_front"], true);
+  EXPECT_TRUE(table[1]["ssim"].is_null() && table[1]["num_parameters"].is_null());
+  EXPECT_EQ(table[1]["done"], false);
+}
+
+TEST(AvatarTrials, ThePageSaysWhatIsHeldOut) {
+  std::vector<AvatarTrial> trials = {Done(3, 10, 5, 0.9), Done(6, 20, 4, 0.95)};
+  for (AvatarTrial& t : trials) t.width = 8, t.size_px = 64, t.steps = 300, t.loss = "l1";
+  AvatarTradeoffOptions options;
+  options.holdout_cameras = {"00_07", "00_09"}, options.holdout_frames = "80-99", options.score_size_px = 128;
+  const std::string page = TrialsPage(trials, options);
+  for (const char* text : {"00_07, 00_09", "80-99", "128", "3 cameras: training", "6 cameras: rendering", "What more cameras give"}) {
+    EXPECT_THAT(page, HasSubstr(text));
+  }
+  EXPECT_THAT(TrialsPage(MakeTrials({}, kCameras), options), Not(HasSubstr(">nan")));
+}
+
+}  // namespace
+}  // namespace mvstudio::app

@@ -1,0 +1,122 @@
+#include "app/input/picture_pairs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "dataset/footage/image_io.h"
+#include "tests/support/folder_state.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::app {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::Put;
+using mvstudio::testing::TempDir;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+/// Noise of 100 … 149, and `added`.
+Image Noise(int width, int height, int added = 0) {
+  Image image(width, height, 3);
+  Rng rng(9);
+  for (uint8_t& p : image.pixels) p = static_cast<uint8_t>(100 + rng.Index(50) + added);
+  return image;
+}
+
+TEST(PicturePairs, NamesDecideNotExtensions) {
+  const TempDir folder;
+  for (const char* file : {"a/p1.png", "a/p2.png", "a/p3.jpg", "b/p2.jpeg", "b/p3.PNG", "b/p4.png", "a/notes.txt"}) {
+    Put(folder / file, "not opened");
+  }
+  const PicturePairs pairs = PairPictures(folder / "a", folder / "b", "");
+  ASSERT_EQ(pairs.pairs.size(), 2u);
+  EXPECT_EQ(pairs.pairs[0].name, "p2");
+  EXPECT_EQ(pairs.pairs[0].reference, folder / "a/p2.png");
+  EXPECT_EQ(pairs.pairs[0].other, folder / "b/p2.jpeg");
+  EXPECT_EQ(pairs.pairs[1].name, "p3");
+  EXPECT_EQ(pairs.pairs[1].mask, "");
+  EXPECT_THAT(pairs.only_in_reference, ElementsAre("p1"));
+  EXPECT_THAT(pairs.only_in_other, ElementsAre("p4"));
+}
+
+TEST(PicturePairs, WhatCannotBePairedIsNamed) {
+  const TempDir folder;
+  for (const char* file : {"a/p1.png", "b/p2.png", "twice/p1.png", "twice/p1.jpg", "none/x.txt", "masks/q.png"}) Put(folder / file, "x");
+  const auto refused = [&](const char* other, const std::string& masks) {
+    return MessageOf<IoError>([&] { PairPictures(folder / "a", folder / other, masks); });
+  };
+  EXPECT_THAT(refused("missing", ""), HasSubstr(folder / "missing"));
+  EXPECT_THAT(refused("none", ""), HasSubstr("no PNG or JPEG"));
+  EXPECT_THAT(refused("b", ""), HasSubstr("no picture has the name of one in " + (folder / "a")));
+  EXPECT_THAT(refused("a", folder / "masks"), HasSubstr("has no mask called p1"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { PairPictures(folder / "a", folder / "twice", ""); }), HasSubstr("p1"));
+}
+
+TEST(PicturePairs, EqualPicturesAreAlikeAndAConstantHasItsDecibels) {
+  const TempDir folder;
+  dataset::WriteImage(Noise(24, 20), folder / "a/same.png");
+  dataset::WriteImage(Noise(24, 20), folder / "b/same.png");
+  dataset::WriteImage(Noise(24, 20), folder / "a/added.png");
+  dataset::WriteImage(Noise(24, 20, 10), folder / "b/added.png");
+  PicturePairs pairs = PairPictures(folder / "a", folder / "b", "");
+  ScorePairs(&pairs, {});
+  ASSERT_EQ(pairs.pairs.size(), 2u);
+  const PicturePair &added = pairs.pairs[0], &same = pairs.pairs[1];
+  EXPECT_NEAR(same.full.ssim, 1, 1e-12);
+  EXPECT_NEAR(same.full.ssim_luma, 1, 1e-12);
+  EXPECT_NEAR(same.full.ssim_skimage, 1, 1e-12);
+  EXPECT_TRUE(std::isinf(same.full.psnr_db));
+  EXPECT_NEAR(added.full.psnr_db, 20 * std::log10(25.5), 1e-6);
+  EXPECT_LT(added.full.ssim, 1);
+  EXPECT_FALSE(added.masked || added.bbox);
+  EXPECT_EQ(added.width, 24);
+  EXPECT_EQ(added.height, 20);
+}
+
+TEST(PicturePairs, OfTwoFilesAndAMaskOnlyTheMaskCounts) {
+  const TempDir folder;
+  Image other = Noise(40, 40), mask(40, 40, 1);
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      const bool inside = x >= 10 && x < 30 && y >= 10 && y < 30;
+      if (inside) *mask.Pixel(x, y) = 255;
+      for (int c = 0; c < 3; ++c) other.Pixel(x, y)[c] += inside ? 10 : 90;
+    }
+  }
+  dataset::WriteImage(Noise(40, 40), folder / "first.png");
+  dataset::WriteImage(other, folder / "second.png");
+  dataset::WriteImage(mask, folder / "mask.png");
+  PicturePairs pairs = PairPictures(folder / "first.png", folder / "second.png", folder / "mask.png");
+  ScorePairs(&pairs, {});
+  ASSERT_EQ(pairs.pairs.size(), 1u);
+  EXPECT_EQ(pairs.pairs[0].name, "first");
+  ASSERT_TRUE(pairs.pairs[0].masked && pairs.pairs[0].bbox);
+  EXPECT_NEAR(pairs.pairs[0].masked->psnr_db, 20 * std::log10(25.5), 1e-6);
+}
+
+TEST(PicturePairs, PicturesThatHaveNoScoreAreRefusedWithTheirSizes) {
+  const TempDir folder;
+  dataset::WriteImage(Noise(24, 20), folder / "a.png");
+  dataset::WriteImage(Noise(25, 20), folder / "wider.png");
+  dataset::WriteImage(Noise(24, 10), folder / "low.png");
+  dataset::WriteImage(Image(24, 20, 1), folder / "nobody.png");
+  Put(folder / "text.png", "x");
+  const auto refused = [&](const char* reference, const char* other, const char* mask) {
+    PicturePairs pairs = PairPictures(folder / reference, folder / other, *mask ? folder / mask : "");
+    return MessageOf<FormatError>([&] { ScorePairs(&pairs, {}); });
+  };
+  EXPECT_THAT(refused("a.png", "wider.png", ""), HasSubstr("wider.png: is 25x20, its partner " + (folder / "a.png") + " is 24x20"));
+  EXPECT_THAT(refused("low.png", "low.png", ""), HasSubstr("24x10, smaller than SSIM's window"));
+  EXPECT_THAT(refused("a.png", "a.png", "low.png"), HasSubstr("low.png: is 24x10"));
+  EXPECT_THAT(refused("a.png", "a.png", "nobody.png"), HasSubstr("nobody.png: is empty"));
+  EXPECT_THAT(refused("a.png", "text.png", ""), HasSubstr("text.png"));
+}
+
+}  // namespace
+}  // namespace mvstudio::app
