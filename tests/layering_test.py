@@ -10,15 +10,16 @@ import re
 import sys
 
 CORE = {"core", "core/hash", "core/disk"}
-GEOMETRY = {"geometry/rigid", "geometry/lens", "geometry/rig"}
+GEOMETRY = {"geometry/rigid", "geometry/lens/models", "geometry/lens", "geometry/rig"}
 # Folder -> folders it may include besides itself. Arrows go down only.
 MAY_INCLUDE = {
     "core": set(),
     "core/hash": {"core"},
     "core/disk": {"core", "core/hash"},
     "geometry/rigid": {"core"},
-    "geometry/lens": {"core", "geometry/rigid"},
-    "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens"},
+    "geometry/lens/models": {"core"},
+    "geometry/lens": {"core", "geometry/rigid", "geometry/lens/models"},
+    "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens/models", "geometry/lens"},
     "body": CORE | GEOMETRY,
     "triangulate/point": CORE | GEOMETRY,
     "triangulate/batch": CORE | GEOMETRY | {"triangulate/point"},

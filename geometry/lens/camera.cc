@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <iterator>
 
 #include "core/check.h"
 #include "geometry/lens/lens_derivatives.h"
@@ -9,55 +11,20 @@
 namespace mvstudio::geometry {
 namespace {
 
-constexpr std::string_view kNames[] = {"pinhole",  "brown1",      "brown2", "brown4", "brown5",         "rational8",
-                                       "kannala4", "thinprism12", "ucm",    "eucm",   "doublesphere",   "pinhole_p",
-                                       "brown1_p", "kannala4_p",  "ucm_p",  "eucm_p", "doublesphere_p", "splined"};
 constexpr int kMaxControlPoints = 1 << 20;
+constexpr std::string_view kOpenCvOrder[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"};
 
-std::vector<std::string> DistortionNames(LensModel model) {
-  switch (model) {
-    case LensModel::kKannalaBrandt4:
-      return {"k1", "k2", "k3", "k4"};
-    case LensModel::kUcm:
-      return {"xi"};
-    case LensModel::kEucm:
-      return {"alpha", "beta"};
-    case LensModel::kDoubleSphere:
-      return {"xi", "alpha"};
-    case LensModel::kPinholeP:
-      return {"p1", "p2"};
-    case LensModel::kBrown1P:
-      return {"k1", "p1", "p2"};
-    case LensModel::kKannalaBrandt4P:
-      return {"k1", "k2", "k3", "k4", "p1", "p2"};
-    case LensModel::kUcmP:
-      return {"xi", "p1", "p2"};
-    case LensModel::kEucmP:
-      return {"alpha", "beta", "p1", "p2"};
-    case LensModel::kDoubleSphereP:
-      return {"xi", "alpha", "p1", "p2"};
-    default:
-      break;
-  }
-  std::vector<std::string> names = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4"};
-  names.resize(NumDistortionParams(model));
-  return names;
-}
-
-/// The denominators on the optical axis must be positive.
+/// The formula must be defined on the optical axis.
 std::string WhyUndefinedOnAxis(const Camera& camera) {
-  switch (camera.model) {
-    case LensModel::kUcm:
-    case LensModel::kUcmP:
-    case LensModel::kDoubleSphere:
-    case LensModel::kDoubleSphereP:
-      return camera.params[4] > -1 ? "" : "xi is " + std::to_string(camera.params[4]) + ", it must be above -1";
-    case LensModel::kEucm:
-    case LensModel::kEucmP:
-      return camera.params[5] > 0 ? "" : "beta is " + std::to_string(camera.params[5]) + ", it must be above 0";
-    default:
-      return "";
+  const LensTraits& traits = TraitsOf(camera.model);
+  for (int i = 0; i < traits.num_params; ++i) {
+    const LensParam& param = traits.params[i];
+    if (camera.params[4 + i] > param.above) continue;
+    char limit[32];
+    std::snprintf(limit, sizeof limit, "%g", param.above);
+    return std::string(param.name) + " is " + std::to_string(camera.params[4 + i]) + ", it must be above " + limit;
   }
+  return "";
 }
 
 }  // namespace
@@ -67,9 +34,13 @@ int NoFixedParamCount() {
   throw ContractViolation(
       "a splined lens has no fixed number of parameters: ask NumParams(camera), which knows its control grid");
 }
+
+void NoSuchLensModel(LensModel model) {
+  throw ContractViolation("there is no such use of lens model " + std::to_string(static_cast<int>(model)));
+}
 }  // namespace internal
 
-std::string_view ToString(LensModel model) { return kNames[static_cast<int>(model)]; }
+std::string_view ToString(LensModel model) { return TraitsOf(model).name; }
 
 std::optional<LensModel> LensModelFromString(std::string_view name) {
   for (const LensModel model : kAllLensModels) {
@@ -80,28 +51,42 @@ std::optional<LensModel> LensModelFromString(std::string_view name) {
 
 std::string LensModelNames() {
   std::string names;
-  for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
+  for (const LensModel model : kAllLensModels) names += (names.empty() ? "" : ", ") + std::string(ToString(model));
   return names;
 }
 
 std::vector<LensModel> ModelsSimplestFirst() {
-  std::vector<LensModel> models(std::begin(kAllLensModels), std::end(kAllLensModels) - 1);
+  std::vector<LensModel> models;
+  std::copy_if(std::begin(kAllLensModels), std::end(kAllLensModels), std::back_inserter(models),
+               [](LensModel model) { return !TraitsOf(model).has_grid; });
   std::stable_sort(models.begin(), models.end(), [](LensModel a, LensModel b) { return NumParams(a) < NumParams(b); });
   return models;
 }
 
 std::vector<std::string> ParamNames(LensModel model) {
   std::vector<std::string> names = {"fx", "fy", "cx", "cy"};
-  for (const std::string& name : DistortionNames(model)) names.push_back(name);
+  const LensTraits& traits = TraitsOf(model);
+  if (traits.has_grid) internal::NoFixedParamCount();
+  for (int i = 0; i < traits.num_params; ++i) names.emplace_back(traits.params[i].name);
   return names;
 }
 
+std::optional<LensModel> WithDecentring(LensModel model) {
+  for (const LensModel other : kAllLensModels) {
+    const LensTraits &more = TraitsOf(other), &less = TraitsOf(model);
+    if (more.simpler == model && more.decentring >= 0 && less.decentring < 0 && more.num_params == less.num_params + 2) {
+      return other;
+    }
+  }
+  return std::nullopt;
+}
+
 int NumParams(const Camera& camera) {
-  return camera.model == LensModel::kSplined ? 4 + camera.spline.NumControlParams() : NumParams(camera.model);
+  return TraitsOf(camera.model).has_grid ? 4 + camera.spline.NumControlParams() : NumParams(camera.model);
 }
 
 std::vector<std::string> ParamNames(const Camera& camera) {
-  if (camera.model != LensModel::kSplined) return ParamNames(camera.model);
+  if (!TraitsOf(camera.model).has_grid) return ParamNames(camera.model);
   std::vector<std::string> names = {"fx", "fy", "cx", "cy"};
   for (int row = 0; row < camera.spline.rows; ++row) {
     for (int col = 0; col < camera.spline.cols; ++col) {
@@ -156,7 +141,7 @@ std::string WhyInvalidGrid(const SplineGrid& grid) {
 }
 
 std::string WhyInvalidLens(const Camera& camera) {
-  if (camera.model == LensModel::kSplined) {
+  if (TraitsOf(camera.model).has_grid) {
     const std::string why = WhyInvalidGrid(camera.spline);
     if (!why.empty()) return why;
   }
@@ -169,6 +154,23 @@ std::string WhyInvalidLens(const Camera& camera) {
     return "focal lengths " + std::to_string(camera.fx()) + ", " + std::to_string(camera.fy()) + " px, they must be positive";
   }
   return WhyUndefinedOnAxis(camera);
+}
+
+std::optional<Eigen::Matrix<double, 12, 1>> OpenCvTerms(const Camera& camera) {
+  const LensTraits& traits = TraitsOf(camera.model);
+  if (!traits.opencv) return std::nullopt;
+  Eigen::Matrix<double, 12, 1> terms = Eigen::Matrix<double, 12, 1>::Zero();
+  for (int i = 0; i < traits.num_params; ++i) {
+    const auto place = std::find(std::begin(kOpenCvOrder), std::end(kOpenCvOrder), traits.params[i].name);
+    terms[place - std::begin(kOpenCvOrder)] = camera.params[4 + i];
+  }
+  return terms;
+}
+
+bool HasOpenCvOrder(LensModel model) {
+  const LensTraits& traits = TraitsOf(model);
+  const auto same = [](const LensParam& param, std::string_view name) { return param.name == name; };
+  return traits.opencv && std::equal(traits.params, traits.params + traits.num_params, std::begin(kOpenCvOrder), same);
 }
 
 void Validate(const Camera& camera) {

@@ -8,82 +8,33 @@
 #include <vector>
 
 #include "core/status.h"
+#include "geometry/lens/models.h"
+#include "geometry/lens/models/spline_grid.h"
 
 namespace mvstudio::geometry {
-
-/// Central lens models. Parameters always start with fx, fy, cx, cy (px); then those of the distortion, OpenCV's in OpenCV's
-/// order. Pixel (0, 0) is the centre of the top-left pixel. A name ending in "_p" is the model with decentring p1, p2 added at
-/// the end.
-enum class LensModel {
-  kPinhole,          ///< "pinhole":   no distortion
-  kBrown1,           ///< "brown1":    k1
-  kBrown2,           ///< "brown2":    k1, k2
-  kBrown4,           ///< "brown4":    k1, k2, p1, p2
-  kBrown5,           ///< "brown5":    k1, k2, p1, p2, k3
-  kRational8,        ///< "rational8": k1, k2, p1, p2, k3, k4, k5, k6
-  kKannalaBrandt4,   ///< "kannala4":  k1, k2, k3, k4 of theta_d = theta (1 + k1 theta^2 + … + k4 theta^8)
-  kThinPrism12,      ///< "thinprism12": k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4
-  kUcm,              ///< "ucm":       xi; unified model (Mei and Rives, ICRA 2007; OpenCV's omnidir)
-  kEucm,             ///< "eucm":      alpha, beta; extended unified model (Khomutenko, Garcia, Martinet, RA-L 2016)
-  kDoubleSphere,     ///< "doublesphere": xi, alpha (Usenko, Demmel, Cremers, 3DV 2018)
-  kPinholeP,         ///< "pinhole_p": p1, p2
-  kBrown1P,          ///< "brown1_p":  k1, p1, p2
-  kKannalaBrandt4P,  ///< "kannala4_p": k1, k2, k3, k4, p1, p2
-  kUcmP,             ///< "ucm_p":    xi, p1, p2; omnidir with k1 = k2 = 0
-  kEucmP,            ///< "eucm_p":   alpha, beta, p1, p2
-  kDoubleSphereP,    ///< "doublesphere_p": xi, alpha, p1, p2
-  kSplined,  ///< "splined": mrcal's LENSMODEL_SPLINED_STEREOGRAPHIC; control points du_x, du_y of Camera::spline, row by row
-};
-
-/// Every model; the splined one, whose parameter count depends on its grid, comes last.
-inline constexpr LensModel kAllLensModels[] = {LensModel::kPinhole,        LensModel::kBrown1,          LensModel::kBrown2,
-                                               LensModel::kBrown4,         LensModel::kBrown5,          LensModel::kRational8,
-                                               LensModel::kKannalaBrandt4, LensModel::kThinPrism12,     LensModel::kUcm,
-                                               LensModel::kEucm,           LensModel::kDoubleSphere,    LensModel::kPinholeP,
-                                               LensModel::kBrown1P,        LensModel::kKannalaBrandt4P, LensModel::kUcmP,
-                                               LensModel::kEucmP,          LensModel::kDoubleSphereP,   LensModel::kSplined};
 
 std::string_view ToString(LensModel model);
 std::optional<LensModel> LensModelFromString(std::string_view name);
 /// All names, separated by ", ".
 std::string LensModelNames();
-/// True for models that can see points 90 degrees and more off the axis: kannala4, ucm, eucm, doublesphere, their variants,
-/// splined.
-constexpr bool IsWide(LensModel model) {
-  constexpr bool kWide[] = {false, false, false, false, false, false, true, false, true,
-                            true,  true,  false, false, true,  true,  true, true,  true};
-  return kWide[static_cast<int>(model)];
-}
+/// True for models that can see points 90 degrees and more off the axis; the others are perspective.
+constexpr bool IsWide(LensModel model) { return TraitsOf(model).wide; }
 /// The models with a fixed number of parameters, fewest first.
 std::vector<LensModel> ModelsSimplestFirst();
+/// The model that is this one with Brown's p1, p2 added, if there is one.
+std::optional<LensModel> WithDecentring(LensModel model);
 
 namespace internal {
 [[noreturn]] int NoFixedParamCount();
 }
 /// Throws ContractViolation for kSplined: ask for the count of a Camera.
 constexpr int NumDistortionParams(LensModel model) {
-  constexpr int kCounts[] = {0, 1, 2, 4, 5, 8, 4, 12, 1, 2, 2, 2, 3, 6, 3, 4, 4};
-  return model == LensModel::kSplined ? internal::NoFixedParamCount() : kCounts[static_cast<int>(model)];
+  return TraitsOf(model).has_grid ? internal::NoFixedParamCount() : TraitsOf(model).num_params;
 }
 /// 4 + NumDistortionParams.
 constexpr int NumParams(LensModel model) { return 4 + NumDistortionParams(model); }
 /// "fx", "fy", "cx", "cy", "k1", … in the order of `Camera::params`. Not for kSplined.
 std::vector<std::string> ParamNames(LensModel model);
-
-/// Control grid of a splined lens, in mrcal's terms: cols x rows control points at equal distances in the stereographic plane
-/// u = 2 tan(theta / 2) (x, y) / |(x, y)|, centred on the axis; fov_x_deg is the horizontal field of view between the borders
-/// where the spline still has all its control points (1 of them beyond for order 3, half a distance for order 2).
-struct SplineGrid {
-  int order = 3;      ///< degree of the B-spline, 2 or 3
-  int cols = 0;       ///< mrcal's Nx, at least order + 1
-  int rows = 0;       ///< mrcal's Ny, at least order + 1
-  int fov_x_deg = 0;  ///< 1 … 359
-
-  int NumControlParams() const { return 2 * cols * rows; }
-  bool operator==(const SplineGrid& o) const {
-    return order == o.order && cols == o.cols && rows == o.rows && fov_x_deg == o.fov_x_deg;
-  }
-};
 
 /// Intrinsics of one camera.
 struct Camera {
@@ -116,6 +67,12 @@ std::string WhyInvalidGrid(const SplineGrid& grid);
 /// What is wrong with the lens, or nothing: parameter count, finiteness, focal lengths, the control grid, and parameters for
 /// which the formula is undefined at the optical axis (xi <= -1, beta <= 0).
 std::string WhyInvalidLens(const Camera& camera);
+/// OpenCV's k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, those that the lens lacks 0; nothing where it is no special case of
+/// OpenCV's perspective lens.
+std::optional<Eigen::Matrix<double, 12, 1>> OpenCvTerms(const Camera& camera);
+/// True for models whose parameters are the first of those, in that order.
+bool HasOpenCvOrder(LensModel model);
+
 /// Throws ContractViolation naming the camera when its sizes or its lens are wrong.
 void Validate(const Camera& camera);
 
@@ -135,15 +92,6 @@ struct Unprojection {
   Status status = Status::kOk;
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::UnitZ();  // unit length
 };
-
-namespace internal {
-/// Distortion parameters by their role, zeros where a model has none.
-struct LensTerms {
-  std::array<double, 6> radial{};  ///< k1 … k6; kannala4: k1 … k4; ucm: xi; eucm: alpha, beta; doublesphere: xi, alpha
-  double p1 = 0, p2 = 0;
-  std::array<double, 4> prism{};  ///< s1 … s4
-};
-}  // namespace internal
 
 /// Projects and unprojects through one camera; computes the valid radius once. Cheap to copy.
 class Projector {
@@ -172,14 +120,14 @@ class Projector {
   Projection ProjectWide(const Eigen::Vector3d& x_in_cam) const;
   Projection ProjectSplined(const Eigen::Vector3d& x_in_cam) const;
   Projection Formula(const Eigen::Vector3d& x_in_cam) const;
+  template <class Lens>
   Unprojection UnprojectWide(const Eigen::Vector2d& px) const;
+  template <class Lens>
   Unprojection UnprojectPerspective(const Eigen::Vector2d& px) const;
   Unprojection UnprojectSplined(const Eigen::Vector2d& px) const;
 
   Camera camera_;
-  LensModel family_ = LensModel::kPinhole;  ///< of the radial function, see radial.h
-  internal::LensTerms terms_;
-  bool radial_only_ = true;
+  bool radial_only_ = true;  ///< no asymmetric terms, or all of them 0
   double valid_radius_ = 0;
   double valid_radius_squared_ = 0;
   double max_distorted_radius_ = 0;  ///< radial function at valid_radius_

@@ -9,7 +9,7 @@
 #include "core/units.h"
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/lens/lens_fit_internal.h"
-#include "geometry/lens/spline_grid.h"
+#include "geometry/lens/models/spline_grid.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::geometry {

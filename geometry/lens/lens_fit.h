@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <vector>
 
 #include "core/status.h"
 #include "geometry/lens/camera.h"
@@ -34,6 +35,10 @@ struct LensFit {
 /// with `from`'s own axis for the control points of a splined model, which needs its grid `spline`. A perspective model gets
 /// rays up to 80 degrees only. Throws ContractViolation for an invalid camera or grid.
 LensFit FitLens(const Camera& from, LensModel to, const LensFitOptions& options = {}, const SplineGrid& spline = {});
+
+/// The lens that looks like a pinhole `from` on its axis, in the middle of each of several minima that an adjustment under
+/// model `to` may fall into; none for models with one.
+std::vector<Camera> BasinStarts(const Camera& from, LensModel to);
 
 /// A control grid with `cols` columns that holds every ray of `from` over its image with 5 % to spare, in whole degrees.
 SplineGrid SplineGridFor(const Camera& from, int order, int cols);

@@ -2,10 +2,12 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include "geometry/lens/lens_fit.h"
 #include "geometry/lens/lens_fit_internal.h"
-#include "geometry/lens/radial.h"
-#include "geometry/lens/spline_grid.h"
+#include "geometry/lens/models.h"
+#include "geometry/lens/models/spline_grid.h"
 
 namespace mvstudio::geometry {
 namespace {
@@ -15,6 +17,7 @@ Camera WithDistortion(const Camera& axis, LensModel to) {
   camera.model = to;
   camera.params = Eigen::VectorXd::Zero(NumParams(to));
   camera.params.head<4>() = axis.params;
+  for (int i = 0; i < TraitsOf(to).num_params; ++i) camera.params[4 + i] = TraitsOf(to).params[i].start;
   return camera;
 }
 
@@ -50,51 +53,35 @@ Eigen::VectorXd SolveRadial(const std::vector<double>& r, const std::vector<doub
   return qr.solve(b).cwiseQuotient(scale);
 }
 
-Camera LinearBrown(const Camera& axis, LensModel to, const RayBundle& bundle) {
-  Camera camera = WithDistortion(axis, to);
-  const int count = NumDistortionParams(to);
-  const int numerator = to == LensModel::kBrown1 || to == LensModel::kBrown1P ? 1 : count < 5 ? 2 : 3;
-  std::vector<double> r, r_d;
-  RadiiOf(axis, false, bundle, &r, &r_d);
-  const Eigen::VectorXd k = SolveRadial(r, r_d, numerator, count >= 8 ? 3 : 0);
-  camera.params[4] = k[0];
-  if (numerator > 1) camera.params[5] = k[1];
-  if (numerator > 2) camera.params[8] = k[2];
-  if (count >= 8) camera.params.segment<3>(9) = k.tail<3>();
-  return camera;
-}
-
-Camera LinearKannala(const Camera& axis, LensModel to, const RayBundle& bundle) {
-  Camera camera = WithDistortion(axis, to);
-  std::vector<double> theta, theta_d;
-  RadiiOf(axis, true, bundle, &theta, &theta_d);
-  camera.params.segment<4>(4) = SolveRadial(theta, theta_d, 4, 0);
-  return camera;
-}
-
-/// ucm, eucm and doublesphere from a scan over their parameters.
-std::vector<Camera> Scan(const Camera& axis, LensModel to) {
-  std::vector<Camera> cameras;
-  const LensModel family = RadialFamily(to);
-  const auto add = [&](double p, double q) {
-    Camera camera = WithDistortion(axis, to);
-    camera.params[4] = p;
-    if (family != LensModel::kUcm) camera.params[5] = q;
-    if (family != LensModel::kEucm) camera.params.head<2>() *= 1 + p;
-    cameras.push_back(camera);
-  };
-  if (family == LensModel::kUcm) {
-    for (const double xi : {-0.5, -0.2, 0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.5}) add(xi, 0);
-  } else if (family == LensModel::kEucm) {
-    for (const double alpha : {0.05, 0.3, 0.5, 0.6, 0.75}) {
-      for (const double beta : {0.4, 0.7, 1.0, 1.5, 2.5}) add(alpha, beta);
-    }
-  } else {
-    for (const double xi : {-0.4, -0.2, 0.0, 0.3, 0.8}) {
-      for (const double alpha : {0.05, 0.3, 0.5, 0.6, 0.75}) add(xi, alpha);
-    }
+std::vector<int> ParamsOfRole(LensModel model, LensRole role) {
+  std::vector<int> found;
+  for (int i = 0; i < TraitsOf(model).num_params; ++i) {
+    if (TraitsOf(model).params[i].role == role) found.push_back(i);
   }
-  return cameras;
+  return found;
+}
+
+/// The coefficients of a radial function r N(r^2) / D(r^2) by linear least squares; nothing for other radial functions.
+std::optional<Camera> LinearFit(const Camera& axis, LensModel to, const RayBundle& bundle) {
+  const std::vector<int> n = ParamsOfRole(to, LensRole::kNumerator), d = ParamsOfRole(to, LensRole::kDenominator);
+  if (n.empty() && d.empty()) return std::nullopt;
+  Camera camera = WithDistortion(axis, to);
+  std::vector<double> r, r_d;
+  RadiiOf(axis, IsWide(to), bundle, &r, &r_d);
+  const Eigen::VectorXd k = SolveRadial(r, r_d, static_cast<int>(n.size()), static_cast<int>(d.size()));
+  for (size_t i = 0; i < n.size() + d.size(); ++i) {
+    camera.params[4 + (i < n.size() ? n[i] : d[i - n.size()])] = k[static_cast<Eigen::Index>(i)];
+  }
+  return camera;
+}
+
+/// `axis` with the first distortion parameters of model `to` set; the axis stays where it is.
+Camera WithFirst(const Camera& axis, LensModel to, const std::vector<double>& first) {
+  Camera camera = WithDistortion(axis, to);
+  std::copy(first.begin(), first.end(), camera.params.data() + 4);
+  const double scale = internal::VisitLens(to, {}, [&](auto lens) { return lens.AxisScale(camera.params.data() + 4); });
+  camera.params.head<2>() *= scale;
+  return camera;
 }
 
 /// Adds weight * (c[i - 1] - 2 c[i] + c[i + 1])^2 along rows and columns of the control grid to the normal matrix.
@@ -118,20 +105,19 @@ void AddBending(const SplineGrid& grid, double weight, Eigen::MatrixXd* normal) 
 }  // namespace
 
 std::vector<Camera> LensFitStarts(const Camera& axis, LensModel to, const RayBundle& bundle) {
-  std::vector<Camera> starts = {WithDistortion(axis, to)};
-  switch (RadialFamily(to)) {
-    case LensModel::kPinhole:
-      break;
-    case LensModel::kBrown5:
-    case LensModel::kRational8:
-      starts.push_back(LinearBrown(axis, to, bundle));
-      break;
-    case LensModel::kKannalaBrandt4:
-      starts.push_back(LinearKannala(axis, to, bundle));
-      break;
-    default:
-      starts = Scan(axis, to);
-  }
+  const auto scan = internal::VisitLens(to, {}, [](auto lens) { return lens.FitStarts(); });
+  std::vector<Camera> starts;
+  for (const std::vector<double>& first : scan) starts.push_back(WithFirst(axis, to, first));
+  if (!starts.empty()) return starts;
+  starts.push_back(WithDistortion(axis, to));
+  if (const auto linear = LinearFit(axis, to, bundle)) starts.push_back(*linear);
+  return starts;
+}
+
+std::vector<Camera> BasinStarts(const Camera& from, LensModel to) {
+  const auto basins = internal::VisitLens(to, {}, [](auto lens) { return lens.Basins(); });
+  std::vector<Camera> starts;
+  for (const std::vector<double>& first : basins) starts.push_back(WithFirst(PinholeOf(from), to, first));
   return starts;
 }
 

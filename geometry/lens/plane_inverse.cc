@@ -1,88 +1,19 @@
 #include "geometry/lens/plane_inverse.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "core/units.h"
-#include "geometry/lens/plane_distortion.h"
-#include "geometry/lens/spline_grid.h"
+#include "geometry/lens/models/spline_grid.h"
 
-namespace mvstudio::geometry {
+namespace mvstudio::geometry::internal {
 namespace {
 
 constexpr double kMaxResidualPx = 1e-9;
-constexpr int kContinuationSteps = 16;
 constexpr int kSamplesPerSegment = 4;
 constexpr int kMaxStarts = 8;
-
-struct PlaneValue {
-  Eigen::Vector2d ab;
-  Eigen::Matrix2d jacobian;
-};
-
-/// Radial, decentring and prism terms of a perspective family.
-PlaneValue Distort(LensModel family, const LensTerms& terms, const Eigen::Vector2d& at) {
-  const auto m = family == LensModel::kPinhole     ? DistortPlane<PlaneTerms::kDecentring>(terms, at[0], at[1])
-                 : family == LensModel::kRational8 ? DistortPlane<PlaneTerms::kAll>(terms, at[0], at[1])
-                                                   : DistortPlane<PlaneTerms::kPolynomial>(terms, at[0], at[1]);
-  PlaneValue value;
-  value.ab << m.a, m.b;
-  value.jacobian << m.a_by_a, m.a_by_b, m.b_by_a, m.b_by_b;
-  return value;
-}
-
-struct NewtonEnd {
-  double residual_px = 0;
-  double rounding_px = 0;  ///< what 4 roundings of the found place do to the pixel: near a pole they are more than the limit
-  double determinant = 0;
-};
-
-/// Newton's method on f(at) = target.ab; every step is halved until the residual falls.
-template <class Function>
-NewtonEnd Newton(const Function& f, const PlaneTarget& target, Eigen::Vector2d* at) {
-  const auto residual_of = [&](const PlaneValue& value) -> Eigen::Vector2d {
-    return value.ab.cwiseProduct(target.focal) - target.px;
-  };
-  PlaneValue value = f(*at);
-  Eigen::Vector2d residual = residual_of(value);
-  for (int i = 0; i < 50 && residual.norm() > 0.01 * target.limit_px; ++i) {
-    const Eigen::Vector2d step = value.jacobian.inverse() * residual.cwiseQuotient(target.focal);
-    double damping = 1;
-    Eigen::Vector2d next, next_residual;
-    PlaneValue next_value;
-    do {
-      next = *at - damping * step;
-      next_value = f(next);
-      next_residual = residual_of(next_value);
-      damping *= 0.5;
-    } while (!(next_residual.norm() < residual.norm()) && damping > 1e-6);
-    if (!(next_residual.norm() < residual.norm())) break;
-    *at = next, value = next_value, residual = next_residual;
-  }
-  const double rounding = 4 * std::numeric_limits<double>::epsilon() * at->stableNorm() * value.jacobian.norm();
-  return {residual.norm(), rounding * target.focal.maxCoeff(), value.jacobian.determinant()};
-}
-
-bool Solved(const NewtonEnd& end, const PlaneTarget& target) {
-  return end.residual_px <= std::max(target.limit_px, end.rounding_px) && end.determinant >= 0;
-}
-
-/// Follows the root from the purely radial lens to the whole one.
-NewtonEnd Continue(LensModel family, const LensTerms& terms, const PlaneTarget& target, Eigen::Vector2d* ab) {
-  NewtonEnd end;
-  for (int i = 0; i <= kContinuationSteps; ++i) {
-    const double part = static_cast<double>(i) / kContinuationSteps;
-    LensTerms partial = terms;
-    partial.p1 *= part, partial.p2 *= part;
-    for (double& s : partial.prism) s *= part;
-    end = Newton([&](const Eigen::Vector2d& at) { return Distort(family, partial, at); }, target, ab);
-    if (!Solved(end, target)) break;
-  }
-  return end;
-}
 
 PlaneValue Spline(const SplineGrid& grid, const double* control, const Eigen::Vector2d& u) {
   const SplineSample sample = SampleSpline(grid, control, u);
@@ -97,7 +28,7 @@ std::vector<Eigen::Vector2d> SplineStarts(const SplineGrid& grid, const double* 
   for (int j = 0; j <= ny; ++j) {
     for (int i = 0; i <= nx; ++i) {
       const Eigen::Vector2d u(half[0] * (2.0 * i / nx - 1), half[1] * (2.0 * j / ny - 1));
-      places.emplace_back((u + SplineOffset<double>(grid, control, u) - target.ab).squaredNorm(), u);
+      places.emplace_back((u + SplineOffset(grid, control, u) - target.ab).squaredNorm(), u);
     }
   }
   const size_t count = std::min<size_t>(kMaxStarts, places.size());
@@ -114,12 +45,12 @@ int BorderWinding(const SplineGrid& grid, const double* control, const PlaneTarg
   const Eigen::Vector2d corners[5] = {
       {-half[0], -half[1]}, {half[0], -half[1]}, {half[0], half[1]}, {-half[0], half[1]}, {-half[0], -half[1]}};
   double angle = 0;
-  Eigen::Vector2d last = corners[0] + SplineOffset<double>(grid, control, corners[0]) - target.ab;
+  Eigen::Vector2d last = corners[0] + SplineOffset(grid, control, corners[0]) - target.ab;
   for (int side = 0; side < 4; ++side) {
     const int count = 8 * kSamplesPerSegment * std::max(grid.cols, grid.rows);
     for (int i = 1; i <= count; ++i) {
       const Eigen::Vector2d u = corners[side] + (corners[side + 1] - corners[side]) * i / count;
-      const Eigen::Vector2d now = u + SplineOffset<double>(grid, control, u) - target.ab;
+      const Eigen::Vector2d now = u + SplineOffset(grid, control, u) - target.ab;
       angle += std::atan2(last[0] * now[1] - last[1] * now[0], last.dot(now));
       last = now;
     }
@@ -137,17 +68,6 @@ PlaneTarget::PlaneTarget(const Camera& camera, const Eigen::Vector2d& pixel)
   limit_px = std::max(kMaxResidualPx, 8 * std::numeric_limits<double>::epsilon() * size);
 }
 
-Status InvertPlane(LensModel family, const LensTerms& terms, const PlaneTarget& target, Eigen::Vector2d* ab) {
-  const Eigen::Vector2d start = *ab;
-  const NewtonEnd direct = Newton([&](const Eigen::Vector2d& at) { return Distort(family, terms, at); }, target, ab);
-  if (Solved(direct, target)) return Status::kOk;
-  *ab = start;
-  const NewtonEnd end = Continue(family, terms, target, ab);
-  if (Solved(end, target)) return Status::kOk;
-  // Newton's method with falling residuals can only stop where the determinant vanishes, or on the far side of a fold.
-  return end.determinant < 1e-3 ? Status::kOutsideValidRadius : Status::kNotConverged;
-}
-
 Status InvertSplined(const SplineGrid& grid, const double* control, const PlaneTarget& target, Eigen::Vector2d* u) {
   const Eigen::Vector2d half = SplineHalfSize(grid);
   const auto f = [&](const Eigen::Vector2d& at) { return Spline(grid, control, at); };
@@ -163,4 +83,4 @@ Status InvertSplined(const SplineGrid& grid, const double* control, const PlaneT
   return BorderWinding(grid, control, target) == 0 ? Status::kOutsideValidRadius : Status::kNotConverged;
 }
 
-}  // namespace mvstudio::geometry
+}  // namespace mvstudio::geometry::internal

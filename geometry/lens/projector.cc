@@ -3,14 +3,14 @@
 #include <limits>
 
 #include "geometry/lens/camera.h"
-#include "geometry/lens/camera_model.h"
 #include "geometry/lens/lens_derivatives.h"
+#include "geometry/lens/models.h"
 #include "geometry/lens/plane_inverse.h"
-#include "geometry/lens/radial.h"
-#include "geometry/lens/spline_grid.h"
 
 namespace mvstudio::geometry {
 namespace {
+
+using internal::PlaneTarget;
 
 Unprojection NoRay(Status status) { return {status, Eigen::Vector3d::UnitZ()}; }
 Projection NoPixel(Status status) { return {status, Eigen::Vector2d::Zero()}; }
@@ -21,21 +21,29 @@ double SafeScale(const Eigen::Vector3d& x) {
   return (size > 1e-140 && size < 1e140) || size == 0 ? 1 : std::ldexp(1, -std::ilogb(size));
 }
 
-bool IsRadialOnly(const LensTerms& t) { return t.p1 == 0 && t.p2 == 0 && t.prism == std::array<double, 4>{}; }
+bool IsRadialOnly(const Camera& camera) {
+  const LensTraits& traits = TraitsOf(camera.model);
+  for (int i = 0; i < traits.num_params; ++i) {
+    if (traits.params[i].IsAsymmetric() && camera.params[4 + i] != 0) return false;
+  }
+  return true;
+}
 
 }  // namespace
 
-Projector::Projector(const Camera& camera) : camera_(camera), family_(RadialFamily(camera.model)) {
+Projector::Projector(const Camera& camera) : camera_(camera) {
   Validate(camera);
-  if (family_ == LensModel::kSplined) {
-    valid_radius_ = 2 * std::atan(SplineHalfSize(camera.spline).minCoeff() / 2);
-    return;
-  }
-  terms_ = TermsOf(camera);
-  radial_only_ = IsRadialOnly(terms_);
-  valid_radius_ = FirstFold(family_, terms_);
-  valid_radius_squared_ = valid_radius_ * valid_radius_;
-  max_distorted_radius_ = LargestRadius(family_, terms_, valid_radius_);
+  radial_only_ = IsRadialOnly(camera);
+  const double* k = camera_.params.data() + 4;
+  internal::VisitLens(camera_.model, camera_.spline, [&](auto lens) {
+    if constexpr (decltype(lens)::kHasGrid) {
+      valid_radius_ = 2 * std::atan(SplineHalfSize(lens.grid).minCoeff() / 2);
+    } else {
+      valid_radius_ = lens.FirstFold(k);
+      valid_radius_squared_ = valid_radius_ * valid_radius_;
+      max_distorted_radius_ = lens.LargestRadius(k, valid_radius_);
+    }
+  });
 }
 
 /// Finite points whose pixel overflows, or whose denominator rounds to nothing, lie beyond any radius.
@@ -47,13 +55,14 @@ Projection Projector::Formula(const Eigen::Vector3d& x_in_cam) const {
 
 Projection Projector::Project(const Eigen::Vector3d& x_in_cam) const {
   if (!x_in_cam.allFinite()) return NoPixel(Status::kNonFiniteInput);
-  if (IsWide(family_)) {
+  const LensTraits& traits = TraitsOf(camera_.model);
+  if (traits.wide) {
     const Eigen::Vector3d x = x_in_cam * SafeScale(x_in_cam);
-    return family_ == LensModel::kSplined ? ProjectSplined(x) : ProjectWide(x);
+    return traits.has_grid ? ProjectSplined(x) : ProjectWide(x);
   }
   if (!(x_in_cam[2] > 0)) return NoPixel(Status::kBehindCamera);
   const double a = x_in_cam[0] / x_in_cam[2], b = x_in_cam[1] / x_in_cam[2];
-  if (family_ != LensModel::kPinhole && !(a * a + b * b <= valid_radius_squared_)) return NoPixel(Status::kOutsideValidRadius);
+  if (traits.radial_terms && !(a * a + b * b <= valid_radius_squared_)) return NoPixel(Status::kOutsideValidRadius);
   return Formula(x_in_cam);
 }
 
@@ -65,11 +74,10 @@ Projection Projector::ProjectWide(const Eigen::Vector3d& x) const {
 }
 
 Projection Projector::ProjectSplined(const Eigen::Vector3d& x) const {
-  const double denominator = SphereDenominator(1.0, 1.0, x.head<2>().squaredNorm(), x[2], x.norm());
-  if (!(denominator > 0)) return NoPixel(Status::kBehindCamera);
-  const Eigen::Vector2d u = 2 / denominator * x.head<2>();
-  if (!(u.array().abs() <= SplineHalfSize(camera_.spline).array()).all()) return NoPixel(Status::kOutsideValidRadius);
-  const SplineSample sample = SampleSpline(camera_.spline, camera_.params.data() + 4, u);
+  internal::Splined::StereographicPoint<double> at;
+  if (!internal::Splined::Stereographic(x, &at)) return NoPixel(Status::kBehindCamera);
+  if (!(at.u.array().abs() <= SplineHalfSize(camera_.spline).array()).all()) return NoPixel(Status::kOutsideValidRadius);
+  const SplineSample sample = SampleSpline(camera_.spline, camera_.params.data() + 4, at.u);
   if (!((Eigen::Matrix2d::Identity() + sample.d_offset_d_u).determinant() > 0)) return NoPixel(Status::kOutsideValidRadius);
   return Formula(x);
 }
@@ -95,38 +103,50 @@ ProjectionWithJacobians Projector::ProjectWithJacobians(const Eigen::Vector3d& x
 
 Unprojection Projector::Unproject(const Eigen::Vector2d& px) const {
   if (!px.allFinite()) return NoRay(Status::kNonFiniteInput);
-  if (family_ == LensModel::kSplined) return UnprojectSplined(px);
-  return IsWide(family_) ? UnprojectWide(px) : UnprojectPerspective(px);
+  return internal::VisitLens(camera_.model, camera_.spline, [&](auto lens) {
+    using Lens = decltype(lens);
+    if constexpr (Lens::kHasGrid) {
+      return UnprojectSplined(px);
+    } else if constexpr (Lens::kWide) {
+      return UnprojectWide<Lens>(px);
+    } else {
+      return UnprojectPerspective<Lens>(px);
+    }
+  });
 }
 
+template <class Lens>
 Unprojection Projector::UnprojectWide(const Eigen::Vector2d& px) const {
+  const double* k = camera_.params.data() + 4;
   const PlaneTarget target(camera_, px);
   Eigen::Vector2d ab = target.ab;
-  if (!radial_only_) {
-    const Status status = InvertPlane(LensModel::kPinhole, terms_, target, &ab);
+  if (constexpr int p1 = TraitsOf(*internal::kModelOf<Lens>).decentring; p1 >= 0 && !radial_only_) {
+    const Status status = internal::InvertPlane<internal::PinholeP>(k + p1, target, &ab);
     if (status != Status::kOk) return NoRay(status);
   }
   const double radius = ab.stableNorm();
   if (radius == 0) return {};
   if (!(radius <= max_distorted_radius_)) return NoRay(Status::kOutsideValidRadius);
-  const double theta = InvertRadial(family_, terms_, radius, valid_radius_);
-  const RadialValue found = EvaluateRadial(family_, terms_, theta);
+  const double theta = Lens::InvertRadial(k, radius, valid_radius_);
+  const internal::RadialValue found = Lens::Radial(k, theta);
   const double focal = target.focal.maxCoeff(), of_angle = 4 * std::numeric_limits<double>::epsilon() * found.slope * focal;
   if (!(std::abs(found.value - radius) * focal <= std::max(target.limit_px, of_angle))) return NoRay(Status::kNotConverged);
   const double sine = std::sin(theta) / radius;
   return {Status::kOk, {ab[0] * sine, ab[1] * sine, std::cos(theta)}};
 }
 
+template <class Lens>
 Unprojection Projector::UnprojectPerspective(const Eigen::Vector2d& px) const {
+  const double* k = camera_.params.data() + 4;
   const PlaneTarget target(camera_, px);
   Eigen::Vector2d ab = target.ab;
-  if (family_ != LensModel::kPinhole || !radial_only_) {
+  if (TraitsOf(camera_.model).radial_terms || !radial_only_) {
     const double radius = ab.stableNorm();
     const bool beyond = !(radius <= max_distorted_radius_);
     if (radial_only_ && beyond) return NoRay(Status::kOutsideValidRadius);
-    const double start = InvertRadial(family_, terms_, std::min(radius, max_distorted_radius_), valid_radius_);
+    const double start = Lens::InvertRadial(k, std::min(radius, max_distorted_radius_), valid_radius_);
     if (radius > 0) ab *= start / radius;
-    const Status status = InvertPlane(family_, terms_, target, &ab);
+    const Status status = internal::InvertPlane<Lens>(k, target, &ab);
     if (ab.squaredNorm() > valid_radius_squared_) return NoRay(Status::kOutsideValidRadius);
     if (status != Status::kOk) return NoRay(beyond ? Status::kOutsideValidRadius : status);
   }
@@ -136,7 +156,7 @@ Unprojection Projector::UnprojectPerspective(const Eigen::Vector2d& px) const {
 Unprojection Projector::UnprojectSplined(const Eigen::Vector2d& px) const {
   const PlaneTarget target(camera_, px);
   Eigen::Vector2d u;
-  const Status status = InvertSplined(camera_.spline, camera_.params.data() + 4, target, &u);
+  const Status status = internal::InvertSplined(camera_.spline, camera_.params.data() + 4, target, &u);
   if (status != Status::kOk) return NoRay(status);
   return {Status::kOk, Eigen::Vector3d(u[0], u[1], 1 - u.squaredNorm() / 4).normalized()};
 }

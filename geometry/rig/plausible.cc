@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "core/units.h"
-#include "geometry/lens/radial.h"
 
 namespace mvstudio::geometry {
 namespace {
@@ -41,9 +40,8 @@ std::string Listed(const std::vector<std::string>& names) {
 }
 
 double Decentring(const Camera& camera) {
-  if (camera.model == LensModel::kSplined) return 0;
-  const LensTerms terms = TermsOf(camera);
-  return std::max(std::abs(terms.p1), std::abs(terms.p2));
+  const int p1 = TraitsOf(camera.model).decentring;
+  return p1 < 0 ? 0 : std::max(std::abs(camera.params[4 + p1]), std::abs(camera.params[5 + p1]));
 }
 
 bool FoldsInside(const Camera& camera) {

@@ -8,7 +8,7 @@
 #include "core/units.h"
 #include "geometry/lens/camera_model.h"
 #include "geometry/lens/lens_derivatives.h"
-#include "geometry/lens/spline_grid.h"
+#include "geometry/lens/models/spline_grid.h"
 #include "tests/geometry/lens_samples.h"
 
 extern "C" {

@@ -5,8 +5,6 @@
 #include <limits>
 #include <type_traits>
 
-#include "geometry/lens/plane_distortion.h"
-#include "geometry/lens/radial.h"
 #include "triangulate/batch/lane_algebra.h"
 #include "triangulate/point/robust.h"
 
@@ -16,7 +14,6 @@ namespace {
 using geometry::DistortPlane;
 using geometry::LensModel;
 using geometry::PlaneDistortion;
-using geometry::PlaneTerms;
 
 static_assert(alignof(PlaneDistortion<Lanes<float>::Value>) == 32 && alignof(Symmetric<double>) == 32);
 
@@ -29,23 +26,6 @@ struct alignas(32) LaneView {
   Value<S> variance;            // px^2
   Mask<S> seen;
 };
-
-template <class S>
-MVS_INLINE PlaneDistortion<Value<S>> Distort(const LaneCamera<S>& camera, const Value<S>& a, const Value<S>& b) {
-  using Kind = typename LaneCamera<S>::Kind;
-  switch (camera.kind) {
-    case Kind::kDecentring:
-      return DistortPlane<PlaneTerms::kDecentring>(camera.terms, a, b);
-    case Kind::kPolynomial:
-      return DistortPlane<PlaneTerms::kPolynomial>(camera.terms, a, b);
-    case Kind::kAll:
-      return DistortPlane<PlaneTerms::kAll>(camera.terms, a, b);
-    case Kind::kPinhole:
-      break;
-  }
-  const Value<S> one = Broadcast<S>(1), zero{};
-  return {a, b, one, zero, zero, one};
-}
 
 /// What a pass over the views sums up for each lane.
 template <class S>
@@ -74,7 +54,7 @@ MVS_INLINE LaneSums<S> Linearize(const LaneRig<S>& rig, const LaneView<S>* views
     const Value<S> inverse = (in_z > zero) ? S(1) / in_z : zero;
     const Value<S> a = in_x * inverse, b = in_y * inverse;
     sums.failed |= view.seen & (~(in_z > zero) | ~(a * a + b * b <= camera.valid_radius_squared));
-    const PlaneDistortion<Value<S>> m = Distort(camera, a, b);
+    const PlaneDistortion<Value<S>> m = DistortPlane(camera.model, camera.distortion, a, b);
     const Value<S> residual_a = view.weight_a * (m.a - view.a), residual_b = view.weight_b * (m.b - view.b);
     const Value<S> scale_a = view.weight_a * inverse, scale_b = view.weight_b * inverse;
     const Value<S> ax = scale_a * m.a_by_a, ay = scale_a * m.a_by_b, az = -(ax * a + ay * b);
@@ -127,10 +107,10 @@ MVS_INLINE void Undistort(const LaneCamera<S>& camera, LaneView<S>* lane_view, M
   const S limit = Lanes<S>::kUnprojectPx / camera.mean_focal;
   const Value<S> zero{};
   *a = view.a, *b = view.b;
-  if (camera.kind == LaneCamera<S>::Kind::kPinhole) return;
+  if (camera.model == LensModel::kPinhole) return;
   Mask<S> open{};
   for (int step = 0; step < kMaxSteps; ++step) {
-    const PlaneDistortion<Value<S>> m = Distort(camera, *a, *b);
+    const PlaneDistortion<Value<S>> m = DistortPlane(camera.model, camera.distortion, *a, *b);
     const Value<S> rest_a = view.a - m.a, rest_b = view.b - m.b;
     const Value<S> determinant = m.a_by_a * m.b_by_b - m.a_by_b * m.b_by_a;
     open = ~((rest_a * rest_a + rest_b * rest_b <= limit * limit) & (determinant > zero));
@@ -335,15 +315,10 @@ void SolveWide(const LaneRig<S>& rig, const PreparedRig& prepared, const PointBa
 
 template <class S>
 LaneCamera<S> MakeLaneCamera(const PreparedCamera& prepared) {
-  using Kind = typename LaneCamera<S>::Kind;
   const geometry::Camera& lens = prepared.projector.camera();
-  const geometry::LensTerms terms = geometry::TermsOf(lens);
   LaneCamera<S> camera;
-  const LensModel family = geometry::RadialFamily(lens.model);
-  camera.kind = family == LensModel::kRational8     ? Kind::kAll
-                : family == LensModel::kBrown5      ? Kind::kPolynomial
-                : lens.model == LensModel::kPinhole ? Kind::kPinhole
-                                                    : Kind::kDecentring;
+  camera.model = lens.model;
+  for (Eigen::Index i = 4; i < lens.params.size(); ++i) camera.distortion[i - 4] = static_cast<S>(lens.params[i]);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) camera.rotation[3 * i + j] = static_cast<S>(prepared.cam_from_local_rotation(i, j));
     camera.translation[i] = static_cast<S>(prepared.cam_from_local_translation[i]);
@@ -353,9 +328,6 @@ LaneCamera<S> MakeLaneCamera(const PreparedCamera& prepared) {
     camera.focal[i] = lens.params[i];
     camera.principal[i] = lens.params[2 + i];
   }
-  std::copy(terms.radial.begin(), terms.radial.end(), camera.terms.radial);
-  std::copy(terms.prism.begin(), terms.prism.end(), camera.terms.prism);
-  camera.terms.p1 = static_cast<S>(terms.p1), camera.terms.p2 = static_cast<S>(terms.p2);
   const double limit = std::min(prepared.projector.valid_radius(), 1e15);
   camera.valid_radius_squared = static_cast<S>(limit * limit);
   camera.mean_focal = static_cast<S>(prepared.focal_px);
@@ -366,7 +338,7 @@ LaneCamera<S> MakeLaneCamera(const PreparedCamera& prepared) {
 
 bool FitsLanes(const PreparedRig& rig) {
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    if (geometry::IsWide(rig.cameras[c].projector.camera().model) || rig.duplicate_of[c] >= 0) return false;
+    if (!geometry::TraitsOf(rig.cameras[c].projector.camera().model).arithmetic || rig.duplicate_of[c] >= 0) return false;
   }
   return true;
 }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "geometry/lens/plane_distortion.h"
 #include "triangulate/batch/batch.h"
 
 /// The quick way of TriangulateBatch: a few points at a time, one in each lane of a vector register. Internal to batch.cc.
@@ -11,13 +12,10 @@ namespace mvstudio::triangulate::internal {
 /// A perspective camera in numbers of type S; see PreparedCamera.
 template <class S>
 struct LaneCamera {
-  struct Terms {
-    S radial[6] = {}, p1 = 0, p2 = 0, prism[4] = {};
-  };
-  enum class Kind { kPinhole, kDecentring, kPolynomial, kAll } kind = Kind::kPinhole;
+  geometry::LensModel model = geometry::LensModel::kPinhole;
+  S distortion[geometry::MaxPlaneParams()] = {};            // the lens's parameters after fx, fy, cx, cy
   S rotation[9] = {}, translation[3] = {}, center[3] = {};  // cam_from_local, row by row; metres
   double focal[2] = {}, principal[2] = {};                  // px
-  Terms terms;
   S valid_radius_squared = 0;
   S mean_focal = 0;  // px a radian
 };
@@ -28,7 +26,7 @@ struct LaneRig {
   double extent = 0;  ///< m; no two centres are farther apart
 };
 
-/// Whether every lens has the perspective formula and no two cameras are one.
+/// Whether every lens is perspective, with a formula for vectors, and no two cameras are one.
 bool FitsLanes(const PreparedRig& rig);
 template <class S>
 LaneRig<S> MakeLaneRig(const PreparedRig& rig);
