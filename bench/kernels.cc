@@ -17,7 +17,8 @@ geometry::Camera MakeCamera(geometry::LensModel model) {
   Eigen::VectorXd params = Eigen::VectorXd::Zero(geometry::NumParams(camera));
   params.head<4>() = camera.params;
   for (int i = 4; i < params.size(); ++i) params[i] = i % 2 ? 0.01 : -0.02;
-  if (model == geometry::LensModel::kEucm || model == geometry::LensModel::kEucmP) params[5] = 1;
+  const geometry::LensTraits& traits = geometry::TraitsOf(model);
+  for (int i = 0; i < traits.num_params; ++i) params[4 + i] = traits.params[i].ordinary;
   camera.params = params;
   return camera;
 }

@@ -12,8 +12,6 @@
 namespace mvstudio::exports {
 namespace {
 
-using geometry::LensModel;
-
 bool AllowedInName(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
 }
@@ -191,26 +189,9 @@ std::vector<size_t> Take::ViewsOf(const std::string& part) const {
 }
 
 std::optional<Eigen::Matrix<double, 5, 1>> Brown5Of(const geometry::Camera& camera) {
-  Eigen::Matrix<double, 5, 1> k = Eigen::Matrix<double, 5, 1>::Zero();
-  switch (camera.model) {
-    case LensModel::kPinhole:
-      return k;
-    case LensModel::kBrown1:
-    case LensModel::kBrown2:
-    case LensModel::kBrown4:
-    case LensModel::kBrown5:
-      k.head(camera.params.size() - 4) = camera.params.tail(camera.params.size() - 4);
-      return k;
-    case LensModel::kPinholeP:
-      k.segment(2, 2) = camera.params.tail(2);
-      return k;
-    case LensModel::kBrown1P:
-      k[0] = camera.params[4];
-      k.segment(2, 2) = camera.params.tail(2);
-      return k;
-    default:
-      return std::nullopt;
-  }
+  const auto terms = geometry::OpenCvTerms(camera);
+  if (!terms || camera.params.size() > 4 + 5) return std::nullopt;
+  return terms->head<5>();
 }
 
 bool Carries(LensNeed need, const geometry::Camera& camera) {

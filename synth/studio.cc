@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
-#include <map>
 
 #include "calib/board/board.h"
 #include "core/error.h"
@@ -22,19 +21,8 @@ void Require(bool condition, const std::string& option, const std::string& expec
 
 /// Distortion of an ordinary lens, parameters in the model's order.
 Eigen::VectorXd Distortion(geometry::LensModel model, Rng& rng) {
-  using geometry::LensModel;
   Eigen::VectorXd k(geometry::NumDistortionParams(model));
-  const std::vector<std::string> names = geometry::ParamNames(model);
-  if (geometry::IsWide(model)) {
-    const std::map<std::string, double> wide = {{"k1", -0.020}, {"k2", 0.010}, {"k3", -0.003}, {"k4", 0.0005}, {"xi", 0.25},
-                                                {"alpha", 0.4}, {"beta", 1.1}, {"p1", 4e-4},   {"p2", -3e-4}};
-    for (int i = 0; i < k.size(); ++i) k[i] = wide.at(names[4 + i]);
-  } else if (model == LensModel::kPinholeP || model == LensModel::kBrown1P) {
-    for (int i = 0; i < k.size(); ++i) k[i] = names[4 + i] == "k1" ? -0.12 : names[4 + i] == "p1" ? 4e-4 : -3e-4;
-  } else {
-    const double brown[12] = {-0.12, 0.06, 4e-4, -3e-4, -0.010, 0.010, 0.004, 0.001, 3e-4, -1e-4, -2e-4, 1e-4};
-    for (int i = 0; i < k.size(); ++i) k[i] = brown[i];
-  }
+  for (int i = 0; i < k.size(); ++i) k[i] = geometry::TraitsOf(model).params[i].ordinary;
   for (int i = 0; i < k.size(); ++i) k[i] *= 1 + 0.15 * rng.Uniform(-1, 1);
   return k;
 }

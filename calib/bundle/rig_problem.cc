@@ -34,11 +34,11 @@ bool IsSplined(const geometry::Camera& camera) { return camera.model == geometry
 }  // namespace
 
 bool WithinBounds(const geometry::Camera& camera) {
-  using geometry::LensModel;
   if (!geometry::WhyInvalidLens(camera).empty()) return false;
-  const LensModel model = camera.model;
-  if (model == LensModel::kEucm || model == LensModel::kEucmP) return camera.params[4] >= 0 && camera.params[4] <= 1;
-  if (model == LensModel::kDoubleSphere || model == LensModel::kDoubleSphereP) return camera.params[5] >= 0 && camera.params[5] <= 1;
+  const geometry::LensTraits& traits = geometry::TraitsOf(camera.model);
+  for (int i = 0; i < traits.num_params; ++i) {
+    if (!(camera.params[4 + i] >= traits.params[i].low && camera.params[4 + i] <= traits.params[i].high)) return false;
+  }
   return true;
 }
 
@@ -46,7 +46,8 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
   const size_t cameras = state.cameras.size(), boards = state.rig_from_board.size();
   RigColumns columns;
   columns.lens.assign(cameras, -1), columns.first_param.assign(cameras, 0), columns.camera.assign(cameras, -1);
-  columns.board.assign(boards, -1), columns.warp.assign(boards, -1), columns.stretch.assign(boards, -1), columns.time.assign(cameras, -1);
+  columns.board.assign(boards, -1), columns.warp.assign(boards, -1), columns.stretch.assign(boards, -1),
+      columns.time.assign(cameras, -1);
   std::vector<bool> camera_seen(cameras, false), board_seen(boards, false), motion_seen(cameras, false);
   for (const View& view : views) {
     if (!(view.weights.array() > 0).any()) continue;
@@ -65,7 +66,8 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
     }
     const bool gauge = options.gauge.kind == Gauge::Kind::kCamera && options.gauge.index == static_cast<int>(c);
     if (options.refine_cameras && !gauge && !Flag(options.fix_camera, c)) columns.camera[c] = columns.total, columns.total += 6;
-    if (options.refine_time && static_cast<int>(c) != options.time_reference && motion_seen[c]) columns.time[c] = columns.total++;
+    if (options.refine_time && static_cast<int>(c) != options.time_reference && motion_seen[c])
+      columns.time[c] = columns.total++;
   }
   for (size_t b = 0; b < boards; ++b) {
     if (!board_seen[b]) continue;
@@ -184,7 +186,8 @@ constexpr int kMaxRest = 10;
 using RestRows = Eigen::Matrix<double, 2, kMaxRest>;
 
 /// Derivatives of one view by its lens (dense part only) and by the rest: the pose of its board in the camera (6) and, where
-/// wanted, the bend (2) and the stretch (2). Splined lenses are summed up corner by corner, since a corner meets 18 of their hundreds of numbers.
+/// wanted, the bend (2) and the stretch (2). Splined lenses are summed up corner by corner, since a corner meets 18 of their
+/// hundreds of numbers.
 struct ViewSums {
   const geometry::Camera& camera;
   int first_param, num_lens, lens_column, num_rest;
@@ -199,8 +202,7 @@ Eigen::Matrix2d StretchDerivative(const Eigen::Vector3d& x_in_board) {
 
 /// h += d^T d of the lens numbers that one corner meets, lens_rest += d^T rest.
 void AddSparseCorner(const ViewSums& sums, const geometry::LensDerivatives& d, double scale, const Eigen::Vector2d& residual,
-                     const RestRows& rest, Eigen::MatrixXd* h, Eigen::VectorXd* g,
-                     Eigen::MatrixXd* lens_rest) {
+                     const RestRows& rest, Eigen::MatrixXd* h, Eigen::VectorXd* g, Eigen::MatrixXd* lens_rest) {
   for (int row = 0; row < 2; ++row) {
     int index[geometry::LensDerivatives::kMax];
     double value[geometry::LensDerivatives::kMax];

@@ -35,20 +35,14 @@ std::vector<double> BrownSigmas(const geometry::Camera& camera) {
 
 /// The lens of which a model omits the last terms.
 std::optional<Extension> ExtensionOf(const geometry::Camera& camera) {
-  switch (camera.model) {
-    case LensModel::kPinhole:
-    case LensModel::kBrown1:
-    case LensModel::kBrown2:
-    case LensModel::kBrown4: {
-      const std::vector<double> all = BrownSigmas(camera);
-      return Extension{LensModel::kBrown5, {all.begin() + (camera.params.size() - 4), all.end()}};
-    }
-    case LensModel::kKannalaBrandt4: return Extension{LensModel::kKannalaBrandt4P, {kDecentring, kDecentring}};
-    case LensModel::kUcm: return Extension{LensModel::kUcmP, {kDecentring, kDecentring}};
-    case LensModel::kEucm: return Extension{LensModel::kEucmP, {kDecentring, kDecentring}};
-    case LensModel::kDoubleSphere: return Extension{LensModel::kDoubleSphereP, {kDecentring, kDecentring}};
-    default: return std::nullopt;
+  const std::vector<double> all = BrownSigmas(camera);
+  const size_t own = static_cast<size_t>(camera.params.size() - 4);
+  if (geometry::HasOpenCvOrder(camera.model) && own < all.size()) {
+    return Extension{LensModel::kBrown5, {all.begin() + static_cast<std::ptrdiff_t>(own), all.end()}};
   }
+  const auto decentred = geometry::IsWide(camera.model) ? geometry::WithDecentring(camera.model) : std::nullopt;
+  if (!decentred) return std::nullopt;
+  return Extension{*decentred, {kDecentring, kDecentring}};
 }
 
 /// `prior` for the parameters of the extended lens.
@@ -66,7 +60,8 @@ LensPrior Extended(const LensPrior& prior, const geometry::Camera& camera, const
 
 }  // namespace
 
-WithOmitted AddOmittedTerms(const RigState& state, const BundleOptions& options, const std::vector<bool>& chosen, double sigma_px) {
+WithOmitted AddOmittedTerms(const RigState& state, const BundleOptions& options, const std::vector<bool>& chosen,
+                            double sigma_px) {
   WithOmitted result{state, options};
   result.options.lens_prior.resize(state.cameras.size());
   for (size_t c = 0; c < state.cameras.size(); ++c) {
@@ -92,7 +87,8 @@ std::vector<Eigen::Index> OmittedColumns(const RigColumns& columns, const Bundle
   return {omitted.begin(), omitted.end()};
 }
 
-Eigen::VectorXd OmittedShift(const Eigen::MatrixXd& inverse, const std::vector<Eigen::Index>& omitted, const Eigen::VectorXd& gradient) {
+Eigen::VectorXd OmittedShift(const Eigen::MatrixXd& inverse, const std::vector<Eigen::Index>& omitted,
+                             const Eigen::VectorXd& gradient) {
   const Eigen::VectorXd mean = -inverse.transpose() * gradient;
   const Eigen::MatrixXd variance = inverse(omitted, Eigen::all);
   return inverse * variance.ldlt().solve(mean);

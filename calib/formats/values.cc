@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -23,25 +24,10 @@ void CheckSize(double width_px, double height_px, const Place& place) {
 
 /// The perspective lens that has so many coefficients in OpenCV's order.
 std::optional<geometry::LensModel> ModelOfCount(Eigen::Index count) {
-  using geometry::LensModel;
-  switch (count) {
-    case 0:
-      return LensModel::kPinhole;
-    case 1:
-      return LensModel::kBrown1;
-    case 2:
-      return LensModel::kBrown2;
-    case 4:
-      return LensModel::kBrown4;
-    case 5:
-      return LensModel::kBrown5;
-    case 8:
-      return LensModel::kRational8;
-    case 12:
-      return LensModel::kThinPrism12;
-    default:
-      return std::nullopt;
+  for (const geometry::LensModel model : geometry::kAllLensModels) {
+    if (geometry::HasOpenCvOrder(model) && geometry::NumDistortionParams(model) == count) return model;
   }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -113,28 +99,12 @@ geometry::Camera MakeModelCamera(const std::string& name, double width_px, doubl
 }
 
 std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera) {
-  using geometry::LensModel;
-  const Eigen::VectorXd own = camera.params.tail(camera.params.size() - 4);
-  switch (camera.model) {
-    case LensModel::kPinhole:
-      return OpenCvLens{};
-    case LensModel::kBrown1:
-    case LensModel::kBrown1P:
-      return OpenCvLens{Eigen::Vector4d(own[0], 0, own.size() > 1 ? own[1] : 0, own.size() > 1 ? own[2] : 0), false};
-    case LensModel::kBrown2:
-      return OpenCvLens{Eigen::Vector4d(own[0], own[1], 0, 0), false};
-    case LensModel::kPinholeP:
-      return OpenCvLens{Eigen::Vector4d(0, 0, own[0], own[1]), false};
-    case LensModel::kBrown4:
-    case LensModel::kBrown5:
-    case LensModel::kRational8:
-    case LensModel::kThinPrism12:
-      return OpenCvLens{own, false};
-    case LensModel::kKannalaBrandt4:
-      return OpenCvLens{own, true};
-    default:
-      return std::nullopt;
-  }
+  if (camera.model == geometry::LensModel::kKannalaBrandt4) return OpenCvLens{camera.params.tail(4), true};
+  const auto terms = geometry::OpenCvTerms(camera);
+  if (!terms) return std::nullopt;
+  // OpenCV takes none, 4, 5, 8 or 12.
+  const Eigen::Index own = camera.params.size() - 4, count = own == 0 ? 0 : std::max<Eigen::Index>(own, 4);
+  return OpenCvLens{terms->head(count), false};
 }
 
 OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {

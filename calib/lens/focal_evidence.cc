@@ -11,19 +11,18 @@ using geometry::LensModel;
 
 constexpr double kMinSigmaPx = 1e-3;  // exact data are judged as if they had this noise
 
-/// Power of the scale of image-plane coordinates that distortion parameter `index` takes: r2 = (x^2 + y^2) / z^2.
-int Power(LensModel model, Eigen::Index index) {
-  constexpr int kBrown[] = {2, 4, 1, 1, 6, 2, 4, 6, 1, 3, 1, 3};
-  if (model == LensModel::kPinholeP) return 1;
-  if (model == LensModel::kBrown1P) return index == 0 ? 2 : 1;
-  return kBrown[index];
+/// True when every term is a power of image-plane coordinates, which Scaled can make up for.
+bool HasPowersOnly(LensModel model) {
+  const geometry::LensTraits& traits = geometry::TraitsOf(model);
+  return std::all_of(traits.params, traits.params + traits.num_params, [](const auto& param) { return param.degree > 0; });
 }
 
 /// A lens with other focal lengths that sees boards parallel to the image as before, if they are so much farther away.
 geometry::Camera Scaled(const geometry::Camera& camera, double factor) {
   geometry::Camera scaled = camera;
   scaled.params.head<2>() *= factor;
-  for (Eigen::Index i = 4; i < scaled.params.size(); ++i) scaled.params[i] *= std::pow(factor, Power(camera.model, i - 4));
+  const geometry::LensTraits& traits = geometry::TraitsOf(camera.model);
+  for (int i = 0; i < traits.num_params; ++i) scaled.params[4 + i] *= std::pow(factor, traits.params[i].degree);
   return scaled;
 }
 
@@ -44,7 +43,7 @@ double SumOfSquares(const MonoSolution& solution) {
 std::optional<double> FocalEvidence(const MonoSolution& solution) {
   if (solution.status != Status::kOk && solution.status != Status::kNotConverged) return std::nullopt;
   const geometry::Camera& camera = solution.state.cameras[0];
-  if (geometry::IsWide(camera.model)) return std::nullopt;
+  if (geometry::IsWide(camera.model) || !HasPowersOnly(camera.model)) return std::nullopt;
   BundleOptions poses;
   poses.refine_intrinsics = false;
   poses.reject_outliers = false;

@@ -22,10 +22,10 @@ using geometry::LensModel;
 constexpr int kMaxStartViews = 16;
 constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};            // horizontal fields of view of fisheye starts
-constexpr double kFlatDeg = 10;      // boards tilted less than this count as parallel to the image
+constexpr double kFlatDeg = 10;                      // boards tilted less than this count as parallel to the image
 constexpr double kCap = 5e-3, kGoodSolution = 5e-4;  // of the image width
-constexpr double kLongestOther = 5;  // of the image width: longer lenses hardly have a distortion that misleads
-constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
+constexpr double kLongestOther = 5;                  // of the image width: longer lenses hardly have a distortion that misleads
+constexpr double kGoodStart = 2e-3;                  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.
 std::vector<View> Thin(const std::vector<View>& views, size_t count) {
@@ -108,9 +108,7 @@ double MedianError(const MonoSolution& solution) {
   return UpperMedian(errors, std::numeric_limits<double>::infinity());
 }
 
-bool Usable(const MonoSolution& solution) {
-  return solution.status == Status::kOk || solution.status == Status::kNotConverged;
-}
+bool Usable(const MonoSolution& solution) { return solution.status == Status::kOk || solution.status == Status::kNotConverged; }
 
 /// Boards without a corner that counts.
 int NumLost(const MonoSolution& solution) {
@@ -225,10 +223,8 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
 
 Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
   if (camera.model == model && camera.spline == spline) return camera;
-  const auto polynomial = [](LensModel m) {
-    return !geometry::IsWide(m) && m != LensModel::kPinholeP && m != LensModel::kBrown1P;
-  };
-  if (!polynomial(camera.model) || !polynomial(model)) {
+  const bool same_terms = geometry::HasOpenCvOrder(camera.model) && geometry::HasOpenCvOrder(model);
+  if (!same_terms) {
     const geometry::LensFit fit = geometry::FitLens(camera, model, {}, spline);
     const bool usable = fit.status == Status::kOk || fit.status == Status::kNotConverged;
     if (usable && WithinBounds(fit.camera)) return fit.camera;
@@ -237,32 +233,20 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
   result.model = model;
   result.spline = spline;
   result.params = Eigen::VectorXd::Zero(geometry::NumParams(result));
-  const Eigen::Index kept =
-      polynomial(camera.model) && polynomial(model) ? std::min(result.params.size(), camera.params.size()) : 4;
+  const geometry::LensTraits& traits = geometry::TraitsOf(model);
+  for (int i = 0; i < traits.num_params; ++i) result.params[4 + i] = traits.params[i].start;
+  const Eigen::Index kept = same_terms ? std::min(result.params.size(), camera.params.size()) : 4;
   result.params.head(kept) = camera.params.head(kept);
-  const bool eucm = model == LensModel::kEucm || model == LensModel::kEucmP;
-  const bool sphere = model == LensModel::kDoubleSphere || model == LensModel::kDoubleSphereP;
-  if (eucm) result.params.segment<2>(4) << 0.5, 1;
-  if (sphere) result.params.segment<2>(4) << 0, 0.5;
   return result;
 }
 
 namespace {
 
-/// Starts of one model: the lens that gives the same picture, and for double spheres, which have two basins, the sphere in the
-/// middle of each.
+/// Starts of one model: the lens that gives the same picture, and for models with two basins (double spheres) one in the middle
+/// of each.
 std::vector<Camera> StartsFor(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
   std::vector<Camera> starts = {WithModel(camera, model, spline)};
-  if (model != LensModel::kDoubleSphere && model != LensModel::kDoubleSphereP) return starts;
-  const Camera pinhole = geometry::PinholeOf(camera);
-  for (double xi : {-0.2, 0.3}) {
-    Camera start = starts[0];
-    start.params.setZero();
-    start.params.head<4>() = pinhole.params.head<4>();
-    start.params.head<2>() *= 1 + xi;
-    start.params.segment<2>(4) << xi, 0.5;
-    starts.push_back(start);
-  }
+  for (const Camera& start : geometry::BasinStarts(camera, model)) starts.push_back(start);
   return starts;
 }
 
@@ -285,8 +269,8 @@ MonoSolution SolvePosed(const Camera& lens, LensModel model, const geometry::Spl
   return solution;
 }
 
-/// The same; then all boards are posed again by the solved lens while that helps: an early lens may have taken the wrong one of a
-/// plane's two orientations, and rejected the board for it.
+/// The same; then all boards are posed again by the solved lens while that helps: an early lens may have taken the wrong one of
+/// a plane's two orientations, and rejected the board for it.
 MonoSolution SolveFrom(const Camera& lens, LensModel model, const geometry::SplineGrid& spline, const std::vector<View>& views,
                        const std::vector<View>& screened, const BundleOptions& options) {
   constexpr int kRounds = 4;

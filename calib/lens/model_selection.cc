@@ -173,17 +173,15 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
 }
 
 /// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards hardly prefer:
-/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It may
-/// fold there: beyond the circle of a wide lens there is no picture.
+/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It
+/// may fold there: beyond the circle of a wide lens there is no picture.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   constexpr double kSmallLoss = 0.02;  // about what two more numbers cost on few boards
   const LensConfig& config = candidates[chosen].config;
-  const bool curve =
-      config.model == LensModel::kUcm || config.model == LensModel::kEucm || config.model == LensModel::kDoubleSphere;
-  const bool decentred =
-      config.model == LensModel::kUcmP || config.model == LensModel::kEucmP || config.model == LensModel::kDoubleSphereP;
-  const LensModel wanted = curve ? LensModel::kKannalaBrandt4 : LensModel::kKannalaBrandt4P;
-  for (size_t i = 0; (curve || decentred) && i < candidates.size(); ++i) {
+  const geometry::LensTraits& traits = geometry::TraitsOf(config.model);
+  const LensModel wanted = traits.decentring < 0 ? LensModel::kKannalaBrandt4 : LensModel::kKannalaBrandt4P;
+  if (!traits.wide || traits.has_grid || config.model == wanted) return chosen;
+  for (size_t i = 0; i < candidates.size(); ++i) {
     const LensCandidate& other = candidates[i];
     const bool near = other.within_one_se || other.relative_error <= (1 + kSmallLoss) * candidates[chosen].relative_error;
     if (near && other.config.model == wanted && other.config.shared == config.shared) return static_cast<int>(i);

@@ -14,30 +14,6 @@ constexpr double kCentreShare = 0.02;  // of the diagonal
 constexpr double kUsualFocal = 0.9;    // of the longer side: 58 degrees
 constexpr double kFocalShare = 0.5;    // of the focal length
 
-std::optional<LensModel> SimplerModel(LensModel model) {
-  switch (model) {
-    case LensModel::kThinPrism12: return LensModel::kRational8;
-    case LensModel::kRational8:
-    case LensModel::kBrown5: return LensModel::kBrown4;
-    case LensModel::kBrown4: return LensModel::kBrown2;
-    case LensModel::kBrown2:
-    case LensModel::kBrown1P: return LensModel::kBrown1;
-    case LensModel::kBrown1:
-    case LensModel::kPinholeP: return LensModel::kPinhole;
-    case LensModel::kSplined:
-    case LensModel::kKannalaBrandt4P: return LensModel::kKannalaBrandt4;
-    case LensModel::kDoubleSphereP: return LensModel::kDoubleSphere;
-    case LensModel::kEucmP: return LensModel::kEucm;
-    case LensModel::kKannalaBrandt4:
-    case LensModel::kDoubleSphere:
-    case LensModel::kEucm:
-    case LensModel::kUcmP: return LensModel::kUcm;
-    case LensModel::kUcm:
-    case LensModel::kPinhole: return std::nullopt;
-  }
-  return std::nullopt;
-}
-
 double CentreSigma(const Camera& camera) { return kCentreShare * std::hypot(camera.width_px, camera.height_px); }
 
 double AssumedFocal(const Camera& camera) {
@@ -56,7 +32,7 @@ std::optional<LensStep> NextSimpler(const LensStep& step) {
     next.spline.rows = std::max(5, static_cast<int>(std::lround(next.spline.cols * rows_per_col)));
     return next;
   }
-  if (const auto simpler = SimplerModel(step.model)) {
+  if (const auto simpler = geometry::TraitsOf(step.model).simpler) {
     next.model = *simpler;
     next.spline = {};
     return next;
@@ -85,7 +61,8 @@ std::string ToString(const LensStep& step, const Camera& camera) {
     std::snprintf(text, sizeof text, ", its principal point assumed at the image's centre +- %.0f px", CentreSigma(camera));
   std::string all = std::string(geometry::ToString(step.model)) + text;
   if (!step.assume_focal) return all;
-  std::snprintf(text, sizeof text, " and its focal length at %.0f +- %.0f px", AssumedFocal(camera), kFocalShare * AssumedFocal(camera));
+  std::snprintf(text, sizeof text, " and its focal length at %.0f +- %.0f px", AssumedFocal(camera),
+                kFocalShare * AssumedFocal(camera));
   return all + text;
 }
 

@@ -12,9 +12,9 @@ namespace {
 
 Eigen::MatrixXd LensDirections(const SceneImage& image, const geometry::Camera& lens, bool refine) {
   if (image.lens_known || !refine) return FixedLens(lens);
-  const int radial = lens.model == geometry::LensModel::kPinhole || lens.model == geometry::LensModel::kPinholeP ? 0
-                     : lens.model == geometry::LensModel::kBrown1                                                ? 1
-                                                                                                                 : 2;
+  const geometry::LensTraits& traits = geometry::TraitsOf(lens.model);
+  int radial = 0;
+  while (radial < std::min(traits.num_params, 2) && traits.params[radial].role == geometry::LensRole::kNumerator) ++radial;
   return FocalDirections(lens, radial);
 }
 

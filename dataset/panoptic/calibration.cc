@@ -88,22 +88,12 @@ Camera ToCamera(const PanopticCamera& from, const std::string& path, const std::
 
 /// k1, k2, p1, p2, k3.
 Eigen::Matrix<double, 5, 1> BrownCoefficients(const Camera& camera) {
-  Eigen::Matrix<double, 5, 1> dist = Eigen::Matrix<double, 5, 1>::Zero();
-  const Eigen::VectorXd k = camera.params.tail(camera.params.size() - 4);
-  const bool plain_rational =
-      (camera.model == LensModel::kRational8 || camera.model == LensModel::kThinPrism12) && k.tail(k.size() - 5).isZero(0);
-  if (camera.model == LensModel::kPinholeP) {
-    dist.segment<2>(2) = k;
-  } else if (camera.model == LensModel::kBrown1P) {
-    dist << k[0], 0, k[1], k[2], 0;
-  } else if (!IsWide(camera.model) && (k.size() <= 5 || plain_rational)) {
-    const Eigen::Index count = std::min<Eigen::Index>(k.size(), 5);
-    dist.head(count) = k.head(count);
-  } else {
+  const auto terms = OpenCvTerms(camera);
+  if (!terms || !terms->tail<7>().isZero(0)) {
     throw UsageError("camera " + camera.name + ": its lens model " + std::string(ToString(camera.model)) +
                      " cannot be written in Panoptic's five coefficients; calibrate with option 'model' brown5");
   }
-  return dist;
+  return terms->head<5>();
 }
 
 PanopticCamera ToPanopticCamera(const RigCamera& from) {
