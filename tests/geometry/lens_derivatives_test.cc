@@ -47,7 +47,7 @@ TEST(ProjectLens, AgreesWithTheProjector) {
   }
 }
 
-/// D of ucm, eucm and doublesphere at (0, 0, -1), see camera_model.h: straight behind, some of them have a formula.
+/// D of ucm, eucm and doublesphere at (0, 0, -1), see sphere.h: straight behind, some of them have a formula.
 double Denominator(const Camera& camera) {
   const double p = camera.params[4], q = camera.params.size() > 5 ? camera.params[5] : 0;
   if (camera.model == LensModel::kUcm || camera.model == LensModel::kUcmP) return p - 1;
