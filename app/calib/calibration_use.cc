@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/error.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "triangulate/sync/sync.h"
@@ -24,6 +25,7 @@ std::string Listed(const std::vector<std::string>& names) {
 /// Names of the cameras that take part, by whether their lens and pose have covariances.
 struct Knowledge {
   std::vector<std::string> known, missing;
+  bool any = false;                             // block of any of them
   ordered_json blocks = ordered_json::array();  // what each of `missing` lacks
 };
 
@@ -33,6 +35,7 @@ Knowledge KnowledgeOf(const geometry::Rig& rig, const geometry::StatedCovariance
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const std::string& name = rig.cameras[c].camera.name;
     if (!cameras.empty() && std::find(cameras.begin(), cameras.end(), name) == cameras.end()) continue;
+    knowledge.any = knowledge.any || stated.lens_known[c] || stated.pose_known[c];
     (stated.Knows(c) ? knowledge.known : knowledge.missing).push_back(name);
     if (stated.Knows(c)) continue;
     const char* lacks = stated.pose_known[c] ? "lens" : stated.lens_known[c] ? "pose" : "lens and pose";
@@ -41,8 +44,9 @@ Knowledge KnowledgeOf(const geometry::Rig& rig, const geometry::StatedCovariance
   return knowledge;
 }
 
-std::string CovarianceLine(const Knowledge& knowledge, bool any, const std::string& unused_because) {
-  if (!any) return "calibration's uncertainty: unknown, it carries no covariance; sigmas hold the detections' noise alone";
+std::string CovarianceLine(const Knowledge& knowledge, const std::string& unused_because) {
+  if (!knowledge.any)
+    return "calibration's uncertainty: unknown, it carries no covariance; sigmas hold the detections' noise alone";
   if (!unused_because.empty()) return "calibration's uncertainty: not used, " + unused_because;
   if (knowledge.missing.empty()) return "calibration's uncertainty: in the sigmas, of all cameras";
   return "calibration's uncertainty: in the sigmas where it is known; unknown for " + Listed(knowledge.missing) +
@@ -54,15 +58,15 @@ std::string CovarianceLine(const Knowledge& knowledge, bool any, const std::stri
 std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras,
                           const std::string& unused_because) {
   const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
-  return CovarianceLine(KnowledgeOf(rig, stated, cameras), stated.AnyKnown(), unused_because);
+  return CovarianceLine(KnowledgeOf(rig, stated, cameras), unused_because);
 }
 
 void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
                          CommandResult* result) {
   const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
   const Knowledge knowledge = KnowledgeOf(rig, stated, cameras);
-  const bool any = stated.AnyKnown(), used = any && unused_because.empty();
-  const std::string line = CovarianceLine(knowledge, any, unused_because);
+  const bool used = knowledge.any && unused_because.empty();
+  const std::string line = CovarianceLine(knowledge, unused_because);
   const char* assumed = used && !stated.correlated ? "blocks independent of each other" : nullptr;
   result->metrics["calibration_covariance"] = {
       {"used", used},
@@ -115,6 +119,7 @@ void ApplyCalibrationOffsets(const std::string& how, const triangulate::TakeOpti
   const std::vector<double> offsets = OffsetsOfCalibration(input->rig);
   if (offsets.empty()) return;
   if (how == "off") return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
+  if (how != "auto" && how != "on") throw UsageError("option 'calibration-offsets' " + how + ": expected auto, on or off");
   std::string reason = "option 'calibration-offsets' on";
   if (how == "auto") {
     const triangulate::OffsetTrial trial =

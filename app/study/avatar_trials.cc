@@ -95,10 +95,10 @@ std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string
                 distance.c_str());
   std::string text = line;
   for (const AvatarTrial& t : trials) {
-    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10.0f %s%s\n", t.cameras.size(),
+    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10s %s%s\n", t.cameras.size(),
                   t.size_px, t.width, t.steps, t.loss.c_str(), Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(),
-                  Shown(t.train_s, 1).c_str(), Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(), t.parameters,
-                  t.train_front ? "*" : "", t.render_front ? "+" : "");
+                  Shown(t.train_s, 1).c_str(), Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(),
+                  Shown(t.parameters, 0).c_str(), t.train_front ? "*" : "", t.render_front ? "+" : "");
     text += line;
   }
   return text + "Among trials with as many cameras no other is both better and faster to train (*), to render (+).\n";

@@ -64,6 +64,7 @@ std::string ShareLine(const std::string& name, const report::StudyShare& share) 
 CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, uint64_t seed) {
   if (out.empty()) throw UsageError("option 'study' needs option 'out' FILE.html");
   if (arguments.pictures < 1) throw UsageError("option 'study-pictures' must be at least 1");
+  if (arguments.sides.size() != 2) throw UsageError("option 'study' needs two sides");
   const Side a = MakeSide(arguments.sides.at(0)), b = MakeSide(arguments.sides.at(1));
   const std::string truth = TruthOf(arguments, a, b);
   std::vector<std::string> unmatched;

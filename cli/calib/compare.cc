@@ -6,6 +6,7 @@
 #include "app/input/calib_read.h"
 #include "calib/check/rig_compare.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/units.h"

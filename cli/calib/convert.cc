@@ -5,6 +5,7 @@
 #include "app/input/calib_read.h"
 #include "calib/formats/formats.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"

@@ -8,6 +8,7 @@
 #include "app/input/corner_input.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/units.h"
@@ -97,7 +98,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context, &result).input;
+  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   FillMetrics(check, &result.metrics);
   result.text = Summary(check);

@@ -5,6 +5,7 @@
 #include "app/input/calib_read.h"
 #include "cli/calib/calib.h"
 #include "cli/program/console.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/units.h"
 

@@ -5,6 +5,7 @@
 
 #include "app/input/take_input.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "dataset/build/build.h"

@@ -9,6 +9,7 @@
 #include "app/nets/pose2d_existing.h"
 #include "app/people/pose2d_quality.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"

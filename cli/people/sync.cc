@@ -10,6 +10,7 @@
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"

@@ -13,6 +13,7 @@
 #include "app/people/likely_cause.h"
 #include "app/people/triangulate_metrics.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"

@@ -8,7 +8,9 @@
 
 #include "app/input/corner_input.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "cli/program/output_guard.h"
 #include "cli/tradeoff/tradeoff.h"
 #include "core/error.h"
 
@@ -104,7 +106,7 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
     corners.footage.cache = "off";
     if (!file) corners.footage.detect.detector = detector;
     const double start = Now();
-    calib::CalibrateInput input = app::ReadCornerInput(corners, context, result).input;
+    calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
   }
   return sources;

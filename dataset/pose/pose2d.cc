@@ -229,7 +229,7 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
       track.frames[number] = ParsePeople(internal::ParsePoseJson(ReadFile(text_path), file), file);
     });
   }
-  tolerant.Finish();
+  if (!range.is_part) tolerant.Finish();
   return track;
 }
 
