@@ -11,6 +11,7 @@
 #include "bench/quality.h"
 #include "calib/covariance/projection_uncertainty.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 
 namespace mvstudio::bench {
 namespace {
@@ -95,8 +96,8 @@ class Table {
                      {"ratio", ratio}});
   }
   void AddMap(const std::string& problem, const std::string& method, UncertaintyMap map, double peer_seconds, double difference) {
-    std::sort(map.sigma_px.begin(), map.sigma_px.end());
-    const double median = map.sigma_px[map.sigma_px.size() / 2], largest = map.sigma_px.back();
+    const double largest = *std::max_element(map.sigma_px.begin(), map.sigma_px.end());
+    const double median = UpperMedian(map.sigma_px.begin(), map.sigma_px.end());
     std::printf("%-34s %-22s median %.4f px, largest %.4f px, differ %7.1e %7.3f %7.2f\n", problem.c_str(), method.c_str(), median, largest,
                 difference, map.seconds, map.seconds / peer_seconds);
     rows_.push_back({{"problem", problem},

@@ -5,7 +5,7 @@
 
 #include "calib/bundle/board_shape.h"
 #include "calib/calibrate_steps.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
 namespace {

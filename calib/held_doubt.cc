@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <vector>
 
@@ -10,6 +9,7 @@
 #include "calib/check/rig_compare.h"
 #include "calib/lens/evidence.h"
 #include "calib/view_squares.h"
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -89,9 +89,7 @@ Change MostChangedLens(const geometry::Rig& given, const CalibrateReport& freed,
 }
 
 std::string FallOf(const CameraReport& held, const CameraReport& freed) {
-  char text[200];
-  std::snprintf(text, sizeof text, "the error of %s falls from %.2f to %.2f px", held.name.c_str(), held.rms_px, freed.rms_px);
-  return text;
+  return Format("the error of %s falls from %.2f to %.2f px", held.name.c_str(), held.rms_px, freed.rms_px);
 }
 
 }  // namespace
@@ -111,10 +109,10 @@ std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& so
   const Change lens = MostChangedLens(*input.start, freed, lenses);
   if (pose.amount == 0 && lens.amount == 0) return "";
   const bool is_pose = pose.amount > 0 && (lens.amount == 0 || pose.amount * freed.cameras[pose.camera].focal_px > lens.amount);
-  char text[300];
-  std::snprintf(text, sizeof text, "the given %s of camera %s contradicts the boards: with nothing held it changes by %.3g %s, and ",
-                is_pose ? "pose" : "lens", freed.cameras[is_pose ? pose.camera : lens.camera].name.c_str(),
-                is_pose ? pose.amount * 180 / M_PI : lens.amount, is_pose ? "degrees" : "px");
+  const std::string text =
+      Format("the given %s of camera %s contradicts the boards: with nothing held it changes by %.3g %s, and ",
+             is_pose ? "pose" : "lens", freed.cameras[is_pose ? pose.camera : lens.camera].name.c_str(),
+             is_pose ? pose.amount * 180 / M_PI : lens.amount, is_pose ? "degrees" : "px");
   return text + (refused ? "there is a solution" : FallOf(solved.cameras[relieved], freed.cameras[relieved]));
 }
 

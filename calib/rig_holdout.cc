@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <set>
@@ -9,7 +8,8 @@
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -131,10 +131,8 @@ bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std:
   const double n = static_cast<double>(scores.size()), mean = sum / n;
   const double error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
   const bool pays = mean > error && std::sqrt(1 - sum / before) < 1 - kNegligibleGain;
-  char text[200];
-  std::snprintf(text, sizeof text, "time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s",
-                -100 * sum / before, 100 * error * n / before, pays ? "estimated" : "left out");
-  *reason = text;
+  *reason = Format("time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s", -100 * sum / before,
+                   100 * error * n / before, pays ? "estimated" : "left out");
   return pays;
 }
 

@@ -1,11 +1,11 @@
 #include "calib/board/layout.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 
 #include "calib/board/homography.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -80,12 +80,10 @@ std::optional<LayoutFault> FaultOf(int index, const Board& board, const std::vec
 }  // namespace
 
 std::string ToString(const LayoutFault& fault) {
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "the corners of board %d stand as on a board of %d columns and %d rows, not of %d columns and %d rows as described: they lie "
-                "within %.2g px of a plane's image instead of %.3g px",
-                fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px);
-  return text;
+  return Format(
+      "the corners of board %d stand as on a board of %d columns and %d rows, not of %d columns and %d rows as described: they "
+      "lie within %.2g px of a plane's image instead of %.3g px",
+      fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px);
 }
 
 std::optional<LayoutFault> FindLayoutFault(const std::vector<Board>& boards, const std::vector<Detection>& detections) {

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "calib/bundle/bundle.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -7,7 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -7,7 +7,7 @@
 #include "calib/board/homography.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/lens/held_out_view.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -15,6 +15,8 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/parallel.h"
 #include "core/process.h"
 
@@ -63,13 +65,7 @@ bool SaysNoModel(const std::string& log) {
 }
 
 std::string Numbers(const std::vector<double>& values) {
-  std::string text;
-  char number[40];
-  for (const double value : values) {
-    std::snprintf(number, sizeof number, "%.17g", value);
-    text += (text.empty() ? "" : ",") + std::string(number);
-  }
-  return text;
+  return Join(values, ",", [](double value) { return Format("%.17g", value); });
 }
 
 /// Name and parameters of colmap's model for a lens; one that is not known gets a focal length and two radial terms.

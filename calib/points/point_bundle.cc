@@ -8,7 +8,7 @@
 #include "calib/covariance/held_covariance.h"
 #include "calib/points/point_problem.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::calib {

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/check.h"
+#include "core/statistics.h"
 #include "geometry/rig/rig.h"
 #include "triangulate/point/linear.h"
 #include "triangulate/point/refine.h"
@@ -40,25 +41,10 @@ bool WideEnough(const std::vector<triangulate::View>& views, double min_parallax
   return widest >= min_parallax_rad;
 }
 
-double Rms(const std::vector<double>& values) {
-  double sum = 0;
-  for (double value : values) sum += value * value;
-  return values.empty() ? kNan : std::sqrt(sum / static_cast<double>(values.size()));
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (double value : values) sum += value;
-  return values.empty() ? kNan : sum / static_cast<double>(values.size());
-}
-
 /// Of the absolute values; the mean of the middle two when their number is even.
 double MedianAbs(std::vector<double> values) {
-  if (values.empty()) return kNan;
   for (double& value : values) value = std::abs(value);
-  std::sort(values.begin(), values.end());
-  const size_t n = values.size();
-  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+  return LinearQuantile(std::move(values), 0.5);
 }
 
 struct Errors {

@@ -9,6 +9,18 @@ int Rig::Find(const std::string& name) const {
   return -1;
 }
 
+std::vector<std::string> CameraNames(const Rig& rig) {
+  std::vector<std::string> names;
+  for (const RigCamera& camera : rig.cameras) names.push_back(camera.camera.name);
+  return names;
+}
+
+std::vector<std::string> CameraNames(const std::vector<Camera>& cameras) {
+  std::vector<std::string> names;
+  for (const Camera& camera : cameras) names.push_back(camera.name);
+  return names;
+}
+
 bool HasJointCovariance(const Rig& rig) {
   if (!rig.joint_covariance) return false;
   const Eigen::MatrixXd& joint = *rig.joint_covariance;

@@ -51,6 +51,10 @@ struct Rig {
   int Find(const std::string& name) const;
 };
 
+/// In the rig's order.
+std::vector<std::string> CameraNames(const Rig& rig);
+std::vector<std::string> CameraNames(const std::vector<Camera>& cameras);
+
 /// True when joint_covariance belongs to these very cameras: its diagonal blocks are the covariances that they have. Blocks that
 /// a camera does not have are unknown: its rows there mean nothing (StatedCovarianceOf in geometry/rig/rig_covariance.h).
 bool HasJointCovariance(const Rig& rig);

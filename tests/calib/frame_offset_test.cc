@@ -25,9 +25,7 @@ FrameOffsets Find(const std::vector<Board>& boards, const std::vector<geometry::
   std::vector<geometry::Rigid3> poses;
   for (const View& view : views)
     poses.push_back(ResectPlane(cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
-  std::vector<std::string> names;
-  for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
-  return FindFrameOffsets(views, poses, frames, names);
+  return FindFrameOffsets(views, poses, frames, geometry::CameraNames(cameras));
 }
 
 /// A board that moves smoothly in front of three cameras; frame numbers are consecutive.

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
@@ -25,11 +26,7 @@ using ::testing::HasSubstr;
 constexpr int kFirst = 4, kLast = 11;  // HD frames with joints; the videos begin at 0
 constexpr double kHdMs = 1001.0 / 30, kStartMs = 5000;
 
-std::string Number(int frame) {
-  char text[16];
-  std::snprintf(text, sizeof text, "%08d", frame);
-  return text;
-}
+std::string Number(int frame) { return Format("%08d", frame); }
 
 geometry::RigCamera CameraAt(const std::string& name, double angle, int width, int height) {
   geometry::RigCamera camera;

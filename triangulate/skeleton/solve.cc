@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
 #include "triangulate/skeleton/refine_internal.h"
 
