@@ -282,7 +282,8 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
 void AssumeSharing(const std::string& why, CalibrateReport* report) {
   for (CameraReport& camera : report->cameras) {
     if (camera.shares_lens_with.empty()) continue;
-    camera.given_up = "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
+    camera.given_up =
+        "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
     camera.assumes = true;
   }
 }
@@ -342,7 +343,8 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
 }
 
 /// Why a solution, or that there is none, may be wrong.
-void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
+void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                   CalibrateReport* report) {
   internal::LookForMotions(input, options, run, report);
   report->held_doubt = FindHeldDoubt(input, *report, options, run);
 }

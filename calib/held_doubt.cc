@@ -28,7 +28,8 @@ CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions op
 /// How many numbers are held.
 int NumHeld(const CalibrateReport& freed, const std::vector<bool>& poses, const std::vector<bool>& lenses) {
   int numbers = 0;
-  for (size_t c = 0; c < freed.cameras.size(); ++c) numbers += (poses[c] ? 6 : 0) + (lenses[c] ? freed.cameras[c].num_params : 0);
+  for (size_t c = 0; c < freed.cameras.size(); ++c)
+    numbers += (poses[c] ? 6 : 0) + (lenses[c] ? freed.cameras[c].num_params : 0);
   return numbers;
 }
 
@@ -81,8 +82,9 @@ Change MostChangedLens(const geometry::Rig& given, const CalibrateReport& freed,
     if (!held[c]) continue;
     ProjectionDiffOptions far;
     far.ranges_m = {std::numeric_limits<double>::infinity()};
-    const auto diff = CompareProjection(given.cameras[static_cast<size_t>(given.Find(freed.cameras[c].name))].camera,
-                                        freed.rig.cameras[static_cast<size_t>(freed.rig.Find(freed.cameras[c].name))].camera, far);
+    const auto diff =
+        CompareProjection(given.cameras[static_cast<size_t>(given.Find(freed.cameras[c].name))].camera,
+                          freed.rig.cameras[static_cast<size_t>(freed.rig.Find(freed.cameras[c].name))].camera, far);
     if (diff.status == Status::kOk && diff.ranges[0].rms_px > most.amount) most = {c, diff.ranges[0].rms_px};
   }
   return most;

@@ -78,7 +78,8 @@ std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& 
       const std::vector<Eigen::Matrix2Xd> residuals = BundleResiduals(scored, local);
       for (size_t v = 0; v < scored.size(); ++v) {
         for (Eigen::Index i = 0; i < scored[v].size(); ++i)
-          errors.push_back({scored[v].camera_idx, placed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity()});
+          errors.push_back(
+              {scored[v].camera_idx, placed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity()});
       }
     }
   }

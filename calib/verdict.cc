@@ -77,7 +77,9 @@ std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int cam
 }
 
 /// In the corners of the image: 1 % of its diagonal, what is known of lenses without a board there.
-double CornerLimit(const geometry::Camera& camera) { return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px)); }
+double CornerLimit(const geometry::Camera& camera) {
+  return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px));
+}
 
 void JudgePixels(const CameraUncertainty& camera, double corner_limit, double scale, const std::string& hint, Judgement* out) {
   const char* name = camera.name.c_str();
@@ -199,7 +201,8 @@ Verdict Judge(const CalibrateReport& report) {
     const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
     const char* const more = "show the board near the image's edges, tilted, and in more places";
     const bool known = index >= 0 && index < static_cast<int>(report.rig.cameras.size());
-    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx, index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
+    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx,
+                index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
                 index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
   }
   JudgeVolume(report.uncertainty,

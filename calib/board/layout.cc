@@ -25,16 +25,15 @@ std::vector<const Detection*> ViewsOf(int board, const std::vector<Detection>& d
   for (const Detection& d : detections) {
     if (d.board_idx == board && d.points_px.cols() >= kMinCorners && d.points_px.allFinite()) all.push_back(&d);
   }
-  for (size_t i = 0; i < std::min(kMaxViews, all.size()); ++i) some.push_back(all[i * all.size() / std::min(kMaxViews, all.size())]);
+  for (size_t i = 0; i < std::min(kMaxViews, all.size()); ++i)
+    some.push_back(all[i * all.size() / std::min(kMaxViews, all.size())]);
   return some;
 }
 
-double Extent(const Detection& d) {
-  return (d.points_px.rowwise().maxCoeff() - d.points_px.rowwise().minCoeff()).norm();
-}
+double Extent(const Detection& d) { return (d.points_px.rowwise().maxCoeff() - d.points_px.rowwise().minCoeff()).norm(); }
 
-/// Root mean square distance of the corners from the image of a plane when `cols` of them make a row; with `mirrored_cols` the corners
-/// were numbered the other way round within rows of so many.
+/// Root mean square distance of the corners from the image of a plane when `cols` of them make a row; with `mirrored_cols` the
+/// corners were numbered the other way round within rows of so many.
 double DistancePx(const Detection& d, int cols, int mirrored_cols) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   Eigen::Matrix2Xd grid(2, d.points_px.cols());

@@ -173,8 +173,8 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
 }
 
 /// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards hardly prefer:
-/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It may
-/// fold there: beyond the circle of a wide lens there is no picture.
+/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It
+/// may fold there: beyond the circle of a wide lens there is no picture.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   constexpr double kSmallLoss = 0.02;  // about what two more numbers cost on few boards
   const LensConfig& config = candidates[chosen].config;

@@ -17,24 +17,34 @@ constexpr double kFocalShare = 0.5;    // of the focal length
 
 std::optional<LensModel> SimplerModel(LensModel model) {
   switch (model) {
-    case LensModel::kThinPrism12: return LensModel::kRational8;
+    case LensModel::kThinPrism12:
+      return LensModel::kRational8;
     case LensModel::kRational8:
-    case LensModel::kBrown5: return LensModel::kBrown4;
-    case LensModel::kBrown4: return LensModel::kBrown2;
+    case LensModel::kBrown5:
+      return LensModel::kBrown4;
+    case LensModel::kBrown4:
+      return LensModel::kBrown2;
     case LensModel::kBrown2:
-    case LensModel::kBrown1P: return LensModel::kBrown1;
+    case LensModel::kBrown1P:
+      return LensModel::kBrown1;
     case LensModel::kBrown1:
-    case LensModel::kPinholeP: return LensModel::kPinhole;
+    case LensModel::kPinholeP:
+      return LensModel::kPinhole;
     case LensModel::kSplined:
-    case LensModel::kKannalaBrandt4P: return LensModel::kKannalaBrandt4;
-    case LensModel::kDoubleSphereP: return LensModel::kDoubleSphere;
-    case LensModel::kEucmP: return LensModel::kEucm;
+    case LensModel::kKannalaBrandt4P:
+      return LensModel::kKannalaBrandt4;
+    case LensModel::kDoubleSphereP:
+      return LensModel::kDoubleSphere;
+    case LensModel::kEucmP:
+      return LensModel::kEucm;
     case LensModel::kKannalaBrandt4:
     case LensModel::kDoubleSphere:
     case LensModel::kEucm:
-    case LensModel::kUcmP: return LensModel::kUcm;
+    case LensModel::kUcmP:
+      return LensModel::kUcm;
     case LensModel::kUcm:
-    case LensModel::kPinhole: return std::nullopt;
+    case LensModel::kPinhole:
+      return std::nullopt;
   }
   return std::nullopt;
 }

@@ -103,8 +103,8 @@ struct Project {
   int threads = 1;
 };
 
-void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Project& work, const ColmapOptions& options,
-                 ProgressStage* stage) {
+void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Project& work,
+                 const ColmapOptions& options, ProgressStage* stage) {
   std::string list;
   for (const std::string& name : names) list += name + "\n";
   WriteFileAtomic(work.folder + "/list.txt", list);
@@ -296,7 +296,7 @@ ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& 
   const std::string program = FindProgram(options.program);
   AtomicFolder output(work_folder, true, PathsOf(images));
   const Project work{output.work_path(), program, output.work_path() + "/database.db", output.work_path() + "/colmap.log",
-                  ResolveThreads(run.num_threads)};
+                     ResolveThreads(run.num_threads)};
   ProgressStage stage(run, "colmap", static_cast<int64_t>(images.size()) + 2);
   ExtractFeatures(images, work, options, &stage);
   Map(images, work, &stage);

@@ -189,8 +189,8 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
 
 using HeldLenses = std::vector<std::optional<Eigen::MatrixXd>>;
 
-/// Covariances of the lenses that were given, per lens of the problem. Those of splined lenses, with their hundreds of numbers, are
-/// not carried and so count as unknown.
+/// Covariances of the lenses that were given, per lens of the problem. Those of splined lenses, with their hundreds of numbers,
+/// are not carried and so count as unknown.
 HeldLenses HeldLensesOf(const SceneAdjustment& work, const ColmapScene& scene, const std::vector<SceneImage>& images) {
   HeldLenses held(work.scene.lenses.size());
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
@@ -372,8 +372,8 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   const double sigma = std::max(1.0, report.bundle.sigma_px);
   report.clusters = InflationByClusters(work.scene, work.observations, work.options, sigma);
   const HeldLenses held_lens = HeldLensesOf(work, scene, images);
-  const PointBundleCovariance covariance =
-      CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma * std::sqrt(report.clusters.factor), held_lens);
+  const PointBundleCovariance covariance = CovarianceOfPointBundle(work.scene, work.observations, work.options,
+                                                                   sigma * std::sqrt(report.clusters.factor), held_lens);
   if (report.status == Status::kOk && covariance.status != Status::kOk)
     report.status = covariance.status, report.message = covariance.message;
   FillRig(work, scene, covariance, held_lens, &report);

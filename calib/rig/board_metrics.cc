@@ -36,8 +36,7 @@ triangulate::PreparedRig RigAt(int frame, const RigState& state) {
 
 bool WideEnough(const std::vector<triangulate::View>& views, double min_parallax_rad) {
   double widest = 0;
-  for (const triangulate::View& view : views)
-    widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
+  for (const triangulate::View& view : views) widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
   return widest >= min_parallax_rad;
 }
 

@@ -68,7 +68,8 @@ std::vector<Hypothesis> Hypotheses(const Grid& grid) {
 double Apart(const Rigid3& a, const Rigid3& b, const Grid& grid) {
   double sum = 0;
   for (const double x : {grid.low.x(), grid.high.x()}) {
-    for (const double y : {grid.low.y(), grid.high.y()}) sum += (a * Eigen::Vector3d(x, y, 0) - b * Eigen::Vector3d(x, y, 0)).squaredNorm();
+    for (const double y : {grid.low.y(), grid.high.y()})
+      sum += (a * Eigen::Vector3d(x, y, 0) - b * Eigen::Vector3d(x, y, 0)).squaredNorm();
   }
   return std::sqrt(sum / 4) / (grid.high - grid.low).norm();
 }

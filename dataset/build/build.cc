@@ -208,7 +208,8 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
   if (largest < 0.5) return;
   const std::string text = Format(
       "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
-  report->warnings.push_back({"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
+  report->warnings.push_back(
+      {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
 }
 
 }  // namespace

@@ -31,7 +31,8 @@ bool HasJointCovariance(const Rig& rig) {
     if (row + p + 6 > joint.rows() || joint.rows() != joint.cols()) return false;
     const auto same = [&](const auto& own, Eigen::Index begin, Eigen::Index size) {
       any = true;
-      return own.rows() == size && own.cols() == size && (joint.block(begin, begin, size, size) - own).norm() <= 1e-9 * own.norm();
+      return own.rows() == size && own.cols() == size &&
+             (joint.block(begin, begin, size, size) - own).norm() <= 1e-9 * own.norm();
     };
     if (camera.params_covariance && !same(*camera.params_covariance, row, p)) return false;
     if (camera.cam_from_world_covariance && !same(*camera.cam_from_world_covariance, row + p, 6)) return false;

@@ -100,7 +100,9 @@ TEST(FrameSteps, AClockThatDriftsIsNotConsistent) {
   for (Detection d : scene.detections) {
     const auto ahead = static_cast<int64_t>(std::lround(0.03 * static_cast<double>(d.frame_idx)));
     if (d.camera_idx == 2) d.frame_idx -= ahead;
-    const auto twice = [&](const Detection& other) { return other.camera_idx == d.camera_idx && other.frame_idx == d.frame_idx; };
+    const auto twice = [&](const Detection& other) {
+      return other.camera_idx == d.camera_idx && other.frame_idx == d.frame_idx;
+    };
     if (std::none_of(detections.begin(), detections.end(), twice)) detections.push_back(d);
   }
   const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, detections);

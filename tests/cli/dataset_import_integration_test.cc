@@ -173,8 +173,7 @@ TEST(ImportPanoptic, WithoutHdFootageJointsAreCountedByVgaFrames) {
   const auto joints = JointsOf(sequence.Out(), "seq");
   ASSERT_EQ(joints.size(), 4u);
   EXPECT_NEAR(joints.at(3).at(0).x_in_world(0, 0), dataset::StandingPerson(0.3).x_in_world(0, 0), 1e-12);
-  const CliRun build =
-      RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks",
+  const CliRun build = RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks",
                                "--allow-outside", "--json"});
   ASSERT_EQ(build.exit, 0) << build.out << build.err;
   EXPECT_EQ(build.Json()["metrics"]["images"], 4);

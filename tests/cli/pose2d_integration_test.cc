@@ -161,7 +161,8 @@ TEST_F(Pose2dCommand, WrongWordsAreUsageErrors) {
   };
   EXPECT_EQ(exit_with("--backend", "magic"), 2);
   EXPECT_EQ(exit_with("--backend", "openpose:" + (folder_ / "none")), 2);
-  EXPECT_EQ(exit_with("--backend", "onnx:" + (folder_ / "none.onnx")), 3) << "the file comes before what it needs";  // no size given
+  EXPECT_EQ(exit_with("--backend", "onnx:" + (folder_ / "none.onnx")), 3)
+      << "the file comes before what it needs";  // no size given
   EXPECT_EQ(RunCli({"pose2d", "--out", folder_ / "out"}).exit, 2);
 }
 

@@ -54,8 +54,9 @@ double Worse(const LeftOutFigures& a, const LeftOutFigures& b) {
 
 }  // namespace
 
-OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames,
-                       const TakeBody& body, const TakeOptions& options, const RunContext& run) {
+OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
+                       const std::vector<double>& offset_frames, const TakeBody& body, const TakeOptions& options,
+                       const RunContext& run) {
   const std::vector<int> numbers = SpreadNumbers(frames);
   const auto figures = [&](double factor) {
     return LeaveOut(rig, Pick(ApplyOffsets(frames, Times(factor, offset_frames)), numbers), body, options, run);
