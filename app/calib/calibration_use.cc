@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/join.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "triangulate/sync/sync.h"
@@ -15,12 +16,6 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr double kLeastOffsetFrames = 0.005;  // below it an offset moves nothing that a picture shows
-
-std::string Listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
 
 /// Names of the cameras that take part, by whether their lens and pose have covariances.
 struct Knowledge {
@@ -49,7 +44,7 @@ std::string CovarianceLine(const Knowledge& knowledge, const std::string& unused
     return "calibration's uncertainty: unknown, it carries no covariance; sigmas hold the detections' noise alone";
   if (!unused_because.empty()) return "calibration's uncertainty: not used, " + unused_because;
   if (knowledge.missing.empty()) return "calibration's uncertainty: in the sigmas, of all cameras";
-  return "calibration's uncertainty: in the sigmas where it is known; unknown for " + Listed(knowledge.missing) +
+  return "calibration's uncertainty: in the sigmas where it is known; unknown for " + Join(knowledge.missing, ", ") +
          ", whose part is left out: sigmas of what these cameras see are lower bounds";
 }
 
@@ -89,7 +84,7 @@ void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std
   result->metrics["covariance_missing"] = missing;
   if (!missing.empty()) {
     result->warnings.push_back({"CAL-COVARIANCE-MISSING",
-                                "the covariance of " + Listed(missing) +
+                                "the covariance of " + Join(missing, ", ") +
                                     " is unknown, in whole or in part: what was solved from it does not hold its part",
                                 "start from a calibration that states covariances"});
   }

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/join.h"
 #include "core/units.h"
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/plausible.h"
@@ -14,11 +15,7 @@
 namespace mvstudio::app {
 
 std::string CalibrationFormatNames() {
-  std::string names;
-  for (const auto format : calib::kAllCalibrationFormats) {
-    names += (names.empty() ? "" : ", ") + std::string(calib::ToString(format));
-  }
-  return names;
+  return Join(calib::kAllCalibrationFormats, ", ", [](auto format) { return calib::ToString(format); });
 }
 
 std::vector<std::string> CalibrationFormatChoices(bool with_auto) {

@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "report/page/format.h"
 #include "report/study/study.h"
 #include "report/study/study_tally.h"
@@ -52,11 +53,9 @@ nlohmann::ordered_json ShareJson(const report::StudyShare& share) {
 }
 
 std::string ShareLine(const std::string& name, const report::StudyShare& share) {
-  char line[200];
-  std::snprintf(line, sizeof line, "  %-24s %4lld of %4lld  %5.1f %% [%5.1f, %5.1f]  p %.3g  left %lld\n", name.c_str(),
+  return Format("  %-24s %4lld of %4lld  %5.1f %% [%5.1f, %5.1f]  p %.3g  left %lld\n", name.c_str(),
                 static_cast<long long>(share.chose_a), static_cast<long long>(share.n), 100 * share.share_a, 100 * share.low,
                 100 * share.high, share.p_value, static_cast<long long>(share.chose_left));
-  return line;
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 
 #include "calib/formats/formats.h"
 #include "calib/formats/formats_internal.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::calib {
@@ -253,11 +253,7 @@ std::optional<ImportNote> internal::QcaDivisorNote(const geometry::Rig& rig, dou
     if (lens && lens->distortion.size() > 0) largest_k1 = std::max(largest_k1, std::abs(lens->distortion[0]));
   }
   if (largest_k1 == 0) return std::nullopt;
-  const auto text = [](double value) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.3g", value);
-    return std::string(number);
-  };
+  const auto text = [](double value) { return Format("%.3g", value); };
   if (divisor != 1) {
     const bool small = !writing && largest_k1 < kTinyK1;
     return ImportNote{"CAL-QCADISTORTION",

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/solve/least_squares.h"
 #include "triangulate/point/point.h"
@@ -141,28 +142,6 @@ std::vector<KeypointFit> FitAll(size_t count, int num_threads, const Fit& fit) {
   return fits;
 }
 
-double Quantile(std::vector<double>* values, double q) {
-  if (values->empty()) return std::nan("");
-  std::sort(values->begin(), values->end());
-  const double at = q * static_cast<double>(values->size() - 1);
-  const auto low = static_cast<size_t>(at);
-  const double rest = at - static_cast<double>(low);
-  return rest > 0 ? (1 - rest) * (*values)[low] + rest * (*values)[low + 1] : (*values)[low];
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return values.empty() ? std::nan("") : sum / static_cast<double>(values.size());
-}
-
-double StandardDeviation(const std::vector<double>& values) {
-  const double mean = Mean(values);
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return std::sqrt(squares / static_cast<double>(values.size()));
-}
-
 void MeasureLimbs(const std::vector<KeypointFit>& fits, const std::vector<std::pair<int, int>>& limbs, KeypointError* error) {
   std::map<std::tuple<int, int, int>, Eigen::Vector3d> points;  // person, frame, joint
   for (const KeypointFit& fit : fits)
@@ -178,7 +157,7 @@ void MeasureLimbs(const std::vector<KeypointFit>& fits, const std::vector<std::p
   std::vector<double> deviations, means;
   for (const auto& [key, values] : lengths_mm) {
     if (values.size() < 2) continue;
-    deviations.push_back(StandardDeviation(values)), means.push_back(Mean(values));
+    deviations.push_back(PopulationDeviation(values)), means.push_back(Mean(values));
   }
   error->limb_std_mm = Mean(deviations), error->limb_mean_mm = Mean(means);
 }
@@ -220,10 +199,8 @@ double CauchyScale(const std::vector<KeypointFit>& fits) {
     for (const Eigen::Vector2d& residual : fit.residuals_px)
       lengths.push_back(std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
   }
-  return MedianOf(std::move(lengths)) / std::sqrt(3.0);
+  return LinearQuantile(std::move(lengths), 0.5) / std::sqrt(3.0);
 }
-
-double MedianOf(std::vector<double> values) { return Quantile(&values, 0.5); }
 
 KeypointError ErrorOf(const std::vector<KeypointFit>& fits, const std::vector<std::pair<int, int>>& limbs) {
   KeypointError error;
@@ -234,8 +211,8 @@ KeypointError ErrorOf(const std::vector<KeypointFit>& fits, const std::vector<st
     for (const Eigen::Vector2d& residual : fit.residuals_px) lengths.push_back(residual.norm());
   }
   error.mean_px = Mean(lengths);
-  error.median_px = Quantile(&lengths, 0.5);
-  error.p90_px = Quantile(&lengths, 0.9);
+  error.median_px = LinearQuantile(lengths, 0.5);
+  error.p90_px = LinearQuantile(std::move(lengths), 0.9);
   MeasureLimbs(fits, limbs, &error);
   return error;
 }

@@ -10,7 +10,7 @@
 #include "calib/lens/focal_evidence.h"
 #include "calib/lens/gross_errors.h"
 #include "calib/lens/resection.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_fit.h"
 
 namespace mvstudio::calib {
@@ -22,10 +22,10 @@ using geometry::LensModel;
 constexpr int kMaxStartViews = 16;
 constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of the image width, beside the closed form
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};            // horizontal fields of view of fisheye starts
-constexpr double kFlatDeg = 10;      // boards tilted less than this count as parallel to the image
+constexpr double kFlatDeg = 10;                      // boards tilted less than this count as parallel to the image
 constexpr double kCap = 5e-3, kGoodSolution = 5e-4;  // of the image width
-constexpr double kLongestOther = 5;  // of the image width: longer lenses hardly have a distortion that misleads
-constexpr double kGoodStart = 2e-3;  // median error over the image width below which wider lenses are not tried
+constexpr double kLongestOther = 5;                  // of the image width: longer lenses hardly have a distortion that misleads
+constexpr double kGoodStart = 2e-3;                  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.
 std::vector<View> Thin(const std::vector<View>& views, size_t count) {
@@ -108,9 +108,7 @@ double MedianError(const MonoSolution& solution) {
   return UpperMedian(errors, std::numeric_limits<double>::infinity());
 }
 
-bool Usable(const MonoSolution& solution) {
-  return solution.status == Status::kOk || solution.status == Status::kNotConverged;
-}
+bool Usable(const MonoSolution& solution) { return solution.status == Status::kOk || solution.status == Status::kNotConverged; }
 
 /// Boards without a corner that counts.
 int NumLost(const MonoSolution& solution) {
@@ -285,8 +283,8 @@ MonoSolution SolvePosed(const Camera& lens, LensModel model, const geometry::Spl
   return solution;
 }
 
-/// The same; then all boards are posed again by the solved lens while that helps: an early lens may have taken the wrong one of a
-/// plane's two orientations, and rejected the board for it.
+/// The same; then all boards are posed again by the solved lens while that helps: an early lens may have taken the wrong one of
+/// a plane's two orientations, and rejected the board for it.
 MonoSolution SolveFrom(const Camera& lens, LensModel model, const geometry::SplineGrid& spline, const std::vector<View>& views,
                        const std::vector<View>& screened, const BundleOptions& options) {
   constexpr int kRounds = 4;

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -16,24 +17,34 @@ constexpr double kFocalShare = 0.5;    // of the focal length
 
 std::optional<LensModel> SimplerModel(LensModel model) {
   switch (model) {
-    case LensModel::kThinPrism12: return LensModel::kRational8;
+    case LensModel::kThinPrism12:
+      return LensModel::kRational8;
     case LensModel::kRational8:
-    case LensModel::kBrown5: return LensModel::kBrown4;
-    case LensModel::kBrown4: return LensModel::kBrown2;
+    case LensModel::kBrown5:
+      return LensModel::kBrown4;
+    case LensModel::kBrown4:
+      return LensModel::kBrown2;
     case LensModel::kBrown2:
-    case LensModel::kBrown1P: return LensModel::kBrown1;
+    case LensModel::kBrown1P:
+      return LensModel::kBrown1;
     case LensModel::kBrown1:
-    case LensModel::kPinholeP: return LensModel::kPinhole;
+    case LensModel::kPinholeP:
+      return LensModel::kPinhole;
     case LensModel::kSplined:
-    case LensModel::kKannalaBrandt4P: return LensModel::kKannalaBrandt4;
-    case LensModel::kDoubleSphereP: return LensModel::kDoubleSphere;
-    case LensModel::kEucmP: return LensModel::kEucm;
+    case LensModel::kKannalaBrandt4P:
+      return LensModel::kKannalaBrandt4;
+    case LensModel::kDoubleSphereP:
+      return LensModel::kDoubleSphere;
+    case LensModel::kEucmP:
+      return LensModel::kEucm;
     case LensModel::kKannalaBrandt4:
     case LensModel::kDoubleSphere:
     case LensModel::kEucm:
-    case LensModel::kUcmP: return LensModel::kUcm;
+    case LensModel::kUcmP:
+      return LensModel::kUcm;
     case LensModel::kUcm:
-    case LensModel::kPinhole: return std::nullopt;
+    case LensModel::kPinhole:
+      return std::nullopt;
   }
   return std::nullopt;
 }
@@ -80,13 +91,11 @@ LensPrior PriorOf(const LensStep& step, const Camera& camera, double sigma_px) {
 }
 
 std::string ToString(const LensStep& step, const Camera& camera) {
-  char text[200] = "";
-  if (step.assume_centre)
-    std::snprintf(text, sizeof text, ", its principal point assumed at the image's centre +- %.0f px", CentreSigma(camera));
-  std::string all = std::string(geometry::ToString(step.model)) + text;
-  if (!step.assume_focal) return all;
-  std::snprintf(text, sizeof text, " and its focal length at %.0f +- %.0f px", AssumedFocal(camera), kFocalShare * AssumedFocal(camera));
-  return all + text;
+  std::string text(geometry::ToString(step.model));
+  if (step.assume_centre) text += Format(", its principal point assumed at the image's centre +- %.0f px", CentreSigma(camera));
+  if (step.assume_focal)
+    text += Format(" and its focal length at %.0f +- %.0f px", AssumedFocal(camera), kFocalShare * AssumedFocal(camera));
+  return text;
 }
 
 }  // namespace mvstudio::calib

@@ -10,6 +10,7 @@
 #include "calib/points/point_bundle.h"
 #include "calib/points/point_resection_internal.h"
 #include "core/check.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/rigid/cross_matrix.h"
 #include "geometry/rigid/decompositions.h"
@@ -167,12 +168,6 @@ std::vector<double> LeaveOneOut(const ResectionProblem& problem, const std::vect
     errors.push_back(ok ? ResectionResiduals(fit).col(static_cast<Eigen::Index>(i)).norm() : kInfinity);
   }
   return errors;
-}
-
-double Rms(const std::vector<double>& errors) {
-  double sum = 0;
-  for (const double e : errors) sum += e * e;
-  return errors.empty() ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum / static_cast<double>(errors.size()));
 }
 
 /// Extent of the points that were clicked along their principal axes, largest first.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/join.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::geometry {
@@ -78,11 +79,7 @@ std::optional<LensModel> LensModelFromString(std::string_view name) {
   return std::nullopt;
 }
 
-std::string LensModelNames() {
-  std::string names;
-  for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
-  return names;
-}
+std::string LensModelNames() { return Join(kNames, ", "); }
 
 std::vector<LensModel> ModelsSimplestFirst() {
   std::vector<LensModel> models(std::begin(kAllLensModels), std::end(kAllLensModels) - 1);
