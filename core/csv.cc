@@ -53,13 +53,16 @@ const std::vector<std::string_view>& CsvReader::Cells() {
     more = !rest.empty();
     Drop(1, &rest);
   }
-  const size_t other = line_.find_first_of(";\t");
-  if (!has_header_ && cells_.size() == 1 && other != std::string_view::npos) {
-    Fail(std::string("no comma, but ") + (line_[other] == ';' ? "';'" : "tabs") +
-         ": save the table with commas between the cells and decimal points in numbers");
-  }
+  if (!has_header_) CheckSeparator();
   has_header_ = true;
   return cells_;
+}
+
+void CsvReader::CheckSeparator() const {
+  const size_t other = line_.find_first_of(";\t");
+  if (cells_.size() > 1 || other == std::string_view::npos) return;
+  Fail(std::string("no comma, but ") + (line_[other] == ';' ? "';'" : "tabs") +
+       ": save the table with commas between the cells and decimal points in numbers");
 }
 
 /// The cell in quotes that `rest` begins with; leaves what stands behind it.

@@ -35,6 +35,7 @@ class CsvReader {
   [[noreturn]] void Fail(const std::string& what) const;
 
  private:
+  void CheckSeparator() const;
   std::string_view TakeQuoted(std::string_view* rest);
 
   std::string path_;
