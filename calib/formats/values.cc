@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "calib/formats/formats_internal.h"
+#include "core/csv.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -60,7 +61,7 @@ double ParseNumber(std::string_view text, const Place& place) {
   double number = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
-    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number");
+    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number" + DecimalCommaHint(text));
   }
   return number;
 }

@@ -146,6 +146,11 @@ TEST(ParseTable, QuotesEmptyCellsAndAnInterruptedLastLine) {
   EXPECT_TRUE(std::isnan(table.Number(7, 0)));
 }
 
+TEST(ParseTable, AQuoteThatIsCutIsAnInterruptedLastLine) {
+  EXPECT_EQ(ParseTable("a,b\n1,2\n3,\"x", "t.csv").rows.size(), 1u);
+  EXPECT_THROW(ParseTable("a,b\n1,2\n3,\"x\n", "t.csv"), FormatError);
+}
+
 TEST(ParseTable, RefusesRaggedAndEmpty) {
   EXPECT_THROW(ParseTable("a,b\n1\n2,3\n", "t.csv"), FormatError);
   EXPECT_THROW(ParseTable("", "t.csv"), FormatError);
