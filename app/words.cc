@@ -40,7 +40,7 @@ std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
     const int last = dash == std::string::npos ? first : ParseNumber(flag, item.substr(dash + 1));
     if (last < first || last - first > 10'000'000)
       throw UsageError(flag + ": range '" + item + "' runs backwards or is too long");
-    for (int i = first; i <= last; ++i) numbers.insert(i);
+    for (int i = 0; i <= last - first; ++i) numbers.insert(first + i);
   }
   return {numbers.begin(), numbers.end()};
 }

@@ -10,6 +10,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
@@ -93,16 +94,14 @@ void MakeStudio(const std::string& jpeg, const std::string& png, int frames, uin
   for (const std::string& root : {jpeg, png}) {
     dataset::WritePanopticCalibration(rig, root + "/calibration_made.json", "made");
     for (int f = 0; f < frames; ++f) {
-      char name[64];
-      std::snprintf(name, sizeof(name), "/hdPose3d_stage1_coco19/body3DScene_%08d.json", f);
-      dataset::WriteBody3dScene({{0, MakePose(0.4 * f)}}, 40.0 * f, root + name);
+      dataset::WriteBody3dScene({{0, MakePose(0.4 * f)}}, 40.0 * f,
+                                root + Format("/hdPose3d_stage1_coco19/body3DScene_%08d.json", f));
     }
   }
   ParallelFor(int64_t{frames} * kCameras, 0, [&](int64_t i) {
     const Image picture = MakePicture(seed * 1000003 + static_cast<uint64_t>(i));
-    char name[64];
-    std::snprintf(name, sizeof(name), "/hdImgs/00_%02d/00_%02d_%08d", static_cast<int>(i % kCameras),
-                  static_cast<int>(i % kCameras), static_cast<int>(i / kCameras));
+    const std::string name = Format("/hdImgs/00_%02d/00_%02d_%08d", static_cast<int>(i % kCameras),
+                                    static_cast<int>(i % kCameras), static_cast<int>(i / kCameras));
     dataset::WriteImage(picture, jpeg + name + ".jpg", 95);
     dataset::WriteImage(picture, png + name + ".png");
   });
@@ -125,14 +124,13 @@ void Enlarge(const std::string& from, const std::string& to, int frames) {
     const int frame = data.frames[static_cast<size_t>(i / cameras) * data.frames.size() / static_cast<size_t>(count)];
     const std::string& name = rig.cameras[i % cameras].camera.name;
     const dataset::ResampleMap map(data.rig.cameras[i % cameras], rig.cameras[i % cameras]);
-    char file[64];
-    std::snprintf(file, sizeof(file), "/%s/%s_%08d", name.c_str(), name.c_str(), frame);
+    const std::string file = Format("/%s/%s_%08d", name.c_str(), name.c_str(), frame);
     dataset::WriteImage(map.Picture(dataset::ReadImage(data.ImagePath(name, frame)), dataset::Border::kLeave),
                         to + "/hdImgs" + file + ".jpg", 95);
     dataset::WriteImage(map.Mask(dataset::ReadImage(data.MaskPath(name, frame), true)), to + "/masks" + file + ".png");
     if (i % cameras) return;
-    std::snprintf(file, sizeof(file), "/hdPose3d_stage1_coco19/body3DScene_%08d.json", frame);
-    dataset::WriteBody3dScene(data.poses.at(frame), 40.0 * frame, to + file);
+    dataset::WriteBody3dScene(data.poses.at(frame), 40.0 * frame,
+                              to + Format("/hdPose3d_stage1_coco19/body3DScene_%08d.json", frame));
   });
 }
 

@@ -8,6 +8,8 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "core/statistics.h"
+
 namespace mvstudio::bench {
 
 Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors,
@@ -18,9 +20,8 @@ Row MakeRow(const std::string& problem, const std::string& method, const std::st
   row.refused = static_cast<double>(errors.end() - end) / static_cast<double>(errors.size());
   errors.erase(end, errors.end());
   if (errors.empty()) return row;
-  std::sort(errors.begin(), errors.end());
-  row.median_error = errors[errors.size() / 2];
-  row.max_error = errors.back();
+  row.max_error = *std::max_element(errors.begin(), errors.end());
+  row.median_error = UpperMedian(std::move(errors));
   return row;
 }
 

@@ -11,7 +11,7 @@
 #include <opengv/triangulation/methods.hpp>
 #include <string>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::bench {
 namespace {
@@ -53,9 +53,7 @@ void SetErrors(const TriangulationProblem& problem, const std::function<Eigen::V
   }
   row->refused = 1 - static_cast<double>(squares.size()) / static_cast<double>(problem.batch.num_points);
   if (squares.empty()) return;
-  double sum = 0;
-  for (const double square : squares) sum += square;
-  row->rms_error_mm = std::sqrt(sum / static_cast<double>(squares.size()));
+  row->rms_error_mm = std::sqrt(Mean(squares));
   row->median_error_mm = std::sqrt(UpperMedian(squares));
 }
 

@@ -5,7 +5,7 @@
 
 #include "body/body_template.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::body {

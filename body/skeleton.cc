@@ -6,6 +6,7 @@
 #include "body/skeleton_parts.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::body {
 namespace {
@@ -189,9 +190,7 @@ const Skeleton& SkeletonByName(const std::string& name) {
   for (const Skeleton& skeleton : All()) {
     if (skeleton.name == name) return skeleton;
   }
-  std::string known;
-  for (const std::string& each : SkeletonNames()) known += (known.empty() ? "" : ", ") + each;
-  throw UsageError("unknown skeleton \"" + name + "\"; known are " + known);
+  throw UsageError("unknown skeleton \"" + name + "\"; known are " + Join(SkeletonNames(), ", "));
 }
 
 std::vector<std::string> SkeletonsOfSize(size_t num_joints) {

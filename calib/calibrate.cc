@@ -45,16 +45,10 @@ Rigid3 WorldFromFloorBoard() {
   return world_from_board;
 }
 
-std::vector<std::string> NamesOf(const std::vector<geometry::Camera>& cameras) {
-  std::vector<std::string> names;
-  for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
-  return names;
-}
-
 /// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
 bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
-  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, NamesOf(work->state.cameras));
+  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, geometry::CameraNames(work->state.cameras));
   const FrameOffsets& offsets = work->offsets;
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
@@ -72,7 +66,7 @@ void ReconsiderFrames(const Work& work, CalibrateReport* report) {
   for (size_t c = 0; c < work.monos.size(); ++c)
     explained.push_back(report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx);
   FrameOffsets offsets = work.offsets;
-  Reconsider(work.views, work.prior, NamesOf(work.state.cameras), explained, &offsets);
+  Reconsider(work.views, work.prior, geometry::CameraNames(work.state.cameras), explained, &offsets);
   report->frames_doubt = offsets.text;
 }
 
@@ -288,7 +282,8 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
 void AssumeSharing(const std::string& why, CalibrateReport* report) {
   for (CameraReport& camera : report->cameras) {
     if (camera.shares_lens_with.empty()) continue;
-    camera.given_up = "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
+    camera.given_up =
+        "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
     camera.assumes = true;
   }
 }
@@ -336,7 +331,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   if (options.intrinsics_only) {
     SeparateViews(&work);
   } else {
-    report->numbering = FindNumberingFaults(work.views, work.cam_from_board, NamesOf(work.state.cameras));
+    report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
     if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
   }
@@ -348,7 +343,8 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
 }
 
 /// Why a solution, or that there is none, may be wrong.
-void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* report) {
+void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                   CalibrateReport* report) {
   internal::LookForMotions(input, options, run, report);
   report->held_doubt = FindHeldDoubt(input, *report, options, run);
 }

@@ -5,7 +5,7 @@
 
 #include "calib/bundle/board_shape.h"
 #include "calib/calibrate_steps.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -137,7 +137,8 @@ void ReportHeldOut(const Work& work, CalibrateReport* report) {
     if (e.px <= kGrossPx) sum += e.px * e.px, good += 1;
     if (!(e.px <= kGrossPx)) gross[e.camera_idx] += 1;
   }
-  for (size_t c = 0; c < count.size(); ++c) report->cameras[c].rig_holdout_gross_fraction = count[c] > 0 ? gross[c] / count[c] : kNan;
+  for (size_t c = 0; c < count.size(); ++c)
+    report->cameras[c].rig_holdout_gross_fraction = count[c] > 0 ? gross[c] / count[c] : kNan;
   report->rig_holdout_rms_px = good > 0 ? std::sqrt(sum / good) : kNan;
   report->rig_holdout_gross_fraction = 1 - good / static_cast<double>(errors.size());
   report->rig_holdout_median_px = UpperMedian(all);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <vector>
 
@@ -10,6 +9,7 @@
 #include "calib/check/rig_compare.h"
 #include "calib/lens/evidence.h"
 #include "calib/view_squares.h"
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -28,7 +28,8 @@ CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions op
 /// How many numbers are held.
 int NumHeld(const CalibrateReport& freed, const std::vector<bool>& poses, const std::vector<bool>& lenses) {
   int numbers = 0;
-  for (size_t c = 0; c < freed.cameras.size(); ++c) numbers += (poses[c] ? 6 : 0) + (lenses[c] ? freed.cameras[c].num_params : 0);
+  for (size_t c = 0; c < freed.cameras.size(); ++c)
+    numbers += (poses[c] ? 6 : 0) + (lenses[c] ? freed.cameras[c].num_params : 0);
   return numbers;
 }
 
@@ -81,17 +82,16 @@ Change MostChangedLens(const geometry::Rig& given, const CalibrateReport& freed,
     if (!held[c]) continue;
     ProjectionDiffOptions far;
     far.ranges_m = {std::numeric_limits<double>::infinity()};
-    const auto diff = CompareProjection(given.cameras[static_cast<size_t>(given.Find(freed.cameras[c].name))].camera,
-                                        freed.rig.cameras[static_cast<size_t>(freed.rig.Find(freed.cameras[c].name))].camera, far);
+    const auto diff =
+        CompareProjection(given.cameras[static_cast<size_t>(given.Find(freed.cameras[c].name))].camera,
+                          freed.rig.cameras[static_cast<size_t>(freed.rig.Find(freed.cameras[c].name))].camera, far);
     if (diff.status == Status::kOk && diff.ranges[0].rms_px > most.amount) most = {c, diff.ranges[0].rms_px};
   }
   return most;
 }
 
 std::string FallOf(const CameraReport& held, const CameraReport& freed) {
-  char text[200];
-  std::snprintf(text, sizeof text, "the error of %s falls from %.2f to %.2f px", held.name.c_str(), held.rms_px, freed.rms_px);
-  return text;
+  return Format("the error of %s falls from %.2f to %.2f px", held.name.c_str(), held.rms_px, freed.rms_px);
 }
 
 }  // namespace
@@ -111,10 +111,10 @@ std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& so
   const Change lens = MostChangedLens(*input.start, freed, lenses);
   if (pose.amount == 0 && lens.amount == 0) return "";
   const bool is_pose = pose.amount > 0 && (lens.amount == 0 || pose.amount * freed.cameras[pose.camera].focal_px > lens.amount);
-  char text[300];
-  std::snprintf(text, sizeof text, "the given %s of camera %s contradicts the boards: with nothing held it changes by %.3g %s, and ",
-                is_pose ? "pose" : "lens", freed.cameras[is_pose ? pose.camera : lens.camera].name.c_str(),
-                is_pose ? pose.amount * 180 / M_PI : lens.amount, is_pose ? "degrees" : "px");
+  const std::string text =
+      Format("the given %s of camera %s contradicts the boards: with nothing held it changes by %.3g %s, and ",
+             is_pose ? "pose" : "lens", freed.cameras[is_pose ? pose.camera : lens.camera].name.c_str(),
+             is_pose ? pose.amount * 180 / M_PI : lens.amount, is_pose ? "degrees" : "px");
   return text + (refused ? "there is a solution" : FallOf(solved.cameras[relieved], freed.cameras[relieved]));
 }
 

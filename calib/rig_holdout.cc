@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <set>
@@ -9,7 +8,8 @@
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -78,7 +78,8 @@ std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& 
       const std::vector<Eigen::Matrix2Xd> residuals = BundleResiduals(scored, local);
       for (size_t v = 0; v < scored.size(); ++v) {
         for (Eigen::Index i = 0; i < scored[v].size(); ++i)
-          errors.push_back({scored[v].camera_idx, placed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity()});
+          errors.push_back(
+              {scored[v].camera_idx, placed ? residuals[v].col(i).norm() : std::numeric_limits<double>::infinity()});
       }
     }
   }
@@ -131,10 +132,8 @@ bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std:
   const double n = static_cast<double>(scores.size()), mean = sum / n;
   const double error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
   const bool pays = mean > error && std::sqrt(1 - sum / before) < 1 - kNegligibleGain;
-  char text[200];
-  std::snprintf(text, sizeof text, "time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s",
-                -100 * sum / before, 100 * error * n / before, pays ? "estimated" : "left out");
-  *reason = text;
+  *reason = Format("time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s", -100 * sum / before,
+                   100 * error * n / before, pays ? "estimated" : "left out");
   return pays;
 }
 

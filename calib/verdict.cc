@@ -1,32 +1,17 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <vector>
 
 #include "calib/calibrate.h"
 #include "calib/film_next.h"
 #include "calib/verdict_internal.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
-namespace internal {
-
-std::string Text(const char* format, ...) {
-  char buffer[600];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer, sizeof buffer, format, arguments);
-  va_end(arguments);
-  return buffer;
-}
-
-}  // namespace internal
-
 namespace {
 
 using internal::Judgement;
-using internal::Text;
 
 constexpr double kWarnHoldoutPx = 1.0, kFailHoldoutPx = 3.0;
 constexpr double kWarnHoldoutRatio = 1.5;
@@ -47,22 +32,22 @@ void JudgeError(const CameraReport& camera, double scale, Judgement* out) {
   const char* name = camera.name.c_str();
   const double holdout = camera.holdout_rms_px, warn = kWarnHoldoutPx * scale, fail = kFailHoldoutPx * scale;
   if (holdout > fail) {
-    out->Fail("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (limit %.1f)", name, holdout, fail),
+    out->Fail("CAL-HOLDOUT", Format("camera %s: held-out error %.2f px (limit %.1f)", name, holdout, fail),
               "check the board's size and numbering, blur, and that the footage is synchronised");
   } else if (holdout > warn) {
-    out->Warn("CAL-HOLDOUT", Text("camera %s: held-out error %.2f px (good is below %.1f)", name, holdout, warn),
+    out->Warn("CAL-HOLDOUT", Format("camera %s: held-out error %.2f px (good is below %.1f)", name, holdout, warn),
               "use sharper images and a flat board");
   }
   if (holdout > kWarnHoldoutRatio * camera.rms_px && holdout > 0.2) {
     out->Warn("CAL-HOLDOUT",
-              Text("camera %s: held-out error %.2f px against %.2f px on its own boards", name, holdout, camera.rms_px),
+              Format("camera %s: held-out error %.2f px against %.2f px on its own boards", name, holdout, camera.rms_px),
               "film more boards, in more varied poses");
   }
 }
 
 void JudgeFocal(const CameraReport& camera, Judgement* out) {
   const double percent = 100 * camera.focal_sigma_px / camera.focal_px;
-  const std::string text = Text("camera %s: the focal length is known to %.1f %% only", camera.name.c_str(), percent);
+  const std::string text = Format("camera %s: the focal length is known to %.1f %% only", camera.name.c_str(), percent);
   const char* const hint = "show the board tilted, and near as well as far";
   if (percent > 100 * kFailFocalSigma) {
     out->Fail("CAL-FOCAL", text, hint);
@@ -73,8 +58,9 @@ void JudgeFocal(const CameraReport& camera, Judgement* out) {
 
 void JudgeGross(const CameraReport& camera, Judgement* out) {
   if (!(camera.holdout_gross_fraction > kWarnGross)) return;
-  const std::string text = Text("camera %s: %.1f %% of the held-out corners are off by more than 5 px (good is below %.1f %%)",
-                                camera.name.c_str(), 100 * camera.holdout_gross_fraction, 100 * kWarnGross);
+  const std::string text =
+      Format("camera %s: %.1f %% of the held-out corners are off by more than 5 px (good is below %.1f %%)",
+             camera.name.c_str(), 100 * camera.holdout_gross_fraction, 100 * kWarnGross);
   const bool fail = camera.holdout_gross_fraction > kFailGross;
   const char* const hint =
       fail ? "the lens model does not fit, or boards were found wrongly: try option 'model' auto, look at the worst boards"
@@ -91,21 +77,23 @@ std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int cam
 }
 
 /// In the corners of the image: 1 % of its diagonal, what is known of lenses without a board there.
-double CornerLimit(const geometry::Camera& camera) { return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px)); }
+double CornerLimit(const geometry::Camera& camera) {
+  return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px));
+}
 
 void JudgePixels(const CameraUncertainty& camera, double corner_limit, double scale, const std::string& hint, Judgement* out) {
   const char* name = camera.name.c_str();
-  const std::string edge = Text("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
-                                name, camera.edge_px, kWarnEdgePx * scale);
+  const std::string edge = Format("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
+                                  name, camera.edge_px, kWarnEdgePx * scale);
   if (!std::isfinite(camera.edge_px)) {
-    out->Warn("CAL-UNCERTAIN", Text("camera %s: how uncertain its projections are cannot be said", name), hint);
+    out->Warn("CAL-UNCERTAIN", Format("camera %s: how uncertain its projections are cannot be said", name), hint);
   } else if (camera.edge_px > kFailEdgePx * scale) {
     out->Fail("CAL-UNCERTAIN", edge, hint);
   } else if (camera.edge_px > kWarnEdgePx * scale) {
     out->Warn("CAL-UNCERTAIN", edge, hint);
   } else if (camera.corner_px > corner_limit) {
     out->Warn("CAL-UNCERTAIN",
-              Text("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
+              Format("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
   }
 }
 
@@ -117,8 +105,8 @@ void JudgeVolume(const UncertaintySummary& uncertainty, const std::string& hint,
   if (ranges.empty()) return;
   const double share = uncertainty.volume_mm / (1e3 * UpperMedian(std::move(ranges)));
   if (!(share > kWarnVolume)) return;
-  const std::string text = Text("points are uncertain by %.3g mm, %.2f %% of the boards' distance (good is below %.1f %%)",
-                                uncertainty.volume_mm, 100 * share, 100 * kWarnVolume);
+  const std::string text = Format("points are uncertain by %.3g mm, %.2f %% of the boards' distance (good is below %.1f %%)",
+                                  uncertainty.volume_mm, 100 * share, 100 * kWarnVolume);
   share > kFailVolume ? out->Fail("CAL-VOLUME", text, hint) : out->Warn("CAL-VOLUME", text, hint);
 }
 
@@ -155,7 +143,8 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
   double scale = 1;
   for (size_t c = 0; c < report.cameras.size(); ++c) scale = std::max(scale, internal::PixelScale(report, c));
   out->Limit(report.rig_holdout_rms_px, kWarnHoldoutPx * scale, kFailHoldoutPx * scale, "CAL-RIGHOLDOUT",
-             Text("frames held out: error %.2f px over all cameras (good is below %.1f)", report.rig_holdout_rms_px, kWarnHoldoutPx * scale),
+             Format("frames held out: error %.2f px over all cameras (good is below %.1f)", report.rig_holdout_rms_px,
+                    kWarnHoldoutPx * scale),
              "check that the cameras are synchronised and did not move while the boards were filmed");
 }
 
@@ -164,17 +153,18 @@ void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Jud
   if (camera.num_places < kWarnViews) {
     const bool repeated = camera.num_places < camera.num_views;
     out->Warn("CAL-FEWVIEWS",
-              Text("camera %s: only %d boards", name, camera.num_views) + (repeated ? Text(" in %d places", camera.num_places) : ""),
-              Text("%d places or more are better", kWarnViews));
+              Format("camera %s: only %d boards", name, camera.num_views) +
+                  (repeated ? Format(" in %d places", camera.num_places) : ""),
+              Format("%d places or more are better", kWarnViews));
   }
   if (camera.coverage < kWarnCoverage) {
-    out->Warn("CAL-LOWCOV", Text("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
+    out->Warn("CAL-LOWCOV", Format("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
   }
   // Beyond the circle of a wide lens there is no picture.
   if (!camera.covers_image && !geometry::IsWide(camera.model)) {
     out->Warn(
         "CAL-FOLD",
-        Text("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
+        Format("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
         "choose a simpler option 'model' or show the board in the corners");
   }
 }
@@ -186,12 +176,12 @@ Verdict Judge(const CalibrateReport& report) {
   if (report.status != Status::kOk) {
     const std::string& why = report.message;
     judgement.Fail("CAL-UNSOLVED",
-                   why.empty() ? Text("there is no solution: %s", std::string(ToString(report.status)).c_str()) : why,
+                   why.empty() ? Format("there is no solution: %s", std::string(ToString(report.status)).c_str()) : why,
                    UnsolvedHint(report.status));
     return judgement.verdict;
   }
   if (!HasFigures(report)) judgement.Fail("CAL-UNSOLVED", "the solution has figures that are no numbers", "check the input");
-  const std::string rejected = Text("%.0f %% of the corners were rejected", 100 * report.rejected_fraction);
+  const std::string rejected = Format("%.0f %% of the corners were rejected", 100 * report.rejected_fraction);
   if (report.rejected_fraction > kFailRejected) {
     judgement.Fail("CAL-REJECTED", rejected, "check the board's description and that it is flat and sharp in the images");
   } else if (report.rejected_fraction > kWarnRejected) {
@@ -211,7 +201,8 @@ Verdict Judge(const CalibrateReport& report) {
     const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
     const char* const more = "show the board near the image's edges, tilted, and in more places";
     const bool known = index >= 0 && index < static_cast<int>(report.rig.cameras.size());
-    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx, index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
+    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx,
+                index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
                 index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
   }
   JudgeVolume(report.uncertainty,

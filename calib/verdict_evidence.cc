@@ -2,6 +2,8 @@
 #include <cmath>
 
 #include "calib/verdict_internal.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/units.h"
 
 namespace mvstudio::calib::internal {
@@ -22,12 +24,12 @@ const char* const kSyncHint =
     "check that frames with the same number were taken at the same time, and that no camera was moved";
 
 std::string Between(const CameraMotion& motion) {
-  return Text("between frames %lld and %lld", static_cast<long long>(motion.last_before),
-              static_cast<long long>(motion.frame_idx));
+  return Format("between frames %lld and %lld", static_cast<long long>(motion.last_before),
+                static_cast<long long>(motion.frame_idx));
 }
 
 void JudgeLensChange(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
-  const std::string text = Text(
+  const std::string text = Format(
       "the lens of camera %s changed %s: focal length times %.5g +- %.1g, principal point moved by %.1f, %.1f px "
       "(%.1f px in its image)",
       names.c_str(), Between(motion).c_str(), motion.focal_scale, motion.focal_scale_sigma, motion.centre_shift_px.x(),
@@ -41,21 +43,20 @@ void JudgeLensChange(const CameraMotion& motion, const std::string& names, doubl
 void JudgeDrift(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
   out->Limit(
       motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED",
-      Text("camera %s moved steadily from frame %lld to frame %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its "
-           "image)",
-           names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
-           RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
+      Format("camera %s moved steadily from frame %lld to frame %lld: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its "
+             "image)",
+             names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
+             RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
       "its mount gives way, or its clock runs at another rate: fasten it and film again");
 }
 
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
-  std::string names;
-  for (const std::string& name : motion.cameras) names += (names.empty() ? "" : " or ") + name;
+  const std::string names = Join(motion.cameras, " or ");
   if (motion.kind == CameraMotion::Kind::kLens) return JudgeLensChange(motion, names, scale, out);
   if (motion.kind == CameraMotion::Kind::kDrift) return JudgeDrift(motion, names, scale, out);
-  const std::string text = Text("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
-                                names.c_str(), Between(motion).c_str(), RadToDeg(motion.rotation_rad),
-                                RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
+  const std::string text = Format("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
+                                  names.c_str(), Between(motion).c_str(), RadToDeg(motion.rotation_rad),
+                                  RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
   const std::string hint =
       motion.cameras.size() > 1
           ? "two cameras only know of each other: film again, or leave out what came after frame " +
@@ -68,23 +69,23 @@ void JudgeRejected(const CameraReport& camera, Judgement* out) {
   const char* name = camera.name.c_str();
   const int all = camera.num_corners + camera.num_rejected;
   if (camera.num_corners == 0) {
-    out->Fail("CAL-NOCORNERS", Text("camera %s: none of its %d corners agrees with the other cameras", name, all), kSyncHint);
+    out->Fail("CAL-NOCORNERS", Format("camera %s: none of its %d corners agrees with the other cameras", name, all), kSyncHint);
     return;
   }
   const double share = static_cast<double>(camera.num_rejected) / all;
   out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED",
-             Text("camera %s: %.0f %% of its corners were rejected", name, 100 * share), kSyncHint);
+             Format("camera %s: %.0f %% of its corners were rejected", name, 100 * share), kSyncHint);
   const double lost = static_cast<double>(camera.num_lost_views) / std::max(1, camera.num_views + camera.num_lost_views);
   out->Limit(lost, kWarnLost, 2, "CAL-LOST",
-             Text("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views,
-                  camera.num_views + camera.num_lost_views),
+             Format("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views,
+                    camera.num_views + camera.num_lost_views),
              kSyncHint);
 }
 
 void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out) {
   const double excess = camera.rms_px - camera.alone_rms_px, ratio = camera.rms_px / camera.alone_rms_px;
-  const std::string text = Text("camera %s: %.2f px in the rig against %.2f px by itself: it contradicts the other cameras",
-                                camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
+  const std::string text = Format("camera %s: %.2f px in the rig against %.2f px by itself: it contradicts the other cameras",
+                                  camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
   if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
   if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
 }
@@ -96,26 +97,28 @@ void JudgeLate(const CameraReport& camera, Judgement* out) {
   const bool explained = camera.rms_px <= kWorse * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0 &&
                          camera.num_rejected <= kShare * all;
   if (std::abs(camera.time_offset_frames) < kLate || explained) return;
-  out->Warn("CAL-LATE",
-            Text("camera %s: its pictures are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
-                 "the rig against %.2f px by itself, %d corners rejected)",
-                 camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
-            "synchronise the cameras, or move the board slowly; clocks that drift and dropped frames look like this, too");
+  out->Warn(
+      "CAL-LATE",
+      Format(
+          "camera %s: its pictures are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
+          "the rig against %.2f px by itself, %d corners rejected)",
+          camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
+      "synchronise the cameras, or move the board slowly; clocks that drift and dropped frames look like this, too");
 }
 
 void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
   const Readout& readout = camera.readout;
   if (!(std::abs(readout.frames) > kMinReadoutSigmas * readout.sigma_frames)) return;
   out->Limit(readout.shift_px, kWarnReadoutPx * scale, kFailReadoutPx * scale, "CAL-ROLLING",
-             Text("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its "
-                  "corners by %.2f px",
-                  camera.name.c_str(), readout.frames, readout.sigma_frames, readout.shift_px),
+             Format("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its "
+                    "corners by %.2f px",
+                    camera.name.c_str(), readout.frames, readout.sigma_frames, readout.shift_px),
              "hold the board still in every picture that is used, or use a camera with a global shutter");
 }
 
 void JudgeAssumed(const CameraReport& camera, Judgement* out) {
   if (camera.assumes)
-    out->Warn("CAL-ASSUMED", Text("camera %s: its boards do not determine its lens: ", camera.name.c_str()) + camera.given_up,
+    out->Warn("CAL-ASSUMED", Format("camera %s: its boards do not determine its lens: ", camera.name.c_str()) + camera.given_up,
               "film more boards with it: tilted, near as well as far");
 }
 
@@ -125,8 +128,8 @@ void JudgeMissing(const CalibrateReport& report, Judgement* out) {
   const bool many = missing >= 2 && 2 * missing > report.cameras.size();
   for (const CameraReport& camera : report.cameras) {
     if (std::isfinite(camera.holdout_rms_px)) continue;
-    const std::string text =
-        Text("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(), camera.num_views, camera.num_places);
+    const std::string text = Format("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(),
+                                    camera.num_views, camera.num_places);
     const char* const hint = "show it the board in 6 places or more";
     many ? out->Fail("CAL-NOHOLDOUT", text, hint) : out->Warn("CAL-NOHOLDOUT", text, hint);
   }
@@ -140,20 +143,21 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
                (std::isfinite(b.rig_holdout_gross_fraction) ? b.rig_holdout_gross_fraction : -1);
       });
   out->Limit(report.rig_holdout_gross_fraction, kWarnGross, kFailGross, "CAL-RIGHOLDOUT",
-             Text("frames held out: %.1f %% of the corners are off by more than 5 px, most in camera %s (%.0f %%)",
-                  100 * report.rig_holdout_gross_fraction, worst->name.c_str(), 100 * worst->rig_holdout_gross_fraction),
+             Format("frames held out: %.1f %% of the corners are off by more than 5 px, most in camera %s (%.0f %%)",
+                    100 * report.rig_holdout_gross_fraction, worst->name.c_str(), 100 * worst->rig_holdout_gross_fraction),
              kSyncHint);
 }
 
 void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   const BoardMetrics& boards = report.board_metrics;
-  out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
-             Text("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px),
-             kSyncHint);
+  out->Limit(
+      boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
+      Format("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px),
+      kSyncHint);
   const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
   out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
-             Text("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,
-                  100 * share),
+             Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,
+                    100 * share),
              kSyncHint);
 }
 
@@ -161,8 +165,8 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
 void JudgeSize(const CameraReport& camera, Judgement* out) {
   constexpr double kWarn = 0.01, kFail = 0.1;
   if (!(camera.outside_fraction > kWarn)) return;
-  const std::string text = Text("camera %s: %.0f %% of its corners lie outside the image of the size that was told",
-                                camera.name.c_str(), 100 * camera.outside_fraction);
+  const std::string text = Format("camera %s: %.0f %% of its corners lie outside the image of the size that was told",
+                                  camera.name.c_str(), 100 * camera.outside_fraction);
   const char* const hint = "give the size of the images that the corners were found in";
   camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);
 }
@@ -174,7 +178,7 @@ void JudgeBending(const CalibrateReport& report, Judgement* out) {
   if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas && bending.rms_m > kShare * report.board_size_m)) return;
   out->Warn(
       "CAL-BENDING",
-      Text(
+      Format(
           "the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
           1e3 * bending.rms_m, bending.variance_ratio),
       "use a rigid board; the uncertainties do not count this");
@@ -184,7 +188,7 @@ void JudgeUnit(const CalibrateReport& report, Judgement* out) {
   constexpr double kSmallest = 0.002, kLargest = 20;  // diagonals of boards that somebody prints, metres
   const double size = report.board_size_m;
   if (!(size > 0) || (size >= kSmallest && size <= kLargest)) return;
-  out->Warn("CAL-UNIT", Text("the board is %.3g m in size", size), "check the unit of the board's squares: mm, cm or m");
+  out->Warn("CAL-UNIT", Format("the board is %.3g m in size", size), "check the unit of the board's squares: mm, cm or m");
 }
 
 }  // namespace

@@ -7,12 +7,6 @@
 /// The rules of Judge. For verdict*.cc and calibrate.cc.
 namespace mvstudio::calib::internal {
 
-#if defined(__GNUC__)
-__attribute__((format(printf, 1, 2)))
-#endif
-std::string
-Text(const char* format, ...);
-
 class Judgement {
  public:
   void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }

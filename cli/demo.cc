@@ -12,8 +12,9 @@
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/log.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "core/units.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/alignment.h"
@@ -160,8 +161,7 @@ class Demo {
 
   CommandResult Run() {
     Stage(SynthWords());
-    for (const auto& camera : geometry::ReadRig(session_ + "/truth/calibration.json").cameras)
-      cameras_.push_back(camera.camera.name);
+    cameras_ = geometry::CameraNames(geometry::ReadRig(session_ + "/truth/calibration.json"));
     Stage(CalibrateWords());
     Stage(TriangulateWords());
     truth_ = CompareRunWithTruth(session_, o_.out);
@@ -276,10 +276,8 @@ class Demo {
                                           {"unit", check.unit},
                                           {"at_least", check.at_least},
                                           {"pass", check.Pass()}});
-      char line[200];
-      std::snprintf(line, sizeof line, "%-6s %-55s %9.4f  %s %g %s\n", check.Pass() ? "ok" : "MISSED", check.name.c_str(),
-                    check.value, check.at_least ? ">=" : "<=", check.bound, check.unit.c_str());
-      result.text += line;
+      result.text += Format("%-6s %-55s %9.4f  %s %g %s\n", check.Pass() ? "ok" : "MISSED", check.name.c_str(), check.value,
+                            check.at_least ? ">=" : "<=", check.bound, check.unit.c_str());
       if (!check.Pass() && !o_.quick) result.exit = kExitQualityGate;
     }
     result.outputs = {{o_.out + "/report.html", "report"}, {o_.out + "/report.json", "report"}};

@@ -13,6 +13,7 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/session/session_scan.h"
 
 extern "C" {
@@ -107,11 +108,7 @@ ordered_json Programs(CommandResult* result) {
   return json;
 }
 
-std::string Gigabytes(double bytes) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.1f GiB", bytes / (1 << 30));
-  return text;
-}
+std::string Gigabytes(double bytes) { return Format("%.1f GiB", bytes / (1 << 30)); }
 
 /// The machine: what is there, and what is short.
 void ExamineMachine(const std::string& folder, CommandResult* result) {

@@ -1,9 +1,9 @@
 #include "exports/bvh.h"
 
 #include <cmath>
-#include <cstdio>
 
 #include "body/skeleton.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "exports/joint_files.h"
 
@@ -70,9 +70,8 @@ void WriteBvh(const Job& job) {
   job.report->figures.emplace_back("bvh_rms_mm", 1000 * std::sqrt(squares / std::max(joints, 1)));
   job.report->figures.emplace_back("bvh_max_mm", 1000 * largest);
   job.report->figures.emplace_back("bvh_held_frames", held);
-  char text[160];
-  std::snprintf(text, sizeof text, "bones of one length cannot follow the joints exactly: %.1f mm RMS, %.1f mm at worst",
-                1000 * std::sqrt(squares / std::max(joints, 1)), 1000 * largest);
+  const std::string text = Format("bones of one length cannot follow the joints exactly: %.1f mm RMS, %.1f mm at worst",
+                                  1000 * std::sqrt(squares / std::max(joints, 1)), 1000 * largest);
   job.report->notes.push_back({"EXP-BVH-FIT", text, "trc, csv and npz hold the joints themselves"});
 }
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 
 #include "body/skeleton.h"
+#include "core/format.h"
 #include "exports/joint_files.h"
 
 /// C3D, https://www.c3d.org/HTML/: Intel byte order, points as 32-bit floats in millimetres, z up.
@@ -161,9 +161,8 @@ void WriteC3d(const Job& job) {
   job.report->figures.emplace_back("max_rounding_mm", rounding_mm);
   constexpr double kWorthSayingMm = 0.05;
   if (rounding_mm > kWorthSayingMm) {
-    char text[120];
-    std::snprintf(text, sizeof text, "C3D holds single-precision numbers: joints move by up to %.2g mm so far from the origin",
-                  rounding_mm);
+    const std::string text =
+        Format("C3D holds single-precision numbers: joints move by up to %.2g mm so far from the origin", rounding_mm);
     job.report->notes.push_back({"EXP-ROUNDED", text, "export trc, csv or npz, or move the world's origin near the people"});
   }
 }

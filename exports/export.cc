@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "exports/writers.h"
 
 namespace mvstudio::exports {
@@ -67,12 +68,11 @@ const std::vector<Writer>& Writers() {
 }
 
 const Writer& WriterByName(const std::string& name) {
-  std::string known;
   for (const Writer& writer : Writers()) {
     if (writer.info.name == name) return writer;
-    known += (known.empty() ? "" : ", ") + writer.info.name;
   }
-  throw UsageError("unknown format '" + name + "'; known are " + known);
+  throw UsageError("unknown format '" + name + "'; known are " +
+                   Join(Writers(), ", ", [](const Writer& writer) { return writer.info.name; }));
 }
 
 Json CameraJson(const View& view) {

@@ -6,6 +6,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::exports {
 namespace {
@@ -25,9 +26,7 @@ size_t Product(const std::vector<size_t>& shape) {
 
 /// `(3,)`, `(2, 3)`, `()`.
 std::string ShapeText(const std::vector<size_t>& shape) {
-  std::string text = "(";
-  for (size_t i = 0; i < shape.size(); ++i) text += (i ? ", " : "") + std::to_string(shape[i]);
-  return text + (shape.size() == 1 ? ",)" : ")");
+  return "(" + Join(shape, ", ", [](size_t size) { return std::to_string(size); }) + (shape.size() == 1 ? ",)" : ")");
 }
 
 /// Magic, version and the header padded so that the data start at a multiple of 64.

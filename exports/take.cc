@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <set>
 
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
@@ -143,9 +144,7 @@ void RequireOneSize(const FormatInfo& format, const std::vector<View>& views) {
 
 void CheckChoice(const std::string& option, const std::string& value, const std::vector<std::string>& allowed) {
   if (std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return;
-  std::string list;
-  for (const std::string& word : allowed) list += (list.empty() ? "" : ", ") + word;
-  throw UsageError("option '" + option + "' " + value + ": must be one of " + list);
+  throw UsageError("option '" + option + "' " + value + ": must be one of " + Join(allowed, ", "));
 }
 
 void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
@@ -157,10 +156,9 @@ void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
     if (!worst || view.info.lost_share > worst->info.lost_share) worst = &view;
   }
   if (!worst) return;
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "pictures of %d cameras are resampled to ideal pinholes; %s loses most, %.1f %% of its pixels", count,
-                worst->info.source.c_str(), 100 * worst->info.lost_share);
+  const std::string text =
+      Format("pictures of %d cameras are resampled to ideal pinholes; %s loses most, %.1f %% of its pixels", count,
+             worst->info.source.c_str(), 100 * worst->info.lost_share);
   report->notes.push_back({"EXP-UNDISTORTED", text, "option 'undistort-view' all keeps every pixel, with black borders"});
 }
 
@@ -233,9 +231,7 @@ std::string Num(double value) {
 }
 
 std::string Numbered(const std::string& prefix, int number, int digits, const std::string& suffix) {
-  char text[24];
-  std::snprintf(text, sizeof text, "%0*d", digits, number);
-  return prefix + text + suffix;
+  return prefix + Format("%0*d", digits, number) + suffix;
 }
 
 double FloatRoundingM(const Take& take) {

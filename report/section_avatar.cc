@@ -4,6 +4,7 @@
 #include <limits>
 #include <set>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 #include "report/svg/svg.h"
@@ -200,7 +201,7 @@ std::string CameraBars(const Value& per_camera) {
       own.values.push_back(camera[key].Number());
     }
     spec.series = {own};
-    if (!std::isfinite(Median(own.values))) continue;
+    if (FiniteValues(own.values).empty()) continue;
     for (const auto& [name, ignored] : per_camera.At(0)["baselines"].fields()) {
       BarSeries baseline{LabelOfKey(name).label, {}, {}};
       for (const Value& camera : per_camera.items()) baseline.values.push_back(camera["baselines"][name][key].Number());

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 #include "report/svg/svg.h"
@@ -72,7 +73,7 @@ std::string CamerasTable(const Value& cameras, const Value& calibration) {
   if (rejected) table.AddColumn("rejected");
   std::vector<double> rms;
   for (const Value& camera : cameras.items()) rms.push_back(camera["rms_px"].Number());
-  const double typical = Median(rms);
+  const double typical = LinearQuantile(FiniteValues(rms), 0.5);
   for (const Value& camera : cameras.items()) {
     const Value& file = CameraByName(known, camera["name"].Text());
     const double sigma =
@@ -107,7 +108,7 @@ std::string RmsChart(const Value& cameras) {
     held_out.values.push_back(camera["holdout_rms_px"].Number());
   }
   spec.series = {fitted};
-  if (std::isfinite(Median(held_out.values))) spec.series.push_back(held_out);
+  if (!FiniteValues(held_out.values).empty()) spec.series.push_back(held_out);
   return spec.labels.empty() ? ""
                              : FigureHtml(BarChart(spec),
                                           "Held-out views took no part in the fit: a held-out error well above the fitted one "

@@ -4,6 +4,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "report/page/format.h"
 #include "report/page/picture.h"
 #include "report/sections.h"
@@ -22,11 +23,7 @@ std::string ScalarText(const Value& value) {
   if (value.IsText()) return value.Text();
   if (value.kind() == Value::Kind::kBool) return value.Flag() ? "yes" : "no";
   if (value.kind() == Value::Kind::kInteger) return FormatCount(value.Number());
-  if (IsShortNumbers(value)) {
-    std::string text;
-    for (const Value& item : value.items()) text += (text.empty() ? "" : ", ") + FormatNumber(item.Number());
-    return text;
-  }
+  if (IsShortNumbers(value)) return Join(value.items(), ", ", [](const Value& item) { return FormatNumber(item.Number()); });
   return FormatNumber(value.Number());
 }
 

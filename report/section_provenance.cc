@@ -1,3 +1,4 @@
+#include "core/join.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 
@@ -14,8 +15,7 @@ std::string Quoted(const std::string& word) {
 }
 
 std::string CommandLine(const Value& entry) {
-  std::string line;
-  for (const Value& word : entry["argv"].items()) line += (line.empty() ? "" : " ") + Quoted(word.Text(word.Dump()));
+  const std::string line = Join(entry["argv"].items(), " ", [](const Value& word) { return Quoted(word.Text(word.Dump())); });
   return line.empty() ? "mvstudio " + entry["command"].Text("?") : line;
 }
 

@@ -3,6 +3,7 @@
 #include <limits>
 #include <map>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 #include "report/svg/svg.h"
@@ -57,8 +58,8 @@ PointsStats Summarise(const TableFile& table) {
     stats.rms_px.push_back(table.Number(row, rms));
   }
   for (size_t i = 0; i < stats.joints.size(); ++i) {
-    stats.joints[i].median_rms_px = Median(joint_rms[i]);
-    stats.joints[i].median_sigma_mm = Median(joint_sigma[i]);
+    stats.joints[i].median_rms_px = LinearQuantile(FiniteValues(joint_rms[i]), 0.5);
+    stats.joints[i].median_sigma_mm = LinearQuantile(FiniteValues(joint_sigma[i]), 0.5);
   }
   return stats;
 }
@@ -95,8 +96,8 @@ std::string JointChart(const std::string& title, const std::string& label, const
 
 std::string Presence(const TableFile& table, const std::vector<JointStats>& joints) {
   const int frame = table.Column("frame"), joint = table.Column("joint"), status = table.Column("status");
-  const std::vector<double> frames = table.Numbers(frame);
-  const double first = Quantile(frames, 0), last = Quantile(frames, 1);
+  const std::vector<double> frames = FiniteValues(table.Numbers(frame));
+  const double first = LinearQuantile(frames, 0), last = LinearQuantile(frames, 1);
   if (!std::isfinite(first) || last <= first || status < 0) return {};
   const size_t columns = static_cast<size_t>(std::min(240.0, last - first + 1));
   HeatMapSpec spec;
@@ -139,8 +140,9 @@ std::string CameraTargets(const Value& cameras) {
     lengths.push_back(std::hypot(vectors.back().dx, vectors.back().dy));
   }
   if (vectors.empty()) return {};
-  const double longest = Quantile(lengths, 1), none = std::numeric_limits<double>::infinity();
-  const double suspect = longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * Median(lengths))) : none;
+  const std::vector<double> finite = FiniteValues(lengths);
+  const double longest = LinearQuantile(finite, 1), none = std::numeric_limits<double>::infinity();
+  const double suspect = longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * LinearQuantile(finite, 0.5))) : none;
   std::string caption = left_out ? "Mean of detection minus projection, against the joints that the other cameras alone give."
                                  : "Mean of detection minus projection, against the joints that all cameras give.";
   caption +=

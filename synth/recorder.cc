@@ -1,8 +1,7 @@
 #include "synth/recorder.h"
 
-#include <cstdio>
-
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::synth {
@@ -30,10 +29,6 @@ void Recorder::Close() {
   if (video_) video_->Close();
 }
 
-std::string FramePath(const std::string& folder, int frame_idx) {
-  char name[32];
-  std::snprintf(name, sizeof name, "/%08d.png", frame_idx);
-  return folder + name;
-}
+std::string FramePath(const std::string& folder, int frame_idx) { return folder + Format("/%08d.png", frame_idx); }
 
 }  // namespace mvstudio::synth

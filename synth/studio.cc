@@ -2,10 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
 
 #include "calib/board/board.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/random.h"
 #include "core/units.h"
 
@@ -92,8 +92,7 @@ geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {
   geometry::Rig rig;
   rig.gauge = "truth of the synthetic studio: floor at z = 0, origin at its centre";
   for (int i = 0; i < options.cameras; ++i) {
-    char name[32];
-    std::snprintf(name, sizeof name, "cam_%02d", i + 1);
+    const std::string name = Format("cam_%02d", i + 1);
     geometry::RigCamera entry;
     const double own_focal = focal * (1 + 0.02 * rng.Uniform(-1, 1));
     entry.camera = geometry::MakePinhole(name, width, height, own_focal);

@@ -10,13 +10,14 @@ import re
 import sys
 
 CORE = {"core", "core/hash", "core/disk"}
-GEOMETRY = {"geometry/rigid", "geometry/lens/models", "geometry/lens", "geometry/rig"}
+GEOMETRY = {"geometry/rigid", "geometry/solve", "geometry/lens/models", "geometry/lens", "geometry/rig"}
 # Folder -> folders it may include besides itself. Arrows go down only.
 MAY_INCLUDE = {
     "core": set(),
     "core/hash": {"core"},
     "core/disk": {"core", "core/hash"},
     "geometry/rigid": {"core"},
+    "geometry/solve": {"core"},
     "geometry/lens/models": {"core"},
     "geometry/lens": {"core", "geometry/rigid", "geometry/lens/models"},
     "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens/models", "geometry/lens"},

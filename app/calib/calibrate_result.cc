@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "calib/film_next.h"
+#include "core/format.h"
 #include "core/units.h"
 
 namespace mvstudio::app {
@@ -255,38 +254,29 @@ ordered_json VerdictJson(const calib::Verdict& verdict) {
 
 namespace {
 
-std::string Volume(double mm) {
-  char text[64];
-  std::snprintf(text, sizeof text, ", %.3f mm where the boards were", mm);
-  return text;
-}
+std::string Volume(double mm) { return Format(", %.3f mm where the boards were", mm); }
 
 }  // namespace
 
 std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
-  char line[300];
   std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     const calib::CameraReport& c = report.cameras[i];
     const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
-    std::snprintf(line, sizeof line, "%-19s %-9s %9.2f  %-6s %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
-                  std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px, c.holdout_rms_px,
-                  c.num_views, 100 * c.coverage);
-    text += line;
+    text += Format("%-19s %-9s %9.2f  %-6s %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
+                   std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px, c.holdout_rms_px,
+                   c.num_views, 100 * c.coverage);
   }
-  std::snprintf(line, sizeof line, "rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n",
-                report.rms_px, report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
-                report.gauge.c_str());
-  text += line;
+  text += Format("rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
+                 report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
+                 report.gauge.c_str());
   if (report.rig.cameras.size() == 2) {
-    std::snprintf(line, sizeof line, "baseline %.3f mm\n", BaselineMm(report.rig));
-    text += line;
+    text += Format("baseline %.3f mm\n", BaselineMm(report.rig));
   }
   if (std::isfinite(report.uncertainty.centre_px)) {
-    std::snprintf(line, sizeof line, "uncertainty: %.3f px at the centre, %.3f px at the edge%s\n",
-                  report.uncertainty.centre_px, report.uncertainty.edge_px,
-                  std::isfinite(report.uncertainty.volume_mm) ? Volume(report.uncertainty.volume_mm).c_str() : "");
-    text += line;
+    text += Format("uncertainty: %.3f px at the centre, %.3f px at the edge%s\n", report.uncertainty.centre_px,
+                   report.uncertainty.edge_px,
+                   std::isfinite(report.uncertainty.volume_mm) ? Volume(report.uncertainty.volume_mm).c_str() : "");
   }
   for (const calib::CameraReport& c : report.cameras) {
     if (!c.given_up.empty()) text += c.name + ": " + c.given_up + "\n";

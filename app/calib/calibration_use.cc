@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/error.h"
+#include "core/join.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "triangulate/sync/sync.h"
@@ -15,15 +17,10 @@ using nlohmann::ordered_json;
 
 constexpr double kLeastOffsetFrames = 0.005;  // below it an offset moves nothing that a picture shows
 
-std::string Listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 /// Names of the cameras that take part, by whether their lens and pose have covariances.
 struct Knowledge {
   std::vector<std::string> known, missing;
+  bool any = false;                             // block of any of them
   ordered_json blocks = ordered_json::array();  // what each of `missing` lacks
 };
 
@@ -33,6 +30,7 @@ Knowledge KnowledgeOf(const geometry::Rig& rig, const geometry::StatedCovariance
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const std::string& name = rig.cameras[c].camera.name;
     if (!cameras.empty() && std::find(cameras.begin(), cameras.end(), name) == cameras.end()) continue;
+    knowledge.any = knowledge.any || stated.lens_known[c] || stated.pose_known[c];
     (stated.Knows(c) ? knowledge.known : knowledge.missing).push_back(name);
     if (stated.Knows(c)) continue;
     const char* lacks = stated.pose_known[c] ? "lens" : stated.lens_known[c] ? "pose" : "lens and pose";
@@ -41,11 +39,12 @@ Knowledge KnowledgeOf(const geometry::Rig& rig, const geometry::StatedCovariance
   return knowledge;
 }
 
-std::string CovarianceLine(const Knowledge& knowledge, bool any, const std::string& unused_because) {
-  if (!any) return "calibration's uncertainty: unknown, it carries no covariance; sigmas hold the detections' noise alone";
+std::string CovarianceLine(const Knowledge& knowledge, const std::string& unused_because) {
+  if (!knowledge.any)
+    return "calibration's uncertainty: unknown, it carries no covariance; sigmas hold the detections' noise alone";
   if (!unused_because.empty()) return "calibration's uncertainty: not used, " + unused_because;
   if (knowledge.missing.empty()) return "calibration's uncertainty: in the sigmas, of all cameras";
-  return "calibration's uncertainty: in the sigmas where it is known; unknown for " + Listed(knowledge.missing) +
+  return "calibration's uncertainty: in the sigmas where it is known; unknown for " + Join(knowledge.missing, ", ") +
          ", whose part is left out: sigmas of what these cameras see are lower bounds";
 }
 
@@ -54,15 +53,15 @@ std::string CovarianceLine(const Knowledge& knowledge, bool any, const std::stri
 std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras,
                           const std::string& unused_because) {
   const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
-  return CovarianceLine(KnowledgeOf(rig, stated, cameras), stated.AnyKnown(), unused_because);
+  return CovarianceLine(KnowledgeOf(rig, stated, cameras), unused_because);
 }
 
 void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
                          CommandResult* result) {
   const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
   const Knowledge knowledge = KnowledgeOf(rig, stated, cameras);
-  const bool any = stated.AnyKnown(), used = any && unused_because.empty();
-  const std::string line = CovarianceLine(knowledge, any, unused_because);
+  const bool used = knowledge.any && unused_because.empty();
+  const std::string line = CovarianceLine(knowledge, unused_because);
   const char* assumed = used && !stated.correlated ? "blocks independent of each other" : nullptr;
   result->metrics["calibration_covariance"] = {
       {"used", used},
@@ -85,7 +84,7 @@ void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std
   result->metrics["covariance_missing"] = missing;
   if (!missing.empty()) {
     result->warnings.push_back({"CAL-COVARIANCE-MISSING",
-                                "the covariance of " + Listed(missing) +
+                                "the covariance of " + Join(missing, ", ") +
                                     " is unknown, in whole or in part: what was solved from it does not hold its part",
                                 "start from a calibration that states covariances"});
   }
@@ -115,6 +114,7 @@ void ApplyCalibrationOffsets(const std::string& how, const triangulate::TakeOpti
   const std::vector<double> offsets = OffsetsOfCalibration(input->rig);
   if (offsets.empty()) return;
   if (how == "off") return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
+  if (how != "auto" && how != "on") throw UsageError("option 'calibration-offsets' " + how + ": expected auto, on or off");
   std::string reason = "option 'calibration-offsets' on";
   if (how == "auto") {
     const triangulate::OffsetTrial trial =

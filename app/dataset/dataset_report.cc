@@ -1,11 +1,11 @@
 #include "app/dataset/dataset_report.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "app/dataset/session_table.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/pack/pack.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/sequence.h"
@@ -155,13 +155,10 @@ CommandResult PackFileInfo(const std::string& path) {
                     {"shards", info.shards},         {"cameras", info.cameras},     {"frames", info.frames},
                     {"people", info.people},         {"samples", info.samples},     {"bytes", info.bytes},
                     {"complete", info.complete}};
-  char text[320];
-  std::snprintf(text, sizeof text,
-                "pack of %s: %lld %s pictures, %s, masks %s; %d cameras, %d frames, %d people; %d shards, %.1f MB%s\n",
-                info.sequence.c_str(), static_cast<long long>(info.samples), ViewName(info.view), info.image_codec.c_str(),
-                info.mask_codec.c_str(), info.cameras, info.frames, info.people, info.shards,
-                static_cast<double>(info.bytes) / 1e6, info.complete ? "" : "; not complete");
-  result.text = text;
+  result.text = Format("pack of %s: %lld %s pictures, %s, masks %s; %d cameras, %d frames, %d people; %d shards, %.1f MB%s\n",
+                       info.sequence.c_str(), static_cast<long long>(info.samples), ViewName(info.view),
+                       info.image_codec.c_str(), info.mask_codec.c_str(), info.cameras, info.frames, info.people, info.shards,
+                       static_cast<double>(info.bytes) / 1e6, info.complete ? "" : "; not complete");
   return result;
 }
 

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
@@ -254,11 +254,7 @@ ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(v
 
 std::string CropText(int crop_px) { return crop_px ? std::to_string(crop_px) : std::string("full"); }
 
-std::string PsnrText(double psnr_db) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2f", psnr_db);
-  return std::isfinite(psnr_db) ? text : "exact";
-}
+std::string PsnrText(double psnr_db) { return std::isfinite(psnr_db) ? Format("%.2f", psnr_db) : "exact"; }
 
 }  // namespace
 
@@ -277,29 +273,22 @@ PackSpeedReport MeasurePackSpeed(const std::string& root, const PackSpeedOptions
 }
 
 std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>& on_front) {
-  char line[240];
-  std::snprintf(line, sizeof(line), "%d pictures of %dx%d\n", report.pictures, report.width_px, report.height_px);
-  std::string text = line + std::string("way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n");
+  std::string text = Format("%d pictures of %dx%d\n", report.pictures, report.width_px, report.height_px) +
+                     "way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n";
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];
-    std::snprintf(line, sizeof(line), "%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.way.c_str(), t.codec.c_str(),
-                  CropText(t.crop_px).c_str(), t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(),
-                  on_front[i] ? "*" : "");
-    text += line;
+    text += Format("%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.way.c_str(), t.codec.c_str(), CropText(t.crop_px).c_str(),
+                   t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(), on_front[i] ? "*" : "");
   }
   text += "*: no other way of this crop size is faster, smaller and nearer to the lossless crop at once\n";
   for (const PackSpeedUp& s : report.speed_ups) {
-    std::snprintf(line, sizeof(line),
-                  "%4s px, %d thread%s: pack %-7s (%s dB) is %6.1f times as fast as folder %s + crop (%s dB)\n",
-                  CropText(s.crop_px).c_str(), s.threads, s.threads == 1 ? "" : "s", s.codec.c_str(),
-                  PsnrText(s.pack_psnr_db).c_str(), s.factor, s.folder.c_str(), PsnrText(s.folder_psnr_db).c_str());
-    text += line;
+    text += Format("%4s px, %d thread%s: pack %-7s (%s dB) is %6.1f times as fast as folder %s + crop (%s dB)\n",
+                   CropText(s.crop_px).c_str(), s.threads, s.threads == 1 ? "" : "s", s.codec.c_str(),
+                   PsnrText(s.pack_psnr_db).c_str(), s.factor, s.folder.c_str(), PsnrText(s.folder_psnr_db).c_str());
   }
   for (const PackBuildSpeed& b : report.builds) {
-    std::snprintf(line, sizeof(line),
-                  "building %s at %s px: %.1f crops/s; decoding alone would allow %.1f (%.0f %% of the work)\n",
-                  b.codec.c_str(), CropText(b.crop_px).c_str(), b.build_per_s, b.decode_per_s, 100 * b.decode_share);
-    text += line;
+    text += Format("building %s at %s px: %.1f crops/s; decoding alone would allow %.1f (%.0f %% of the work)\n",
+                   b.codec.c_str(), CropText(b.crop_px).c_str(), b.build_per_s, b.decode_per_s, 100 * b.decode_share);
   }
   return text;
 }

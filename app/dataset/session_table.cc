@@ -1,9 +1,8 @@
 #include "app/dataset/session_table.h"
 
 #include <algorithm>
-#include <cstdio>
 
-#include "app/format.h"
+#include "core/format.h"
 
 namespace mvstudio::app {
 namespace {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/join.h"
 #include "core/units.h"
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/plausible.h"
@@ -14,11 +15,7 @@
 namespace mvstudio::app {
 
 std::string CalibrationFormatNames() {
-  std::string names;
-  for (const auto format : calib::kAllCalibrationFormats) {
-    names += (names.empty() ? "" : ", ") + std::string(calib::ToString(format));
-  }
-  return names;
+  return Join(calib::kAllCalibrationFormats, ", ", [](auto format) { return calib::ToString(format); });
 }
 
 std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
@@ -29,9 +26,15 @@ std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
   return choices;
 }
 
-double MetresPerUnit(const std::string& unit) { return unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1.0; }
+double MetresPerUnit(const std::string& unit) {
+  if (unit == "m") return 1;
+  if (unit == "cm") return 1e-2;
+  if (unit == "mm") return 1e-3;
+  throw UsageError("option 'unit' " + unit + ": expected m, cm or mm");
+}
 
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options) {
+  if (paths.empty()) throw UsageError("no calibration file is named");
   calib::ReadOptions read;
   char end = 0;
   if (!options.size.empty() && (std::sscanf(options.size.c_str(), "%dx%d%c", &read.width_px, &read.height_px, &end) != 2 ||
@@ -41,6 +44,8 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, c
   read.metres_per_unit = MetresPerUnit(options.unit);
   read.qca_distortion_divisor = options.qca_distortion_divisor;
   const auto named = calib::CalibrationFormatFromString(options.from);
+  if (!named && options.from != "auto")
+    throw UsageError("option 'from' " + options.from + ": expected auto, " + CalibrationFormatNames());
   const calib::CalibrationFormat format = named ? *named : calib::DetectFormat(paths.front());
   if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
     throw UsageError(paths[1] + ": Panoptic's calibration is one file");

@@ -30,7 +30,7 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
 }  // namespace
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
-  if (arguments.corners.empty()) return Detect(arguments, context, result);
+  if (arguments.corners.empty()) return Detect(arguments, run, result);
   if (!arguments.cameras.empty())
     throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
   if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");

@@ -65,15 +65,14 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
 }
 
 /// The same camera under two names: triangulation counts its pixels once.
-void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks, CommandResult* result) {
+void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& cameras, CommandResult* result) {
   const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
-  for (const dataset::Pose2dTrack& track : tracks) {
-    const int camera = rig.Find(track.camera);
+  for (const std::string& name : cameras) {
+    const int camera = rig.Find(name);
     if (camera < 0 || duplicate_of[static_cast<size_t>(camera)] < 0) continue;
     const std::string& original = rig.cameras[static_cast<size_t>(duplicate_of[static_cast<size_t>(camera)])].camera.name;
     result->warnings.push_back(
-        {"TRI-DUPLICATE",
-         track.camera + " has the lens and the place of " + original + ": it counts once where their pixels agree",
+        {"TRI-DUPLICATE", name + " has the lens and the place of " + original + ": it counts once where their pixels agree",
          "leave one of the two out"});
   }
 }
@@ -86,6 +85,11 @@ void ReadPoints(const PoseArguments& arguments, CommandResult* result, PoseInput
   input->tracks = std::move(set.tracks);
   result->inputs.push_back(arguments.points2d);
   ListSkipped(set.skipped, result);
+}
+
+void CheckCameras(const PoseInput& input, CommandResult* result) {
+  if (input.cameras.size() < 2) throw UsageError("at least two cameras are needed, option 'pose2d' NAME=FOLDER once for each");
+  WarnOfDuplicates(input.rig, input.cameras, result);
 }
 
 }  // namespace
@@ -101,9 +105,8 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   } else {
     ReadPoints(arguments, result, &input);
   }
-  if (input.tracks.size() < 2) throw UsageError("at least two cameras are needed, option 'pose2d' NAME=FOLDER once for each");
-  WarnOfDuplicates(input.rig, input.tracks, result);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
+  CheckCameras(input, result);
   input.limbs = Limbs(input.skeleton);
   input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
   return input;
@@ -121,8 +124,11 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
     for (const std::string& text : arguments.pose2d) {
       const auto [camera, folder] = SplitNamePath("option 'pose2d'", text);
       input_.cameras.push_back(camera);
-      for (const int frame : dataset::OpenPoseFrames(folder, camera)) numbers.insert(frame);
+      const std::vector<int> frames = dataset::OpenPoseFrames(folder, camera);
+      num_files_[camera] = frames.size();
+      numbers.insert(frames.begin(), frames.end());
     }
+    CheckCameras(input_, result);
   } else {
     input_ = ReadPoseInput(arguments, result);
     frames_ = std::move(input_.frames);
@@ -140,7 +146,14 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   }
   PoseInput part;
   CommandResult own;
-  ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1]}, &own, &part);
+  ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1], true}, &own, &part);
+  for (const dataset::Pose2dTrack& track : part.tracks) {
+    std::set<std::string>& damaged = damaged_[track.camera];
+    damaged.insert(track.skipped.begin(), track.skipped.end());
+    if (2 * damaged.size() > num_files_.at(track.camera))
+      throw FormatError("camera " + track.camera, "",
+                        "more than half of its files cannot be read; the first: " + *damaged.begin());
+  }
   if (own.exit != kExitOk) result->exit = own.exit;
   result->warnings.insert(result->warnings.end(), own.warnings.begin(), own.warnings.end());
   return ToFrames(part.tracks, input_.rig, arguments_.calib);

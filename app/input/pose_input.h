@@ -1,5 +1,7 @@
 #pragma once
 
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -44,14 +46,17 @@ class PoseParts {
   /// Without tracks and frames.
   const PoseInput& input() const { return input_; }
   size_t num_frames() const { return numbers_.size(); }
-  /// The frames from the `begin`-th of the take to the one before the `end`-th. Lists what could not be read.
+  /// The frames from the `begin`-th of the take to the one before the `end`-th. Lists what could not be
+  /// read; throws FormatError once that is more than half of a camera's files.
   std::vector<triangulate::DetectedFrame> Read(size_t begin, size_t end, CommandResult* result) const;
 
  private:
   PoseArguments arguments_;
   PoseInput input_;
-  std::vector<triangulate::DetectedFrame> frames_;  ///< all of them, where they came in one file
-  std::vector<int> numbers_;                        ///< of all frames, ascending
+  std::vector<triangulate::DetectedFrame> frames_;                ///< all of them, where they came in one file
+  std::vector<int> numbers_;                                      ///< of all frames, ascending
+  std::map<std::string, size_t> num_files_;                       ///< by camera
+  mutable std::map<std::string, std::set<std::string>> damaged_;  ///< lines about files, by camera
 };
 
 }  // namespace mvstudio::app

@@ -4,17 +4,17 @@
 #include <map>
 
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::app {
 namespace {
 
 [[noreturn]] void ThrowUnknownCamera(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
                                      const std::string& unknown, const std::string& calib_path) {
-  std::string posed, calibrated;
-  for (const dataset::Pose2dTrack& track : tracks) posed += (posed.empty() ? "" : ", ") + track.camera;
-  for (const geometry::RigCamera& camera : rig.cameras) calibrated += (calibrated.empty() ? "" : ", ") + camera.camera.name;
   throw FormatError(calib_path, "cameras",
-                    "camera " + unknown + " has 2D poses but no calibration; poses: " + posed + "; calibrated: " + calibrated +
+                    "camera " + unknown +
+                        " has 2D poses but no calibration; poses: " + Join(tracks, ", ", &dataset::Pose2dTrack::camera) +
+                        "; calibrated: " + Join(geometry::CameraNames(rig), ", ") +
                         "; use the calibration's names in option 'pose2d' NAME=FOLDER");
 }
 

@@ -16,6 +16,7 @@
 #include "core/disk/output.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::app {
@@ -95,16 +96,13 @@ double AvatarRun::TakeUpHistory(int64_t step) {
 }
 
 void AvatarRun::AddRow(const avatar::HistoryRow& row, double wall_s) {
-  char number[32];
   std::string text = std::to_string(row.step) + "," + row.phase;
   for (const double value : row.values) {
-    std::snprintf(number, sizeof(number), ",%.6g", value);
-    text += number;
+    text += Format(",%.6g", value);
   }
-  std::snprintf(number, sizeof(number), ",%.2f", wall_s);
   // A check of the same step comes first, so that it is there when the step is saved, but stands behind it.
   const bool after_check = !rows_.empty() && rows_.back().rfind(std::to_string(row.step) + ",validation", 0) == 0;
-  rows_.insert(rows_.end() - (after_check ? 1 : 0), text + number);
+  rows_.insert(rows_.end() - (after_check ? 1 : 0), text + Format(",%.2f", wall_s));
 }
 
 void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const {
@@ -122,9 +120,7 @@ void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_
 }
 
 std::string AvatarRun::StepPath(const std::string& folder, int64_t step) const {
-  char name[32];
-  std::snprintf(name, sizeof(name), "/step_%06lld.png", static_cast<long long>(step));
-  return Path(folder + name);
+  return Path(folder + Format("/step_%06lld.png", static_cast<long long>(step)));
 }
 
 void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const {

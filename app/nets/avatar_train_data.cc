@@ -6,6 +6,7 @@
 #include "app/words.h"
 #include "avatar/nets/generator.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "dataset/views/split.h"
 
 namespace mvstudio::app {
@@ -52,9 +53,7 @@ void TakeValidationCamera(const dataset::PanopticDataset& data, const std::strin
   auto& cameras = split->train_cameras;
   const auto found = std::find(cameras.begin(), cameras.end(), data.Resolve(name));
   if (found == cameras.end()) {
-    std::string known;
-    for (const std::string& camera : cameras) known += (known.empty() ? "" : ", ") + camera;
-    throw UsageError("option 'validate-camera' " + name + " is not one of the training cameras: " + known);
+    throw UsageError("option 'validate-camera' " + name + " is not one of the training cameras: " + Join(cameras, ", "));
   }
   if (cameras.size() == 1) throw UsageError("option 'validate-camera' " + name + " leaves no camera to train on");
   split->validation_cameras = {*found};

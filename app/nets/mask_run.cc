@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <mutex>
@@ -10,6 +9,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/masks/sheet.h"
@@ -180,9 +180,7 @@ int MaskCamera::InstantOf(int frame) const {
 }
 
 std::string MaskPath(const std::string& folder, const std::string& camera, int frame) {
-  char name[24];
-  std::snprintf(name, sizeof(name), "/%08d.png", frame);
-  return folder + "/" + camera + name;
+  return folder + "/" + camera + Format("/%08d.png", frame);
 }
 
 dataset::PersonNet NetOf(const MaskBackend& backend) {

@@ -2,26 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "app/people/likely_cause.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::app {
 namespace {
 
 using nlohmann::ordered_json;
-
-double Median(std::vector<float> values) {
-  if (values.empty()) return std::nan("");
-  std::sort(values.begin(), values.end());
-  return 0.5 * (static_cast<double>(values[(values.size() - 1) / 2]) + static_cast<double>(values[values.size() / 2]));
-}
-
-double Mean(const std::vector<float>& values) {
-  double sum = 0;
-  for (const float value : values) sum += static_cast<double>(value);
-  return sum / static_cast<double>(values.size());
-}
 
 ordered_json ToJson(const Eigen::Vector2d& v) { return ordered_json::array({v.x(), v.y()}); }
 
@@ -146,9 +135,9 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   m["status_counts"] = ordered_json::object();
   for (const auto& [status, count] : counts_) m["status_counts"][std::string(ToString(status))] = count;
   m["mean_rms_px"] = FiniteOrNull(Mean(rms_px_));
-  m["median_rms_px"] = FiniteOrNull(Median(rms_px_));
+  m["median_rms_px"] = FiniteOrNull(LinearQuantile(rms_px_, 0.5));
   m["points_per_s"] = FiniteOrNull(num_tried_ / solve_s_);
-  m["median_sigma_mm"] = FiniteOrNull(Median(sigma_mm_));
+  m["median_sigma_mm"] = FiniteOrNull(LinearQuantile(sigma_mm_, 0.5));
   m["limb_std_mm"] = FiniteOrNull(1000 * MeanLimbStd(limb_lengths_));
   m["limbs"] = m["joints"] = ordered_json::array();
   for (const triangulate::LimbLength& limb : limb_lengths_) {
@@ -162,8 +151,8 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   for (size_t j = 0; j < skeleton.joints.size(); ++j) {
     m["joints"].push_back({{"joint", skeleton.joints[j]},
                            {"num", joint_rms_px_[j].size()},
-                           {"sigma_mm", FiniteOrNull(Median(joint_sigma_mm_[j]))},
-                           {"rms_px", FiniteOrNull(Median(joint_rms_px_[j]))}});
+                           {"sigma_mm", FiniteOrNull(LinearQuantile(joint_sigma_mm_[j], 0.5))},
+                           {"rms_px", FiniteOrNull(LinearQuantile(joint_rms_px_[j], 0.5))}});
   }
 }
 
@@ -241,9 +230,8 @@ void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& 
     diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
   diagonal_px /= static_cast<double>(rig.cameras.size());
   if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
-  char text[200];
-  std::snprintf(text, sizeof text, "views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
-                100 * take.sigma_px / diagonal_px);
+  const std::string text = Format("views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
+                                  100 * take.sigma_px / diagonal_px);
   result->exit = kExitQualityGate;
   result->errors.push_back({"TRI-INCONSISTENT", text,
                             "check that each folder belongs to its camera, that all cameras count frames from the same "

@@ -6,6 +6,8 @@
 #include <set>
 #include <tuple>
 
+#include "core/join.h"
+#include "core/statistics.h"
 #include "report/page/format.h"
 
 namespace mvstudio::app {
@@ -64,11 +66,7 @@ std::string Distinction(const Recipe& own, const std::vector<Recipe>& others) {
   std::string text;
   const auto add = [&text](const std::string& part) { text += ", " + part; };
   if (counts) add(std::to_string(own.cameras.size()) + " cameras");
-  if (cameras && !counts) {
-    std::string names;
-    for (const std::string& camera : own.cameras) names += (names.empty() ? "" : "+") + camera;
-    add("cameras " + names);
-  }
+  if (cameras && !counts) add("cameras " + Join(own.cameras, "+"));
   for (const std::string& key : different) {
     const auto found = own.options.find(key);
     add(key.substr(key.find('.') + 1) + " " + (found == own.options.end() ? "-" : found->second));
@@ -239,19 +237,14 @@ size_t Width(const std::string& text) {
 }  // namespace
 
 Spread SpreadOf(const std::vector<double>& values) {
-  std::vector<double> finite;
-  std::copy_if(values.begin(), values.end(), std::back_inserter(finite), [](double v) { return std::isfinite(v); });
+  const std::vector<double> finite = FiniteValues(values);
   Spread spread;
   spread.n = static_cast<int>(finite.size());
   spread.mean = spread.half_range = spread.sd = spread.least = spread.most = std::nan("");
   if (finite.empty()) return spread;
   const auto [low, high] = std::minmax_element(finite.begin(), finite.end());
   spread.least = *low, spread.most = *high, spread.half_range = (*high - *low) / 2;
-  double sum = 0, squares = 0;
-  for (const double v : finite) sum += v;
-  spread.mean = sum / spread.n;
-  for (const double v : finite) squares += (v - spread.mean) * (v - spread.mean);
-  if (spread.n > 1) spread.sd = std::sqrt(squares / (spread.n - 1));
+  spread.mean = Mean(finite), spread.sd = SampleDeviation(finite);
   return spread;
 }
 

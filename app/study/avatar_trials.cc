@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 
 #include "app/study/tradeoff.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::app {
 
@@ -89,17 +89,14 @@ ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
 }
 
 std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance) {
-  char line[300];
-  std::snprintf(line, sizeof line,
-                "cameras   px  width  steps  loss                SSIM  %12s  training s  s/step  ms/frame  parameters\n",
-                distance.c_str());
-  std::string text = line;
+  std::string text =
+      Format("cameras   px  width  steps  loss                SSIM  %12s  training s  s/step  ms/frame  parameters\n",
+             distance.c_str());
   for (const AvatarTrial& t : trials) {
-    std::snprintf(line, sizeof line, "%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10.0f %s%s\n", t.cameras.size(),
-                  t.size_px, t.width, t.steps, t.loss.c_str(), Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(),
-                  Shown(t.train_s, 1).c_str(), Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(), t.parameters,
-                  t.train_front ? "*" : "", t.render_front ? "+" : "");
-    text += line;
+    text += Format("%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10s %s%s\n", t.cameras.size(), t.size_px, t.width,
+                   t.steps, t.loss.c_str(), Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(), Shown(t.train_s, 1).c_str(),
+                   Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(), Shown(t.parameters, 0).c_str(),
+                   t.train_front ? "*" : "", t.render_front ? "+" : "");
   }
   return text + "Among trials with as many cameras no other is both better and faster to train (*), to render (+).\n";
 }

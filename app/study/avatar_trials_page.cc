@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "app/study/avatar_trials.h"
+#include "core/join.h"
 #include "report/page/format.h"
 #include "report/page/html.h"
 #include "report/svg/svg.h"
@@ -98,10 +99,8 @@ std::string TrialsPage(const Trials& trials, const AvatarTradeoffOptions& option
       if (!figure.empty()) figures.push_back(figure);
     }
   }
-  std::string held_out;
-  for (const std::string& camera : options.holdout_cameras) held_out += (held_out.empty() ? "" : ", ") + camera;
   const std::string intro =
-      report::ParagraphHtml("Held out: cameras " + held_out + ", frames " + options.holdout_frames +
+      report::ParagraphHtml("Held out: cameras " + Join(options.holdout_cameras, ", ") + ", frames " + options.holdout_frames +
                             ". All trials are scored at " + std::to_string(options.score_size_px) +
                             " px, renders of other sizes scaled to it. Large dots: no other trial with as many "
                             "cameras is both better and faster.");

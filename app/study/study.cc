@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "report/page/format.h"
 #include "report/study/study.h"
 #include "report/study/study_tally.h"
@@ -52,11 +53,9 @@ nlohmann::ordered_json ShareJson(const report::StudyShare& share) {
 }
 
 std::string ShareLine(const std::string& name, const report::StudyShare& share) {
-  char line[200];
-  std::snprintf(line, sizeof line, "  %-24s %4lld of %4lld  %5.1f %% [%5.1f, %5.1f]  p %.3g  left %lld\n", name.c_str(),
+  return Format("  %-24s %4lld of %4lld  %5.1f %% [%5.1f, %5.1f]  p %.3g  left %lld\n", name.c_str(),
                 static_cast<long long>(share.chose_a), static_cast<long long>(share.n), 100 * share.share_a, 100 * share.low,
                 100 * share.high, share.p_value, static_cast<long long>(share.chose_left));
-  return line;
 }
 
 }  // namespace
@@ -64,6 +63,7 @@ std::string ShareLine(const std::string& name, const report::StudyShare& share) 
 CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, uint64_t seed) {
   if (out.empty()) throw UsageError("option 'study' needs option 'out' FILE.html");
   if (arguments.pictures < 1) throw UsageError("option 'study-pictures' must be at least 1");
+  if (arguments.sides.size() != 2) throw UsageError("option 'study' needs two sides");
   const Side a = MakeSide(arguments.sides.at(0)), b = MakeSide(arguments.sides.at(1));
   const std::string truth = TruthOf(arguments, a, b);
   std::vector<std::string> unmatched;

@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -44,9 +45,8 @@ const Lens& LensOf(const std::string& lens_model) {
   if (lens_model == "splined") {
     throw UsageError("splined lenses have no projection over tensors: undistort the pictures to a pinhole first");
   }
-  std::string names;
-  for (const auto& [name, ignored] : lenses) names += (names.empty() ? "" : ", ") + name;
-  throw UsageError("lens model '" + lens_model + "' is unknown; one of " + names);
+  throw UsageError("lens model '" + lens_model + "' is unknown; one of " +
+                   Join(lenses, ", ", [](const auto& lens) { return lens.first; }));
 }
 
 /// k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 of a perspective model, zeros where it has none.

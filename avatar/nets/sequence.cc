@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "avatar/nets/generator.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::avatar {
 namespace {

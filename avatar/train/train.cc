@@ -6,14 +6,13 @@
 
 #include "avatar/train/batch.h"
 #include "avatar/train/train_state.h"
+#include "core/join.h"
 
 namespace mvstudio::avatar {
 namespace {
 
 std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& pictures) {
-  std::string names;
-  for (const int64_t i : pictures) names += (names.empty() ? "" : "; ") + PictureName(pack, i);
-  return names;
+  return Join(pictures, "; ", [&pack](int64_t i) { return PictureName(pack, i); });
 }
 
 }  // namespace

@@ -21,6 +21,7 @@
 
 #include "calib/board/pixel_origin.h"
 #include "core/check.h"
+#include "core/join.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -133,11 +134,7 @@ const std::vector<std::string>& AllTagFamilies() {
   return names;
 }
 
-std::string TagFamilyNames() {
-  std::string text;
-  for (const std::string& name : AllTagFamilies()) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
+std::string TagFamilyNames() { return Join(AllTagFamilies(), ", "); }
 
 std::optional<TagFamily> FindTagFamily(const std::string& name) {
   const apriltag_family_t* family = AllFamilies().Get(name, 1);

@@ -10,6 +10,7 @@
 #include "calib/board/apriltag.h"
 #include "calib/board/charuco_layout.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::calib {
 
@@ -177,11 +178,7 @@ Board ParseGrid(const Parts& parts, Board::Kind kind, const std::string& text) {
   return board;
 }
 
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
+std::string Number(double value) { return Format("%.10g", value); }
 
 std::string Millimetres(double length_m) { return Number(length_m * 1e3) + "mm"; }
 

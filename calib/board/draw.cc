@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include "calib/board/print.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -30,16 +30,6 @@ struct Paper {
   double width, height;
 };
 constexpr Paper kPapers[] = {{"a4", 210, 297}, {"a3", 297, 420}, {"letter", 215.9, 279.4}};
-
-std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
-std::string Format(const char* format, ...) {
-  char text[320];
-  va_list values;
-  va_start(values, format);
-  std::vsnprintf(text, sizeof text, format, values);
-  va_end(values);
-  return text;
-}
 
 /// Page size for what must be printed; the paper is turned when only that fits.
 void ChoosePage(const Board& board, const std::string& paper, double width, double height, BoardPage* page) {

@@ -9,7 +9,7 @@
 
 #include "calib/board/charuco_layout.h"
 #include "calib/board/homography.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

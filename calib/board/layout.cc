@@ -1,11 +1,11 @@
 #include "calib/board/layout.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 
 #include "calib/board/homography.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -25,16 +25,15 @@ std::vector<const Detection*> ViewsOf(int board, const std::vector<Detection>& d
   for (const Detection& d : detections) {
     if (d.board_idx == board && d.points_px.cols() >= kMinCorners && d.points_px.allFinite()) all.push_back(&d);
   }
-  for (size_t i = 0; i < std::min(kMaxViews, all.size()); ++i) some.push_back(all[i * all.size() / std::min(kMaxViews, all.size())]);
+  for (size_t i = 0; i < std::min(kMaxViews, all.size()); ++i)
+    some.push_back(all[i * all.size() / std::min(kMaxViews, all.size())]);
   return some;
 }
 
-double Extent(const Detection& d) {
-  return (d.points_px.rowwise().maxCoeff() - d.points_px.rowwise().minCoeff()).norm();
-}
+double Extent(const Detection& d) { return (d.points_px.rowwise().maxCoeff() - d.points_px.rowwise().minCoeff()).norm(); }
 
-/// Root mean square distance of the corners from the image of a plane when `cols` of them make a row; with `mirrored_cols` the corners
-/// were numbered the other way round within rows of so many.
+/// Root mean square distance of the corners from the image of a plane when `cols` of them make a row; with `mirrored_cols` the
+/// corners were numbered the other way round within rows of so many.
 double DistancePx(const Detection& d, int cols, int mirrored_cols) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   Eigen::Matrix2Xd grid(2, d.points_px.cols());
@@ -80,12 +79,10 @@ std::optional<LayoutFault> FaultOf(int index, const Board& board, const std::vec
 }  // namespace
 
 std::string ToString(const LayoutFault& fault) {
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "the corners of board %d stand as on a board of %d columns and %d rows, not of %d columns and %d rows as described: they lie "
-                "within %.2g px of a plane's image instead of %.3g px",
-                fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px);
-  return text;
+  return Format(
+      "the corners of board %d stand as on a board of %d columns and %d rows, not of %d columns and %d rows as described: they "
+      "lie within %.2g px of a plane's image instead of %.3g px",
+      fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px);
 }
 
 std::optional<LayoutFault> FindLayoutFault(const std::vector<Board>& boards, const std::vector<Detection>& detections) {

@@ -6,16 +6,16 @@
 #include <map>
 
 #include "calib/bundle/bundle.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
 
 constexpr double kDistanceToSigma = 0.8493218;  // median 2-D distance to standard deviation per coordinate
-constexpr double kMinSigmaPx = 1e-7;  // below it, residuals are rounding errors and nothing is an outlier
-constexpr double kMaxTail = 1.6;      // of the kept corners' standard deviation over the robust one
-constexpr double kBorrowed = 40;      // corners' worth of the average that every camera's variance is mixed with, by logarithms
-constexpr double kMaxRatio = 100;     // between the noise of two cameras
+constexpr double kMinSigmaPx = 1e-7;            // below it, residuals are rounding errors and nothing is an outlier
+constexpr double kMaxTail = 1.6;                // of the kept corners' standard deviation over the robust one
+constexpr double kBorrowed = 40;   // corners' worth of the average that every camera's variance is mixed with, by logarithms
+constexpr double kMaxRatio = 100;  // between the noise of two cameras
 constexpr double kMinRedundancy = 0.2;
 
 /// Variances per coordinate of the corners that count, per camera, and how many they are.
@@ -78,12 +78,14 @@ std::vector<double> Redundancies(const std::vector<View>& views, const RigState&
 /// Geometric mean of a variance of `corners` corners and of what is borrowed.
 double Borrow(double variance, double corners, double average) {
   const double floor = kMinSigmaPx * kMinSigmaPx;
-  const double log_mean = (corners * std::log(std::max(floor, variance)) + kBorrowed * std::log(std::max(floor, average))) / (corners + kBorrowed);
+  const double log_mean =
+      (corners * std::log(std::max(floor, variance)) + kBorrowed * std::log(std::max(floor, average))) / (corners + kBorrowed);
   return std::exp(log_mean);
 }
 
 /// Every camera's variance mixed with that of all, which decides where a camera has few corners.
-CameraNoise Mix(const std::vector<double>& variance, double variance_of_all, const std::vector<View>& views, const RigState& state) {
+CameraNoise Mix(const std::vector<double>& variance, double variance_of_all, const std::vector<View>& views,
+                const RigState& state) {
   const std::vector<double> corners = CountCorners(views, state.cameras.size()), share = Redundancies(views, state, corners);
   double squares = 0, freedom = 0, weights = 0, total = 0;
   for (size_t c = 0; c < corners.size(); ++c) squares += corners[c] * variance[c], freedom += corners[c] * share[c];

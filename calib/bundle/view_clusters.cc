@@ -7,7 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -66,7 +66,8 @@ std::vector<int> ClusterViews(const std::vector<View>& views) {
 std::vector<int> ClusterFrames(const std::vector<View>& views, const std::vector<int>& cluster_of_view, size_t num_frames) {
   std::vector<std::map<std::pair<int, int>, int>> sights(num_frames);  // per frame: cluster by camera and board
   for (size_t v = 0; v < views.size(); ++v) {
-    if ((views[v].weights.array() > 0).any()) sights[views[v].frame][{views[v].camera_idx, views[v].board}] = cluster_of_view[v];
+    if ((views[v].weights.array() > 0).any())
+      sights[views[v].frame][{views[v].camera_idx, views[v].board}] = cluster_of_view[v];
   }
   std::vector<int> clusters(num_frames, -1);
   std::map<int, std::vector<size_t>> leaders;  // by cluster of a view: first frames that have it

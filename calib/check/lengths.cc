@@ -7,7 +7,7 @@
 
 #include "calib/bundle/board_shape.h"
 #include "calib/check/rig_check_internal.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rig/alignment.h"
 
 namespace mvstudio::calib::internal {
@@ -65,11 +65,10 @@ double EdgeOf(const Eigen::Matrix3Xd& corners) {
 
 void Summarise(const std::vector<double>& errors_m, double* rms_mm, double* bias_mm, double* median_mm) {
   std::vector<double> sizes;
-  double squares = 0, sum = 0;
-  for (const double error : errors_m) sizes.push_back(std::abs(error)), squares += error * error, sum += error;
-  const double count = static_cast<double>(errors_m.size());
-  *rms_mm = 1e3 * std::sqrt(squares / count);  // NaN for none
-  *bias_mm = 1e3 * sum / count;
+  double sum = 0;
+  for (const double error : errors_m) sizes.push_back(std::abs(error)), sum += error;
+  *rms_mm = 1e3 * Rms(errors_m);
+  *bias_mm = 1e3 * sum / static_cast<double>(errors_m.size());  // NaN for none
   if (median_mm) *median_mm = 1e3 * UpperMedian(sizes);
 }
 

@@ -7,7 +7,7 @@
 #include "calib/bundle/board_shape.h"
 #include "calib/check/rig_check_internal.h"
 #include "calib/lens/resection.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
 namespace {

@@ -10,7 +10,7 @@
 #include "calib/check/rig_check_internal.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -242,7 +242,7 @@ void RequireConsensus(CheckWork* work, RigCheck* result) {
   std::sort(result->undecided.begin(), result->undecided.end());
 }
 
-double Rms(const Eigen::VectorXd& distances, const View& view) {
+double RmsOfUsed(const Eigen::VectorXd& distances, const View& view) {
   const auto used = (view.weights.array() > 0).cast<double>();
   return std::sqrt((used > 0).select(distances.array().square(), 0).sum() / used.sum());
 }
@@ -257,7 +257,7 @@ std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCh
     const Rigid3& board = work.state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
     views.push_back(v);
     rms.push_back(
-        Rms(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
+        RmsOfUsed(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
   }
   const double limit = 4 * UpperMedian(rms);
   for (size_t i = 0; i < views.size(); ++i) {

@@ -1,7 +1,7 @@
 #include <cmath>
-#include <cstdio>
 
 #include "calib/check/rig_check_internal.h"
+#include "core/format.h"
 #include "core/units.h"
 
 namespace mvstudio::calib::internal {
@@ -9,63 +9,56 @@ namespace {
 
 constexpr int kFewViews = 5;
 
-template <class... Values>
-std::string Text(const char* format, Values... values) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, values...);
-  return text;
-}
-
 void Add(const char* status, Verdict::Reason reason, Verdict* verdict) {
   if (verdict->status != "fail") verdict->status = status;
   verdict->reasons.push_back(std::move(reason));
 }
 
 std::string Motion(const CameraCheck& c) {
-  return Text("%.3f +- %.3f deg, %.2f +- %.2f mm (%.2f px in its image)", RadToDeg(c.rotation_rad),
-              RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px);
+  return Format("%.3f +- %.3f deg, %.2f +- %.2f mm (%.2f px in its image)", RadToDeg(c.rotation_rad),
+                RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px);
 }
 
 void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const RigCheck& check, Verdict* verdict) {
   const char* name = c.name.c_str();
   if (c.num_views == 0) {
     Add("warn",
-        {"CAL-FEWVIEWS", Text("camera %s shares no board with another camera: it is not checked", name),
+        {"CAL-FEWVIEWS", Format("camera %s shares no board with another camera: it is not checked", name),
          "hold the board where another camera sees it too"},
         verdict);
     return;
   }
   if (c.moved) {
     Add("fail",
-        {"CAL-BUMPED", Text("camera %s has moved: ", name) + Motion(c),
+        {"CAL-BUMPED", Format("camera %s has moved: ", name) + Motion(c),
          "calibrate anew, or take the new pose with option 'repair'"},
         verdict);
     return;
   }
   if (c.num_views < kFewViews) {
     Add("warn",
-        {"CAL-FEWVIEWS", Text("camera %s: only %d boards are shared with another camera", name, c.num_views),
-         Text("%d or more are better", kFewViews)},
+        {"CAL-FEWVIEWS", Format("camera %s: only %d boards are shared with another camera", name, c.num_views),
+         Format("%d or more are better", kFewViews)},
         verdict);
   }
   if (c.num_outlying_views > 0) {
     Add("warn",
         {"CAL-FRAMES",
-         Text("camera %s: %d of %d boards disagree grossly with the other cameras", name, c.num_outlying_views, c.num_views),
+         Format("camera %s: %d of %d boards disagree grossly with the other cameras", name, c.num_outlying_views, c.num_views),
          "check the synchronisation; hold the board still"},
         verdict);
   }
   if (c.own_rms_px > options.warn_px) {
     Add(c.own_rms_px > options.fail_px ? "fail" : "warn",
-        {"CAL-LENS", Text("camera %s: %.2f px even with every board placed for it alone", name, c.own_rms_px),
+        {"CAL-LENS", Format("camera %s: %.2f px even with every board placed for it alone", name, c.own_rms_px),
          "its zoom or focus may have changed, or the board is not the one that was named"},
         verdict);
   }
   if (c.rms_px > options.warn_px && check.undecided.empty()) {
     Add(c.rms_px > options.fail_px ? "fail" : "warn",
         {"CAL-RESIDUAL",
-         Text("camera %s: %.2f px against the boards that all cameras agree on (limit %.1f)", name, c.rms_px,
-              c.rms_px > options.fail_px ? options.fail_px : options.warn_px),
+         Format("camera %s: %.2f px against the boards that all cameras agree on (limit %.1f)", name, c.rms_px,
+                c.rms_px > options.fail_px ? options.fail_px : options.warn_px),
          "check that the footage is synchronised and the board is the one that was named"},
         verdict);
   }
@@ -96,7 +89,8 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
   }
   if (std::abs(check->scale - 1) > options.scale_percent / 100) {
     Add("warn",
-        {"CAL-SCALE", Text("lengths by this calibration differ from those on the board by %+.2f %%", 100 * (check->scale - 1)),
+        {"CAL-SCALE",
+         Format("lengths by this calibration differ from those on the board by %+.2f %%", 100 * (check->scale - 1)),
          "check the size of the board's squares, now and at the calibration"},
         &verdict);
   }

@@ -1,11 +1,11 @@
 #include "calib/check/rig_compare.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "core/check.h"
+#include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -53,62 +53,64 @@ Eigen::Vector3d Moved(const Rigid3& cam_from_reference, const Eigen::Vector3d& r
   return cam_from_reference * Eigen::Vector3d(range_m * ray);
 }
 
-struct Normal {
-  Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Zero();
-  Vector6d gradient = Vector6d::Zero();
-  double cost = 0;
+/// The cost is the mean squared difference, for their number may change.
+struct Normal : geometry::NormalEquations<6> {
   int count = 0;
 };
 
-Normal Accumulate(const geometry::Projector& projector, const Grid& grid, const std::vector<double>& ranges,
-                  const Rigid3& cam_from_reference) {
-  Normal normal;
-  for (const double range : ranges) {
-    for (const GridPoint& point : grid.points) {
-      if (!point.in_focus) continue;
-      const Eigen::Vector3d x = Moved(cam_from_reference, point.ray, range);
-      const geometry::ProjectionWithJacobians projection = projector.ProjectWithJacobians(x);
-      if (projection.status != Status::kOk) continue;
-      const bool far = std::isinf(range);
-      const Eigen::Vector3d turned = far ? x : Eigen::Vector3d(x - cam_from_reference.translation);
-      Eigen::Matrix<double, 3, 6> d_x;
-      d_x << 0, turned.z(), -turned.y(), 1, 0, 0, -turned.z(), 0, turned.x(), 0, 1, 0, turned.y(), -turned.x(), 0, 0, 0, 1;
-      if (far) d_x.rightCols<3>().setZero();
-      const Eigen::Matrix<double, 2, 6> j = projection.d_px_d_x * d_x;
-      const Eigen::Vector2d residual = projection.px - point.px;
-      normal.hessian += j.transpose() * j;
-      normal.gradient += j.transpose() * residual;
-      normal.cost += residual.squaredNorm();
-      ++normal.count;
-    }
-  }
-  return normal;
-}
+struct ImpliedProblem : geometry::LeastSquaresProblem<6, Rigid3, Normal> {
+  const geometry::Projector& projector;
+  const Grid& grid;
+  const std::vector<double>& ranges;
 
-/// Levenberg-Marquardt over the mean squared difference; the starts are so near that a few steps do.
-Rigid3 FitImplied(const geometry::Projector& projector, const Grid& grid, const std::vector<double>& ranges) {
-  Rigid3 best;
-  Normal normal = Accumulate(projector, grid, ranges, best);
-  double damping = 1e-6;
-  for (int i = 0; i < 50 && damping < 1e8 && normal.count > 0; ++i) {
-    Eigen::Matrix<double, 6, 6> hessian = normal.hessian;
-    hessian.diagonal() *= 1 + damping;
-    hessian.diagonal().array() += 1e-12 * (1 + normal.hessian.trace());
-    const Vector6d step = hessian.ldlt().solve(-normal.gradient);
-    if (!step.allFinite()) break;
-    const Rigid3 next = geometry::Perturb(step, best);
-    const Normal next_normal = Accumulate(projector, grid, ranges, next);
-    const double mean = normal.cost / normal.count;
-    const double next_mean =
-        next_normal.count > 0 ? next_normal.cost / next_normal.count : std::numeric_limits<double>::infinity();
-    if (next_mean <= mean && 2 * next_normal.count >= normal.count) {
-      best = next, normal = next_normal, damping = std::max(damping * 0.1, 1e-15);
-      if (mean - next_mean <= 1e-15 * mean || step.norm() < 1e-14) break;
-    } else {
-      damping *= 10;
-    }
+  ImpliedProblem(const geometry::Projector& of, const Grid& seen, const std::vector<double>& at)
+      : projector(of), grid(seen), ranges(at) {}
+  Rigid3 Retract(const Rigid3& from, const Vector6d& step) const { return geometry::Perturb(step, from); }
+
+  void Add(const GridPoint& point, double range, const Rigid3& cam_from_reference, Normal* normal) const {
+    const Eigen::Vector3d x = Moved(cam_from_reference, point.ray, range);
+    const geometry::ProjectionWithJacobians projection = projector.ProjectWithJacobians(x);
+    if (projection.status != Status::kOk) return;
+    const bool far = std::isinf(range);
+    const Eigen::Vector3d turned = far ? x : Eigen::Vector3d(x - cam_from_reference.translation);
+    Eigen::Matrix<double, 3, 6> d_x;
+    d_x << 0, turned.z(), -turned.y(), 1, 0, 0, -turned.z(), 0, turned.x(), 0, 1, 0, turned.y(), -turned.x(), 0, 0, 0, 1;
+    if (far) d_x.rightCols<3>().setZero();
+    const Eigen::Matrix<double, 2, 6> j = projection.d_px_d_x * d_x;
+    const Eigen::Vector2d residual = projection.px - point.px;
+    normal->h += j.transpose() * j;
+    normal->g += j.transpose() * residual;
+    normal->cost += residual.squaredNorm();
+    ++normal->count;
   }
-  return best;
+
+  bool Linearize(const Rigid3& cam_from_reference, Normal* normal) const {
+    for (const double range : ranges) {
+      for (const GridPoint& point : grid.points) {
+        if (point.in_focus) Add(point, range, cam_from_reference, normal);
+      }
+    }
+    if (normal->count > 0) normal->cost /= normal->count;
+    return normal->count > 0;
+  }
+
+  Vector6d SolveStep(const Normal& at, double damping) const {
+    return geometry::DampedStep(at.h, at.g, damping, 1e-12 * (1 + at.h.trace()));
+  }
+
+  geometry::StepVerdict Judge(const geometry::LeastSquaresOptions& options, const Vector6d& step, const Normal& at,
+                              const Normal* trial) const {
+    if (trial && 2 * trial->count < at.count) return geometry::StepVerdict::kRefuse;
+    return LeastSquaresProblem::Judge(options, step, at, trial);
+  }
+};
+
+/// The starts are so near that a few steps do.
+Rigid3 FitImplied(const geometry::Projector& projector, const Grid& grid, const std::vector<double>& ranges) {
+  geometry::LeastSquaresOptions options;
+  options.first_damping = 1e-6, options.least_damping = 1e-15, options.max_damping = 1e8;
+  options.cost_tolerance = 1e-15, options.step_tolerance = 1e-14;
+  return geometry::SolveLeastSquares(ImpliedProblem(projector, grid, ranges), Rigid3(), options).state;
 }
 
 ProjectionDiffAtRange AtRange(const geometry::Projector& projector, const Grid& grid, const Rigid3& cam_from_reference,

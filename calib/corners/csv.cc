@@ -1,3 +1,5 @@
+#include "core/csv.h"
+
 #include <charconv>
 #include <cstring>
 #include <sstream>
@@ -26,13 +28,6 @@ void RequireWritable(const std::string& name) {
   const bool bare = !name.empty() && !std::strchr(kSpace, name.front()) && !std::strchr(kSpace, name.back());
   if (!bare || name.find_first_of("\r\n") != std::string::npos)
     throw UsageError("the camera name '" + internal::Printable(name) + "' cannot be written to a corner file");
-}
-
-std::string Quoted(const std::string& name) {
-  if (name.find_first_of(",\"# \t") == std::string::npos) return name;
-  std::string quoted = "\"";
-  for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
 }
 
 void WriteHeader(const CornerFile& file, std::ostringstream* out) {
@@ -166,7 +161,7 @@ void WriteCornerFile(const CornerFile& file, const std::string& path) {
   for (const Detection& detection : file.detections) {
     MVS_CHECK(detection.camera_idx >= 0 && detection.camera_idx < static_cast<int>(file.cameras.size()),
               "camera " << detection.camera_idx);
-    const std::string start = Quoted(file.cameras[static_cast<size_t>(detection.camera_idx)].name) + "," +
+    const std::string start = CsvCell(file.cameras[static_cast<size_t>(detection.camera_idx)].name) + "," +
                               std::to_string(detection.frame_idx) + "," + std::to_string(detection.board_idx) + ",";
     for (int i = 0; i < detection.num_corners(); ++i) {
       out << start << detection.corner_ids[static_cast<size_t>(i)] << "," << Exact(detection.points_px(0, i)) << ","

@@ -1,44 +1,15 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <optional>
 
 #include "calib/corners/corner_files_internal.h"
+#include "calib/formats/xml_internal.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 
 namespace mvstudio::calib::internal {
 namespace {
 
-/// A piece of the file's text with its name for messages.
-struct Element {
-  std::string_view text;
-  Place place;
-};
-
 [[noreturn]] void Fail(const Place& place, const std::string& what) { throw FormatError(place.path, place.where, what); }
-
-/// What stands between <tag …> and </tag>, searched from *at on; *at moves behind it.
-std::optional<std::string_view> NextElement(std::string_view text, const std::string& tag, const Place& place, size_t* at) {
-  size_t open = text.find("<" + tag, *at);
-  while (open != std::string_view::npos && open + tag.size() + 1 < text.size() && text[open + tag.size() + 1] != '>' &&
-         text[open + tag.size() + 1] != ' ') {
-    open = text.find("<" + tag, open + 1);
-  }
-  if (open == std::string_view::npos) return std::nullopt;
-  const size_t start = text.find('>', open), close = text.find("</" + tag + ">", open);
-  if (start == std::string_view::npos || close == std::string_view::npos || close < start) {
-    Fail(place, "<" + tag + "> is not closed; is the file truncated?");
-  }
-  *at = close + tag.size() + 3;
-  return text.substr(start + 1, close - start - 1);
-}
-
-std::optional<Element> Find(std::string_view text, const std::string& path, const std::string& tag) {
-  size_t at = 0;
-  const auto found = NextElement(text, tag, {path, tag}, &at);
-  return found ? std::optional<Element>({*found, {path, tag}}) : std::nullopt;
-}
 
 std::vector<double> Numbers(std::string_view text, const Place& place) {
   std::vector<double> numbers;
@@ -51,26 +22,24 @@ std::vector<double> Numbers(std::string_view text, const Place& place) {
   return numbers;
 }
 
-std::string_view Part(std::string_view matrix, const std::string& tag, const Place& place) {
-  size_t at = 0;
-  const auto part = NextElement(matrix, tag, place, &at);
-  if (!part) Fail(place, "<" + tag + "> is missing in this matrix");
-  return *part;
+std::string_view Part(const pugi::xml_node& matrix, const char* tag, const Place& place) {
+  const pugi::xml_node part = matrix.child(tag);
+  if (!part) Fail(place, "<" + std::string(tag) + "> is missing in this matrix");
+  return part.child_value();
 }
 
 /// The matrices of a list as (channels, N) points each.
-std::vector<Eigen::MatrixXd> ReadPointLists(const Element& list, int channels) {
+std::vector<Eigen::MatrixXd> ReadPointLists(const std::string& path, const pugi::xml_node& list, int channels) {
   std::vector<Eigen::MatrixXd> matrices;
-  size_t at = 0;
-  while (const auto matrix = NextElement(list.text, "_", list.place, &at)) {
-    const Place place{list.place.path, list.place.where + "[" + std::to_string(matrices.size()) + "]"};
-    const std::vector<double> rows = Numbers(Part(*matrix, "rows", place), place);
-    const std::vector<double> cols = Numbers(Part(*matrix, "cols", place), place);
-    const std::vector<double> data = Numbers(Part(*matrix, "data", place), place);
+  for (const pugi::xml_node& matrix : list.children("_")) {
+    const Place place{path, std::string(list.name()) + "[" + std::to_string(matrices.size()) + "]"};
+    const std::vector<double> rows = Numbers(Part(matrix, "rows", place), place);
+    const std::vector<double> cols = Numbers(Part(matrix, "cols", place), place);
+    const std::vector<double> data = Numbers(Part(matrix, "data", place), place);
     if (rows.size() != 1 || cols.size() != 1 || !(rows[0] >= 0 && rows[0] <= 1e6) || !(cols[0] >= 0 && cols[0] <= 1e6)) {
       Fail(place, "the size of this matrix is out of range");
     }
-    const std::string_view type = Part(*matrix, "dt", place);
+    const std::string_view type = Part(matrix, "dt", place);
     const bool vectors = type.find(std::to_string(channels)) != std::string_view::npos;
     const double expected = rows[0] * cols[0] * (vectors ? channels : 1);
     if (static_cast<double>(data.size()) != expected || data.size() % static_cast<size_t>(channels) != 0) {
@@ -82,12 +51,12 @@ std::vector<Eigen::MatrixXd> ReadPointLists(const Element& list, int channels) {
   return matrices;
 }
 
-std::pair<int, int> ReadSize(std::string_view text, const std::string& path, const std::string& tag) {
-  const auto element = Find(text, path, tag);
+std::pair<int, int> ReadSize(const std::string& path, const pugi::xml_node& element) {
   if (!element) return {0, 0};
-  const std::vector<double> size = Numbers(element->text, element->place);
+  const Place place{path, element.name()};
+  const std::vector<double> size = Numbers(element.child_value(), place);
   const auto in_range = [](double v) { return v >= 1 && v <= 1 << 20 && v == std::floor(v); };
-  if (size.size() != 2 || !in_range(size[0]) || !in_range(size[1])) Fail(element->place, "'width height' in px was expected");
+  if (size.size() != 2 || !in_range(size[0]) || !in_range(size[1])) Fail(place, "'width height' in px was expected");
   return {static_cast<int>(size[0]), static_cast<int>(size[1])};
 }
 
@@ -111,33 +80,34 @@ class PointNumbers {
 };
 
 struct ImageList {
-  std::string camera, tag, size_tag;
+  const char *camera, *tag, *size_tag;
 };
 
 }  // namespace
 
 CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& options) {
-  const std::string text = ReadFile(path);
-  const auto objects = Find(text, path, "objectPoints");
+  pugi::xml_document document;
+  ParseXml(path, ReadFile(path), &document);
+  const pugi::xml_node root = document.document_element(), objects = root.child("objectPoints");
   if (!objects)
     throw FormatError(path, "", "no <objectPoints> in it; OpenCV's XML with objectPoints and imagePoints was expected");
-  const std::vector<Eigen::MatrixXd> points = ReadPointLists(*objects, 3);
+  const std::vector<Eigen::MatrixXd> points = ReadPointLists(path, objects, 3);
   std::vector<ImageList> lists{{"left", "imagePoints1", "imageSize1"}, {"right", "imagePoints2", "imageSize2"}};
-  if (Find(text, path, "imagePoints")) lists = {{"camera", "imagePoints", "imageSize"}};
+  if (root.child("imagePoints")) lists = {{"camera", "imagePoints", "imageSize"}};
   const double scale = MetresPerUnit(options.unit);
   PointNumbers number;
   DetectionBuilder builder(path);
   CornerFile file;
   for (const ImageList& list : lists) {
-    const auto element = Find(text, path, list.tag);
-    if (!element) throw FormatError(path, "", "no <" + list.tag + "> in it");
-    const std::vector<Eigen::MatrixXd> images = ReadPointLists(*element, 2);
+    const pugi::xml_node element = root.child(list.tag);
+    if (!element) throw FormatError(path, "", "no <" + std::string(list.tag) + "> in it");
+    const std::vector<Eigen::MatrixXd> images = ReadPointLists(path, element, 2);
     if (images.size() != points.size()) {
-      Fail(element->place, std::to_string(images.size()) + " views, objectPoints has " + std::to_string(points.size()));
+      Fail({path, list.tag}, std::to_string(images.size()) + " views, objectPoints has " + std::to_string(points.size()));
     }
     const int camera = builder.Camera(list.camera);
     for (size_t view = 0; view < images.size(); ++view) {
-      const std::string where = list.tag + "[" + std::to_string(view) + "]";
+      const std::string where = std::string(list.tag) + "[" + std::to_string(view) + "]";
       if (images[view].cols() != points[view].cols() && images[view].cols() > 0) {
         throw FormatError(
             path, where,
@@ -148,7 +118,7 @@ CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& o
         builder.Add(camera, static_cast<int64_t>(view), 0, corner, images[view].col(i), 1, where);
       }
     }
-    const auto [width, height] = ReadSize(text, path, list.size_tag);
+    const auto [width, height] = ReadSize(path, root.child(list.size_tag));
     file.cameras.push_back({list.camera, width, height});
   }
   file.boards = {options.board ? *options.board : BoardFromPoints(number.Points())};

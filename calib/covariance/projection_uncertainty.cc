@@ -8,7 +8,7 @@
 
 #include "calib/covariance/projection_uncertainty_internal.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/rigid/cross_matrix.h"
 

@@ -10,7 +10,7 @@
 #include "calib/covariance/omitted_terms.h"
 #include "calib/covariance/projection_uncertainty_internal.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rigid/cross_matrix.h"
 
 namespace mvstudio::calib {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <mutex>
@@ -14,8 +13,10 @@
 #include "calib/detect/corner_search.h"
 #include "calib/detect/detect_board.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -307,10 +308,7 @@ std::string RelationOf(const Board& board, bool mirrored, const std::optional<Bo
     if (std::abs(board.tag_spacing - given->tag_spacing) > 1e-9) parts.push_back("another gap");
     if (std::abs(board.marker_m - given->marker_m) > 1e-9) parts.push_back("another size of the markers");
   }
-  if (parts.empty()) return "as given";
-  std::string text;
-  for (const std::string& part : parts) text += (text.empty() ? "" : ", ") + part;
-  return text;
+  return parts.empty() ? "as given" : Join(parts, ", ");
 }
 
 /// Tries the candidates that were added since the last time.
@@ -389,9 +387,7 @@ std::string BoardText(const Board& board, bool scale_known) {
   if (at != std::string::npos) unscaled.replace(at + 1, side.size(), name);
   if (board.kind != Board::Kind::kCharuco) return unscaled;
   const size_t marker = unscaled.find(':', at + 1) + 1, end = unscaled.find(':', marker);
-  char ratio[32];
-  std::snprintf(ratio, sizeof ratio, "%.3g*", unit.marker_m);
-  return unscaled.substr(0, marker) + ratio + name + unscaled.substr(end);
+  return unscaled.substr(0, marker) + Format("%.3g*", unit.marker_m) + name + unscaled.substr(end);
 }
 
 }  // namespace mvstudio::calib

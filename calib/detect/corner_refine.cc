@@ -1,6 +1,5 @@
 #include "calib/detect/corner_refine.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include "calib/board/apriltag.h"
 #include "calib/board/charuco_layout.h"
 #include "core/units.h"
+#include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -15,7 +15,6 @@ namespace {
 constexpr int kNumParams =
     9;  // x, y, angle of the edge along x, angle of the edge along y, blur, level, half contrast, slope x, slope y
 using Params = Eigen::Matrix<double, kNumParams, 1>;
-using Normal = Eigen::Matrix<double, kNumParams, kNumParams>;
 
 constexpr double kWindowSquares = 0.46;  // of a square, so that neighbouring corners stay outside
 constexpr double kMinBlur = 0.25, kMaxBlur = 6;
@@ -138,25 +137,44 @@ double Evaluate(const Params& p, double x, double y, const Shape& shape, Params*
   return p[5] + p[6] * pattern + p[7] * x + p[8] * y;
 }
 
-struct Linearized {
-  Normal hessian = Normal::Zero();
-  Params gradient = Params::Zero();
-  double cost = 0, weight = 0;
+struct Linearized : geometry::NormalEquations<kNumParams> {
+  double weight = 0;
 };
 
-Linearized Linearize(const std::vector<Sample>& samples, const Params& p, const Shape& shape) {
-  Linearized l;
-  Params g;
-  for (const Sample& s : samples) {
-    const double r = Evaluate(p, s.x, s.y, shape, &g) - s.grey;
-    l.hessian.selfadjointView<Eigen::Lower>().rankUpdate(g, s.weight);
-    l.gradient += s.weight * r * g;
-    l.cost += s.weight * r * r;
-    l.weight += s.weight;
+struct CornerProblem : geometry::LeastSquaresProblem<kNumParams, Params, Linearized> {
+  const std::vector<Sample>& samples;
+  const Shape& shape;
+
+  CornerProblem(const std::vector<Sample>& of, const Shape& seen) : samples(of), shape(seen) {}
+
+  bool Linearize(const Params& p, Linearized* l) const {
+    Params g;
+    for (const Sample& s : samples) {
+      const double r = Evaluate(p, s.x, s.y, shape, &g) - s.grey;
+      l->h.selfadjointView<Eigen::Lower>().rankUpdate(g, s.weight);
+      l->g += s.weight * r * g;
+      l->cost += s.weight * r * r;
+      l->weight += s.weight;
+    }
+    l->h = l->h.selfadjointView<Eigen::Lower>();
+    return true;
   }
-  l.hessian = l.hessian.selfadjointView<Eigen::Lower>();
-  return l;
-}
+
+  Params Retract(const Params& p, const Params& step) const {
+    Params next = p + step;
+    next[4] = std::clamp(next[4], kMinBlur, kMaxBlur);
+    return next;
+  }
+
+  Params SolveStep(const Linearized& at, double damping) const { return geometry::DampedStep(at.h, at.g, damping, 1e-12); }
+
+  geometry::StepVerdict Judge(const geometry::LeastSquaresOptions& options, const Params& step, const Linearized& at,
+                              const Linearized* trial) const {
+    if (!trial || !(trial->cost <= at.cost)) return geometry::StepVerdict::kRefuse;
+    const bool rests = step.head<2>().norm() < options.step_tolerance;  // of the corner alone
+    return rests ? geometry::StepVerdict::kTakeLast : geometry::StepVerdict::kTake;
+  }
+};
 
 Params FirstParams(const std::vector<Sample>& samples, const CornerGuess& guess) {
   double low = 255, high = 0, sum = 0;
@@ -170,29 +188,12 @@ Params FirstParams(const std::vector<Sample>& samples, const CornerGuess& guess)
   return p;
 }
 
-/// Levenberg-Marquardt; returns the linearisation at the solution in `*at_end`.
-bool Fit(const std::vector<Sample>& samples, const Shape& shape, int max_iterations, Params* p, Linearized* at_end) {
-  double damping = 1e-3;
-  Linearized now = Linearize(samples, *p, shape);
-  for (int i = 0; i < max_iterations; ++i) {
-    Normal damped = now.hessian;
-    damped.diagonal() *= 1 + damping;
-    damped.diagonal().array() += 1e-12;
-    const Params step = damped.ldlt().solve(-now.gradient);
-    if (!step.allFinite()) return false;
-    Params next = *p + step;
-    next[4] = std::clamp(next[4], kMinBlur, kMaxBlur);
-    const Linearized trial = Linearize(samples, next, shape);
-    if (trial.cost <= now.cost) {
-      *p = next, now = trial, damping = std::max(1e-9, damping * 0.1);
-      if (step.head<2>().norm() < 1e-4) break;
-    } else {
-      damping *= 10;
-      if (damping > 1e6) break;
-    }
-  }
-  *at_end = now;
-  return true;
+geometry::LeastSquaresEnd<CornerProblem> Fit(const CornerProblem& problem, const Params& start, int max_iterations) {
+  geometry::LeastSquaresOptions options;
+  options.max_iterations = max_iterations;
+  options.first_damping = 1e-3, options.least_damping = 1e-9, options.max_damping = 1e7;
+  options.step_tolerance = 1e-4;
+  return geometry::SolveLeastSquares(problem, start, options);
 }
 
 RefinedCorner Failed(Status status, const Eigen::Vector2d& px) {
@@ -222,15 +223,16 @@ RefinedCorner RefineCorner(const Board& board, const Image& grey, const CornerGu
   const std::vector<Sample> samples = CollectSamples(neighbourhood, grey, guess, radius);
   if (samples.size() < 2 * kNumParams) return Failed(Status::kTooFewViews, guess.px);
 
-  Params p = FirstParams(samples, guess);
-  Linearized end;
-  if (!Fit(samples, neighbourhood.shape(), options.max_iterations, &p, &end)) return Failed(Status::kNotConverged, guess.px);
+  const auto fit = Fit(CornerProblem(samples, neighbourhood.shape()), FirstParams(samples, guess), options.max_iterations);
+  if (fit.status != Status::kOk && fit.status != Status::kNotConverged) return Failed(Status::kNotConverged, guess.px);
+  const Params& p = fit.state;
+  const Linearized& end = fit.equations;
 
   RefinedCorner corner;
   corner.px = guess.px + p.head<2>();
   const double rms = std::sqrt(end.cost / end.weight);
   corner.misfit = rms / std::max(1e-9, p[6]);
-  const Eigen::Matrix2d covariance = end.hessian.inverse().topLeftCorner<2, 2>() * std::max(rms * rms, 1.0);
+  const Eigen::Matrix2d covariance = end.h.inverse().topLeftCorner<2, 2>() * std::max(rms * rms, 1.0);
   corner.sigma_px = std::sqrt(std::max(0.0, covariance.trace() / 2));
   const double max_shift = std::max(1.5, (board.has_tags() ? 0.05 : 0.3) * px_per_square);
   const bool plausible = 2 * p[6] >= options.min_contrast && corner.misfit <= options.max_misfit && p[4] < kMaxBlur;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <optional>
 #include <utility>
@@ -12,7 +11,8 @@
 #include "calib/detect/corner_search.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -129,12 +129,6 @@ std::vector<CornerGuess> GuessMissing(const Image& grey, const Located& located,
   return guesses;
 }
 
-std::string Describe(const char* format, double value) {
-  char text[160];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
 int NeededCorners(const Board& board, const DetectOptions& options) {
   return std::max(4, std::min(options.min_corners, board.num_corners()));
 }
@@ -149,7 +143,7 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   const double square_px = UpperMedian(located.square_px, 0);
   if (plane->homography_median_px() > kMaxPlaneErrorSquares * square_px || plane->sigma_px() > kMaxSmoothSigmaPx) {
     return Failed(Status::kDegenerate,
-                  Describe("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));
+                  Format("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));
   }
   const double limit = std::max(kRejectFloorPx, kRejectSigmas * plane->sigma_px());
   std::vector<int> kept;

@@ -10,6 +10,7 @@
 #include "calib/detect/detection_cache.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -68,9 +69,9 @@ std::string HintFor(const Board& board, const std::string& detector) {
 
 std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, const FootageDetections& found,
                       const std::string& detector) {
-  std::string why, names;
-  for (const auto& [reason, count] : found.reasons) why += (why.empty() ? "" : ", ") + reason + ": " + std::to_string(count);
-  for (const Board& board : boards) names += (names.empty() ? "" : " or ") + ToString(board);
+  const std::string why =
+      Join(found.reasons, ", ", [](const auto& reason) { return reason.first + ": " + std::to_string(reason.second); });
+  const std::string names = Join(boards, " or ", [](const Board& board) { return ToString(board); });
   return "camera " + footage.camera + ": the board " + names + " was not found in any of " + std::to_string(found.num_images) +
          " images" + (why.empty() ? "" : " (" + why + ")") + "; check " + HintFor(boards.front(), detector) +
          ", or let `mvstudio board check` find out what fits";

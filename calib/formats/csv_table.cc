@@ -2,61 +2,39 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
+#include <string_view>
 
 #include "calib/formats/formats_internal.h"
+#include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {
 namespace {
 
-std::string Trimmed(const std::string& text) {
+std::string Trimmed(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t\r\n");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") + 1 - first);
-}
-
-/// Cells of a line; a cell in double quotes may hold commas and doubled quotes.
-std::vector<std::string> SplitCells(const std::string& line) {
-  std::vector<std::string> cells(1);
-  bool quoted = false;
-  for (size_t i = 0; i < line.size(); ++i) {
-    if (line[i] == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"') {
-      cells.back() += line[i++];
-    } else if (line[i] == '"') {
-      quoted = !quoted;
-    } else if (line[i] == ',' && !quoted) {
-      cells.emplace_back();
-    } else {
-      cells.back() += line[i];
-    }
-  }
-  for (std::string& cell : cells) cell = Trimmed(cell);
-  return cells;
+  if (first == std::string_view::npos) return "";
+  return std::string(text.substr(first, text.find_last_not_of(" \t\r\n") + 1 - first));
 }
 
 }  // namespace
 
 CsvTable::CsvTable(const std::string& path) : path_(path) {
-  std::string text = ReadFile(path);
-  if (text.compare(0, 3, "\xef\xbb\xbf") == 0) text.erase(0, 3);
-  std::istringstream lines(text);
-  std::string line;
-  for (int number = 1; std::getline(lines, line); ++number) {
-    line = Trimmed(line);
-    if (line.empty()) continue;
-    if (line[0] == '#') {
-      comments_.push_back({number, Trimmed(line.substr(1))});
+  const std::string text = ReadFile(path);
+  CsvReader csv(path, text);
+  while (csv.NextLine()) {
+    if (csv.line()[0] == '#') {
+      comments_.push_back({csv.line_number(), Trimmed(csv.line().substr(1))});
       continue;
     }
-    std::vector<std::string> cells = SplitCells(line);
+    std::vector<std::string> cells;
+    for (const std::string_view cell : csv.Cells()) cells.push_back(Trimmed(cell));
     if (columns_.empty()) {
       columns_ = std::move(cells);
-    } else if (cells.size() != columns_.size()) {
-      throw FormatError(path, "line " + std::to_string(number),
-                        std::to_string(cells.size()) + " cells, the header has " + std::to_string(columns_.size()));
     } else {
-      rows_.push_back({number, std::move(cells)});
+      csv.RequireCells(columns_.size());
+      rows_.push_back({csv.line_number(), std::move(cells)});
     }
   }
   if (columns_.empty()) throw FormatError(path, "", "the file has no header line");

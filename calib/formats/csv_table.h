@@ -7,8 +7,8 @@
 
 namespace mvstudio::calib {
 
-/// A comma-separated text file with a header line. Lines that begin with '#' are comments, empty lines are skipped, cells are
-/// trimmed and may stand in double quotes. Everything that is wrong is a FormatError with the line.
+/// A comma-separated text file (core/csv.h) with a header line. Lines that begin with '#' are comments. Everything that is
+/// wrong is a FormatError with the line.
 class CsvTable {
  public:
   struct Comment {

@@ -8,28 +8,28 @@
 
 #include "calib/formats/formats_internal.h"
 
-/// A value of a JSON, Python-literal or (subset of) YAML text, and checked access to it. Included by .cc files of calib/ only.
+/// A value of a JSON, Python-literal or YAML text, and checked access to it. Included by .cc files of calib/ only.
 namespace mvstudio::calib::internal {
 
 struct Value {
   enum class Kind { kNull, kNumber, kText, kList, kTable };
   Kind kind = Kind::kNull;
+  int line = 0;  ///< of YAML: where it, or its key, stands
   double number = 0;
-  std::string text;
+  std::string text;  ///< of YAML: numbers as they are written, too
   std::vector<Value> items;
   std::vector<std::pair<std::string, Value>> entries;
 };
 
 /// One value in the syntax of JSON or of Python's literals (dict, list, tuple, numbers, strings, None, True, False, comments).
-/// Finite numbers only; at most 16 levels deep and kMaxKeys keys a table; a key may stand once. Throws FormatError with the line.
+/// Finite numbers only; at most 16 levels deep and kMaxKeys keys a table; a key may stand once. Throws FormatError with the
+/// line.
 Value ParseLiteral(const std::string& path, const std::string& text);
 
-/// The part of YAML that calibration files use: block mappings, block sequences, flow sequences and mappings in one line, plain
-/// and quoted scalars, comments. No anchors, tags or multi-line scalars. Throws FormatError with the line.
+/// YAML by yaml-cpp: block and flow style, quoted and plain scalars, one document or several, whose keys are put together.
+/// Limits as above, 16 MiB at most; true and false are 1 and 0; tags are skipped. Refused: anchors and aliases, keys that are
+/// no text, control characters. Throws FormatError with the line.
 Value ParseYaml(const std::string& path, const std::string& text);
-
-/// A YAML flow sequence, flow mapping or quoted or plain scalar; `line` for messages.
-Value ParseFlow(const std::string& path, const std::string& text, int line);
 
 /// Keys that a table may have: looking them up takes time that grows with their number.
 inline constexpr size_t kMaxKeys = 4096;

@@ -10,11 +10,10 @@ namespace {
 
 constexpr int kMaxDepth = 16;
 
-/// JSON and Python literals; with `bare_words`, plain YAML scalars as well (in flow sequences).
+/// JSON and Python literals.
 class LiteralScanner {
  public:
-  LiteralScanner(const std::string& path, std::string_view text, bool bare_words, int first_line)
-      : path_(path), text_(text), bare_words_(bare_words), first_line_(first_line), line_(first_line) {}
+  LiteralScanner(const std::string& path, std::string_view text) : path_(path), text_(text) {}
 
   Value Whole() {
     Value value = Read(0);
@@ -26,7 +25,7 @@ class LiteralScanner {
  private:
   [[noreturn]] void Fail(const std::string& what) const {
     const auto end = text_.begin() + static_cast<std::ptrdiff_t>(std::min(position_, text_.size()));
-    throw FormatError(path_, "line " + std::to_string(first_line_ + std::count(text_.begin(), end, '\n')), what);
+    throw FormatError(path_, "line " + std::to_string(1 + std::count(text_.begin(), end, '\n')), what);
   }
   /// Line of position_; counts on from the last call, so that a file of many numbers is not counted again for each.
   long Line() {
@@ -115,7 +114,7 @@ class LiteralScanner {
       while (Peek() != '\'' && Peek() != '"') raw |= text_[position_] == 'r' || text_[position_] == 'R', ++position_;
       AppendString(raw, &value.text);
       SkipSpace();
-    } while (!bare_words_ && IsStringStart());
+    } while (IsStringStart());
     if (!IsUtf8(value.text)) Fail("the text '" + Printable(value.text) + "' is not UTF-8");
     return value;
   }
@@ -166,10 +165,8 @@ class LiteralScanner {
 
   Value ReadWord() {
     const size_t start = position_;
-    const std::string_view ends = bare_words_ ? ",]}[{#:" : " \t\r\n,]})[{(#:'\"";
-    position_ = std::min(text_.find_first_of(ends, position_), text_.size());
-    std::string_view word = text_.substr(start, position_ - start);
-    while (!word.empty() && std::isspace(static_cast<unsigned char>(word.back()))) word.remove_suffix(1);
+    position_ = std::min(text_.find_first_of(" \t\r\n,]})[{(#:'\"", position_), text_.size());
+    const std::string_view word = text_.substr(start, position_ - start);
     if (word.empty()) Fail("a value was expected");
     Value value;
     if (word == "None" || word == "null" || word == "~") return value;
@@ -177,13 +174,6 @@ class LiteralScanner {
     if (truth || word == "False" || word == "false") {
       value.kind = Value::Kind::kNumber;
       value.number = truth;
-      return value;
-    }
-    const bool looks_numeric =
-        std::isdigit(static_cast<unsigned char>(word[0])) || word[0] == '-' || word[0] == '+' || word[0] == '.';
-    if (bare_words_ && !looks_numeric) {
-      value.kind = Value::Kind::kText;
-      value.text = std::string(word);
       return value;
     }
     position_ = start;
@@ -195,17 +185,12 @@ class LiteralScanner {
 
   const std::string& path_;
   std::string_view text_;
-  bool bare_words_;
-  long first_line_, line_;
+  long line_ = 1;
   size_t position_ = 0, counted_ = 0;
 };
 
 }  // namespace
 
-Value ParseLiteral(const std::string& path, const std::string& text) { return LiteralScanner(path, text, false, 1).Whole(); }
-
-Value ParseFlow(const std::string& path, const std::string& text, int line) {
-  return LiteralScanner(path, text, true, line).Whole();
-}
+Value ParseLiteral(const std::string& path, const std::string& text) { return LiteralScanner(path, text).Whole(); }
 
 }  // namespace mvstudio::calib::internal

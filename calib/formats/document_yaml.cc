@@ -1,154 +1,213 @@
+#include <yaml-cpp/eventhandler.h>
+#include <yaml-cpp/exceptions.h>
+#include <yaml-cpp/parser.h>
+
 #include <algorithm>
-#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <sstream>
 
 #include "calib/formats/document_internal.h"
 #include "core/error.h"
 
+/// Parsed by yaml-cpp; what it says becomes our values at once, so that its own tree, aliases and recursion play no part.
 namespace mvstudio::calib::internal {
 namespace {
 
-constexpr int kMaxDepth = 16;
+constexpr size_t kMostLevels = 16, kMostOpenBrackets = 64, kMostYamlBytes = size_t{16} << 20;
 
-/// A line of YAML without its indentation and comment.
-struct YamlLine {
-  size_t indent;
-  std::string text;
-  int number;
-};
-
-/// Without a trailing comment: ' #' outside quotes.
-std::string WithoutComment(const std::string& line) {
-  char quote = '\0';
-  for (size_t i = 0; i < line.size(); ++i) {
-    if (quote) {
-      if (line[i] == quote) quote = '\0';
-    } else if (line[i] == '\'' || line[i] == '"') {
-      quote = line[i];
-    } else if (line[i] == '#' && (i == 0 || std::isspace(static_cast<unsigned char>(line[i - 1])))) {
-      return line.substr(0, i);
-    }
-  }
-  return line;
+[[noreturn]] void FailAt(const std::string& path, long line, const std::string& what) {
+  throw FormatError(path, "line " + std::to_string(line), what);
 }
 
-class YamlParser {
- public:
-  YamlParser(const std::string& path, const std::string& text) : path_(path) {
-    int number = 0;
-    for (size_t start = 0; start < text.size(); ++number) {
-      const size_t end = std::min(text.find('\n', start), text.size());
-      AddLine(WithoutComment(text.substr(start, end - start)), number + 1);
-      start = end + 1;
-    }
+/// The parser ends a file quietly at byte 4, and remembers every bracket that is open: these are looked at first.
+void CheckYamlBytes(const std::string& path, const std::string& text) {
+  if (text.size() > kMostYamlBytes) {
+    throw FormatError(path, "", "has more than " + std::to_string(kMostYamlBytes >> 20) + " MiB; is it a calibration?");
   }
+  long line = 1;
+  size_t open = 0;
+  for (const char c : text) {
+    line += c == '\n';
+    if (c == '[' || c == '{') ++open;
+    if ((c == ']' || c == '}') && open > 0) --open;
+    if (open > kMostOpenBrackets) FailAt(path, line, "brackets are nested too deep, or not closed");
+    const auto code = static_cast<unsigned char>(c);
+    if ((code < ' ' && c != '\n' && c != '\r' && c != '\t') || code == 0x7f) FailAt(path, line, "a control character");
+  }
+}
 
-  Value Whole() {
-    if (lines_.empty()) throw FormatError(path_, "", "the file is empty");
-    Value value = ReadBlock(lines_[0].indent, 0);
-    if (next_ < lines_.size()) Fail("the indentation does not fit");
+Value TextValue(const std::string& text) {
+  Value value;
+  value.kind = Value::Kind::kText;
+  value.text = text;
+  return value;
+}
+
+/// A plain scalar: numbers that are finite, true and false as numbers, everything else a text.
+Value PlainScalar(const std::string& text) {
+  Value value = TextValue(text);
+  const bool truth = text == "true" || text == "True";
+  if (truth || text == "false" || text == "False") {
+    value.kind = Value::Kind::kNumber, value.number = truth;
     return value;
   }
+  const char *begin = text.data() + (text.size() > 1 && text[0] == '+'), *end = text.data() + text.size();
+  const auto [stop, code] = std::from_chars(begin, end, value.number);
+  if (code == std::errc() && stop == end && std::isfinite(value.number)) value.kind = Value::Kind::kNumber;
+  return value;
+}
+
+/// Makes one value of the parser's events; several documents in a file count as one.
+class YamlBuilder final : public YAML::EventHandler {
+ public:
+  explicit YamlBuilder(const std::string& path) : path_(path) {}
+
+  Value TakeRoot() { return std::move(root_); }
+  const std::string& last_key() const { return last_key_; }
+  const YAML::Mark& last_scalar() const { return last_scalar_; }
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    if (mark.pos == document_at_) Fail(mark, "'key: value' was expected");  // the parser would stay here for ever
+    document_at_ = mark.pos;
+  }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t) override {
+    // The parser gives a last word without ':' a value at its own place.
+    if (!levels_.empty() && levels_.back().has_key && mark.pos <= levels_.back().key_mark.pos) {
+      Fail(levels_.back().key_mark, "'key: value' was expected, or a bracket is not closed; is the file truncated?");
+    }
+    Add(mark, {});
+  }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
+    Fail(mark, "this part of YAML is not read: an alias; write out what it stands for");
+  }
+  void OnAnchor(const YAML::Mark& mark, const std::string& name) override {
+    Fail(mark, "this part of YAML is not read: the anchor '&" + Printable(name) + "'");
+  }
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& text) override {
+    last_scalar_ = mark;
+    if (AwaitsKey()) return SetKey(mark, text);
+    Add(mark, tag == "!" ? TextValue(text) : PlainScalar(text));  // "!": in quotes
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+    Open(mark, Value::Kind::kList);
+  }
+  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+    Open(mark, Value::Kind::kTable);
+  }
+  void OnSequenceEnd() override { Close(); }
+  void OnMapEnd() override { Close(); }
 
  private:
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw FormatError(path_, "line " + std::to_string(lines_[std::min(next_, lines_.size() - 1)].number), what);
-  }
-
-  void AddLine(const std::string& line, int number) {
-    const size_t first = line.find_first_not_of(" \t\r");
-    if (first == std::string::npos || line.compare(0, 3, "---") == 0 || line.compare(0, 3, "...") == 0 || line[0] == '%')
-      return;
-    const size_t last = line.find_last_not_of(" \t\r");
-    lines_.push_back({first, line.substr(first, last + 1 - first), number});
-  }
-
-  bool IsItem() const { return lines_[next_].text == "-" || lines_[next_].text.compare(0, 2, "- ") == 0; }
-
-  Value ReadBlock(size_t indent, int depth) {
-    if (depth > kMaxDepth) Fail("nested deeper than " + std::to_string(kMaxDepth) + " levels");
+  struct Level {
     Value value;
-    value.kind = IsItem() ? Value::Kind::kList : Value::Kind::kTable;
-    while (next_ < lines_.size() && lines_[next_].indent == indent && IsItem() == (value.kind == Value::Kind::kList)) {
-      if (value.kind == Value::Kind::kList) {
-        value.items.push_back(ReadItem(indent, depth));
-      } else {
-        ReadEntry(indent, depth, &value);
-      }
-    }
-    if (next_ < lines_.size() && lines_[next_].indent > indent) Fail("the indentation does not fit");
-    return value;
+    std::string key;
+    YAML::Mark key_mark;
+    bool has_key = false;
+  };
+
+  [[noreturn]] void Fail(const YAML::Mark& mark, const std::string& what) const { FailAt(path_, mark.line + 1, what); }
+
+  bool AwaitsKey() const {
+    return !levels_.empty() && levels_.back().value.kind == Value::Kind::kTable && !levels_.back().has_key;
   }
 
-  Value ReadItem(size_t indent, int depth) {
-    YamlLine& line = lines_[next_];
-    const size_t rest = line.text.find_first_not_of(' ', 1);
-    if (rest == std::string::npos) {
-      ++next_;
-      return NestedOrNull(indent + 1, depth);
-    }
-    const bool is_block = line.text.compare(rest, 2, "- ") == 0 || KeyLength(line.text.substr(rest)) != std::string::npos;
-    if (!is_block) return Scalar(lines_[next_++].text.substr(rest));
-    line.indent += rest;
-    line.text = line.text.substr(rest);
-    return ReadBlock(line.indent, depth + 1);
+  void SetKey(const YAML::Mark& mark, const std::string& text) {
+    Level& level = levels_.back();
+    if (level.value.entries.size() >= kMaxKeys) Fail(mark, "more than " + std::to_string(kMaxKeys) + " keys in one table");
+    level.key = text, level.key_mark = mark, level.has_key = true;
+    if (levels_.size() == 1) last_key_ = text;
   }
 
-  void ReadEntry(size_t indent, int depth, Value* table) {
-    if (table->entries.size() >= kMaxKeys) Fail("more than " + std::to_string(kMaxKeys) + " keys in one table");
-    const YamlLine line = lines_[next_];
-    const size_t length = KeyLength(line.text);
-    if (length == std::string::npos) Fail("'key: value' was expected; is the file truncated?");
-    std::string key = line.text.substr(0, length);
-    if (key.size() >= 2 && (key[0] == '"' || key[0] == '\'') && key.back() == key[0]) key = key.substr(1, key.size() - 2);
-    const size_t rest = line.text.find_first_not_of(' ', length + 1);
-    if (rest != std::string::npos) {
-      if (!AddEntry(key, Scalar(line.text.substr(rest)), table)) Fail("the key '" + Printable(key) + "' stands twice");
-      ++next_;
+  void Open(const YAML::Mark& mark, Value::Kind kind) {
+    if (levels_.size() >= kMostLevels) Fail(mark, "nested deeper than " + std::to_string(kMostLevels) + " levels");
+    if (AwaitsKey()) Fail(mark, "a text was expected as the key");
+    levels_.emplace_back().value.kind = kind;
+    levels_.back().value.line = mark.line + 1;
+  }
+
+  void Close() {
+    Value value = std::move(levels_.back().value);
+    levels_.pop_back();
+    YAML::Mark mark;
+    mark.line = value.line - 1;
+    Add(mark, std::move(value));
+  }
+
+  void Add(const YAML::Mark& mark, Value value) {
+    if (levels_.empty()) return AddDocument(mark, std::move(value));
+    Level& level = levels_.back();
+    value.line = mark.line + 1;
+    if (level.value.kind == Value::Kind::kList) {
+      level.value.items.push_back(std::move(value));
       return;
     }
-    ++next_;
-    const bool list_below = next_ < lines_.size() && lines_[next_].indent == indent && IsItem();
-    Value nested = NestedOrNull(list_below ? indent : indent + 1, depth);
-    if (!AddEntry(key, std::move(nested), table)) Fail("the key '" + Printable(key) + "' stands twice");
+    if (!level.has_key) Fail(mark, "a key was expected before ':'");
+    level.has_key = false;
+    AddTo(&level.value, level.key, level.key_mark.line + 1, std::move(value));
   }
 
-  Value NestedOrNull(size_t least_indent, int depth) {
-    if (next_ >= lines_.size() || lines_[next_].indent < least_indent) return Value();
-    return ReadBlock(lines_[next_].indent, depth + 1);
+  void AddTo(Value* table, const std::string& key, int line, Value value) const {
+    value.line = line;
+    if (!AddEntry(key, std::move(value), table)) FailAt(path_, line, "the key '" + Printable(key) + "' stands twice");
   }
 
-  /// Characters before the ':' of a 'key: value' line; npos when it is none.
-  static size_t KeyLength(const std::string& text) {
-    if (text[0] == '[' || text[0] == '{') return std::string::npos;
-    for (size_t at = text.find(':'); at != std::string::npos; at = text.find(':', at + 1)) {
-      if (at > 0 && (at + 1 == text.size() || text[at + 1] == ' ')) return at;
+  void AddDocument(const YAML::Mark& mark, Value value) {
+    if (value.kind == Value::Kind::kNull) return;
+    if (root_.kind == Value::Kind::kNull) {
+      root_ = std::move(value);
+      return;
     }
-    return std::string::npos;
-  }
-
-  Value Scalar(const std::string& text) {
-    const bool flow = text[0] == '[' || text[0] == '{';
-    const bool quoted = text[0] == '"' || text[0] == '\'';
-    const bool numeric = text.find_first_not_of("0123456789+-.eE") == std::string::npos;
-    if (flow || quoted || numeric || text == "null" || text == "~" || text == "true" || text == "false") {
-      return ParseFlow(path_, text, lines_[std::min(next_, lines_.size() - 1)].number);
-    }
-    if (text[0] == '&' || text[0] == '*' || text[0] == '!' || text[0] == '|' || text[0] == '>') {
-      Fail("this part of YAML is not read: '" + Printable(text) + "'");
-    }
-    Value value;
-    value.kind = Value::Kind::kText;
-    value.text = text;
-    return value;
+    if (root_.kind != Value::Kind::kTable || value.kind != Value::Kind::kTable) Fail(mark, "'key: value' was expected");
+    for (auto& [key, entry] : value.entries) AddTo(&root_, key, entry.line, std::move(entry));
   }
 
   const std::string& path_;
-  std::vector<YamlLine> lines_;
-  size_t next_ = 0;
+  std::vector<Level> levels_;
+  Value root_;
+  std::string last_key_;  ///< of the outermost table
+  YAML::Mark last_scalar_;
+  int document_at_ = -1;
 };
+
+[[noreturn]] void FailToParse(const std::string& path, const YAML::Exception& error, const std::string& last_key) {
+  const std::string where = error.mark.is_null() ? "" : "line " + std::to_string(error.mark.line + 1);
+  const std::string near = last_key.empty() ? "" : " in or behind '" + Printable(last_key) + "'";
+  throw FormatError(path, where,
+                    "not valid YAML (" + Printable(error.msg) + ")" + near +
+                        "; is a bracket or quote not closed, a line indented otherwise, or the file truncated?");
+}
+
+/// The parser takes a quote that is not closed for one that ends with the file.
+void CheckLastQuote(const std::string& path, const std::string& text, const YAML::Mark& mark) {
+  auto at = static_cast<size_t>(mark.pos);
+  while (at < text.size() && text[at] == '!') {  // a tag
+    at = text.find_first_not_of(" \t\r\n", std::min(text.find_first_of(" \t\r\n", at), text.size()));
+  }
+  if (at >= text.size() || (text[at] != '"' && text[at] != '\'')) return;
+  if (text.find(text[at], at + 1) == std::string::npos) {
+    FailAt(path, mark.line + 1, "a quoted text does not end; is the file truncated?");
+  }
+}
 
 }  // namespace
 
-Value ParseYaml(const std::string& path, const std::string& text) { return YamlParser(path, text).Whole(); }
+Value ParseYaml(const std::string& path, const std::string& whole) {
+  CheckYamlBytes(path, whole);
+  const std::string text = whole.compare(0, 3, "\xef\xbb\xbf") == 0 ? whole.substr(3) : whole;
+  YamlBuilder builder(path);
+  try {
+    std::istringstream in(text);
+    YAML::Parser parser(in);
+    while (parser.HandleNextDocument(builder)) continue;
+  } catch (const YAML::Exception& error) {
+    FailToParse(path, error, builder.last_key());
+  }
+  CheckLastQuote(path, text, builder.last_scalar());
+  Value root = builder.TakeRoot();
+  if (root.kind == Value::Kind::kNull) throw FormatError(path, "", "the file is empty");
+  return root;
+}
 
 }  // namespace mvstudio::calib::internal

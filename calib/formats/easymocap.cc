@@ -15,22 +15,15 @@ using internal::Entry;
 using internal::FindEntry;
 using internal::Place;
 
-/// The items of `names:`, without quotes.
+/// The items of `names:`, as they are written: 01 is not 1.
 std::vector<std::string> ReadNames(const Entry& entry) {
+  const auto fail = [&](const std::string& what) { throw FormatError(entry.place.path, entry.place.where, what); };
   std::vector<std::string> names;
-  const std::string& block = entry.block;
-  for (size_t start = 0; start < block.size();) {
-    const size_t end = std::min(block.find('\n', start), block.size());
-    std::string item = block.substr(start, end - start);
-    start = end + 1;
-    const size_t dash = item.find('-');
-    const size_t first = dash == std::string::npos ? dash : item.find_first_not_of(" \t\"'", dash + 1);
-    if (first == std::string::npos)
-      throw FormatError(entry.place.path, entry.place.where, "'- name' was expected in every line");
-    item = item.substr(first, item.find_last_not_of(" \t\"'\r") + 1 - first);
-    names.push_back(item);
+  for (const internal::Value& item : entry.value.items) {
+    if (item.text.empty()) fail("'- name' was expected in every line");
+    names.push_back(item.text);
   }
-  if (names.empty()) throw FormatError(entry.place.path, entry.place.where, "there is no camera in this list");
+  if (names.empty()) fail("there is no camera in this list");
   return names;
 }
 
@@ -43,7 +36,7 @@ const Entry& Require(const Entries& entries, const std::string& key, const std::
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options) {
   const Entry *width = FindEntry(entries, "W_" + name), *height = FindEntry(entries, "H_" + name);
   if (width && height) {
-    return {internal::ParseNumber(width->value, width->place), internal::ParseNumber(height->value, height->place)};
+    return {internal::ReadNumber(*width), internal::ReadNumber(*height)};
   }
   if (options.width_px <= 0 || options.height_px <= 0) {
     throw UsageError(path + ": the file does not give the image size of camera " + internal::Printable(name) +

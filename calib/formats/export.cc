@@ -1,22 +1,23 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "calib/formats/formats.h"
 #include "calib/formats/formats_internal.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "geometry/lens/lens_fit.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::calib {
 namespace {
 
-using Format = CalibrationFormat;
 using geometry::LensModel;
 
-bool NamesNoUnit(Format format) { return format != Format::kMvstudio && format != Format::kPanoptic && format != Format::kQca; }
+bool NamesNoUnit(CalibrationFormat format) {
+  return format != CalibrationFormat::kMvstudio && format != CalibrationFormat::kPanoptic && format != CalibrationFormat::kQca;
+}
 
 geometry::Rig Scaled(geometry::Rig rig, double metres_per_unit) {
   for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world.translation /= metres_per_unit;
@@ -48,7 +49,7 @@ double LargestDifference(const geometry::Camera& from, const geometry::Camera& t
 }
 
 /// Of the lenses that the format has, the one that is nearest over the image; a simpler one unless another is clearly nearer.
-std::optional<Nearest> NearestCarried(Format format, const geometry::Camera& camera) {
+std::optional<Nearest> NearestCarried(CalibrationFormat format, const geometry::Camera& camera) {
   constexpr int kSplineCols = 16;
   std::vector<LensModel> models = geometry::ModelsSimplestFirst();
   models.push_back(LensModel::kSplined);
@@ -67,36 +68,32 @@ std::optional<Nearest> NearestCarried(Format format, const geometry::Camera& cam
   return nearest;
 }
 
-std::string PxText(double px) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", px);
-  return text;
-}
+std::string PxText(double px) { return Format("%.3g", px); }
 
 }  // namespace
 
 bool CanCarry(CalibrationFormat format, const geometry::Camera& camera) {
   const auto opencv = internal::ToOpenCvLens(camera);
   switch (format) {
-    case Format::kMvstudio:
+    case CalibrationFormat::kMvstudio:
       return true;
-    case Format::kPanoptic:
-    case Format::kQca:
+    case CalibrationFormat::kPanoptic:
+    case CalibrationFormat::kQca:
       return opencv && !opencv->fisheye && opencv->distortion.size() <= 5;
-    case Format::kToml:
-    case Format::kCaliscope:
-    case Format::kOpenCvYaml:
+    case CalibrationFormat::kToml:
+    case CalibrationFormat::kCaliscope:
+    case CalibrationFormat::kOpenCvYaml:
       return opencv.has_value();
-    case Format::kEasyMocap:
+    case CalibrationFormat::kEasyMocap:
       return opencv && !opencv->fisheye;
-    case Format::kMrcal:
+    case CalibrationFormat::kMrcal:
       return internal::MrcalCanCarry(camera);
-    case Format::kColmap:
-    case Format::kColmapText:
+    case CalibrationFormat::kColmap:
+    case CalibrationFormat::kColmapText:
       return internal::ColmapCanCarry(camera);
-    case Format::kNerfstudio:
+    case CalibrationFormat::kNerfstudio:
       return internal::NerfstudioCanCarry(camera);
-    case Format::kKalibr:
+    case CalibrationFormat::kKalibr:
       return internal::KalibrCanCarry(camera);
   }
   return false;
@@ -138,41 +135,41 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
   geometry::Rig out = RigForFormat(rig, format, options, path, &report.notes);
   if (NamesNoUnit(format)) out = Scaled(std::move(out), options.metres_per_unit);
   switch (format) {
-    case Format::kToml:
-    case Format::kCaliscope:
-      report.files = internal::WriteToml(out, path, format == Format::kCaliscope);
+    case CalibrationFormat::kToml:
+    case CalibrationFormat::kCaliscope:
+      report.files = internal::WriteToml(out, path, format == CalibrationFormat::kCaliscope);
       break;
-    case Format::kQca:
+    case CalibrationFormat::kQca:
       report.files = internal::WriteQca(out, path, options.qca_distortion_divisor);
       if (const auto note = internal::QcaDivisorNote(rig, options.qca_distortion_divisor, true)) report.notes.push_back(*note);
       break;
-    case Format::kOpenCvYaml:
+    case CalibrationFormat::kOpenCvYaml:
       report.files = internal::WriteOpenCvYaml(out, path);
       break;
-    case Format::kMrcal:
+    case CalibrationFormat::kMrcal:
       report.files = internal::WriteMrcal(out, path);
       break;
-    case Format::kColmap:
-    case Format::kColmapText:
-      report.files = internal::WriteColmap(out, path, format == Format::kColmapText);
+    case CalibrationFormat::kColmap:
+    case CalibrationFormat::kColmapText:
+      report.files = internal::WriteColmap(out, path, format == CalibrationFormat::kColmapText);
       break;
-    case Format::kNerfstudio:
+    case CalibrationFormat::kNerfstudio:
       report.files = internal::WriteNerfstudio(out, path);
       break;
-    case Format::kKalibr:
+    case CalibrationFormat::kKalibr:
       report.files = internal::WriteKalibr(out, path);
       if (rig.cameras[0].cam_from_world.translation.norm() > 0 || rig.cameras[0].cam_from_world.rotation.vec().norm() > 0) {
         report.notes.push_back({"CAL-WORLDLOST", "Kalibr's chain has no world: the first camera becomes the origin", ""});
       }
       break;
-    case Format::kEasyMocap:
+    case CalibrationFormat::kEasyMocap:
       report.files = internal::WriteEasyMocap(out, path);
       break;
-    case Format::kMvstudio:
+    case CalibrationFormat::kMvstudio:
       geometry::WriteRig(out, path);
       report.files = {path};
       break;
-    case Format::kPanoptic:
+    case CalibrationFormat::kPanoptic:
       throw UsageError(path + ": Panoptic's calibration is written by dataset/panoptic/panoptic.h");
   }
   return report;

@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "core/label.h"
 #include "geometry/rig/rig_io.h"
 
@@ -14,24 +15,22 @@ namespace mvstudio::calib {
 namespace {
 
 namespace fs = std::filesystem;
-using Format = CalibrationFormat;
 
 constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
                                        "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
 
 [[noreturn]] void Unknown(const std::string& path) {
-  std::string names;
-  for (const std::string_view name : kNames) names += (names.empty() ? "" : ", ") + std::string(name);
-  throw FormatError(path, "", "not a calibration that is known here; name its format with option 'from' (" + names + ")");
+  throw FormatError(path, "",
+                    "not a calibration that is known here; name its format with option 'from' (" + Join(kNames, ", ") + ")");
 }
 
-Format DetectFolder(const std::string& path) {
+CalibrationFormat DetectFolder(const std::string& path) {
   const auto has = [&](const char* name) { return fs::exists(fs::path(path) / name); };
-  if (has("cameras.bin") && has("images.bin")) return Format::kColmap;
-  if (has("cameras.txt") && has("images.txt")) return Format::kColmapText;
-  if (has("intri.yml")) return Format::kEasyMocap;
-  if (has("transforms.json")) return Format::kNerfstudio;
-  if (!FilesNamed(path, "", ".cameramodel").empty()) return Format::kMrcal;
+  if (has("cameras.bin") && has("images.bin")) return CalibrationFormat::kColmap;
+  if (has("cameras.txt") && has("images.txt")) return CalibrationFormat::kColmapText;
+  if (has("intri.yml")) return CalibrationFormat::kEasyMocap;
+  if (has("transforms.json")) return CalibrationFormat::kNerfstudio;
+  if (!FilesNamed(path, "", ".cameramodel").empty()) return CalibrationFormat::kMrcal;
   Unknown(path);
 }
 
@@ -63,29 +62,30 @@ void CheckNames(const geometry::Rig& rig, const std::string& path) {
 
 ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
   switch (format) {
-    case Format::kToml:
-    case Format::kCaliscope:
+    case CalibrationFormat::kToml:
+    case CalibrationFormat::kCaliscope:
       return ReadToml(paths[0], options);
-    case Format::kQca:
+    case CalibrationFormat::kQca:
       return ReadQca(paths[0], options);
-    case Format::kOpenCvYaml:
+    case CalibrationFormat::kOpenCvYaml:
       return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
-    case Format::kMrcal:
+    case CalibrationFormat::kMrcal:
       return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
-    case Format::kColmap:
-    case Format::kColmapText:
+    case CalibrationFormat::kColmap:
+    case CalibrationFormat::kColmapText:
       return ReadColmap(paths[0], options);
-    case Format::kNerfstudio:
+    case CalibrationFormat::kNerfstudio:
       return ReadNerfstudio(paths[0], options);
-    case Format::kKalibr:
+    case CalibrationFormat::kKalibr:
       return ReadKalibr(paths[0], options);
-    case Format::kEasyMocap:
+    case CalibrationFormat::kEasyMocap:
       return ReadEasyMocap(paths, options);
-    case Format::kMvstudio:
-    case Format::kPanoptic:
+    case CalibrationFormat::kMvstudio:
+    case CalibrationFormat::kPanoptic:
       break;
   }
-  if (format == Format::kPanoptic) throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic/panoptic.h");
+  if (format == CalibrationFormat::kPanoptic)
+    throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic/panoptic.h");
   return {geometry::ReadRig(paths[0]), {}};
 }
 
@@ -97,38 +97,39 @@ std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view na
   for (const CalibrationFormat format : kAllCalibrationFormats) {
     if (ToString(format) == name) return format;
   }
-  if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return Format::kToml;
+  if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return CalibrationFormat::kToml;
   return std::nullopt;
 }
 
 CalibrationFormat DetectFormat(const std::string& path) {
   if (fs::is_directory(path)) return DetectFolder(path);
   const std::string name = fs::path(path).filename().string();
-  if (name == "cameras.bin") return Format::kColmap;
+  if (name == "cameras.bin") return CalibrationFormat::kColmap;
   const std::string text = ReadFile(path);
   const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
   const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (start == std::string::npos) throw FormatError(path, "", "the file is empty");
-  if (has("'lensmodel'") || has("\"lensmodel\"")) return Format::kMrcal;
+  if (has("'lensmodel'") || has("\"lensmodel\"")) return CalibrationFormat::kMrcal;
   if (text.compare(start, 5, "%YAML") == 0) {
-    return has("\nK_") || has("\nRot_") ? Format::kEasyMocap : Format::kOpenCvYaml;
+    return has("\nK_") || has("\nRot_") ? CalibrationFormat::kEasyMocap : CalibrationFormat::kOpenCvYaml;
   }
   if (text[start] == '{') {
-    if (has("transform_matrix")) return Format::kNerfstudio;
-    return has("mvstudio.calibration") ? Format::kMvstudio : Format::kPanoptic;
+    if (has("transform_matrix")) return CalibrationFormat::kNerfstudio;
+    return has("mvstudio.calibration") ? CalibrationFormat::kMvstudio : CalibrationFormat::kPanoptic;
   }
-  if (text[start] == '<' && has("<calibration")) return Format::kQca;
-  if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return Format::kColmapText;
-  if (has("camera_model:") && has("intrinsics:")) return Format::kKalibr;
+  if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
+  if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
+  if (has("camera_model:") && has("intrinsics:")) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
-    return has("[cameras") ? Format::kCaliscope : Format::kToml;
+    return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }
   Unknown(path);
 }
 
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
   if (paths.empty()) throw UsageError("no calibration file given");
-  const bool several = format == Format::kOpenCvYaml || format == Format::kMrcal || format == Format::kEasyMocap;
+  const bool several = format == CalibrationFormat::kOpenCvYaml || format == CalibrationFormat::kMrcal ||
+                       format == CalibrationFormat::kEasyMocap;
   if (paths.size() > 1 && !several) {
     throw UsageError(paths[1] + ": only opencv, mrcal and easymocap calibrations may be spread over several files");
   }

@@ -91,7 +91,7 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
 /// 3x3 matrix) and `translation`. Parsed by toml++. Cameras keep the file's order; those with `ignore = true` are left out.
 ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
 
-/// Qualisys QCA/QTM calibration (XML), read by a scanner of its own that knows tags and attributes and refuses DTDs.
+/// Qualisys QCA/QTM calibration (XML, parsed by pugixml; DTDs are refused).
 /// Conventions, found by comparing files with the TOML made from them: positions are the camera centre in world, mm; with
 /// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
 /// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
@@ -102,7 +102,7 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
 /// below 0.002 in all cameras.
 ImportedRig ReadQca(const std::string& path, const ReadOptions& options = {});
 
-/// OpenCV FileStorage YAML 1.0, read by a scanner of its own: `camera_matrix` + `distortion_coefficients` (one camera, named
+/// OpenCV FileStorage YAML 1.0 (parsed by yaml-cpp): `camera_matrix` + `distortion_coefficients` (one camera, named
 /// "camera", or by its file when there are several; with R and T its place) or M1, D1, M2, D2, R, T (stereo: "left", "right";
 /// world = left camera). Files that do not hold a camera each are read as one (OpenCV's stereo sample writes intrinsics and
 /// extrinsics apart). Throws UsageError when the image size is neither in the files nor in the options.

@@ -22,7 +22,7 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const 
   const Entry* width = FindFirst(entries, {"imagewidth", "width"});
   const Entry* height = FindFirst(entries, {"imageheight", "height"});
   if (width && height) {
-    return {internal::ParseNumber(width->value, width->place), internal::ParseNumber(height->value, height->place)};
+    return {internal::ReadNumber(*width), internal::ReadNumber(*height)};
   }
   if (options.width_px <= 0 || options.height_px <= 0) {
     throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
@@ -33,7 +33,7 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const 
 geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, const Entry& matrix, const Entry* distortion,
                                const Eigen::Vector2d& size) {
   const Entry* fisheye = FindEntry(entries, "fisheyemodel");
-  const bool is_fisheye = fisheye && fisheye->value != "0";
+  const bool is_fisheye = fisheye && internal::ReadNumber(*fisheye) != 0;
   geometry::RigCamera camera;
   camera.camera = internal::MakeCamera(name, size[0], size[1], ReadMatrix3(matrix), internal::ReadDistortion(distortion),
                                        is_fisheye, matrix.place);
@@ -76,6 +76,19 @@ bool AddSingle(const Entries& entries, const std::string& name, const std::strin
   if (rotation && translation) camera.cam_from_world = ReadPose(*rotation, *translation, options.metres_per_unit);
   internal::AddCamera(std::move(camera), matrix.place, rig);
   return rotation && translation;
+}
+
+/// The entries of all files; each may stand in one of them.
+Entries Together(const std::vector<Entries>& files) {
+  Entries all;
+  for (const Entries& file : files) {
+    for (const auto& [key, entry] : file) {
+      if (all.emplace(key, entry).second) continue;
+      throw FormatError(entry.place.path, "line " + std::to_string(entry.value.line),
+                        "the key '" + entry.place.where + "' stands twice");
+    }
+  }
+  return all;
 }
 
 /// Several files of one camera each, named by the file.
@@ -125,9 +138,8 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
   const bool one_each =
       std::all_of(files.begin(), files.end(), [](const Entries& entries) { return FindFirst(entries, kMatrixKeys); });
   if (paths.size() > 1 && one_each) return ReadMany(paths, files, options);
-  Entries entries;
-  for (const std::string& path : paths) internal::ReadEntries(path, true, &entries);
   ImportedRig imported;
+  const Entries entries = Together(files);
   if (entries.count("m1") && entries.count("m2")) {
     AddStereo(entries, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {

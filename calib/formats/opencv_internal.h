@@ -4,14 +4,15 @@
 #include <map>
 #include <string>
 
+#include "calib/formats/document_internal.h"
 #include "calib/formats/formats_internal.h"
 
-/// OpenCV's FileStorage YAML 1.0, for formats_opencv.cc and formats_easymocap.cc.
+/// OpenCV's FileStorage YAML 1.0, for opencv.cc and easymocap.cc.
 namespace mvstudio::calib::internal {
 
-/// A top-level entry of a FileStorage file: its text, and the indented lines that follow.
+/// A top-level entry of a FileStorage file.
 struct Entry {
-  std::string value, block;
+  Value value;
   Place place;
 };
 using Entries = std::map<std::string, Entry>;
@@ -24,6 +25,7 @@ const Entry* FindEntry(const Entries& entries, const std::string& key);
 /// The first of several names of the same thing.
 const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*> keys);
 
+double ReadNumber(const Entry& entry);
 Eigen::MatrixXd ReadMatrix(const Entry& entry);
 Eigen::Matrix3d ReadMatrix3(const Entry& entry);
 Eigen::VectorXd ReadVector(const Entry& entry);

@@ -1,6 +1,5 @@
 #include <cctype>
 #include <cmath>
-#include <sstream>
 
 #include "calib/formats/opencv_internal.h"
 #include "core/disk/files.h"
@@ -17,21 +16,27 @@ std::string Normalised(const std::string& key) {
   return plain;
 }
 
-std::string Trimmed(const std::string& text) {
-  const size_t first = text.find_first_not_of(" \t\r\n");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r\n") + 1 - first);
+[[noreturn]] void Fail(const Place& place, const std::string& what) { throw FormatError(place.path, place.where, what); }
+
+double NumberOf(const Value& value, const Place& place) {
+  if (value.kind == Value::Kind::kNumber) return value.number;
+  Fail(place, "'" + Printable(value.text) + "' is not a finite number");
 }
 
-/// The number behind `key:` in the block of a matrix.
-int BlockInteger(const Entry& entry, const std::string& key) {
-  const size_t at = entry.block.find(key + ":");
-  const size_t start = at == std::string::npos ? at : at + key.size() + 1;
-  const size_t end = start == std::string::npos ? start : entry.block.find('\n', start);
-  if (end == std::string::npos)
-    throw FormatError(entry.place.path, entry.place.where, "'" + key + "' is missing in this matrix");
-  const double number = ParseNumber(entry.block.substr(start, end - start), entry.place);
+const Value* FindIn(const Value& table, std::string_view key) {
+  for (const auto& [name, value] : table.entries) {
+    if (name == key) return &value;
+  }
+  return nullptr;
+}
+
+/// `rows` or `cols` of a matrix.
+int SizeOf(const Entry& entry, const char* key) {
+  const Value* const value = FindIn(entry.value, key);
+  if (!value) Fail(entry.place, "'" + std::string(key) + "' is missing in this matrix");
+  const double number = NumberOf(*value, entry.place);
   if (!(number >= 0 && number <= 10000) || number != std::floor(number)) {
-    throw FormatError(entry.place.path, entry.place.where, "'" + key + "' is out of range");
+    Fail(entry.place, "'" + std::string(key) + "' is out of range");
   }
   return static_cast<int>(number);
 }
@@ -39,47 +44,38 @@ int BlockInteger(const Entry& entry, const std::string& key) {
 }  // namespace
 
 void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
-  std::istringstream lines(ReadFile(path));
-  std::string line;
-  if (!std::getline(lines, line) || line.compare(0, 5, "%YAML") != 0) {
-    throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
+  const std::string text = ReadFile(path);
+  if (text.compare(0, 5, "%YAML") != 0) throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
+  Value root = ParseYaml(path, text);
+  if (root.kind != Value::Kind::kTable) {
+    throw FormatError(path, "line " + std::to_string(root.line), "'key: value' was expected; is the file truncated?");
   }
-  Entry* current = nullptr;
-  for (int number = 2; std::getline(lines, line); ++number) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.empty() || line[0] == '#' || line.compare(0, 3, "---") == 0 || line.compare(0, 3, "...") == 0) continue;
-    if (line[0] == ' ' || line[0] == '\t' || line[0] == '-') {
-      if (current) current->block += line + "\n";
-      continue;
-    }
-    const std::string where = "line " + std::to_string(number);
-    const size_t colon = line.find(':');
-    if (colon == std::string::npos) throw FormatError(path, where, "'key: value' was expected; is the file truncated?");
-    const auto [entry, is_new] = entries->insert({normalised ? Normalised(line.substr(0, colon)) : line.substr(0, colon), {}});
-    if (!is_new) throw FormatError(path, where, "the key '" + Printable(line.substr(0, colon)) + "' stands twice");
-    current = &entry->second;
-    current->value = Trimmed(line.substr(colon + 1));
-    current->place = {path, Printable(line.substr(0, colon))};
+  for (auto& [key, value] : root.entries) {
+    const std::string where = "line " + std::to_string(value.line);
+    const auto [entry, is_new] = entries->insert({normalised ? Normalised(key) : key, {}});
+    if (!is_new) throw FormatError(path, where, "the key '" + Printable(key) + "' stands twice");
+    entry->second = {std::move(value), {path, Printable(key)}};
   }
 }
 
+double ReadNumber(const Entry& entry) { return NumberOf(entry.value, entry.place); }
+
 Eigen::MatrixXd ReadMatrix(const Entry& entry) {
-  const auto fail = [&](const std::string& what) { throw FormatError(entry.place.path, entry.place.where, what); };
-  if (entry.value.compare(0, 15, "!!opencv-matrix") != 0) fail("an !!opencv-matrix was expected");
-  const int rows = BlockInteger(entry, "rows"), cols = BlockInteger(entry, "cols");
-  const size_t open = entry.block.find('['), close = entry.block.find(']');
-  if (open == std::string::npos || close == std::string::npos || close < open)
-    fail("the numbers in [ ] are incomplete; is the file truncated?");
-  std::vector<double> numbers;
-  std::istringstream data(entry.block.substr(open + 1, close - open - 1));
-  for (std::string item; std::getline(data, item, ',');) {
-    const Place place{entry.place.path, entry.place.where + "[" + std::to_string(numbers.size()) + "]"};
-    numbers.push_back(ParseNumber(item, place));
+  if (entry.value.kind != Value::Kind::kTable) Fail(entry.place, "an !!opencv-matrix was expected");
+  const int rows = SizeOf(entry, "rows"), cols = SizeOf(entry, "cols");
+  const Value* const data = FindIn(entry.value, "data");
+  if (!data || data->kind != Value::Kind::kList) Fail(entry.place, "the numbers in [ ] are missing; is the file truncated?");
+  if (data->items.size() != static_cast<size_t>(rows) * static_cast<size_t>(cols)) {
+    Fail(entry.place,
+         std::to_string(data->items.size()) + " numbers for " + std::to_string(rows) + " x " + std::to_string(cols));
   }
-  if (numbers.size() != static_cast<size_t>(rows) * cols) {
-    fail(std::to_string(numbers.size()) + " numbers for " + std::to_string(rows) + " x " + std::to_string(cols));
+  Eigen::MatrixXd matrix(rows, cols);
+  for (size_t i = 0; i < data->items.size(); ++i) {
+    const Place place{entry.place.path, entry.place.where + "[" + std::to_string(i) + "]"};
+    const auto at = static_cast<Eigen::Index>(i);
+    matrix(at / cols, at % cols) = NumberOf(data->items[i], place);
   }
-  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(numbers.data(), rows, cols);
+  return matrix;
 }
 
 const Entry* FindEntry(const Entries& entries, const std::string& key) {

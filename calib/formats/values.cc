@@ -4,7 +4,10 @@
 #include <filesystem>
 
 #include "calib/formats/formats_internal.h"
+#include "core/csv.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/utf8.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/rigid3.h"
@@ -44,7 +47,7 @@ double ParseNumber(std::string_view text, const Place& place) {
   double number = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (code != std::errc() || end != text.data() + text.size() || !std::isfinite(number)) {
-    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number");
+    throw FormatError(place.path, place.where, "'" + Printable(text) + "' is not a finite number" + DecimalCommaHint(text));
   }
   return number;
 }
@@ -122,11 +125,7 @@ std::string NumberText(double value) {
   return text;
 }
 
-std::string ListText(const Eigen::VectorXd& vector) {
-  std::string text = "[";
-  for (Eigen::Index i = 0; i < vector.size(); ++i) text += (i ? ", " : "") + NumberText(vector[i]);
-  return text + "]";
-}
+std::string ListText(const Eigen::VectorXd& vector) { return "[" + Join(vector, ", ", NumberText) + "]"; }
 
 std::string Quoted(const std::string& text) {
   std::string quoted = "\"";
@@ -161,9 +160,8 @@ const std::string& FileName(const std::string& name) {
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 ImportNote UnitNote(double metres_per_unit) {
-  char number[32];
-  std::snprintf(number, sizeof number, "%g", metres_per_unit);
-  return {"CAL-UNIT", "the format names no unit of length; translations are taken as " + std::string(number) + " m per unit",
+  return {"CAL-UNIT",
+          "the format names no unit of length; translations are taken as " + Format("%g", metres_per_unit) + " m per unit",
           "pass option 'unit' mm, cm or m: that of the program that wrote the file"};
 }
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
+#include "core/format.h"
 #include "core/parallel.h"
 #include "core/units.h"
 
@@ -59,33 +59,27 @@ bool IsLikely(const Hypothesis& hypothesis, const geometry::Rig& given) {
   return change < 0.025 || change > 0.2;
 }
 
-std::string Line(const char* format, const std::string& name, double a, double b, double c = 0, double d = 0) {
-  char text[300];
-  std::snprintf(text, sizeof text, format, name.c_str(), a, b, c, d);
-  return text;
-}
-
 std::string Describe(const KeypointCulprit& culprit) {
-  const std::string& name = culprit.corrected.camera.name;
+  const char* name = culprit.corrected.camera.name.c_str();
   const double percent = 100 * (culprit.scale - 1), sigma = 100 * culprit.scale_sigma;
   switch (culprit.fault) {
     case Kind::kNone:
       return "no single camera explains the errors";
     case Kind::kPose:
-      return Line("%s: turned by %.3f +- %.3f deg and moved by %.1f +- %.1f mm against its calibration", name,
-                  RadToDeg(culprit.rotation_rad), RadToDeg(culprit.rotation_sigma_rad), 1e3 * culprit.translation_m,
-                  1e3 * culprit.translation_sigma_m);
+      return Format("%s: turned by %.3f +- %.3f deg and moved by %.1f +- %.1f mm against its calibration", name,
+                    RadToDeg(culprit.rotation_rad), RadToDeg(culprit.rotation_sigma_rad), 1e3 * culprit.translation_m,
+                    1e3 * culprit.translation_sigma_m);
     case Kind::kFocal:
-      return Line("%s: its focal length is %+.2f +- %.2f %% off the calibration's", name, percent, sigma);
+      return Format("%s: its focal length is %+.2f +- %.2f %% off the calibration's", name, percent, sigma);
     case Kind::kImage:
-      return Line("%s: its pictures are scaled by %.4f +- %.4f against the calibration", name, culprit.scale,
-                  culprit.scale_sigma);
+      return Format("%s: its pictures are scaled by %.4f +- %.4f against the calibration", name, culprit.scale,
+                    culprit.scale_sigma);
     case Kind::kImageWidth:
-      return Line("%s: its pictures are scaled by %.4f +- %.4f in width against the calibration", name, culprit.scale,
-                  culprit.scale_sigma);
+      return Format("%s: its pictures are scaled by %.4f +- %.4f in width against the calibration", name, culprit.scale,
+                    culprit.scale_sigma);
     case Kind::kImageHeight:
-      return Line("%s: its pictures are scaled by %.4f +- %.4f in height against the calibration", name, culprit.scale,
-                  culprit.scale_sigma);
+      return Format("%s: its pictures are scaled by %.4f +- %.4f in height against the calibration", name, culprit.scale,
+                    culprit.scale_sigma);
   }
   return "";
 }

@@ -10,7 +10,9 @@
 #include <tuple>
 
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
+#include "geometry/solve/least_squares.h"
 #include "triangulate/point/point.h"
 
 namespace mvstudio::calib {
@@ -21,68 +23,60 @@ constexpr size_t kMaxViewsForPairs = 6;
 constexpr double kMaxBehind = 2;    // in cost: minima that are farther behind are not remembered
 constexpr double kSameCost = 1e-5;  // relative: descents that end so near each other ended in one minimum
 
-struct Linearization {
-  bool ok = true;
-  double cost = 0;
-  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();       // of the weighted squares
+/// Of the weighted squares.
+struct Linearization : geometry::NormalEquations<3> {
   Eigen::Matrix3d curved = Eigen::Matrix3d::Zero();  // of the cost itself
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();
 };
 
-/// Normal equations of the reweighted residuals (projection - detection), and the cost's own second derivatives.
-Linearization Linearize(const geometry::Rig& rig, const KeypointJoint& joint, double cauchy_px, const Eigen::Vector3d& x) {
-  Linearization sum;
-  for (const triangulate::Observation& seen : joint.seen) {
-    const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(seen.camera_idx)];
-    Eigen::Vector2d px;
-    geometry::LensDerivatives d;
-    if (!geometry::ProjectLens(camera.camera, camera.cam_from_world * x, &px, &d)) return sum.ok = false, sum;
-    const Eigen::Vector2d r = px - seen.px;
-    const double weight = cauchy_px > 0 ? 1 / (1 + r.squaredNorm() / (cauchy_px * cauchy_px)) : 1;
-    const Eigen::Matrix<double, 2, 3> j = d.d_px_d_x_in_cam * camera.cam_from_world.rotation.toRotationMatrix();
-    sum.cost += KeypointCost(r, cauchy_px);
-    const Eigen::Vector3d along = j.transpose() * r;
-    sum.h += weight * j.transpose() * j;
-    sum.g += weight * along;
-    if (cauchy_px > 0) sum.curved -= 2 * weight * weight / (cauchy_px * cauchy_px) * along * along.transpose();
-  }
-  sum.curved += sum.h;
-  sum.ok = std::isfinite(sum.cost);
-  return sum;
-}
+struct JointProblem : geometry::LeastSquaresProblem<3, Eigen::Vector3d, Linearization> {
+  const geometry::Rig& rig;
+  const KeypointJoint& joint;
+  double cauchy_px;
 
-/// Newton's step where the cost is curved upwards; else that of iteratively reweighted least squares.
-Eigen::Vector3d StepOf(const Linearization& at, double damping) {
-  Eigen::Matrix3d damped = at.curved;
-  damped.diagonal() += damping * at.h.diagonal();
-  const Eigen::LLT<Eigen::Matrix3d> newton(damped);
-  if (newton.info() == Eigen::Success) return newton.solve(-at.g);
-  damped = at.h;
-  damped.diagonal() *= 1 + damping;
-  return damped.ldlt().solve(-at.g);
-}
+  JointProblem(const geometry::Rig& of_rig, const KeypointJoint& of_joint, double px)
+      : rig(of_rig), joint(of_joint), cauchy_px(px) {}
+  Eigen::Vector3d Retract(const Eigen::Vector3d& x, const Eigen::Vector3d& step) const { return x + step; }
+
+  /// Normal equations of the reweighted residuals (projection - detection), and the cost's own second derivatives.
+  bool Linearize(const Eigen::Vector3d& x, Linearization* sum) const {
+    for (const triangulate::Observation& seen : joint.seen) {
+      const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(seen.camera_idx)];
+      Eigen::Vector2d px;
+      geometry::LensDerivatives d;
+      if (!geometry::ProjectLens(camera.camera, camera.cam_from_world * x, &px, &d)) return false;
+      const Eigen::Vector2d r = px - seen.px;
+      const double weight = cauchy_px > 0 ? 1 / (1 + r.squaredNorm() / (cauchy_px * cauchy_px)) : 1;
+      const Eigen::Matrix<double, 2, 3> j = d.d_px_d_x_in_cam * camera.cam_from_world.rotation.toRotationMatrix();
+      sum->cost += KeypointCost(r, cauchy_px);
+      const Eigen::Vector3d along = j.transpose() * r;
+      sum->h += weight * j.transpose() * j;
+      sum->g += weight * along;
+      if (cauchy_px > 0) sum->curved -= 2 * weight * weight / (cauchy_px * cauchy_px) * along * along.transpose();
+    }
+    sum->curved += sum->h;
+    return true;
+  }
+
+  /// Newton's step where the cost is curved upwards; else that of iteratively reweighted least squares.
+  Eigen::Vector3d SolveStep(const Linearization& at, double damping) const {
+    Eigen::Matrix3d damped = at.curved;
+    damped.diagonal() += damping * at.h.diagonal();
+    const Eigen::LLT<Eigen::Matrix3d> newton(damped);
+    if (newton.info() == Eigen::Success) return newton.solve(-at.g);
+    return geometry::DampedStep(at.h, at.g, damping);
+  }
+};
 
 /// The cost never grows.
 std::optional<std::pair<double, Eigen::Vector3d>> Descend(const geometry::Rig& rig, const KeypointJoint& joint,
-                                                          double cauchy_px, Eigen::Vector3d x) {
-  constexpr int kMaxIterations = 60;
-  Linearization at = Linearize(rig, joint, cauchy_px, x);
-  if (!at.ok) return std::nullopt;
-  double damping = 0;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Eigen::Vector3d step = StepOf(at, damping);
-    if (!step.allFinite()) return std::nullopt;
-    const Linearization next = Linearize(rig, joint, cauchy_px, x + step);
-    if (!next.ok || next.cost > at.cost) {
-      damping = damping == 0 ? 1e-3 : 10 * damping;
-      if (damping > 1e8) break;
-      continue;
-    }
-    const bool done = at.cost - next.cost <= 1e-9 * at.cost;
-    x += step, at = next, damping = damping < 1e-6 ? 0 : damping / 10;
-    if (done) break;
-  }
-  return std::make_pair(at.cost, x);
+                                                          double cauchy_px, const Eigen::Vector3d& start) {
+  geometry::LeastSquaresOptions options;
+  options.max_iterations = 60;
+  options.first_damping = 0, options.none_below = 1e-6, options.max_damping = 1e9;
+  options.cost_tolerance = 1e-9;
+  const auto end = geometry::SolveLeastSquares(JointProblem(rig, joint, cauchy_px), start, options);
+  if (end.status != Status::kOk && end.status != Status::kNotConverged) return std::nullopt;
+  return std::make_pair(end.equations.cost, end.state);
 }
 
 std::vector<Eigen::Vector3d> Starts(const triangulate::PreparedRig& prepared, const KeypointJoint& joint, double cauchy_px) {
@@ -148,28 +142,6 @@ std::vector<KeypointFit> FitAll(size_t count, int num_threads, const Fit& fit) {
   return fits;
 }
 
-double Quantile(std::vector<double>* values, double q) {
-  if (values->empty()) return std::nan("");
-  std::sort(values->begin(), values->end());
-  const double at = q * static_cast<double>(values->size() - 1);
-  const auto low = static_cast<size_t>(at);
-  const double rest = at - static_cast<double>(low);
-  return rest > 0 ? (1 - rest) * (*values)[low] + rest * (*values)[low + 1] : (*values)[low];
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
-  return values.empty() ? std::nan("") : sum / static_cast<double>(values.size());
-}
-
-double StandardDeviation(const std::vector<double>& values) {
-  const double mean = Mean(values);
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return std::sqrt(squares / static_cast<double>(values.size()));
-}
-
 void MeasureLimbs(const std::vector<KeypointFit>& fits, const std::vector<std::pair<int, int>>& limbs, KeypointError* error) {
   std::map<std::tuple<int, int, int>, Eigen::Vector3d> points;  // person, frame, joint
   for (const KeypointFit& fit : fits)
@@ -185,7 +157,7 @@ void MeasureLimbs(const std::vector<KeypointFit>& fits, const std::vector<std::p
   std::vector<double> deviations, means;
   for (const auto& [key, values] : lengths_mm) {
     if (values.size() < 2) continue;
-    deviations.push_back(StandardDeviation(values)), means.push_back(Mean(values));
+    deviations.push_back(PopulationDeviation(values)), means.push_back(Mean(values));
   }
   error->limb_std_mm = Mean(deviations), error->limb_mean_mm = Mean(means);
 }
@@ -227,10 +199,8 @@ double CauchyScale(const std::vector<KeypointFit>& fits) {
     for (const Eigen::Vector2d& residual : fit.residuals_px)
       lengths.push_back(std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
   }
-  return MedianOf(std::move(lengths)) / std::sqrt(3.0);
+  return LinearQuantile(std::move(lengths), 0.5) / std::sqrt(3.0);
 }
-
-double MedianOf(std::vector<double> values) { return Quantile(&values, 0.5); }
 
 KeypointError ErrorOf(const std::vector<KeypointFit>& fits, const std::vector<std::pair<int, int>>& limbs) {
   KeypointError error;
@@ -241,8 +211,8 @@ KeypointError ErrorOf(const std::vector<KeypointFit>& fits, const std::vector<st
     for (const Eigen::Vector2d& residual : fit.residuals_px) lengths.push_back(residual.norm());
   }
   error.mean_px = Mean(lengths);
-  error.median_px = Quantile(&lengths, 0.5);
-  error.p90_px = Quantile(&lengths, 0.9);
+  error.median_px = LinearQuantile(lengths, 0.5);
+  error.p90_px = LinearQuantile(std::move(lengths), 0.9);
   MeasureLimbs(fits, limbs, &error);
   return error;
 }

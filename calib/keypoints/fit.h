@@ -46,7 +46,4 @@ struct KeypointError {
 /// `limbs` are pairs of joints; a limb's length needs both in one frame. NaN where there is nothing to count.
 KeypointError ErrorOf(const std::vector<KeypointFit>& fits, const std::vector<std::pair<int, int>>& limbs);
 
-/// Median; NaN when empty.
-double MedianOf(std::vector<double> values);
-
 }  // namespace mvstudio::calib

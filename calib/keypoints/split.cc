@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/units.h"
 
 namespace mvstudio::calib {
@@ -40,12 +41,6 @@ std::vector<std::string> Unconnected(const geometry::Rig& rig, const std::vector
   for (size_t c = 0; c < n; ++c)
     if (!reached[c]) names.push_back(rig.cameras[c].camera.name);
   return names;
-}
-
-std::string List(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
 }
 
 }  // namespace
@@ -111,7 +106,7 @@ std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>
     return "two cameras see the same points at once in " + std::to_string(num_train) +
            " of the frames to adjust to; at least " + std::to_string(kMinFrames) + " are needed";
   const std::vector<std::string> alone = Unconnected(rig, train);
-  if (!alone.empty()) return "cameras without enough points that others see too: " + List(alone);
+  if (!alone.empty()) return "cameras without enough points that others see too: " + Join(alone, ", ");
   return "";
 }
 
@@ -127,11 +122,8 @@ std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covaria
     const double place = std::sqrt(CentreCovariance(rig.cameras[c].cam_from_world, pose).trace());
     const double turn = std::sqrt(pose.topLeftCorner<3, 3>().trace());
     if (place < kMaxOfSpread * spread && turn < kMaxRad) continue;
-    char text[300];
-    std::snprintf(text, sizeof text,
-                  "the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
+    return Format("the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
                   rig.cameras[c].camera.name.c_str(), 1e3 * place, RadToDeg(turn));
-    return text;
   }
   return "";
 }

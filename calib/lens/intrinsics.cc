@@ -10,7 +10,7 @@
 #include "calib/lens/focal_evidence.h"
 #include "calib/lens/gross_errors.h"
 #include "calib/lens/resection.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_fit.h"
 
 namespace mvstudio::calib {

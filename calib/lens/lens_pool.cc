@@ -7,7 +7,7 @@
 #include "calib/board/homography.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/lens/held_out_view.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -47,8 +47,8 @@ std::vector<int> Spread(const LensPool& pool, int camera_idx, int max_views) {
 constexpr int kLeftOut = -1, kAlwaysTrained = -2;
 constexpr int kMinClusters = 3;  // of a camera whose boards are held out
 
-/// Fold of every view; the views of a cluster are held out together, cameras with too few clusters are trained on in every fold.
-/// Returns the number of folds, 0 when no camera has enough.
+/// Fold of every view; the views of a cluster are held out together, cameras with too few clusters are trained on in every
+/// fold. Returns the number of folds, 0 when no camera has enough.
 int AssignFolds(const LensPool& fit, int num_folds, int max_views, std::vector<int>* fold_of) {
   fold_of->assign(fit.views.size(), kLeftOut);
   int fewest = std::numeric_limits<int>::max();

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -14,6 +13,7 @@
 #include "calib/covariance/uncertainty.h"
 #include "calib/lens/evidence.h"
 #include "calib/lens/lens_configs.h"
+#include "core/format.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -190,28 +190,22 @@ int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
 }
 
 std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, const LensCandidate& best) {
-  char text[300];
   const std::string name = ToString(chosen.config), best_name = ToString(best.config);
-  if (&chosen == &best) {
-    std::snprintf(text, sizeof text, "%s has the smallest held-out error of all lenses tried", name.c_str());
-  } else if (&chosen != &simplest) {
-    std::snprintf(text, sizeof text,
-                  "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms "
-                  "(Schwarz's criterion)",
-                  name.c_str(), best_name.c_str(), ToString(simplest.config).c_str());
-  } else {
-    std::snprintf(text, sizeof text, "%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%",
-                  name.c_str(), best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
+  if (&chosen == &best) return name + " has the smallest held-out error of all lenses tried";
+  if (&chosen != &simplest) {
+    return Format(
+        "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms "
+        "(Schwarz's criterion)",
+        name.c_str(), best_name.c_str(), ToString(simplest.config).c_str());
   }
-  return text;
+  return Format("%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%", name.c_str(),
+                best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
 }
 
 std::string Instead(const LensCandidate& chosen, const LensCandidate& other) {
-  char text[300];
-  std::snprintf(text, sizeof text, "%s is as good as %s, which is no simpler version of it: held-out error %+.1f %%",
+  return Format("%s is as good as %s, which is no simpler version of it: held-out error %+.1f %%",
                 ToString(chosen.config).c_str(), ToString(other.config).c_str(),
                 100 * (chosen.relative_error / other.relative_error - 1));
-  return text;
 }
 
 /// The first candidate within one standard error of the best, of those whose lenses fold least inside the image.

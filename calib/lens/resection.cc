@@ -1,6 +1,5 @@
 #include "calib/lens/resection.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -8,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -107,45 +107,45 @@ std::optional<Eigen::Matrix3d> BearingHomography(const Bearings& bearings) {
   return side < 0 ? Eigen::Matrix3d(-homography) : homography;
 }
 
-double SquaredCost(const Camera& camera, const View& view, const Rigid3& pose) {
-  const auto residuals = ResidualsOf(view, camera, pose);
-  if (!residuals) return std::numeric_limits<double>::infinity();
-  double cost = 0;
-  for (Eigen::Index i = 0; i < view.size(); ++i) {
-    if (view.weights[i] > 0) cost += view.weights[i] * residuals->col(i).squaredNorm();
+struct ViewPoseProblem : geometry::LeastSquaresProblem<6, Rigid3> {
+  const Camera& camera;
+  const View& view;
+  static constexpr bool kHasCost = true;
+
+  ViewPoseProblem(const Camera& of_camera, const View& of_view) : camera(of_camera), view(of_view) {}
+  Rigid3 Retract(const Rigid3& pose, const Vector6d& step) const { return geometry::Perturb(step, pose); }
+
+  double Cost(const Rigid3& pose) const {
+    const auto residuals = ResidualsOf(view, camera, pose);
+    if (!residuals) return std::numeric_limits<double>::infinity();
+    double cost = 0;
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      if (view.weights[i] > 0) cost += view.weights[i] * residuals->col(i).squaredNorm();
+    }
+    return cost;
   }
-  return cost;
-}
+
+  bool Linearize(const Rigid3& pose, Equations* out) const {
+    const auto linear = LinearizeView(view, camera, pose, false);
+    if (!linear) return false;
+    out->h.noalias() = linear->d_pose.transpose() * linear->d_pose;
+    out->g.noalias() = linear->d_pose.transpose() * linear->residuals;
+    return true;
+  }
+};
 
 }  // namespace
 
 Resection RefinePose(const Camera& camera, const View& view, const Rigid3& start) {
-  constexpr int kMaxIterations = 50;
-  const double weight = view.weights.sum();
   if ((view.weights.array() > 0).count() < 4) return Failed(Status::kTooFewViews);
-  Rigid3 pose = start;
-  double cost = SquaredCost(camera, view, pose), damping = 1e-4;
-  if (!std::isfinite(cost)) return Failed(Status::kBehindCamera);
-  for (int i = 0; i < kMaxIterations && damping < 1e10; ++i) {
-    const auto linear = LinearizeView(view, camera, pose, false);
-    if (!linear) return Failed(Status::kBehindCamera);
-    Eigen::Matrix<double, 6, 6> hessian = linear->d_pose.transpose() * linear->d_pose;
-    hessian.diagonal() *= 1 + damping;
-    const Vector6d step = hessian.ldlt().solve(-linear->d_pose.transpose() * linear->residuals);
-    if (!step.allFinite()) return Failed(Status::kDegenerate);
-    const Rigid3 next = geometry::Perturb(step, pose);
-    const double next_cost = SquaredCost(camera, view, next);
-    if (next_cost <= cost) {
-      const bool done = cost - next_cost <= 1e-14 * cost || step.norm() < 1e-14;
-      pose = next, cost = next_cost, damping *= 0.1;
-      if (done) break;
-    } else {
-      damping *= 10;
-    }
-  }
+  geometry::LeastSquaresOptions options;
+  options.step_tolerance = 1e-14;
+  const auto end = geometry::SolveLeastSquares(ViewPoseProblem(camera, view), start, options);
+  if (end.status == Status::kNonFiniteInput) return Failed(Status::kBehindCamera);
+  if (end.status == Status::kDegenerate) return Failed(end.status);
   Resection result;
-  result.cam_from_board = pose;
-  result.rms_px = result.other_rms_px = std::sqrt(cost / weight);
+  result.cam_from_board = end.state;
+  result.rms_px = result.other_rms_px = std::sqrt(end.equations.cost / view.weights.sum());
   return result;
 }
 

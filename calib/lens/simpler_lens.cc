@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -56,14 +57,11 @@ LensPrior PriorOf(const LensStep& step, const Camera& camera, double sigma_px) {
 }
 
 std::string ToString(const LensStep& step, const Camera& camera) {
-  char text[200] = "";
-  if (step.assume_centre)
-    std::snprintf(text, sizeof text, ", its principal point assumed at the image's centre +- %.0f px", CentreSigma(camera));
-  std::string all = std::string(geometry::ToString(step.model)) + text;
-  if (!step.assume_focal) return all;
-  std::snprintf(text, sizeof text, " and its focal length at %.0f +- %.0f px", AssumedFocal(camera),
-                kFocalShare * AssumedFocal(camera));
-  return all + text;
+  std::string text(geometry::ToString(step.model));
+  if (step.assume_centre) text += Format(", its principal point assumed at the image's centre +- %.0f px", CentreSigma(camera));
+  if (step.assume_focal)
+    text += Format(" and its focal length at %.0f +- %.0f px", AssumedFocal(camera), kFocalShare * AssumedFocal(camera));
+  return text;
 }
 
 }  // namespace mvstudio::calib

@@ -15,6 +15,8 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/parallel.h"
 #include "core/process.h"
 
@@ -63,13 +65,7 @@ bool SaysNoModel(const std::string& log) {
 }
 
 std::string Numbers(const std::vector<double>& values) {
-  std::string text;
-  char number[40];
-  for (const double value : values) {
-    std::snprintf(number, sizeof number, "%.17g", value);
-    text += (text.empty() ? "" : ",") + std::string(number);
-  }
-  return text;
+  return Join(values, ",", [](double value) { return Format("%.17g", value); });
 }
 
 /// Name and parameters of colmap's model for a lens; one that is not known gets a focal length and two radial terms.
@@ -107,8 +103,8 @@ struct Project {
   int threads = 1;
 };
 
-void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Project& work, const ColmapOptions& options,
-                 ProgressStage* stage) {
+void ExtractFrom(const std::vector<std::string>& names, const SceneImage& image, const Project& work,
+                 const ColmapOptions& options, ProgressStage* stage) {
   std::string list;
   for (const std::string& name : names) list += name + "\n";
   WriteFileAtomic(work.folder + "/list.txt", list);
@@ -300,7 +296,7 @@ ColmapScene RunColmap(const std::vector<SceneImage>& images, const std::string& 
   const std::string program = FindProgram(options.program);
   AtomicFolder output(work_folder, true, PathsOf(images));
   const Project work{output.work_path(), program, output.work_path() + "/database.db", output.work_path() + "/colmap.log",
-                  ResolveThreads(run.num_threads)};
+                     ResolveThreads(run.num_threads)};
   ProgressStage stage(run, "colmap", static_cast<int64_t>(images.size()) + 2);
   ExtractFeatures(images, work, options, &stage);
   Map(images, work, &stage);

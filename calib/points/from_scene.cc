@@ -3,15 +3,15 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 
 #include "calib/points/scene_adjustment.h"
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/format.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_covariance.h"
 
@@ -160,7 +160,7 @@ void AddScale(const SceneScale& scale, const geometry::Rig& rig, SceneAdjustment
   work->options.distance = KnownDistance{a, b, scale.distance->distance_m, scale.distance->sigma_m};
 }
 
-double Rms(const Eigen::Matrix2Xd& residuals) {
+double RmsLength(const Eigen::Matrix2Xd& residuals) {
   double sum = 0;
   int count = 0;
   for (Eigen::Index i = 0; i < residuals.cols(); ++i) {
@@ -173,7 +173,7 @@ double Rms(const Eigen::Matrix2Xd& residuals) {
 double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions& options, bool own_lenses, int threads,
                    ColmapScene* scene, double* start_rms_px) {
   SceneAdjustment work = PrepareAdjustment(*scene, images, options, own_lenses, threads);
-  *start_rms_px = Rms(PointResiduals(work.scene, work.observations));
+  *start_rms_px = RmsLength(PointResiduals(work.scene, work.observations));
   work.options.fix_camera[0] = true;
   const PointBundleReport report = SolvePointBundle(&work.scene, &work.observations, work.options);
   for (size_t c = 0; c < scene->rig.cameras.size(); ++c) {
@@ -189,8 +189,8 @@ double AdjustAlone(const std::vector<SceneImage>& images, const FromSceneOptions
 
 using HeldLenses = std::vector<std::optional<Eigen::MatrixXd>>;
 
-/// Covariances of the lenses that were given, per lens of the problem. Those of splined lenses, with their hundreds of numbers, are
-/// not carried and so count as unknown.
+/// Covariances of the lenses that were given, per lens of the problem. Those of splined lenses, with their hundreds of numbers,
+/// are not carried and so count as unknown.
 HeldLenses HeldLensesOf(const SceneAdjustment& work, const ColmapScene& scene, const std::vector<SceneImage>& images) {
   HeldLenses held(work.scene.lenses.size());
   for (size_t c = 0; c < scene.rig.cameras.size(); ++c) {
@@ -235,10 +235,9 @@ void NameGross(const SceneAdjustment& work, const KnownPoints& known, const geom
   for (size_t i = work.first_click; i < work.observations.size(); ++i) {
     const PointObservation& o = work.observations[i];
     if (o.weight > 0) continue;
-    char distance[32];
-    std::snprintf(distance, sizeof distance, "%.3g px", residuals.col(static_cast<Eigen::Index>(i)).norm());
     report->gross.push_back(known.names[static_cast<size_t>(o.point_idx - work.first_known)] + " in " +
-                            rig.cameras[static_cast<size_t>(o.camera_idx)].camera.name + ": " + distance);
+                            rig.cameras[static_cast<size_t>(o.camera_idx)].camera.name + ": " +
+                            Format("%.3g px", residuals.col(static_cast<Eigen::Index>(i)).norm()));
   }
 }
 
@@ -373,8 +372,8 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   const double sigma = std::max(1.0, report.bundle.sigma_px);
   report.clusters = InflationByClusters(work.scene, work.observations, work.options, sigma);
   const HeldLenses held_lens = HeldLensesOf(work, scene, images);
-  const PointBundleCovariance covariance =
-      CovarianceOfPointBundle(work.scene, work.observations, work.options, sigma * std::sqrt(report.clusters.factor), held_lens);
+  const PointBundleCovariance covariance = CovarianceOfPointBundle(work.scene, work.observations, work.options,
+                                                                   sigma * std::sqrt(report.clusters.factor), held_lens);
   if (report.status == Status::kOk && covariance.status != Status::kOk)
     report.status = covariance.status, report.message = covariance.message;
   FillRig(work, scene, covariance, held_lens, &report);

@@ -8,7 +8,7 @@
 #include "calib/covariance/held_covariance.h"
 #include "calib/points/point_problem.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -118,10 +118,10 @@ void Summarise(const PointScene& scene, const std::vector<PointObservation>& obs
   report->sigma_px = freedom > 0 ? std::sqrt(weighted / freedom) : 0;
 }
 
-/// Normal equations of lenses and cameras, the points eliminated, and what takes their diagonal with the points to 1; false where
-/// an observation does not project.
-bool NormalEquations(const PointScene& scene, const std::vector<PointObservation>& observations, const PointBundleOptions& options,
-                     Eigen::MatrixXd* h, Eigen::VectorXd* scale) {
+/// Normal equations of lenses and cameras, the points eliminated, and what takes their diagonal with the points to 1; false
+/// where an observation does not project.
+bool NormalEquations(const PointScene& scene, const std::vector<PointObservation>& observations,
+                     const PointBundleOptions& options, Eigen::MatrixXd* h, Eigen::VectorXd* scale) {
   PointProblem problem(scene, observations, options, PointProblem::Blocks::kPoints, 0);
   SchurSystem system;
   problem.AllocateSystem(&system);
@@ -170,7 +170,8 @@ PointBundleCovariance Spread(const PointScene& scene, const PointProblem& layout
   Eigen::MatrixXd by_columns = Eigen::MatrixXd::Zero(rows, covariance.rows());
   Eigen::Index row = 0;
   for (size_t c = 0; c < scene.cam_from_world.size(); ++c) {
-    const int lens = scene.lens_of_camera[c], lens_column = layout.lens_column(lens), pose = layout.camera_column(static_cast<int>(c));
+    const int lens = scene.lens_of_camera[c], lens_column = layout.lens_column(lens),
+              pose = layout.camera_column(static_cast<int>(c));
     const Eigen::MatrixXd& d = layout.directions(lens);
     const Eigen::Index p = scene.LensOf(static_cast<int>(c)).params.size();
     if (lens_column >= 0) by_columns.block(row, lens_column, p, d.cols()) = d;

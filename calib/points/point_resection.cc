@@ -5,13 +5,16 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "calib/points/point_bundle.h"
 #include "calib/points/point_resection_internal.h"
 #include "core/check.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/rigid/cross_matrix.h"
 #include "geometry/rigid/decompositions.h"
+#include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -20,12 +23,8 @@ using geometry::Rigid3;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Normal equations over (pose 6, lens directions of all cameras).
-struct Normal {
-  double cost = 0;
-  Eigen::MatrixXd h;
-  Eigen::VectorXd g;
-};
+/// Over (pose 6, lens directions of all cameras).
+using Normal = geometry::NormalEquations<Eigen::Dynamic>;
 
 /// First unknown of each camera's lens directions, and the number of unknowns.
 std::vector<Eigen::Index> LensColumns(const ResectionProblem& problem) {
@@ -63,20 +62,6 @@ std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem
   return out;
 }
 
-bool Linearize(const ResectionProblem& problem, const std::vector<bool>& used, Normal* out) {
-  const std::vector<Eigen::Index> columns = LensColumns(problem);
-  *out = {0, Eigen::MatrixXd::Zero(columns.back(), columns.back()), Eigen::VectorXd::Zero(columns.back())};
-  for (size_t i = 0; i < problem.clicks.size(); ++i) {
-    if (!used[i]) continue;
-    const auto click = LinearizeClick(problem, problem.clicks[i], columns);
-    if (!click) return false;
-    out->cost += click->residual.squaredNorm();
-    out->h += click->by_unknowns.transpose() * click->by_unknowns;
-    out->g += click->by_unknowns.transpose() * click->residual;
-  }
-  return std::isfinite(out->cost);
-}
-
 /// (X, N) mixed part of the normal equations: unknowns by what is given.
 Eigen::MatrixXd MixedNormal(const ResectionProblem& problem, const std::vector<bool>& used) {
   const std::vector<Eigen::Index> columns = LensColumns(problem);
@@ -104,35 +89,44 @@ ResectionProblem Moved(const ResectionProblem& problem, const Eigen::VectorXd& s
   return moved;
 }
 
-/// Levenberg-Marquardt over the used clicks; false when it does not converge.
-bool Refine(const std::vector<bool>& used, ResectionProblem* problem, Normal* at_end) {
-  Normal now;
-  if (!Linearize(*problem, used, &now)) return false;
-  double damping = 1e-4;
-  for (int iteration = 0; iteration < 100 && damping < 1e12; ++iteration) {
-    Eigen::MatrixXd h = now.h;
-    h.diagonal() += damping * now.h.diagonal();
-    const Eigen::VectorXd step = -h.ldlt().solve(now.g);
-    const double predicted = -now.g.dot(step);
-    if (step.allFinite() && predicted <= 1e-14 * now.cost + 1e-24) {
-      *at_end = now;
-      return true;
+struct ClickProblem : geometry::LeastSquaresProblem<Eigen::Dynamic, ResectionProblem> {
+  const std::vector<bool>& used;
+
+  explicit ClickProblem(const std::vector<bool>& clicks) : used(clicks) {}
+  ResectionProblem Retract(const ResectionProblem& from, const Eigen::VectorXd& step) const { return Moved(from, step); }
+
+  bool Linearize(const ResectionProblem& at, Normal* out) const {
+    const std::vector<Eigen::Index> columns = LensColumns(at);
+    out->h.setZero(columns.back(), columns.back()), out->g.setZero(columns.back());
+    for (size_t i = 0; i < at.clicks.size(); ++i) {
+      if (!used[i]) continue;
+      const auto click = LinearizeClick(at, at.clicks[i], columns);
+      if (!click) return false;
+      out->cost += click->residual.squaredNorm();
+      out->h += click->by_unknowns.transpose() * click->by_unknowns;
+      out->g += click->by_unknowns.transpose() * click->residual;
     }
-    const ResectionProblem trial = Moved(*problem, step);
-    Normal next;
-    if (step.allFinite() && Linearize(trial, used, &next) && next.cost < now.cost) {
-      problem->rig_from_world = trial.rig_from_world;
-      problem->cameras = trial.cameras;
-      now = next;
-      damping = std::max(damping / 10, 1e-12);
-    } else if (step.allFinite() && predicted <= 1e-10 * now.cost) {
-      *at_end = now;
-      return true;
-    } else {
-      damping *= 10;
-    }
+    return true;
   }
-  return false;
+
+  /// By the decrease of the cost that the step promises.
+  geometry::StepVerdict Judge(const geometry::LeastSquaresOptions&, const Eigen::VectorXd& step, const Normal& at,
+                              const Normal* trial) const {
+    const double predicted = -at.g.dot(step);
+    if (predicted <= 1e-14 * at.cost + 1e-24) return geometry::StepVerdict::kRest;
+    if (trial && trial->cost < at.cost) return geometry::StepVerdict::kTake;
+    return predicted <= 1e-10 * at.cost ? geometry::StepVerdict::kRest : geometry::StepVerdict::kRefuse;
+  }
+};
+
+/// Over the used clicks; false when it does not converge.
+bool Refine(const std::vector<bool>& used, ResectionProblem* problem, Normal* at_end) {
+  geometry::LeastSquaresOptions options;
+  options.max_iterations = 100;
+  options.least_damping = 1e-12, options.max_damping = 1e12;
+  auto end = geometry::SolveLeastSquares(ClickProblem(used), *problem, options);
+  *problem = std::move(end.state), *at_end = std::move(end.equations);
+  return end.status == Status::kOk;
 }
 
 std::vector<bool> Within(const ResectionProblem& problem, double limit_px) {
@@ -174,12 +168,6 @@ std::vector<double> LeaveOneOut(const ResectionProblem& problem, const std::vect
     errors.push_back(ok ? ResectionResiduals(fit).col(static_cast<Eigen::Index>(i)).norm() : kInfinity);
   }
   return errors;
-}
-
-double Rms(const std::vector<double>& errors) {
-  double sum = 0;
-  for (const double e : errors) sum += e * e;
-  return errors.empty() ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(sum / static_cast<double>(errors.size()));
 }
 
 /// Extent of the points that were clicked along their principal axes, largest first.

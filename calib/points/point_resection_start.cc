@@ -8,6 +8,7 @@
 
 #include "calib/points/point_resection_internal.h"
 #include "core/random.h"
+#include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::calib {
@@ -125,8 +126,7 @@ bool FindResectionStart(ResectionProblem* problem, double* middle_px) {
       trial.rig_from_world = pose;
       const Eigen::Matrix2Xd residuals = ResectionResiduals(trial);
       Eigen::VectorXd lengths = residuals.colwise().norm().transpose();
-      std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(rank), lengths.end());
-      const double middle = lengths[static_cast<Eigen::Index>(rank)];
+      const double middle = ValueOfRank(lengths.begin(), lengths.end(), static_cast<std::ptrdiff_t>(rank));
       if (!(middle < *middle_px)) continue;
       *middle_px = middle;
       problem->rig_from_world = pose;

@@ -1,7 +1,6 @@
 #include "calib/points/scene_points.h"
 
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -11,6 +10,7 @@
 #include "calib/formats/formats_internal.h"
 #include "calib/points/scene_carry.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -95,11 +95,10 @@ std::vector<std::string> GrossErrors(const ScenePoints& points, const std::vecto
   std::vector<std::string> gross;
   for (size_t i = 0; i < clicks.size() && i < resection.rejected.size(); ++i) {
     if (!resection.rejected[i]) continue;
-    char distance[32];
-    std::snprintf(distance, sizeof distance, "%.3g px", resection.residuals_px.col(static_cast<Eigen::Index>(i)).norm());
     const std::string camera =
         rig.cameras.size() > 1 ? " in " + rig.cameras[static_cast<size_t>(clicks[i].camera_idx)].camera.name : "";
-    gross.push_back(points.names[static_cast<size_t>(clicks[i].point_idx)] + camera + ": " + distance);
+    gross.push_back(points.names[static_cast<size_t>(clicks[i].point_idx)] + camera + ": " +
+                    Format("%.3g px", resection.residuals_px.col(static_cast<Eigen::Index>(i)).norm()));
   }
   return gross;
 }

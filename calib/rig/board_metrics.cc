@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/check.h"
+#include "core/statistics.h"
 #include "geometry/rig/rig.h"
 #include "triangulate/point/linear.h"
 #include "triangulate/point/refine.h"
@@ -35,30 +36,14 @@ triangulate::PreparedRig RigAt(int frame, const RigState& state) {
 
 bool WideEnough(const std::vector<triangulate::View>& views, double min_parallax_rad) {
   double widest = 0;
-  for (const triangulate::View& view : views)
-    widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
+  for (const triangulate::View& view : views) widest = std::max(widest, views[0].ray_in_local.cross(view.ray_in_local).norm());
   return widest >= min_parallax_rad;
-}
-
-double Rms(const std::vector<double>& values) {
-  double sum = 0;
-  for (double value : values) sum += value * value;
-  return values.empty() ? kNan : std::sqrt(sum / static_cast<double>(values.size()));
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (double value : values) sum += value;
-  return values.empty() ? kNan : sum / static_cast<double>(values.size());
 }
 
 /// Of the absolute values; the mean of the middle two when their number is even.
 double MedianAbs(std::vector<double> values) {
-  if (values.empty()) return kNan;
   for (double& value : values) value = std::abs(value);
-  std::sort(values.begin(), values.end());
-  const size_t n = values.size();
-  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+  return LinearQuantile(std::move(values), 0.5);
 }
 
 struct Errors {

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "core/check.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -42,12 +43,6 @@ std::vector<RelativePose> RelativePoses(const Poses& a, const Poses& b, int64_t 
   return thin;
 }
 
-double QuantileOf(double share, std::vector<double>* values) {
-  const auto at = values->begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values->size()));
-  std::nth_element(values->begin(), at, values->end());
-  return *at;
-}
-
 struct ShiftSpread {
   int64_t shift = 0;
   int num_shared = 0;
@@ -66,8 +61,8 @@ ShiftSpread Spread(int64_t shift, const std::vector<RelativePose>& poses) {
     for (size_t i = 0; i < poses.size(); ++i) {
       distances[i] = (candidate.a_from_b * poses[i].x_in_b - poses[i].x_in_a).norm() / poses[i].x_in_a.norm();
     }
-    const double median = QuantileOf(0.5, &distances);
-    if (median < best.spread) best.spread = median, best.most = QuantileOf(kMost, &distances);
+    const double median = UpperMedian(distances.begin(), distances.end());
+    if (median < best.spread) best.spread = median, best.most = UpperQuantile(distances, kMost);
   }
   return best;
 }
@@ -93,7 +88,7 @@ double OtherSpread(const std::vector<ShiftSpread>& scan, int64_t best) {
   for (const ShiftSpread& s : scan) {
     if (std::abs(s.shift - best) > 2) others.push_back(s.spread);
   }
-  return others.size() < 3 ? NAN : QuantileOf(0.5, &others);
+  return others.size() < 3 ? NAN : UpperMedian(std::move(others));
 }
 
 /// A pair with what every shift gives.

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/statistics.h"
+
 namespace mvstudio::calib {
 namespace {
 
@@ -77,9 +79,7 @@ std::vector<Rigid3> Candidates(const std::vector<Instant>& instants) {
 double LeastMedian(const Distances& distances) {
   std::vector<double> least;
   for (const auto& row : distances) least.push_back(*std::min_element(row.begin(), row.end()));
-  const auto middle = least.begin() + static_cast<std::ptrdiff_t>(least.size() / 2);
-  std::nth_element(least.begin(), middle, least.end());
-  return *middle;
+  return UpperMedian(std::move(least));
 }
 
 double Nats(double distance, double sigma) {

@@ -4,12 +4,11 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
-#include <numeric>
 #include <optional>
 
 #include "calib/board/homography.h"
+#include "core/format.h"
 #include "core/random.h"
 #include "geometry/rigid/cross_matrix.h"
 #include "geometry/rigid/decompositions.h"
@@ -218,11 +217,7 @@ Refined Refine(const std::vector<HandEyePair>& pairs, const Solution& start, dou
   return refined;
 }
 
-std::string Degrees(double radians) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2g deg", radians * 180 / M_PI);
-  return text;
-}
+std::string Degrees(double radians) { return Format("%.2g deg", radians * 180 / M_PI); }
 
 HandEye Refuse(Status status, const std::string& message) {
   HandEye result;

@@ -9,7 +9,7 @@
 #include "calib/rig/bridge.h"
 #include "calib/rig/links.h"
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <optional>
 #include <set>
 #include <utility>
 
-#include "core/median.h"
+#include "core/format.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "core/units.h"
 
 namespace mvstudio::calib {
@@ -67,7 +68,8 @@ std::vector<Hypothesis> Hypotheses(const Grid& grid) {
 double Apart(const Rigid3& a, const Rigid3& b, const Grid& grid) {
   double sum = 0;
   for (const double x : {grid.low.x(), grid.high.x()}) {
-    for (const double y : {grid.low.y(), grid.high.y()}) sum += (a * Eigen::Vector3d(x, y, 0) - b * Eigen::Vector3d(x, y, 0)).squaredNorm();
+    for (const double y : {grid.low.y(), grid.high.y()})
+      sum += (a * Eigen::Vector3d(x, y, 0) - b * Eigen::Vector3d(x, y, 0)).squaredNorm();
   }
   return std::sqrt(sum / 4) / (grid.high - grid.low).norm();
 }
@@ -134,12 +136,9 @@ std::vector<int> Culprits(const std::vector<PairFault>& faults, const std::map<i
 }  // namespace
 
 std::string ToString(const NumberingFault& fault) {
-  std::string names;
-  for (const std::string& name : fault.cameras) names += (names.empty() ? "" : ", ") + name;
-  char text[160];
-  std::snprintf(text, sizeof text, ": so renumbered, boards lie within %.1f %% of their size instead of %.0f %%", 100 * fault.mended_spread,
-                100 * fault.spread);
-  return "the corners' numbering of camera " + names + " is " + fault.what + " against the others" + text;
+  const std::string text = Format(": so renumbered, boards lie within %.1f %% of their size instead of %.0f %%",
+                                  100 * fault.mended_spread, 100 * fault.spread);
+  return "the corners' numbering of camera " + Join(fault.cameras, ", ") + " is " + fault.what + " against the others" + text;
 }
 
 std::vector<NumberingFault> FindNumberingFaults(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,

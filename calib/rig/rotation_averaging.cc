@@ -9,6 +9,7 @@
 
 #include "calib/board/homography.h"
 #include "core/check.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -95,7 +96,7 @@ void Reweight(const std::vector<PoseLink>& links, const std::vector<bool>& fixed
     } else if (iteration < kAbsolute + kNarrowing) {
       // From far to near, so that the noise that a loop sums up is shared before it can count as one wrong link.
       const double wide = iteration == kAbsolute ? size.maxCoeff() : 0.7 * scale;
-      scale = std::max({floor, 3 * 1.4826 * Median(size), wide});
+      scale = std::max({floor, 3 * kSigmaPerMad * Median(size), wide});
     }
     for (Eigen::Index e = 0; e < count; ++e) {
       const double ratio = size[e] / scale;

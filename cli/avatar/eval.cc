@@ -1,10 +1,10 @@
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include "avatar/io/evaluate/evaluate.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/format.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -39,8 +39,7 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   below("mean image", mean);
   below("nearest pose", pose);
   if (e.template_alone && e.checkpoint_step > 0 && e.template_alone->mean.bbox.ssim >= own.ssim) {
-    char scores[64];
-    std::snprintf(scores, sizeof scores, "SSIM %.4f against %.4f", own.ssim, e.template_alone->mean.bbox.ssim);
+    const std::string scores = Format("SSIM %.4f against %.4f", own.ssim, e.template_alone->mean.bbox.ssim);
     result->warnings.push_back({"AVA-NO-GAIN",
                                 std::string("the network is worth nothing on held-out pictures: ") + scores +
                                     " of its own textures on the posed template",

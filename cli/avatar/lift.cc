@@ -4,7 +4,6 @@
 #include <map>
 #include <set>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "avatar/io/lift/lift_take.h"
 #include "cli/program/commands.h"
@@ -12,6 +11,9 @@
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
@@ -50,8 +52,8 @@ ordered_json ToJson(const LiftScore& s) {
 }
 
 std::string ToText(const std::string& name, const LiftScore& s) {
-  return app::Format("  %-12s joints %.1f mm, after Procrustes %.1f mm, place %.0f mm, acceleration %.1f mm (true %.1f)\n",
-                     name.c_str(), s.mpjpe_mm, s.procrustes_mpjpe_mm, s.root_mm, s.acceleration_mm, s.true_acceleration_mm);
+  return Format("  %-12s joints %.1f mm, after Procrustes %.1f mm, place %.0f mm, acceleration %.1f mm (true %.1f)\n",
+                name.c_str(), s.mpjpe_mm, s.procrustes_mpjpe_mm, s.root_mm, s.acceleration_mm, s.true_acceleration_mm);
 }
 
 /// The last `share` of the frames.
@@ -135,8 +137,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
       {"people", data.sequences.size()}, {"frames", data.frames}, {"steps", report.steps_done}, {"size_m", lifter.size_m}};
   result.metrics["losses"] = ordered_json::array();
   for (const auto& [step, loss] : report.losses) result.metrics["losses"].push_back({step, loss});
-  result.text = app::Format("lifter: %d steps on %d poses of %d people\n", report.steps_done, data.frames,
-                            static_cast<int>(data.sequences.size()));
+  result.text = Format("lifter: %d steps on %d poses of %d people\n", report.steps_done, data.frames,
+                       static_cast<int>(data.sequences.size()));
   if (arguments.holdout_share > 0) {
     lifter.sigma_m = ScoreHeldOut(data, lifter, arguments, context.run.seed, &result);
   }
@@ -213,11 +215,10 @@ void AddStatuses(const std::map<int, LiftedFrame>& frames, CommandResult* result
       first = "frame " + std::to_string(number) + ": " + std::string(ToString(frame.status));
     }
   }
-  std::sort(rms.begin(), rms.end());
   result->metrics["frames"] = frames.size();
   result->metrics["lifted"] = rms.size();
   result->metrics["status_counts"] = counts;
-  result->metrics["median_rms_px"] = rms.empty() ? FiniteOrNull(std::nan("")) : FiniteOrNull(rms[rms.size() / 2]);
+  result->metrics["median_rms_px"] = FiniteOrNull(UpperMedian(rms));
   if (rms.size() == frames.size()) return;
   const std::string text = std::to_string(frames.size() - rms.size()) + " of " + std::to_string(frames.size()) +
                            " frames could not be lifted; the first: " + first;
@@ -234,9 +235,8 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const geometry::Rig& rig = imported.rig;
   const int index = rig.Find(arguments.camera);
   if (index < 0) {
-    std::string names;
-    for (const geometry::RigCamera& c : rig.cameras) names += (names.empty() ? "" : ", ") + c.camera.name;
-    throw UsageError("--camera " + arguments.camera + " is not in " + arguments.calib + "; it has " + names);
+    throw UsageError("--camera " + arguments.camera + " is not in " + arguments.calib + "; it has " +
+                     Join(geometry::CameraNames(rig), ", "));
   }
   const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(index)];
   const double size_m = SizeFor(arguments, lifter);
@@ -254,7 +254,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   AddStatuses(frames, &result);
   result.folder = arguments.out;
   result.outputs.push_back({arguments.out + "/points.csv", "points"});
-  result.text = app::Format("%d of %d frames lifted\n", result.metrics["lifted"].get<int>(), static_cast<int>(frames.size()));
+  result.text = Format("%d of %d frames lifted\n", result.metrics["lifted"].get<int>(), static_cast<int>(frames.size()));
   if (!arguments.truth.empty()) {
     const LiftScore score = avatar::ScoreLift({PairsOf(frames, ReadTruth(arguments.truth), camera.cam_from_world)}, true);
     result.metrics["truth"] = ToJson(score);

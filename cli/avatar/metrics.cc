@@ -1,5 +1,4 @@
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "app/input/picture_pairs.h"
@@ -8,6 +7,7 @@
 #include "core/error.h"
 #if MVSTUDIO_HAS_AVATAR
 #include "app/nets/metrics_distance.h"
+#include "core/format.h"
 #endif
 
 namespace mvstudio::cli {
@@ -67,22 +67,17 @@ void AddScores(const app::PicturePairs& pairs, bool per_picture, CommandResult* 
       result->metrics["pictures"].push_back(row);
     }
   }
-  char line[240];
-  std::snprintf(line, sizeof line,
-                "%zu pairs: SSIM %.4f (luma %.4f, scikit-image's default %.4f), PSNR %.2f dB (%lld equal pairs "
-                "left out)",
-                full.size(), mean.ssim, mean.ssim_luma, mean.ssim_skimage, mean.psnr_db, static_cast<long long>(infinite));
-  result->text = line;
+  result->text = Format(
+      "%zu pairs: SSIM %.4f (luma %.4f, scikit-image's default %.4f), PSNR %.2f dB (%lld equal pairs "
+      "left out)",
+      full.size(), mean.ssim, mean.ssim_luma, mean.ssim_skimage, mean.psnr_db, static_cast<long long>(infinite));
 }
 
 #if MVSTUDIO_HAS_AVATAR
 std::string Text(const app::DistanceResult& d) {
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "%s %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld and %lld, d = %lld",
+  return Format("%s %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld and %lld, d = %lld",
                 d.name.c_str(), d.fd, d.floor, d.kid, d.kid_se, static_cast<long long>(d.n_a), static_cast<long long>(d.n_b),
                 static_cast<long long>(d.d));
-  return text;
 }
 
 CommandResult MetricsOfFeatures(const MetricsArguments& arguments, CommandContext& context) {

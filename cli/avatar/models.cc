@@ -1,11 +1,11 @@
 #include "detect/models/models.h"
 
-#include <cstdio>
 #include <memory>
 
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -22,9 +22,8 @@ bool AddStates(const std::string& dir, CommandResult* result) {
     sound = sound && model.state == "ok";
     result->metrics["models"].push_back(
         {{"name", model.name}, {"state", model.state}, {"bytes", model.bytes}, {"path", model.path}});
-    char line[64];
-    std::snprintf(line, sizeof line, "%-16s %9zu bytes  ", model.name.c_str(), model.bytes);
-    result->text += line + (model.state == "ok" ? model.path : model.state) + "\n";
+    result->text +=
+        Format("%-16s %9zu bytes  ", model.name.c_str(), model.bytes) + (model.state == "ok" ? model.path : model.state) + "\n";
   }
   return sound;
 }

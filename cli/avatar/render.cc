@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <optional>
 #include <set>
@@ -15,6 +14,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
@@ -57,9 +57,7 @@ class PictureSink {
   void Add(const RenderJob& job, const Image& premultiplied) {
     const Image picture = backdrop_.Under(premultiplied);
     if (folder_) {
-      char number[24];
-      std::snprintf(number, sizeof number, "_%08d.png", job.frame);
-      const std::string name = job.view + "/" + job.view + number;
+      const std::string name = job.view + "/" + job.view + Format("_%08d.png", job.frame);
       MakeFolder(folder_->work_path() + "/" + job.view);
       dataset::WriteImage(picture, folder_->work_path() + "/" + name);
       outputs_.push_back({folder_path_ + "/" + name, "rendered-picture"});
@@ -147,9 +145,8 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
   }
   constexpr double kSameSize = 0.05;
   if (plan.foreign && !plan.scaled && std::abs(plan.ratio - 1) > kSameSize) {
-    char text[160];
-    std::snprintf(text, sizeof text, "the poses' bones are %.3g times the trained person's, which the network never saw",
-                  1 / plan.ratio);
+    const std::string text =
+        Format("the poses' bones are %.3g times the trained person's, which the network never saw", 1 / plan.ratio);
     result->warnings.push_back({"AVA-SCALE", text, "render with --scale-normalise on"});
   }
   if (model.options.method == "v2v" && a.options.turntable > 0) {

@@ -295,6 +295,18 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
   return result;
 }
 
+void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
+  AddOption(sub, "--train-cameras", a.train_cameras,
+            "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
+  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
+            "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
+  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
+  AddOption(sub, "--split", a.split,
+            "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
+  AddOption(sub, "--validate-camera", a.validate_camera,
+            "a training camera that is not trained on but scored at each checkpoint, for --patience");
+}
+
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
@@ -311,18 +323,6 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddRankOptions(sub, a->ranks);
   a->given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
   registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });
-}
-
-void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
-  AddOption(sub, "--train-cameras", a.train_cameras,
-            "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
-  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
-            "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
-  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
-  AddOption(sub, "--split", a.split,
-            "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
-  AddOption(sub, "--validate-camera", a.validate_camera,
-            "a training camera that is not trained on but scored at each checkpoint, for --patience");
 }
 
 }  // namespace

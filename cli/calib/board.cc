@@ -1,15 +1,14 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 
-#include "app/format.h"
 #include "calib/board/draw.h"
 #include "calib/detect/board_check.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/frames.h"
 
 namespace mvstudio::cli {
@@ -38,8 +37,8 @@ CommandResult RunDraw(const DrawArguments& arguments) {
   result.metrics["page_mm"] = {page.width, page.height};
   result.metrics["num_corners"] = board.num_corners();
   result.outputs.push_back({arguments.out, "board"});
-  result.text = app::Format("%s: %s on a page of %.1f x %.1f mm; print at 100 %% and check the ruler\n", arguments.out.c_str(),
-                            calib::ToString(board).c_str(), page.width, page.height);
+  result.text = Format("%s: %s on a page of %.1f x %.1f mm; print at 100 %% and check the ruler\n", arguments.out.c_str(),
+                       calib::ToString(board).c_str(), page.width, page.height);
   return result;
 }
 
@@ -94,22 +93,22 @@ std::string TrialsText(const calib::BoardCheckReport& report) {
   for (const calib::BoardTrial& trial : report.trials) {
     if (shown >= kMaxLines && trial.num_images == 0) break;
     ++shown;
-    const std::string residual = trial.num_images > 0 ? app::Format("%.3f", trial.residual_px) : "-";
-    text += app::Format("%3d/%-3d %7d  %11s  %s  (%s)\n", trial.num_images, report.num_images, trial.num_corners,
-                        residual.c_str(), calib::BoardText(trial.board, report.scale_known).c_str(), trial.relation.c_str());
+    const std::string residual = trial.num_images > 0 ? Format("%.3f", trial.residual_px) : "-";
+    text += Format("%3d/%-3d %7d  %11s  %s  (%s)\n", trial.num_images, report.num_images, trial.num_corners, residual.c_str(),
+                   calib::BoardText(trial.board, report.scale_known).c_str(), trial.relation.c_str());
   }
-  if (shown < report.trials.size()) text += app::Format("%zu more that fit no image\n", report.trials.size() - shown);
+  if (shown < report.trials.size()) text += Format("%zu more that fit no image\n", report.trials.size() - shown);
   return text;
 }
 
 std::string TagsText(const calib::BoardCheckReport& report, const std::vector<std::string>& labels) {
   std::string text;
   for (const calib::SeenTag& tag : report.tags) {
-    text += app::Format("%s  tag %s:%d", labels[tag.image].c_str(), tag.family.c_str(), tag.id);
-    for (int k = 0; k < 4; ++k) text += app::Format("  (%.2f %.2f)", tag.px(0, k), tag.px(1, k));
+    text += Format("%s  tag %s:%d", labels[tag.image].c_str(), tag.family.c_str(), tag.id);
+    for (int k = 0; k < 4; ++k) text += Format("  (%.2f %.2f)", tag.px(0, k), tag.px(1, k));
     text += "\n";
   }
-  return text + app::Format("%zu tags in %d images\n", report.tags.size(), report.num_images);
+  return text + Format("%zu tags in %d images\n", report.tags.size(), report.num_images);
 }
 
 void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
@@ -134,11 +133,11 @@ void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
                                 "switch the mirroring of the camera off, or flip the images"});
   }
   if (best.num_images < report.num_images) {
-    result->warnings.push_back({"BRD-PARTLY", app::Format("found in %d of %d images", best.num_images, report.num_images),
+    result->warnings.push_back({"BRD-PARTLY", Format("found in %d of %d images", best.num_images, report.num_images),
                                 "hidden, blurred or too small in the others"});
   }
-  result->text += app::Format("%d of %d images, %d corners, residual %.3f px: %s\n", best.num_images, report.num_images,
-                              best.num_corners, best.residual_px, best.relation.c_str());
+  result->text += Format("%d of %d images, %d corners, residual %.3f px: %s\n", best.num_images, report.num_images,
+                         best.num_corners, best.residual_px, best.relation.c_str());
   result->text += "--board " + text + (report.scale_known ? "" : "   (measure the length and put it in)") + "\n";
 }
 

@@ -14,6 +14,7 @@
 #include "cli/calib/keypoints.h"
 #include "cli/calib/scene.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
@@ -75,7 +76,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   CommandResult result;
   app::FillCorners(arguments.session, &arguments.corners, &result);
   const auto start = std::chrono::steady_clock::now();
-  app::CornerInput corners = app::ReadCornerInput(arguments.corners, context, &result);
+  app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, &result);
   RequireSizes(corners, arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
   if (!arguments.start.empty()) {

@@ -2,12 +2,13 @@
 #include <charconv>
 #include <cmath>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "calib/check/rig_compare.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
 
@@ -58,11 +59,11 @@ void AddDifference(const geometry::RigDifference& difference, const Arguments& o
   for (const Row& row : rows) {
     result->metrics[std::string("max_") + row.key] = row.value;
     if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
-    result->text += app::Format("%-15s max %.6g %s", row.key, row.value, row.unit) +
-                    (row.mean >= 0 ? app::Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
+    result->text += Format("%-15s max %.6g %s", row.key, row.value, row.unit) +
+                    (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
     if (row.limit > 0 && row.value > row.limit) {
       result->exit = kExitQualityGate;
-      result->warnings.push_back({"CAL-DIFFERS", app::Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), ""});
+      result->warnings.push_back({"CAL-DIFFERS", Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), ""});
     }
   }
 }
@@ -119,11 +120,11 @@ ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name
 }
 
 std::string DiffText(const calib::ProjectionDiff& diff, const std::string& name) {
-  if (diff.ranges.empty()) return app::Format("%-14s image sizes differ\n", name.c_str());
+  if (diff.ranges.empty()) return Format("%-14s image sizes differ\n", name.c_str());
   std::string text =
-      app::Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
+      Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
   for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
-    text += app::Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px);
+    text += Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px);
   }
   return text + "\n";
 }
@@ -154,8 +155,7 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px) {
     result->exit = kExitQualityGate;
     result->warnings.push_back(
-        {"CAL-DIFFERS", app::Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px),
-         ""});
+        {"CAL-DIFFERS", Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px), ""});
   }
 }
 

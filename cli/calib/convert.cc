@@ -1,14 +1,15 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "calib/formats/formats.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/panoptic/panoptic.h"
 #include "exports/export.h"
 
@@ -51,7 +52,7 @@ void RenameForPanoptic(Rig* rig, CommandResult* result) {
                      std::to_string(rig->cameras.size()));
   std::string mapping;
   for (size_t i = 0; i < rig->cameras.size(); ++i) {
-    const std::string name = app::Format("00_%02d", static_cast<int>(i));
+    const std::string name = Format("00_%02d", static_cast<int>(i));
     mapping += (i ? ", " : "") + rig->cameras[i].camera.name + "=" + name;
     result->metrics["renamed"][rig->cameras[i].camera.name] = name;
     rig->cameras[i].camera.name = name;

@@ -3,13 +3,14 @@
 
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "app/input/corner_input.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "geometry/rig/rig_io.h"
 
@@ -66,23 +67,23 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
 }
 
 std::string Summary(const calib::RigCheck& check) {
-  std::string text = app::Format("%-16s %6s %8s %8s %8s   %-22s %-22s %8s\n", "camera", "boards", "own px", "rms px",
-                                 "after px", "turned deg", "moved mm", "shift px");
+  std::string text = Format("%-16s %6s %8s %8s %8s   %-22s %-22s %8s\n", "camera", "boards", "own px", "rms px", "after px",
+                            "turned deg", "moved mm", "shift px");
   for (const calib::CameraCheck& c : check.cameras) {
-    text += app::Format("%-16s %6d %8.3f %8.3f ", c.name.c_str(), c.num_views, c.own_rms_px, c.rms_px);
+    text += Format("%-16s %6d %8.3f %8.3f ", c.name.c_str(), c.num_views, c.own_rms_px, c.rms_px);
     if (c.status == Status::kOk) {
-      text += app::Format("%8.3f   %8.4f +- %-8.4f   %8.3f +- %-8.3f   %8.3f%s\n", c.rms_after_px, RadToDeg(c.rotation_rad),
-                          RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px,
-                          c.moved ? "  MOVED" : "");
+      text += Format("%8.3f   %8.4f +- %-8.4f   %8.3f +- %-8.3f   %8.3f%s\n", c.rms_after_px, RadToDeg(c.rotation_rad),
+                     RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px,
+                     c.moved ? "  MOVED" : "");
     } else {
       text += std::string(ToString(c.status)) + "\n";
     }
   }
-  text += app::Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
-                      check.median_px);
-  text += app::Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
-                      check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
-  text += app::Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
+  text += Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
+                 check.median_px);
+  text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
+                 check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
+  text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
   text += "verdict: " + check.verdict.status + "\n";
   for (const auto& reason : check.verdict.reasons) {
     text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
@@ -97,7 +98,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context, &result).input;
+  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   FillMetrics(check, &result.metrics);
   result.text = Summary(check);

@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "app/calib/calibration_use.h"
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "app/input/pose_input.h"
 #include "app/people/likely_cause.h"
@@ -13,6 +12,7 @@
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
@@ -144,33 +144,33 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
 
 std::string Limbs(const calib::KeypointError& error) {
   if (!std::isfinite(error.limb_mean_mm)) return "";
-  return app::Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
+  return Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
 }
 
 std::string Summary(const calib::KeypointRefineReport& report) {
   std::string text;
   for (const auto& [name, error] : {std::pair("before", &report.before), std::pair("after", &report.after)})
-    text += app::Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px%s\n", name, error->median_px,
-                        error->mean_px, error->p90_px, Limbs(*error).c_str());
+    text += Format("held-out frames %-6s median %.2f px, mean %.2f px, p90 %.1f px%s\n", name, error->median_px, error->mean_px,
+                   error->p90_px, Limbs(*error).c_str());
   for (const calib::KeypointHeldOut& part : report.held_out)
-    text += app::Format("  %-12s frames %d to %d (%d), adjusted to %d others: median %.2f -> %.2f px, mean %.2f -> %.2f px%s\n",
-                        part.name.c_str(), part.first_frame, part.last_frame, part.num_frames, part.num_train_frames,
-                        part.before.median_px, part.after.median_px, part.before.mean_px, part.after.mean_px,
-                        part.kept_input ? " (input kept)" : "");
+    text += Format("  %-12s frames %d to %d (%d), adjusted to %d others: median %.2f -> %.2f px, mean %.2f -> %.2f px%s\n",
+                   part.name.c_str(), part.first_frame, part.last_frame, part.num_frames, part.num_train_frames,
+                   part.before.median_px, part.after.median_px, part.before.mean_px, part.after.mean_px,
+                   part.kept_input ? " (input kept)" : "");
   if (report.num_gap_frames > 0)
-    text += app::Format("  %d frames between the halves measure neither; the calibration is adjusted to all %d frames\n",
-                        report.num_gap_frames, report.num_train_frames);
+    text += Format("  %d frames between the halves measure neither; the calibration is adjusted to all %d frames\n",
+                   report.num_gap_frames, report.num_train_frames);
   for (const calib::KeypointCamera& c : report.cameras)
-    text += app::Format(
+    text += Format(
         "%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) "
         "px\n",
         c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
         1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(), c.mean_residual_before_px.y(),
         c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
-  text += app::Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
+  text += Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
   for (const calib::KeypointDecision& d : report.decisions)
-    text += app::Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px,
-                        d.standard_error_px, d.chosen ? "  <-" : "");
+    text += Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px, d.standard_error_px,
+                   d.chosen ? "  <-" : "");
   if (report.culprit.fault != calib::CameraFault::kNone) text += report.culprit.message + "\n";
   if (report.kept_input) text += report.message + "\n";
   return text;
@@ -204,8 +204,8 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geo
   if (after.carried >= app::kLostShare && !explained) return;
   result->exit = kExitQualityGate;
   result->errors.push_back({"CAL-NOFIT",
-                            app::Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px",
-                                        100 * after.carried, after.residual_px),
+                            Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px",
+                                   100 * after.carried, after.residual_px),
                             hint});
 }
 
@@ -220,9 +220,9 @@ geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camer
 
 std::string LeftOutLine(const calib::LeftOutPersons& others, int max_persons) {
   const size_t count = others.frames.size();
-  return app::Format("%d more %s than --max-persons %d, in %zu %s (%s%d): left out", others.num_persons,
-                     others.num_persons == 1 ? "person" : "persons", max_persons, count, count == 1 ? "frame" : "frames",
-                     count == 1 ? "" : "the first: ", others.frames.front());
+  return Format("%d more %s than --max-persons %d, in %zu %s (%s%d): left out", others.num_persons,
+                others.num_persons == 1 ? "person" : "persons", max_persons, count, count == 1 ? "frame" : "frames",
+                count == 1 ? "" : "the first: ", others.frames.front());
 }
 
 void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out, int max_persons, CommandResult* result) {

@@ -6,11 +6,11 @@
 #include <set>
 
 #include "app/calib/calibration_use.h"
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "calib/detect/detect_board.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "dataset/footage/image_io.h"
 #include "geometry/rig/rig_io.h"
@@ -80,8 +80,8 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const std::string&
       json["num_used"] = r.num_used, json["rms_px"] = FiniteOrNull(r.rms_px),
       json["leave_one_out_px"] = FiniteOrNull(r.leave_one_out_px);
       json["lens"] = r.lens_reason;
-      result.text += app::Format("%-16s %d of %d points, rms %.2f px, left-out points %.2f px\n", camera.name.c_str(),
-                                 r.num_used, camera.num_clicks, r.rms_px, r.leave_one_out_px);
+      result.text += Format("%-16s %d of %d points, rms %.2f px, left-out points %.2f px\n", camera.name.c_str(), r.num_used,
+                            camera.num_clicks, r.rms_px, r.leave_one_out_px);
     } else {
       ++failed;
       reason = camera.name + ": " + r.message;
@@ -194,19 +194,19 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
     json["num_features"] = report.num_seen[c];
     result.metrics["cameras"].push_back(json);
     const app::CameraSigmas sigmas = app::SigmasOf(report.rig.cameras[c]);
-    result.text += app::Format("%-16s focal %9.2f px, %5d features, position +- %.2f mm, rotation +- %.4f deg\n",
-                               report.rig.cameras[c].camera.name.c_str(), report.rig.cameras[c].camera.fx(), report.num_seen[c],
-                               1e3 * sigmas.position_m, RadToDeg(sigmas.rotation_rad));
+    result.text += Format("%-16s focal %9.2f px, %5d features, position +- %.2f mm, rotation +- %.4f deg\n",
+                          report.rig.cameras[c].camera.name.c_str(), report.rig.cameras[c].camera.fx(), report.num_seen[c],
+                          1e3 * sigmas.position_m, RadToDeg(sigmas.rotation_rad));
   }
-  result.text += app::Format("%d points, %d features kept, %d rejected, feature sigma %.3f px, world: %s\n", report.num_points,
-                             report.bundle.num_observations, report.bundle.num_rejected, report.feature_sigma_px,
-                             report.rig.gauge.c_str());
+  result.text +=
+      Format("%d points, %d features kept, %d rejected, feature sigma %.3f px, world: %s\n", report.num_points,
+             report.bundle.num_observations, report.bundle.num_rejected, report.feature_sigma_px, report.rig.gauge.c_str());
   constexpr double kMisfit = 10;
   if (report.clusters.factor > kMisfit) {
     result.warnings.push_back(
         {"CAL-MISFIT",
-         app::Format("neighbouring features err together: variances are %.0f times those of independent errors",
-                     report.clusters.factor),
+         Format("neighbouring features err together: variances are %.0f times those of independent errors",
+                report.clusters.factor),
          "the lens model does not fit: give the lenses with --start"});
   }
   AddGross("", report.gross, &result);

@@ -1,11 +1,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "cli/calib/calib.h"
 #include "cli/program/console.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "core/format.h"
 #include "core/units.h"
 
 namespace mvstudio::cli {
@@ -21,24 +22,24 @@ struct Arguments {
 };
 
 std::string Table(const Rig& rig) {
-  std::string text = app::Format("%-14s %-14s %11s %9s %9s %9s %9s  %-15s %26s %9s %s\n", "camera", "lens", "size px", "fx px",
-                                 "fy px", "cx px", "cy px", "fov deg", "position in world m", "sigma f", "sigma position mm");
+  std::string text = Format("%-14s %-14s %11s %9s %9s %9s %9s  %-15s %26s %9s %s\n", "camera", "lens", "size px", "fx px",
+                            "fy px", "cx px", "cy px", "fov deg", "position in world m", "sigma f", "sigma position mm");
   for (const RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     const Eigen::Vector3d fov = app::FieldOfViewDeg(c);
     const app::CameraSigmas sigmas = app::SigmasOf(camera);
-    text += app::Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %4.0f %4.0f %4.0f  %8.3f %8.3f %8.3f",
-                        OneLine(c.name).c_str(), std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px,
-                        c.fx(), c.fy(), c.cx(), c.cy(), fov[0], fov[1], fov[2], at[0], at[1], at[2]);
-    text += std::isfinite(sigmas.focal_px) ? app::Format(" %9.3f", sigmas.focal_px) : std::string("         -");
-    text += std::isfinite(sigmas.position_m) ? app::Format(" %8.3f\n", 1e3 * sigmas.position_m) : std::string("        -\n");
+    text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %4.0f %4.0f %4.0f  %8.3f %8.3f %8.3f",
+                   OneLine(c.name).c_str(), std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(),
+                   c.fy(), c.cx(), c.cy(), fov[0], fov[1], fov[2], at[0], at[1], at[2]);
+    text += std::isfinite(sigmas.focal_px) ? Format(" %9.3f", sigmas.focal_px) : std::string("         -");
+    text += std::isfinite(sigmas.position_m) ? Format(" %8.3f\n", 1e3 * sigmas.position_m) : std::string("        -\n");
     const std::vector<std::string> names = geometry::ParamNames(c);
     const Eigen::Index shown = std::min<Eigen::Index>(c.params.size(), 16);
     for (Eigen::Index i = 4; i < shown; ++i) {
-      text += (i == 4 ? "               " : " ") + names[static_cast<size_t>(i)] + app::Format("=%.6g", c.params[i]);
+      text += (i == 4 ? "               " : " ") + names[static_cast<size_t>(i)] + Format("=%.6g", c.params[i]);
     }
-    if (shown < c.params.size()) text += app::Format(" … %d more", static_cast<int>(c.params.size() - shown));
+    if (shown < c.params.size()) text += Format(" … %d more", static_cast<int>(c.params.size() - shown));
     if (c.params.size() > 4) text += "\n";
   }
   return text;
@@ -60,11 +61,11 @@ std::string BaselineTable(const Rig& rig, const Eigen::MatrixXd& baselines) {
   constexpr size_t kMax = 12;
   std::string text = "distances between cameras, m\n               ";
   const size_t count = std::min(rig.cameras.size(), kMax);
-  for (size_t j = 0; j < count; ++j) text += app::Format(" %8.8s", OneLine(rig.cameras[j].camera.name).c_str());
+  for (size_t j = 0; j < count; ++j) text += Format(" %8.8s", OneLine(rig.cameras[j].camera.name).c_str());
   for (size_t i = 0; i < count; ++i) {
-    text += app::Format("\n%-15.15s", OneLine(rig.cameras[i].camera.name).c_str());
+    text += Format("\n%-15.15s", OneLine(rig.cameras[i].camera.name).c_str());
     for (size_t j = 0; j < count; ++j)
-      text += app::Format(" %8.4f", baselines(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+      text += Format(" %8.4f", baselines(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
   }
   return text + (rig.cameras.size() > kMax ? "\n(the others are in the JSON)\n" : "\n");
 }

@@ -1,12 +1,13 @@
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 
 #include "app/input/take_input.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/build/build.h"
 
 namespace mvstudio::cli {
@@ -92,14 +93,12 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
     result.errors.push_back({"DAT-INSTANTS", "no camera has a picture of any instant with joints",
                              "do the frame numbers in " + inputs.pose3d + " count the take's instants? see session timeline"});
   }
-  char text[160];
-  std::snprintf(text, sizeof(text), "%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(),
-                report.cameras.size(), report.frames, report.images, wall_s);
-  result.text = text;
+  result.text = Format("%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
+                       report.frames, report.images, wall_s);
   for (const dataset::BuiltCamera& c : report.cameras) {
-    std::snprintf(text, sizeof(text), "  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n",
-                  c.name.c_str(), c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
-    if (arguments.options.masks) result.text += text;
+    if (arguments.options.masks)
+      result.text += Format("  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n", c.name.c_str(),
+                            c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
   }
   return result;
 }

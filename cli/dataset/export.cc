@@ -8,6 +8,8 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/panoptic/sequence.h"
 
 namespace mvstudio::cli {
@@ -100,19 +102,14 @@ CommandResult Export(const Arguments& arguments, CommandContext& context) {
   }
   result.metrics = Metrics(report);
   for (const exports::ExportNote& note : report.notes) result.warnings.push_back({note.code, note.text, note.hint});
-  char text[200];
-  std::snprintf(text, sizeof text, ": %zu cameras, %zu frames, %d people, %d pictures, %d masks (%s)\n", report.cameras.size(),
-                report.frames.size(), report.people, report.pictures, report.masks, arguments.to.c_str());
-  result.text = arguments.out + text;
+  result.text =
+      arguments.out + Format(": %zu cameras, %zu frames, %d people, %d pictures, %d masks (%s)\n", report.cameras.size(),
+                             report.frames.size(), report.people, report.pictures, report.masks, arguments.to.c_str());
   if (report.missing_pictures > 0) result.exit = kExitPartial;
   return result;
 }
 
-std::string FormatList() {
-  std::string list;
-  for (const exports::FormatInfo& format : exports::Formats()) list += (list.empty() ? "" : ", ") + format.name;
-  return list;
-}
+std::string FormatList() { return Join(exports::Formats(), ", ", &exports::FormatInfo::name); }
 
 }  // namespace
 

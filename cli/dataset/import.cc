@@ -1,9 +1,9 @@
 #include <chrono>
-#include <cstdio>
 
 #include "app/dataset/dataset_report.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/format.h"
 #include "dataset/import/panoptic_import.h"
 
 namespace mvstudio::cli {
@@ -40,13 +40,13 @@ CommandResult RunPanoptic(const ImportArguments& arguments, CommandContext& cont
                     {"wall_s", wall_s}};
   app::AddFindings(report.findings, &result);
   if (!result.errors.empty()) result.exit = kExitPartial;
-  char text[300];
-  std::snprintf(text, sizeof text,
-                ": %d cameras, %d with footage; joints of %d frames (%d to %d), %d people at most; %d faces, %d hands files; "
-                "%.1f s\n",
-                report.cameras, report.cameras_with_footage, report.frames, report.first_frame, report.last_frame,
-                report.most_people, report.faces, report.hands, wall_s);
-  result.text += arguments.out + text;
+  result.text +=
+      arguments.out +
+      Format(
+          ": %d cameras, %d with footage; joints of %d frames (%d to %d), %d people at most; %d faces, %d hands files; "
+          "%.1f s\n",
+          report.cameras, report.cameras_with_footage, report.frames, report.first_frame, report.last_frame, report.most_people,
+          report.faces, report.hands, wall_s);
   return result;
 }
 

@@ -1,9 +1,10 @@
 #include <algorithm>
-#include <cstdio>
 
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/pack/build.h"
 
 namespace mvstudio::cli {
@@ -66,27 +67,20 @@ std::string UndistortionText(const dataset::PackBuildReport& report) {
   for (const dataset::PackUndistortion& u : report.undistortion) {
     map_px = std::max(map_px, u.max_map_px), lost = std::max(lost, u.lost_share);
   }
-  char line[160];
-  std::snprintf(line, sizeof(line),
-                "  undistorted: pictures are within %.1g px of the lens; at most %.1f %% of a camera's picture is not shown\n",
+  return Format("  undistorted: pictures are within %.1g px of the lens; at most %.1f %% of a camera's picture is not shown\n",
                 map_px, 100 * lost);
-  return line;
 }
 
 std::string Text(const PackArguments& arguments, const dataset::PackBuildReport& report) {
   const dataset::PackTimes& t = report.times;
-  char line[320];
-  std::snprintf(line, sizeof(line), "%s: %zu of %d shards (%zu made, %zu kept), %lld pictures, %.1f MB in %.1f s%s\n",
-                arguments.out.c_str(), report.built.size() + report.kept.size(), report.num_shards, report.built.size(),
-                report.kept.size(), static_cast<long long>(report.samples), static_cast<double>(report.bytes) / 1e6, t.wall_s,
-                report.complete ? "; complete" : "");
-  std::string text = line;
+  std::string text = Format("%s: %zu of %d shards (%zu made, %zu kept), %lld pictures, %.1f MB in %.1f s%s\n",
+                            arguments.out.c_str(), report.built.size() + report.kept.size(), report.num_shards,
+                            report.built.size(), report.kept.size(), static_cast<long long>(report.samples),
+                            static_cast<double>(report.bytes) / 1e6, t.wall_s, report.complete ? "; complete" : "");
   if (!report.built.empty()) {
-    std::snprintf(
-        line, sizeof(line),
-        "  decode %.1f s, hash %.1f s, resample %.1f s, encode %.1f s (over %d threads); write %.1f s, verify %.1f s\n",
-        t.decode_s, t.hash_s, t.resample_s, t.encode_s, report.threads, t.write_s, t.verify_s);
-    text += line;
+    text +=
+        Format("  decode %.1f s, hash %.1f s, resample %.1f s, encode %.1f s (over %d threads); write %.1f s, verify %.1f s\n",
+               t.decode_s, t.hash_s, t.resample_s, t.encode_s, report.threads, t.write_s, t.verify_s);
   }
   if (!report.colour_reason.empty()) text += "  colours: " + report.colour_reason + "\n";
   text += UndistortionText(report);
@@ -103,8 +97,7 @@ void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
                                 "check the masks, pack more frames, or leave out --match-colours"});
   }
   if (report.busy.empty()) return;
-  std::string numbers;
-  for (const int number : report.busy) numbers += (numbers.empty() ? "" : ", ") + std::to_string(number);
+  const std::string numbers = Join(report.busy, ", ", [](int number) { return std::to_string(number); });
   result->errors.push_back({"PCK-BUSY", "shards being made by someone else: " + numbers + " (" + report.busy_owner + ")",
                             "run the same command again when that is done"});
   result->exit = kExitTryAgain;

@@ -11,6 +11,7 @@
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
 
@@ -44,9 +45,7 @@ std::vector<dataset::SessionCamera> CountedCameras(const std::string& text) {
     throw UsageError("--cameras " + text + ": a number of cameras is between 1 and 1000");
   std::vector<dataset::SessionCamera> cameras;
   for (int i = 1; i <= count; ++i) {
-    char name[16];
-    std::snprintf(name, sizeof(name), "cam_%02d", i);
-    cameras.push_back({name, "", "", 0, 0});
+    cameras.push_back({Format("cam_%02d", i), "", "", 0, 0});
   }
   return cameras;
 }

@@ -1,11 +1,11 @@
 #include "dataset/views/split.h"
 
-#include <cstdio>
-
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
@@ -46,27 +46,22 @@ ordered_json ReportJson(const dataset::Split& split, const dataset::SplitReport&
 }
 
 std::string ReportText(const dataset::Split& split, const dataset::SplitReport& report) {
-  char line[240];
   std::string text = split.rule + "\n";
   const std::pair<const char*, const dataset::SplitPart*> parts[] = {
       {"train", &split.train}, {"validation", &split.validation}, {"test", &split.test}};
   for (const auto& [name, part] : parts) {
     if (part->empty()) continue;
-    std::snprintf(line, sizeof(line), "  %-10s %3zu cameras, %5zu frames (%d to %d)\n", name, part->cameras.size(),
-                  part->frames.size(), part->frames.front(), part->frames.back());
-    text += line;
+    text += Format("  %-10s %3zu cameras, %5zu frames (%d to %d)\n", name, part->cameras.size(), part->frames.size(),
+                   part->frames.front(), part->frames.back());
   }
-  std::snprintf(line, sizeof(line), "  %zu frames in no part; %zu uninterrupted motions\n", split.unused_frames.size(),
-                split.blocks.size());
-  text += line;
-  std::snprintf(line, sizeof(line), "  test cameras are %.1f degrees from a training camera (median; at most %.1f)\n",
-                report.median_angle_deg, report.max_angle_deg);
-  text += line;
-  std::snprintf(line, sizeof(line),
-                "  test poses are %.0f mm a joint from the most similar training pose (median; 90 %%: %.0f); "
-                "neighbouring frames: %.0f mm\n",
-                1000 * report.median_novelty_m, 1000 * report.p90_novelty_m, 1000 * report.usual_step_m);
-  return text + line;
+  text += Format("  %zu frames in no part; %zu uninterrupted motions\n", split.unused_frames.size(), split.blocks.size());
+  text += Format("  test cameras are %.1f degrees from a training camera (median; at most %.1f)\n", report.median_angle_deg,
+                 report.max_angle_deg);
+  text += Format(
+      "  test poses are %.0f mm a joint from the most similar training pose (median; 90 %%: %.0f); "
+      "neighbouring frames: %.0f mm\n",
+      1000 * report.median_novelty_m, 1000 * report.p90_novelty_m, 1000 * report.usual_step_m);
+  return text;
 }
 
 dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, CommandResult* result) {
@@ -112,9 +107,8 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
       "split",
       "Choose cameras and frames for training and test that share neither, write them to a file, and say how new the test is");
   dataset::SplitOptions& o = arguments->options;
-  std::string presets;
-  for (const dataset::SplitPreset& preset : dataset::SplitPresets())
-    presets += (presets.empty() ? "" : "; ") + preset.name + ": " + preset.what;
+  const std::string presets =
+      Join(dataset::SplitPresets(), "; ", [](const dataset::SplitPreset& preset) { return preset.name + ": " + preset.what; });
   AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
   AddOption(sub, "--out", arguments->out, "file for the split (JSON)");
   AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");

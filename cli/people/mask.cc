@@ -5,11 +5,14 @@
 
 #include "app/nets/mask_input.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
@@ -17,11 +20,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-std::string Percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.1f %%", 100 * share);
-  return text;
-}
+std::string Percent(double share) { return Format("%.1f %%", 100 * share); }
 
 ordered_json TrialMetrics(const app::MaskTrial& trial) {
   ordered_json json = {{"backend", trial.name}, {"status", std::string(ToString(trial.status))}};
@@ -61,8 +60,7 @@ app::MaskTrial ChooseBackend(const app::MaskJob& job, const std::vector<app::Mas
   *chosen = Choose(trials);
   app::MaskTrial& best = trials[*chosen];
   if (!best.failed_camera.empty()) return std::move(best);
-  std::string why;
-  for (const app::MaskTrial& trial : trials) why += (why.empty() ? "" : "; ") + WhyText(trial);
+  const std::string why = Join(trials, "; ", WhyText);
   result->metrics["backend"] = best.name;
   if (trials.size() > 1) {
     result->metrics["backend_reason"] = why;
@@ -151,10 +149,8 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
                               {"worst_iou", worst},
                               {"worst_picture", worst_picture}};
   result->metrics["truth_cameras"] = list;
-  char text[300];
-  std::snprintf(text, sizeof(text), "against exact masks: mean IoU %.4f over %d pictures, worst %.4f (%s)\n",
-                pictures ? sum / pictures : 0.0, pictures, worst, worst_picture.c_str());
-  result->text += text;
+  result->text += Format("against exact masks: mean IoU %.4f over %d pictures, worst %.4f (%s)\n",
+                         pictures ? sum / pictures : 0.0, pictures, worst, worst_picture.c_str());
 }
 
 /// Sheets, figures and warnings into the result; `folder` is where the masks are now.
@@ -163,16 +159,15 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
   double area = 0, flicker = 0, ms = 0;
   int pictures = 0;
   ordered_json per_camera = ordered_json::array();
-  char text[240];
   for (size_t c = 0; c < job.cameras.size(); ++c) {
     const app::MaskCameraResult& r = masks.cameras[c];
     const std::string& name = job.cameras[c].footage.camera;
     pictures += r.take.pictures;
     area += r.take.mean_area_fraction, flicker += r.take.flicker.Share(), ms += r.take.ms_per_picture;
     per_camera.push_back(CameraMetrics(job.cameras[c], r, masks.hull, c));
-    std::snprintf(text, sizeof(text), "  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms a picture\n", name.c_str(),
-                  r.take.pictures, 100 * r.take.mean_area_fraction, 100 * r.take.flicker.Share(), r.take.ms_per_picture);
-    result->text += text;
+    result->text +=
+        Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms a picture\n", name.c_str(), r.take.pictures,
+               100 * r.take.mean_area_fraction, 100 * r.take.flicker.Share(), r.take.ms_per_picture);
     if (r.sheet.empty()) continue;
     dataset::WriteImage(r.sheet, folder + "/" + name + ".sheet.png");
     result->outputs.push_back({arguments.out + "/" + name + ".sheet.png", "overlay"});

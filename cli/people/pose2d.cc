@@ -3,17 +3,18 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "app/format.h"
 #include "app/input/calib_read.h"
 #include "app/nets/pose2d_detect.h"
 #include "app/nets/pose2d_existing.h"
 #include "app/people/pose2d_quality.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
@@ -122,9 +123,7 @@ void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Ri
 }
 
 std::string OverlayPath(const std::string& out, const app::CameraPoses& camera, int frame) {
-  char name[64];
-  std::snprintf(name, sizeof name, "_%08d.jpg", frame);
-  return out + "/overlay/" + camera.track.camera + name;
+  return out + "/overlay/" + camera.track.camera + Format("_%08d.jpg", frame);
 }
 
 void Write(const Detected& detected, AtomicFolder& folder) {
@@ -146,11 +145,11 @@ std::string Summary(const Detected& detected, const std::string& out) {
   for (const app::CameraPoses& camera : detected.cameras)
     frames += camera.frames, with_people += camera.frames_with_people, seconds += camera.seconds;
   std::string text =
-      app::Format("%s: people in %d of %d pictures, %.2f s a picture and thread; skeleton %s, in %s", detected.backend.c_str(),
-                  with_people, frames, frames ? seconds / frames : 0, detected.skeleton.name.c_str(), out.c_str());
+      Format("%s: people in %d of %d pictures, %.2f s a picture and thread; skeleton %s, in %s", detected.backend.c_str(),
+             with_people, frames, frames ? seconds / frames : 0, detected.skeleton.name.c_str(), out.c_str());
   if (detected.agreement.json.empty()) return text;
-  return text + app::Format("\none camera left out: median %.2f px, p90 %.2f px; %.1f %% of the joints triangulated",
-                            detected.agreement.median_px, detected.agreement.p90_px, 100 * detected.agreement.share_ok);
+  return text + Format("\none camera left out: median %.2f px, p90 %.2f px; %.1f %% of the joints triangulated",
+                       detected.agreement.median_px, detected.agreement.p90_px, 100 * detected.agreement.share_ok);
 }
 
 geometry::Rig ReadRig(const std::string& path, CommandResult* result) {

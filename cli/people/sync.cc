@@ -10,10 +10,12 @@
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
@@ -117,23 +119,17 @@ dataset::SyncFile ToFile(const SyncResult& sync, double fps) {
 }
 
 std::string Summary(const SyncResult& sync, double fps) {
-  char line[240];
-  std::snprintf(line, sizeof line, "reference %s; median residual %.2f -> %.2f px\n",
-                sync.cameras[static_cast<size_t>(sync.reference_idx)].name.c_str(), sync.residual_before_px,
-                sync.residual_after_px);
-  std::string text = line;
+  std::string text = Format("reference %s; median residual %.2f -> %.2f px\n",
+                            sync.cameras[static_cast<size_t>(sync.reference_idx)].name.c_str(), sync.residual_before_px,
+                            sync.residual_after_px);
   for (const CameraSync& camera : sync.cameras) {
     if (camera.status != SyncStatus::kOk) {
       text += camera.name + "  " + std::string(ToString(camera.status)) + "\n";
       continue;
     }
-    std::snprintf(line, sizeof line, "%-12s %+9.3f +- %.3f frames", camera.name.c_str(), camera.offset_frames,
-                  camera.sigma_frames);
-    text += line;
+    text += Format("%-12s %+9.3f +- %.3f frames", camera.name.c_str(), camera.offset_frames, camera.sigma_frames);
     if (fps > 0) {
-      std::snprintf(line, sizeof line, "  %+9.2f +- %.2f ms", 1000 * camera.offset_frames / fps,
-                    1000 * camera.sigma_frames / fps);
-      text += line;
+      text += Format("  %+9.2f +- %.2f ms", 1000 * camera.offset_frames / fps, 1000 * camera.sigma_frames / fps);
     }
     text += "\n";
   }
@@ -193,7 +189,6 @@ void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* re
   result->metrics["reference"] = file.reference;
   result->metrics["cameras"] = ordered_json::array();
   result->text = "reference " + file.reference + "\n";
-  char line[200];
   for (const dataset::SyncedCamera& c : file.cameras) {
     ordered_json json{{"name", c.name}, {"status", c.status}, {"offset_frames", nullptr}, {"sigma_frames", nullptr}};
     if (c.offset_frames) {
@@ -201,9 +196,8 @@ void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* re
       json["offset_frames"] = FiniteOrNull(*c.offset_frames);
       json["sigma_frames"] = FiniteOrNull(c.sigma_frames);
       json["rate_ppm"] = FiniteOrNull(c.rate_ppm);
-      std::snprintf(line, sizeof line, "%-12s %+9.3f +- %.3f frames %+8.2f ppm\n", c.name.c_str(), *c.offset_frames,
-                    c.sigma_frames, c.rate_ppm);
-      result->text += line;
+      result->text +=
+          Format("%-12s %+9.3f +- %.3f frames %+8.2f ppm\n", c.name.c_str(), *c.offset_frames, c.sigma_frames, c.rate_ppm);
     } else {
       result->errors.push_back({"SYN-UNDETERMINED", "camera " + c.name + ": " + c.status, hint});
       result->text += c.name + "  " + c.status + "\n";

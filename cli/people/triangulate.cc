@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <functional>
 
@@ -13,9 +12,11 @@
 #include "app/people/likely_cause.h"
 #include "app/people/triangulate_metrics.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_compare.h"
 #include "dataset/pose/pose3d_trc.h"
@@ -61,30 +62,23 @@ void AddComparisons(const Arguments& arguments, CommandResult* result) {
 std::string Summary(const CommandResult& result) {
   const ordered_json& m = result.metrics;
   const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
-  char line[300];
-  std::snprintf(
-      line, sizeof line,
+  std::string text = Format(
       "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
       m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
-  std::string text = line;
-  std::snprintf(line, sizeof line, "\nmethod %s; one camera left out: median %.2f px; limb lengths vary by %.1f mm",
-                m["method"].get<std::string>().c_str(), number(m["holdout"]["median_px"]), number(m["limb_std_mm"]));
-  text += line;
+  text += Format("\nmethod %s; one camera left out: median %.2f px; limb lengths vary by %.1f mm",
+                 m["method"].get<std::string>().c_str(), number(m["holdout"]["median_px"]), number(m["limb_std_mm"]));
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
-    std::snprintf(line, sizeof line, "\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
-                  number(m[key]["p95_mm"]), m[key]["num"].get<int>());
-    text += line;
+    text += Format("\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
+                   number(m[key]["p95_mm"]), m[key]["num"].get<int>());
   }
   return text;
 }
 
 /// The detections as the reference camera would have numbered their frames.
 void ApplySync(const std::string& path, app::PoseInput* input, CommandResult* result) {
-  std::vector<std::string> names;
-  for (const geometry::RigCamera& camera : input->rig.cameras) names.push_back(camera.camera.name);
-  const std::vector<double> offsets = dataset::OffsetsOf(dataset::ReadSync(path), names);
+  const std::vector<double> offsets = dataset::OffsetsOf(dataset::ReadSync(path), geometry::CameraNames(input->rig));
   result->inputs.push_back(path);
   for (const std::string& camera : input->cameras) {
     if (std::isfinite(offsets[static_cast<size_t>(input->rig.Find(camera))])) continue;

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "cli/program/options.h"
+#include "core/join.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -132,19 +133,13 @@ std::vector<std::string> FlagNames(const CLI::App& app) {
   return names;
 }
 
-std::string Listed(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
-}
-
 std::string Suggestion(const std::string& nearest) { return nearest.empty() ? "" : "; did you mean " + Quoted(nearest) + "?"; }
 
 std::string UnknownCommand(const CLI::App& app, const std::string& word) {
   const std::string path = PathOf(app);
   const std::string nearest = Nearest(word, SubcommandNames(app));
   const std::string text = "unknown command " + Quoted(path + (path.empty() ? "" : " ") + word) + Suggestion(nearest);
-  return nearest.empty() ? text + "; there are " + Listed(SubcommandNames(app)) : text;
+  return nearest.empty() ? text + "; there are " + Join(SubcommandNames(app), ", ") : text;
 }
 
 std::string UnknownFlag(const CLI::App& app, const std::string& word) {
@@ -170,7 +165,8 @@ std::string FaultText(const CLI::App& app, const CLI::ParseError& error) {
   }
   if (!group || !dynamic_cast<const CLI::RequiredError*>(&error)) return error.what();
   const std::string path = PathOf(current);
-  return path.empty() ? "no command given" : Quoted(path) + " needs one of its commands: " + Listed(SubcommandNames(current));
+  return path.empty() ? "no command given"
+                      : Quoted(path) + " needs one of its commands: " + Join(SubcommandNames(current), ", ");
 }
 
 }  // namespace
@@ -183,7 +179,7 @@ void CheckValues(CLI::App& app) {
 CLI::Validator OneOf(const std::vector<std::string>& names) {
   return Checked([names](const std::string& text) {
     if (std::find(names.begin(), names.end(), text) != names.end()) return std::string();
-    return Quoted(text) + " is none of " + Listed(names);
+    return Quoted(text) + " is none of " + Join(names, ", ");
   });
 }
 

@@ -15,6 +15,7 @@
 #include "cli/program/interrupt.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/log.h"
 #include "core/utf8.h"
 
@@ -52,11 +53,10 @@ class ConsoleProgress : public ProgressSink {
     const double elapsed = std::chrono::duration<double>(last_ - start_).count();
     const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0;
     const double eta = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0;
-    char speed[32];
-    std::snprintf(speed, sizeof speed, rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s",
-                  rate > 0 && rate < 0.5 ? 1 / rate : rate);
+    const std::string speed =
+        Format(rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s", rate > 0 && rate < 0.5 ? 1 / rate : rate);
     std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s  ETA %.0f s  %s" : "%s %lld/%lld  %s  ETA %.0f s  %s\n",
-                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed, eta,
+                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed.c_str(), eta,
                  OneLine(note).c_str());
     std::fflush(stderr);
     shown_ = true;

@@ -1,17 +1,10 @@
 #include "cli/program/input_flags.h"
 
 #include "cli/program/options.h"
+#include "core/join.h"
 
 namespace mvstudio::cli {
-namespace {
-
-std::string Join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : " | ") + name;
-  return text;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddOption(sub, "--from", options.from, "format of the input: auto, " + app::CalibrationFormatNames())
@@ -52,7 +45,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
   AddOption(sub, "--skeleton", arguments.skeleton,
-            Join(body::SkeletonNames()) + "; body25 unless given, of --points2d the joints in the file");
+            Join(body::SkeletonNames(), " | ") + "; body25 unless given, of --points2d the joints in the file");
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {

@@ -9,6 +9,8 @@
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/process.h"
 #include "report/page/value.h"
 
@@ -18,12 +20,6 @@ namespace {
 using app::AvatarTradeoffOptions;
 using app::AvatarTrial;
 using report::Value;
-
-std::string Joined(const std::vector<std::string>& words, const char* between) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
-  return text;
-}
 
 std::vector<std::string> Words(const std::string& text, char between = ' ') {
   std::vector<std::string> words;
@@ -46,7 +42,7 @@ Value Call(const std::vector<std::string>& words, const std::string& folder, con
   if (exit != kExitOk && exit != kExitPartial) {
     std::string why;
     if (!text.empty()) why = Value::Parse(text, out)["errors"].At(0)["text"].Text();
-    throw IoError(folder, "`mvstudio " + Joined(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
+    throw IoError(folder, "`mvstudio " + Join(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
   }
   return Value::Parse(text, out);
 }
@@ -59,8 +55,8 @@ std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, c
   };
   add("--width", std::to_string(trial.width)), add("--size", std::to_string(trial.size_px));
   add("--steps", std::to_string(trial.steps));
-  add("--train-cameras", Joined(trial.cameras, ","));
-  add("--holdout-cameras", Joined(options.holdout_cameras, ",")), add("--holdout-frames", options.holdout_frames);
+  add("--train-cameras", Join(trial.cameras, ","));
+  add("--holdout-cameras", Join(options.holdout_cameras, ",")), add("--holdout-frames", options.holdout_frames);
   add("--seed", std::to_string(context.run.seed)), add("--threads", std::to_string(context.run.num_threads));
   for (const std::string& word : LossFlags(trial.loss)) words.push_back(word);
   for (const std::string& word : Words(options.train_flags)) words.push_back(word);
@@ -93,9 +89,9 @@ Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandCont
                                  eval = EvalWords(options, context, folder);
   const std::string kept = folder + "/trial.json";
   Value record = std::filesystem::exists(kept) ? Value::Parse(ReadFile(kept), kept) : Value();
-  const bool same = record["train_words"].Text() == Joined(train, " ");
-  if (!same) record = Value::Object().Set("train_words", Joined(train, " "));
-  if (same && record["eval_words"].Text() == Joined(eval, " ") && record["eval"].IsObject()) return record;
+  const bool same = record["train_words"].Text() == Join(train, " ");
+  if (!same) record = Value::Object().Set("train_words", Join(train, " "));
+  if (same && record["eval_words"].Text() == Join(eval, " ") && record["eval"].IsObject()) return record;
   const auto keep = [&] { WriteFileAtomic(kept, record.Dump(1) + "\n"); };
   if (!record["train"].IsObject()) {
     const bool resume = same && std::filesystem::exists(folder + "/checkpoint.safetensors");
@@ -109,7 +105,7 @@ Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandCont
     record.Set("train", result["metrics"]).Set("train_timing", result["timing"]);
     keep();
   }
-  record.Set("eval", Call(eval, folder, poll)["metrics"]).Set("eval_words", Joined(eval, " "));
+  record.Set("eval", Call(eval, folder, poll)["metrics"]).Set("eval_words", Join(eval, " "));
   keep();
   return record;
 }
@@ -130,10 +126,11 @@ std::vector<std::string> LossFlags(const std::string& loss) {
 
 void RunTrial(const app::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
               app::AvatarTrial* trial) {
-  char name[160];
-  std::snprintf(name, sizeof name, "/c%zu-s%d-w%d-n%d-%s-%llu", trial->cameras.size(), trial->size_px, trial->width,
-                trial->steps, trial->loss.c_str(), static_cast<unsigned long long>(context.run.seed));
-  const Value record = TrainAndScore(options, context, *trial, options.out + name, poll);
+  const Value record =
+      TrainAndScore(options, context, *trial,
+                    options.out + Format("/c%zu-s%d-w%d-n%d-%s-%llu", trial->cameras.size(), trial->size_px, trial->width,
+                                         trial->steps, trial->loss.c_str(), static_cast<unsigned long long>(context.run.seed)),
+                    poll);
   const Value &holdout = record["eval"]["holdout"], &train = record["train"];
   trial->ssim = holdout["ssim"].Number(), trial->psnr_db = holdout["psnr_db"].Number();
   trial->mask_iou = holdout["mask_iou"].Number(), trial->fd = holdout["fd"]["value"].Number();

@@ -2,15 +2,17 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <set>
 
 #include "app/input/corner_input.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "cli/program/output_guard.h"
 #include "cli/tradeoff/tradeoff.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -104,7 +106,7 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
     corners.footage.cache = "off";
     if (!file) corners.footage.detect.detector = detector;
     const double start = Now();
-    calib::CalibrateInput input = app::ReadCornerInput(corners, context, result).input;
+    calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
   }
   return sources;
@@ -128,14 +130,12 @@ ordered_json ToJson(const std::vector<Trial>& trials) {
 }
 
 std::string ToText(const std::vector<Trial>& trials) {
-  char line[300];
   std::string text = "detector  boards  model       chosen       engine     seconds  held-out px  edge mm\n";
   for (const Trial& t : trials) {
-    std::snprintf(line, sizeof line, "%-8s  %6s  %-10s  %-11s  %-8s  %8s  %11s  %7s %s\n", t.detector.c_str(),
-                  t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(),
-                  app::Shown(t.seconds, 2).c_str(), app::Shown(t.holdout_px, 4).c_str(), app::Shown(t.edge_mm, 4).c_str(),
-                  t.on_front ? "*" : "");
-    text += line;
+    text += Format("%-8s  %6s  %-10s  %-11s  %-8s  %8s  %11s  %7s %s\n", t.detector.c_str(),
+                   t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(),
+                   app::Shown(t.seconds, 2).c_str(), app::Shown(t.holdout_px, 4).c_str(), app::Shown(t.edge_mm, 4).c_str(),
+                   t.on_front ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -10,9 +9,12 @@
 #include "app/input/pose_truth.h"
 #include "app/input/take_frames.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "cli/program/output_guard.h"
 #include "cli/tradeoff/tradeoff.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "triangulate/batch/batch.h"
 #include "triangulate/take/limbs.h"
 #include "triangulate/take/steps.h"
@@ -201,15 +203,13 @@ ordered_json ToJson(const std::vector<Trial>& trials, const std::vector<bool>& o
 }
 
 std::string ToText(const std::vector<Trial>& trials, const std::vector<bool>& on_front) {
-  char line[300];
   std::string text =
       "method          precision  views  threads   points/s  coverage  left-out px  (90 %)  limbs mm  truth mm\n";
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
-    std::snprintf(line, sizeof line, "%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", t.method.c_str(),
-                  t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s, t.coverage,
-                  t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
-    text += line;
+    text += Format("%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", t.method.c_str(),
+                   t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s,
+                   t.coverage, t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }

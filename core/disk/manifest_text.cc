@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <charconv>
-#include <cstdio>
 
 #include "core/disk/manifest.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/utf8.h"
 
 namespace mvstudio {
@@ -15,13 +15,11 @@ constexpr char kSchema[] = "mvstudio.manifest/1";
 /// Python's `surrogateescape` (PEP 383).
 std::string Quoted(std::string_view text) {
   std::string out = "\"";
-  char escape[8];
   for (size_t at = 0; at < text.size();) {
     const size_t length = Utf8Length(text, at);
     const auto byte = static_cast<unsigned char>(text[at]);
     if (length == 0 || byte < 0x20 || byte == 0x7f) {
-      std::snprintf(escape, sizeof(escape), "\\u%04x", length == 0 ? 0xdc00 + byte : byte);
-      out += escape;
+      out += Format("\\u%04x", length == 0 ? 0xdc00 + byte : byte);
     } else {
       if (byte == '"' || byte == '\\') out += '\\';
       out.append(text, at, length);

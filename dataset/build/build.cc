@@ -10,9 +10,11 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/hash/sha256.h"
-#include "core/median.h"
+#include "core/join.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "dataset/build/build_internal.h"
 #include "dataset/json/json_internal.h"
 #include "dataset/panoptic/panoptic.h"
@@ -37,9 +39,7 @@ std::string PanopticName(const geometry::Rig& rig, int idx) {
                                [&](const auto& c) { return ParsePanopticName(c.camera.name, &panel, &node); });
   if (all) return rig.cameras[idx].camera.name;
   if (idx > 99) throw UsageError("Panoptic names hold 100 cameras (00_00 to 00_99); the calibration has more");
-  char name[8];
-  std::snprintf(name, sizeof(name), "00_%02d", idx);
-  return name;
+  return Format("00_%02d", idx);
 }
 
 void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
@@ -59,12 +59,6 @@ void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
   }
 }
 
-std::string CameraNames(const geometry::Rig& rig) {
-  std::string names;
-  for (const auto& c : rig.cameras) names += (names.empty() ? "" : ", ") + c.camera.name;
-  return names;
-}
-
 double MedianRms(const Pose3d& pose) {
   std::vector<double> rms_px;
   for (const JointRow& row : pose.rows) {
@@ -80,7 +74,8 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
     const int idx = rig.Find(footage.camera);
     if (idx < 0) {
       throw FormatError(inputs.calibration, "cameras",
-                        "has no camera " + footage.camera + " (footage " + footage.path + "); it has " + CameraNames(rig));
+                        "has no camera " + footage.camera + " (footage " + footage.path + "); it has " +
+                            Join(geometry::CameraNames(rig), ", "));
     }
     CameraJob job;
     job.footage = footage;
@@ -156,9 +151,8 @@ std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, cons
 
 void WritePoses(const std::map<int, People>& poses, double frame_rate_hz, const std::string& folder) {
   for (const auto& [frame, people] : poses) {
-    char name[40];
-    std::snprintf(name, sizeof(name), "body3DScene_%08d.json", frame);
-    WriteBody3dScene(people, 1000.0 * frame / frame_rate_hz, folder + "/hdPose3d_stage1_coco19/" + name);
+    WriteBody3dScene(people, 1000.0 * frame / frame_rate_hz,
+                     folder + "/hdPose3d_stage1_coco19/" + Format("body3DScene_%08d.json", frame));
   }
 }
 
@@ -212,9 +206,10 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
     largest = std::max(largest, std::abs(rig.cameras[static_cast<size_t>(c)].time_offset->frames));
   }
   if (largest < 0.5) return;
-  char text[160];
-  std::snprintf(text, sizeof text, "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
-  report->warnings.push_back({"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
+  const std::string text = Format(
+      "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
+  report->warnings.push_back(
+      {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -8,6 +7,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/build/build_internal.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
@@ -147,8 +147,7 @@ Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const Bui
 std::string ScoresText(const std::vector<SizeRule>& rules, const std::vector<double>& scores) {
   std::string text;
   for (size_t i = 0; i < rules.size(); ++i) {
-    char number[32];
-    std::snprintf(number, sizeof(number), "%.3f", scores[i]);
+    const std::string number = Format("%.3f", scores[i]);
     text += (i ? ", " : "") + rules[i].name + " " + number;
   }
   return text;
@@ -189,11 +188,7 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
   return decision;
 }
 
-std::string FrameName(const std::string& camera, int frame) {
-  char number[16];
-  std::snprintf(number, sizeof(number), "_%08d", frame);
-  return camera + number;
-}
+std::string FrameName(const std::string& camera, int frame) { return camera + Format("_%08d", frame); }
 
 void AddToReport(const BodyMask& mask, BuiltCamera* built) {
   built->mean_area_fraction += mask.area_fraction;

@@ -8,7 +8,9 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/format.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "dataset/colour/colour_match_internal.h"
 #include "dataset/footage/image_io.h"
 
@@ -165,12 +167,10 @@ HeldOut Score(const Problem& problem, const std::vector<Transforms>& without_fol
 /// How much of the squared error of `plain` is gone, and its standard error over the groups.
 std::pair<double, double> Improvement(const HeldOut& plain, const HeldOut& score, const HeldOut& reference) {
   std::vector<double> gone;
-  const double usual =
-      std::accumulate(reference.squared.begin(), reference.squared.end(), 0.0) / static_cast<double>(reference.squared.size());
+  const double usual = Mean(reference.squared);
   for (size_t i = 0; i < plain.squared.size(); ++i)
     gone.push_back(usual > 0 ? (plain.squared[i] - score.squared[i]) / usual : 0);
-  const double n = static_cast<double>(gone.size());
-  const double mean = std::accumulate(gone.begin(), gone.end(), 0.0) / n;
+  const double n = static_cast<double>(gone.size()), mean = Mean(gone);
   double variance = 0;
   for (const double g : gone) variance += (g - mean) * (g - mean) / std::max(1.0, n - 1);
   return {mean, std::sqrt(variance / n)};
@@ -247,12 +247,6 @@ std::vector<int> FoldsByFrame(const std::vector<ColourPoint>& points) {
   return folds;
 }
 
-std::string Known(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 /// Models and spaces to try; the plain one first.
 std::vector<std::pair<ColourModel, ColourSpace>> Wanted(const ColourMatchOptions& options) {
   std::vector<ColourModel> models;
@@ -279,7 +273,7 @@ Problem MakeProblem(const std::vector<ColourPoint>& points, const std::vector<st
   if (!options.reference.empty()) {
     const auto found = std::find(names.begin(), names.end(), options.reference);
     if (found == names.end())
-      throw UsageError("colour-reference '" + options.reference + "' is not a camera; there are " + Known(names));
+      throw UsageError("colour-reference '" + options.reference + "' is not a camera; there are " + Join(names, ", "));
     problem.reference = static_cast<int>(found - names.begin());
   }
   for (const ColourPoint& point : points) {
@@ -295,22 +289,18 @@ Problem MakeProblem(const std::vector<ColourPoint>& points, const std::vector<st
 }
 
 std::string Reason(const std::vector<Candidate>& candidates, size_t chosen) {
-  char text[240];
   const double plain = candidates[0].trial.heldout_levels;
   if (chosen == 0) {
     double best = 0;
     for (const Candidate& c : candidates) best = std::max(best, c.trial.heldout_gain);
-    std::snprintf(text, sizeof(text),
-                  "the cameras differ by %.1f grey levels where they see the same point; gains take away %.1f %% of the "
-                  "squared difference, not enough to matter",
-                  plain, 100 * best);
-    return text;
+    return Format(
+        "the cameras differ by %.1f grey levels where they see the same point; gains take away %.1f %% of the "
+        "squared difference, not enough to matter",
+        plain, 100 * best);
   }
   const ColourTrial& trial = candidates[chosen].trial;
-  std::snprintf(text, sizeof(text), "held-out points agree to %.1f grey levels with %s in %s, to %.1f without",
-                trial.heldout_levels, ToString(trial.model).c_str(),
-                trial.space == ColourSpace::kLinear ? "linear light" : "sRGB values", plain);
-  return text;
+  return Format("held-out points agree to %.1f grey levels with %s in %s, to %.1f without", trial.heldout_levels,
+                ToString(trial.model).c_str(), trial.space == ColourSpace::kLinear ? "linear light" : "sRGB values", plain);
 }
 
 void CountPoints(const Problem& problem, Transforms* transforms) {
@@ -367,8 +357,7 @@ ColourMatch MatchColours(const std::vector<ColourPoint>& points, const std::vect
 }
 
 ColourMatch MatchDatasetColours(const PanopticDataset& dataset, const ColourMatchOptions& options, const RunContext& run) {
-  std::vector<std::string> names;
-  for (const auto& camera : dataset.rig.cameras) names.push_back(camera.camera.name);
+  const std::vector<std::string> names = geometry::CameraNames(dataset.rig);
   ColourMatchOptions resolved = options;
   if (!options.reference.empty()) {
     const std::string name = dataset.Resolve(options.reference);

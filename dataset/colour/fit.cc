@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "dataset/colour/colour_match_internal.h"
 
 namespace mvstudio::dataset::internal {
@@ -113,7 +113,7 @@ double Sigma(const std::vector<ChannelPoint>& points, const Solution& s, double 
     const double freedom = std::sqrt(1 - 1.0 / static_cast<double>(point.views.size()));
     for (const double r : residuals) sizes.push_back(std::abs(r) / freedom);
   }
-  return std::max(kLeastSigma, 1.4826 * UpperMedian(std::move(sizes)));
+  return std::max(kLeastSigma, kSigmaPerMad * UpperMedian(std::move(sizes)));
 }
 
 /// Largest standard deviation of a response relative to itself; infinity when the equations do not fix it.

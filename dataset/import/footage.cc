@@ -1,10 +1,10 @@
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/import/panoptic_import_internal.h"
@@ -33,9 +33,7 @@ void Link(const fs::path& from, const fs::path& to) {
 }
 
 std::string PictureName(const std::string& camera, int64_t frame) {
-  char number[32];
-  std::snprintf(number, sizeof number, "_%08lld.jpg", static_cast<long long>(frame));
-  return camera + number;
+  return camera + Format("_%08lld.jpg", static_cast<long long>(frame));
 }
 
 /// Pictures that cannot be told to be pictures are left out of copies; a linked folder is taken as it is.

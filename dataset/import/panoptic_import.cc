@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <mutex>
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/import/panoptic_import_internal.h"
 #include "dataset/panoptic/panoptic.h"
@@ -66,11 +66,7 @@ bool Covers(const PanopticClock* clock, const std::vector<int>& frames) {
   return clock && std::all_of(frames.begin(), frames.end(), [&](int f) { return clock->TimeMs(f).has_value(); });
 }
 
-std::string TimeText(double seconds) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.6f", seconds);
-  return text;
-}
+std::string TimeText(double seconds) { return Format("%.6f", seconds); }
 
 /// Frames of each camera on the universal clock.
 void WriteTimes(const std::vector<const ImportedFootage*>& footage, const std::map<std::string, PanopticClock>& clocks,

@@ -1,11 +1,8 @@
 #include "dataset/json/json_internal.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <limits>
 
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
@@ -53,57 +50,6 @@ std::string ReadTextFile(const std::string& path, int64_t max_bytes) {
 }
 
 Json ParseJsonFile(const std::string& path, int64_t max_bytes) { return ParseJson(ReadTextFile(path, max_bytes), path); }
-
-JsonView JsonView::operator[](const char* key) const {
-  if (!value_->is_object()) Fail("must be an object");
-  const auto found = value_->find(key);
-  const std::string where = where_.empty() ? key : where_ + "." + key;
-  if (found == value_->end()) throw FormatError(*path_, where, "is missing");
-  return JsonView(*path_, *found, where);
-}
-
-JsonView JsonView::operator[](size_t idx) const {
-  const std::string where = where_ + "[" + std::to_string(idx) + "]";
-  if (idx >= ArraySize()) throw FormatError(*path_, where, "is missing");
-  return JsonView(*path_, (*value_)[idx], where);
-}
-
-JsonView JsonView::Entry(const std::string& key, const Json& value) const {
-  return JsonView(*path_, value, where_.empty() ? key : where_ + "." + key);
-}
-
-size_t JsonView::ArraySize() const {
-  if (!value_->is_array()) Fail("must be a list");
-  return value_->size();
-}
-
-double JsonView::Number() const {
-  if (!value_->is_number()) Fail("must be a number");
-  const double number = value_->get<double>();
-  if (!std::isfinite(number)) Fail("must be finite");
-  return number;
-}
-
-std::vector<double> JsonView::Numbers() const {
-  std::vector<double> numbers(ArraySize());
-  for (size_t i = 0; i < numbers.size(); ++i) {
-    const Json& value = (*value_)[i];
-    if (!value.is_number()) (*this)[i].Fail("must be a number");
-    numbers[i] = value.get<double>();
-  }
-  return numbers;
-}
-
-int JsonView::Int() const {
-  const double number = Number();
-  if (number != std::floor(number) || std::abs(number) > std::numeric_limits<int>::max()) Fail("must be a whole number");
-  return static_cast<int>(number);
-}
-
-std::string JsonView::Text() const {
-  if (!value_->is_string()) Fail("must be a text");
-  return value_->get<std::string>();
-}
 
 std::string CameraName(const JsonView& json) {
   const std::string name = json.Text(), why = WhyNotALabel(name);

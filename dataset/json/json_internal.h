@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "core/error.h"
+#include "core/json_view.h"
 
 /// Checked access to JSON files; included by .cc files of this module only.
 namespace mvstudio::dataset::internal {
@@ -24,32 +24,7 @@ Json ParseJsonFile(const std::string& path, int64_t max_bytes = kMaxJsonBytes);
 /// Content of a regular file of at most `max_bytes`. Throws IoError, FormatError.
 std::string ReadTextFile(const std::string& path, int64_t max_bytes);
 
-/// A value and where it stands, for messages such as `calibration.json: cameras[3].K[1][2]: must be a number`.
-class JsonView {
- public:
-  JsonView(const std::string& path, const Json& value, std::string where = "")
-      : path_(&path), value_(&value), where_(std::move(where)) {}
-
-  JsonView operator[](const char* key) const;
-  JsonView operator[](size_t idx) const;
-  /// An entry met on the way through the object: looking it up again takes a time that grows with their number.
-  JsonView Entry(const std::string& key, const Json& value) const;
-  bool Has(const char* key) const { return value_->is_object() && value_->contains(key); }
-  size_t ArraySize() const;
-  double Number() const;  ///< finite
-  int Int() const;
-  std::string Text() const;
-  /// A list of finite numbers of any length.
-  std::vector<double> Numbers() const;
-  const Json& value() const { return *value_; }
-  const std::string& where() const { return where_; }
-  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(*path_, where_, what); }
-
- private:
-  const std::string* path_;
-  const Json* value_;
-  std::string where_;
-};
+using JsonView = BasicJsonView<Json>;
 
 /// A text that can be a camera's name (core/label.h).
 std::string CameraName(const JsonView& json);

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "dataset/masks/mask_internal.h"
 
 namespace mvstudio::dataset {

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/statistics.h"
 #include "dataset/masks/mask_internal.h"
 #include "dataset/masks/mask_take.h"
 
@@ -41,9 +42,7 @@ double PxPerM(const Joints2d& joints) {
   for (const Length& l : kLengths) {
     if (joints.valid[l.a] && joints.valid[l.b]) scales.push_back((joints.px[l.a] - joints.px[l.b]).norm() / l.usual_m);
   }
-  if (scales.size() < 2) return 0;
-  std::nth_element(scales.begin(), scales.begin() + 1, scales.end(), std::greater<>());
-  return scales[1];
+  return scales.size() < 2 ? 0 : ValueOfRank(scales.begin(), scales.end(), static_cast<std::ptrdiff_t>(scales.size()) - 2);
 }
 
 void AddPerson(const Joints2d& joints, const MaskOptions& options, ProjectedBody* body) {

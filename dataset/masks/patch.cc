@@ -3,7 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "dataset/masks/mask_patch_internal.h"
 
 namespace mvstudio::dataset::internal {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/statistics.h"
 #include "dataset/masks/mask_internal.h"
 
 namespace mvstudio::dataset {
@@ -44,12 +45,6 @@ std::vector<ProjectedBody> BodiesUnder(const SizeRule& rule, const geometry::Rig
   std::vector<ProjectedBody> bodies;
   for (const auto& p : people) bodies.push_back(ProjectBody(p, seen, options));
   return bodies;
-}
-
-double Mean(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double v : values) sum += v;
-  return sum / static_cast<double>(values.size());
 }
 
 /// True when `other` lies below `best` by 3 standard errors of the paired differences.

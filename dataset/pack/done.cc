@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
+#include "core/format.h"
 #include "core/hash/sha256.h"
 #include "dataset/pack/done_internal.h"
 
@@ -58,11 +58,7 @@ void RequireSchema(const JsonView& view, const char* schema) {
 
 }  // namespace
 
-std::string ShardStem(int number) {
-  char text[24];
-  std::snprintf(text, sizeof(text), "shard-%05d", number);
-  return text;
-}
+std::string ShardStem(int number) { return Format("shard-%05d", number); }
 
 std::string ShardPath(const std::string& folder, int number) { return folder + "/" + ShardStem(number) + ".h5"; }
 std::string DonePath(const std::string& folder, int number) { return folder + "/" + ShardStem(number) + ".done.json"; }

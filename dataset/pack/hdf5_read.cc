@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/join.h"
 #include "dataset/pack/hdf5_internal.h"
 
 namespace mvstudio::dataset::internal {
@@ -142,8 +143,7 @@ size_t Hdf5Reader::CheckArray(const std::string& dataset, hid_t type, const std:
   const Hid found_type(H5Dget_type(id), H5Tclose);
   if (H5Tequal(found_type, type) <= 0) Fail(dataset, "holds numbers of another type or byte order than the format says");
   if (!dims.empty() && found != dims) {
-    std::string text;
-    for (const uint64_t d : found) text += (text.empty() ? "" : " x ") + std::to_string(d);
+    const std::string text = Join(found, " x ", [](uint64_t d) { return std::to_string(d); });
     Fail(dataset, "has the wrong size, " + (text.empty() ? "a single value" : text));
   }
   size_t count = 1;

@@ -6,6 +6,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/hash/sha256.h"
+#include "core/statistics.h"
 #include "dataset/json/json_internal.h"
 #include "dataset/pack/plan_internal.h"
 #include "dataset/pack/shard_internal.h"
@@ -72,7 +73,6 @@ void RequirePerson(const PanopticDataset& dataset, int person) {
 
 // Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
 std::map<int, double> LargeExtents(const PanopticDataset& dataset) {
-  constexpr double kQuantile = 0.98;
   std::map<int, std::vector<double>> extents;
   for (const auto& [frame, people] : dataset.poses) {
     for (const auto& [id, pose] : people) {
@@ -83,11 +83,7 @@ std::map<int, double> LargeExtents(const PanopticDataset& dataset) {
     }
   }
   std::map<int, double> large;
-  for (auto& [id, values] : extents) {
-    const auto rank = values.begin() + static_cast<int64_t>(kQuantile * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), rank, values.end());
-    large[id] = *rank;
-  }
+  for (const auto& [id, values] : extents) large[id] = LowerQuantile(values, 0.98);
   return large;
 }
 
@@ -210,8 +206,7 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
   json["codec"] = ToString(plan.codec);
   json["mask_codec"] = plan.masks ? "png" : "none";
   json["person"] = plan.options.person;
-  std::vector<std::string> names;
-  for (const auto& camera : plan.dataset.rig.cameras) names.push_back(camera.camera.name);
+  const std::vector<std::string> names = geometry::CameraNames(plan.dataset.rig);
   json["aliases"] = plan.dataset.aliases;
   json["colour"] = plan.options.match_colours ? Json::parse(ColourMatchToJsonText(plan.colour, names)) : Json();
   json["split"] = split ? Json::parse(SplitToJsonText(*split)) : Json();

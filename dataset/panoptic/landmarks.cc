@@ -1,7 +1,8 @@
 #include <algorithm>
-#include <numeric>
 
 #include "core/disk/files.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "dataset/panoptic/panoptic_internal.h"
 
 namespace mvstudio::dataset {
@@ -69,9 +70,7 @@ PanopticLandmarkPerson ReadPerson(const JsonView& json) {
 std::string VisibilityText(const std::vector<std::vector<int>>& visibility) {
   std::string text = "[";
   for (size_t i = 0; i < visibility.size(); ++i) {
-    text += i ? ", [" : "[";
-    for (size_t c = 0; c < visibility[i].size(); ++c) text += (c ? "," : "") + std::to_string(visibility[i][c]);
-    text += "]";
+    text += (i ? ", [" : "[") + Join(visibility[i], ",", [](int camera) { return std::to_string(camera); }) + "]";
   }
   return text + "]";
 }
@@ -120,8 +119,7 @@ void WritePanopticLandmarks(const PanopticLandmarkFile& file, const std::string&
 
 double MeanScore(const PanopticLandmarks& landmarks) {
   if (!landmarks.average_score || landmarks.average_score->empty()) return 0;
-  const auto& scores = *landmarks.average_score;
-  return std::accumulate(scores.begin(), scores.end(), 0.0) / static_cast<double>(scores.size());
+  return Mean(*landmarks.average_score);
 }
 
 Eigen::Matrix3Xd InWorld(const PanopticLandmarks& landmarks) {

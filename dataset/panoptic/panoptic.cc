@@ -1,10 +1,10 @@
 #include "dataset/panoptic/panoptic.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "core/disk/paths.h"
+#include "core/format.h"
 #include "dataset/panoptic/panoptic_internal.h"
 #include "dataset/panoptic/sequence.h"
 
@@ -17,11 +17,7 @@ using internal::JsonView;
 
 constexpr char kPoseFolder[] = "hdPose3d_stage1_coco19";
 
-std::string FrameName(const std::string& camera, int frame) {
-  char number[16];
-  std::snprintf(number, sizeof(number), "_%08d", frame);
-  return camera + number;
-}
+std::string FrameName(const std::string& camera, int frame) { return camera + Format("_%08d", frame); }
 
 }  // namespace
 

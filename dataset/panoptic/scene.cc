@@ -1,9 +1,9 @@
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/panoptic/panoptic_internal.h"
 
 namespace mvstudio::dataset {
@@ -22,9 +22,8 @@ constexpr std::pair<const char*, size_t> kSkeletons[] = {{"joints19", 19}, {"joi
 
 /// "%0.3f" as CMU writes times, or more where that is another number.
 std::string TimeText(double time_ms) {
-  char text[400];
-  std::snprintf(text, sizeof text, "%0.3f", time_ms);
-  return std::strtod(text, nullptr) == time_ms ? text : StreamNumberText(time_ms);
+  const std::string text = Format("%0.3f", time_ms);
+  return std::strtod(text.c_str(), nullptr) == time_ms ? text : StreamNumberText(time_ms);
 }
 
 std::vector<double>& JointsOf(PanopticBody& body, size_t skeleton) {

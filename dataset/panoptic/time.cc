@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/json_tree.h"
 #include "dataset/pose/pose2d_internal.h"
 
@@ -45,8 +46,7 @@ json ParsePoseJson(const std::string& text, const PoseFile& file) {
 }
 
 std::string FittingSkeletons(size_t num_joints) {
-  std::string fitting;
-  for (const std::string& name : body::SkeletonsOfSize(num_joints)) fitting += (fitting.empty() ? "" : " or ") + name;
+  const std::string fitting = Join(body::SkeletonsOfSize(num_joints), " or ");
   return fitting.empty() ? "no known skeleton has that many" : "option 'skeleton' " + fitting + " would fit";
 }
 
@@ -229,7 +229,7 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
       track.frames[number] = ParsePeople(internal::ParsePoseJson(ReadFile(text_path), file), file);
     });
   }
-  tolerant.Finish();
+  if (!range.is_part) tolerant.Finish();
   return track;
 }
 
@@ -248,9 +248,7 @@ void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, co
       MVS_CHECK(!skeleton || person.keypoints.size() == skeleton->joints.size(), person.keypoints.size() << " key points");
       root["people"].push_back(PersonToJson(person, skeleton));
     }
-    char name[64];
-    std::snprintf(name, sizeof name, "%012d_keypoints.json", frame);
-    WriteFileAtomic((fs::path(folder) / name).string(), root.dump());
+    WriteFileAtomic((fs::path(folder) / Format("%012d_keypoints.json", frame)).string(), root.dump());
   }
 }
 

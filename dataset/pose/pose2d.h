@@ -29,6 +29,7 @@ struct Pose2dTrack {
 /// Frames to read, both ends included.
 struct FrameRange {
   int first = 0, last = std::numeric_limits<int>::max();
+  bool is_part = false;  ///< of a take: files that cannot be read are listed, however many they are
 };
 
 /// Reads a folder of OpenPose JSON files (`*.json`, one a frame). The frame number is the last run of digits in the file name

@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "core/check.h"
+#include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/label.h"
 #include "dataset/pose/pose2d_internal.h"
@@ -18,19 +19,6 @@ namespace {
 enum Column { kCamera, kFrame, kPerson, kJoint, kX, kY, kScore, kNumColumns };
 constexpr const char* kNames[kNumColumns] = {"camera", "frame", "person", "joint", "x_px", "y_px", "score"};
 constexpr bool IsOptional(int column) { return column == kPerson || column == kScore; }
-
-std::vector<std::string_view> Split(std::string_view line) {
-  std::vector<std::string_view> fields;
-  for (size_t begin = 0; begin <= line.size();) {
-    const size_t end = std::min(line.find(',', begin), line.size());
-    std::string_view field = line.substr(begin, end - begin);
-    while (!field.empty() && (field.front() == ' ' || field.front() == '\t')) field.remove_prefix(1);
-    while (!field.empty() && (field.back() == ' ' || field.back() == '\t' || field.back() == '\r')) field.remove_suffix(1);
-    fields.push_back(field);
-    begin = end + 1;
-  }
-  return fields;
-}
 
 bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
 
@@ -62,15 +50,13 @@ class Reader {
     const std::string text = ReadFile(path_);
     internal::Tolerant tolerant(skipped);
     std::vector<Row> rows;
-    for (size_t begin = 0; begin < text.size();) {
-      const size_t end = std::min(text.find('\n', begin), text.size());
-      const std::vector<std::string_view> fields = Split(std::string_view(text).substr(begin, end - begin));
-      begin = end + 1, ++line_;
-      if (fields.size() == 1 && fields[0].empty()) continue;
+    CsvReader csv(path_, text);
+    while (csv.NextLine()) {
+      line_ = csv.line_number();
       if (num_fields_ == 0) {
-        ReadHeader(fields);
+        ReadHeader(csv.Cells());
       } else {
-        tolerant.Try([&] { rows.push_back(ReadRow(fields)); });
+        tolerant.Try([&] { rows.push_back(ReadRow(&csv)); });
         if (!unknown_joint_.empty()) FailJoint();
       }
     }
@@ -93,8 +79,7 @@ class Reader {
     columns_.fill(-1);
     num_fields_ = fields.size();
     for (size_t i = 0; i < fields.size(); ++i) {
-      std::string_view name = fields[i];
-      if (i == 0 && name.substr(0, 3) == "\xEF\xBB\xBF") name.remove_prefix(3);  // byte-order mark of spreadsheet programs
+      const std::string_view name = fields[i];
       const auto known = std::find(std::begin(kNames), std::end(kNames), name);
       if (known == std::end(kNames)) continue;
       int& column = columns_[static_cast<size_t>(known - std::begin(kNames))];
@@ -118,7 +103,7 @@ class Reader {
     T value{};
     const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
     if (error != std::errc() || end != field.data() + field.size() || !std::isfinite(static_cast<double>(value))) {
-      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, not a number");
+      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, not a number" + DecimalCommaHint(field));
     }
     return value;
   }
@@ -136,11 +121,9 @@ class Reader {
     return index;
   }
 
-  Row ReadRow(const std::vector<std::string_view>& fields) {
-    if (fields.size() != num_fields_) {
-      Fail(std::to_string(fields.size()) + " columns instead of " + std::to_string(num_fields_) +
-           "; the line is damaged or cut off");
-    }
+  Row ReadRow(CsvReader* csv) {
+    const std::vector<std::string_view>& fields = csv->Cells();
+    csv->RequireCells(num_fields_);
     Row row;
     row.line = line_;
     row.frame = Index(fields, kFrame), row.person = Index(fields, kPerson);
@@ -232,13 +215,14 @@ void WritePose2dCsv(const Pose2dSet& set, const std::string& path) {
   for (const std::string& joint : set.skeleton.joints) check_name(joint);
   for (const Pose2dTrack& track : set.tracks) {
     check_name(track.camera);
+    const std::string camera = CsvCell(track.camera);
     for (const auto& [frame, people] : track.frames) {
       for (size_t p = 0; p < people.size(); ++p) {
         MVS_CHECK(people[p].keypoints.size() == set.skeleton.joints.size(), people[p].keypoints.size() << " key points");
         for (size_t j = 0; j < people[p].keypoints.size(); ++j) {
           const Keypoint2d& key = people[p].keypoints[j];
           if (key.score == 0) continue;
-          text += track.camera + ',' + std::to_string(frame) + ',' + std::to_string(p) + ',' + set.skeleton.joints[j];
+          text += camera + ',' + std::to_string(frame) + ',' + std::to_string(p) + ',' + CsvCell(set.skeleton.joints[j]);
           for (const double value : {key.x_px, key.y_px, key.score}) text += ',', AppendNumber(value, &text);
           text += '\n';
         }

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/check.h"
+#include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -33,7 +34,7 @@ void AppendNumber(std::string* text, double value) {
 }
 
 void AppendKey(std::string* text, const JointRow& row) {
-  *text += std::to_string(row.frame) + ',' + std::to_string(row.person) + ',' + row.joint + ',';
+  *text += std::to_string(row.frame) + ',' + std::to_string(row.person) + ',' + CsvCell(row.joint) + ',';
 }
 
 std::string PointsText(const std::vector<JointRow>& rows) {
@@ -72,73 +73,50 @@ std::string CovarianceText(const std::vector<JointRow>& rows) {
   return text;
 }
 
-/// Walks over a CSV file with a fixed header and says where it went wrong.
-class CsvReader {
+/// A table with a fixed header.
+class Table {
  public:
-  CsvReader(const std::string& path, const char* header) : path_(path), text_(ReadFile(path)) {
-    const std::string_view expected(header);
-    num_fields_ = 1 + std::count(expected.begin(), expected.end(), ',');
-    if (!NextLine() || line_ != expected) Fail("the first line is not `" + std::string(expected) + "`");
+  Table(const std::string& path, const char* header) : text_(ReadFile(path)), csv_(path, text_) {
+    if (!csv_.NextLine() || csv_.line() != header) {
+      throw FormatError(path, "line 1", "the first line is not `" + std::string(header) + "`");
+    }
+    num_columns_ = csv_.Cells().size();
   }
+  Table(const Table&) = delete;  // csv_ looks into text_
 
-  /// Splits the next non-empty line; false at the end.
+  /// Splits the next line; false at the end.
   bool Next() {
-    do {
-      if (!NextLine()) return false;
-    } while (line_.empty());
-    fields_.clear();
-    for (size_t begin = 0; begin <= line_.size();) {
-      const size_t end = std::min(line_.find(',', begin), line_.size());
-      fields_.push_back(line_.substr(begin, end - begin));
-      begin = end + 1;
-    }
-    if (static_cast<int>(fields_.size()) != num_fields_) {
-      Fail(std::to_string(fields_.size()) + " columns instead of " + std::to_string(num_fields_) +
-           "; the file is damaged or cut off");
-    }
+    if (!csv_.NextLine()) return false;
+    cells_ = &csv_.Cells();
+    csv_.RequireCells(num_columns_);
     return true;
   }
 
-  std::string Text(int column) const { return std::string(fields_[column]); }
-  bool Empty(int column) const { return fields_[column].empty(); }
+  std::string Text(size_t column) const { return std::string((*cells_)[column]); }
 
   template <class T>
-  T Number(int column) const {
-    const std::string_view field = fields_[column];
+  T Number(size_t column) const {
+    const std::string_view cell = (*cells_)[column];
     T value{};
-    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-    if (error != std::errc() || end != field.data() + field.size()) {
-      Fail("column " + std::to_string(column + 1) + " holds `" + std::string(field) + "`, not a number");
+    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+    if (error != std::errc() || end != cell.data() + cell.size()) {
+      Fail("column " + std::to_string(column + 1) + " holds `" + std::string(cell) + "`, not a number" +
+           DecimalCommaHint(cell));
     }
     return value;
   }
 
-  double NumberOr0(int column) const { return Empty(column) ? 0.0 : Number<double>(column); }
-
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw FormatError(path_, "line " + std::to_string(line_number_), what);
-  }
+  double NumberOr0(size_t column) const { return (*cells_)[column].empty() ? 0.0 : Number<double>(column); }
+  [[noreturn]] void Fail(const std::string& what) const { csv_.Fail(what); }
 
  private:
-  bool NextLine() {
-    if (position_ >= text_.size()) return false;
-    const size_t end = std::min(text_.find('\n', position_), text_.size());
-    line_ = std::string_view(text_).substr(position_, end - position_);
-    if (!line_.empty() && line_.back() == '\r') line_.remove_suffix(1);
-    position_ = end + 1;
-    ++line_number_;
-    return true;
-  }
-
-  std::string path_, text_;
-  std::string_view line_;
-  std::vector<std::string_view> fields_;
-  size_t position_ = 0;
-  int line_number_ = 0;
-  int num_fields_ = 0;
+  std::string text_;
+  CsvReader csv_;
+  size_t num_columns_ = 0;
+  const std::vector<std::string_view>* cells_ = nullptr;
 };
 
-JointRow ReadPointsRow(const CsvReader& csv) {
+JointRow ReadPointsRow(const Table& csv) {
   JointRow row;
   row.frame = csv.Number<int>(0);
   row.person = csv.Number<int>(1);
@@ -147,7 +125,7 @@ JointRow ReadPointsRow(const CsvReader& csv) {
   if (!status) csv.Fail("unknown status `" + csv.Text(3) + "`");
   row.status = *status;
   if (row.status == Status::kOk) {
-    for (int k = 0; k < 3; ++k) row.x_in_world[k] = csv.Number<double>(4 + k);
+    for (size_t k = 0; k < 3; ++k) row.x_in_world[static_cast<Eigen::Index>(k)] = csv.Number<double>(4 + k);
     if (!row.x_in_world.allFinite()) csv.Fail("the point is Ok and not finite");
   }
   row.num_views = csv.Number<int>(7);
@@ -160,10 +138,10 @@ using RowKey = std::tuple<int, int, std::string>;
 
 std::map<RowKey, Eigen::Matrix3d> ReadCovariances(const std::string& path) {
   std::map<RowKey, Eigen::Matrix3d> covariances;
-  CsvReader csv(path, kCovarianceHeader);
+  Table csv(path, kCovarianceHeader);
   while (csv.Next()) {
     Eigen::Matrix3d& c = covariances[{csv.Number<int>(0), csv.Number<int>(1), csv.Text(2)}];
-    int column = 3;
+    size_t column = 3;
     for (int i = 0; i < 3; ++i) {
       for (int j = i; j < 3; ++j) c(i, j) = c(j, i) = csv.Number<double>(column++);
     }
@@ -232,7 +210,7 @@ void WritePose3d(const std::string& skeleton, const std::function<bool(std::vect
 
 std::vector<JointRow> ReadPointsCsv(const std::string& path) {
   std::vector<JointRow> rows;
-  CsvReader csv(path, kPointsHeader);
+  Table csv(path, kPointsHeader);
   while (csv.Next()) rows.push_back(ReadPointsRow(csv));
   return rows;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 
+#include "core/statistics.h"
 #include "geometry/rig/alignment.h"
 
 namespace mvstudio::dataset {
@@ -79,8 +80,8 @@ void Summarize(std::vector<double> distances_mm, Pose3dComparison* result) {
   result->num = static_cast<int>(n);
   if (n == 0) return;
   for (const double distance : distances_mm) result->mean_mm += distance / static_cast<double>(n);
-  result->median_mm = 0.5 * (distances_mm[(n - 1) / 2] + distances_mm[n / 2]);
-  result->p95_mm = distances_mm[static_cast<size_t>(std::ceil(0.95 * static_cast<double>(n))) - 1];
+  result->median_mm = LinearQuantile(distances_mm, 0.5);
+  result->p95_mm = ShareQuantile(distances_mm, 0.95);
   result->max_mm = distances_mm.back();
 }
 

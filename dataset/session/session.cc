@@ -5,6 +5,7 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -70,9 +71,7 @@ void CheckPictures(const Session& session, const std::string& path, const std::s
 }
 
 std::string KnownTakes(const Session& session) {
-  std::string names;
-  for (const SessionTake& take : session.takes) names += (names.empty() ? "" : ", ") + take.name;
-  return names.empty() ? "none" : names;
+  return session.takes.empty() ? "none" : Join(session.takes, ", ", &SessionTake::name);
 }
 
 }  // namespace

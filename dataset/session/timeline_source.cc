@@ -6,8 +6,8 @@
 #include <filesystem>
 
 #include "core/error.h"
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/video_io.h"
 

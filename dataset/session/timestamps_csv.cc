@@ -3,8 +3,9 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <sstream>
+#include <string_view>
 
+#include "core/csv.h"
 #include "core/error.h"
 #include "dataset/json/json_internal.h"
 #include "dataset/session/timeline_source.h"
@@ -13,16 +14,6 @@ namespace mvstudio::dataset {
 namespace {
 
 constexpr int64_t kMaxBytes = int64_t{1} << 30;
-
-std::vector<std::string> Cells(const std::string& line) {
-  std::vector<std::string> cells;
-  std::stringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) {
-    const auto begin = cell.find_first_not_of(" \t\r\""), end = cell.find_last_not_of(" \t\r\"");
-    cells.push_back(begin == std::string::npos ? "" : cell.substr(begin, end - begin + 1));
-  }
-  return cells;
-}
 
 /// Seconds a unit of a column called `name`; 0 when it is no time.
 double SecondsOf(const std::string& name) {
@@ -40,20 +31,23 @@ struct Columns {
   size_t camera = SIZE_MAX, frame = SIZE_MAX, time = SIZE_MAX;
   double seconds = 1;
 
-  Columns(const std::string& path, const std::vector<std::string>& header) {
+  explicit Columns(CsvReader* csv) {
+    const std::vector<std::string_view>& header = csv->Cells();
     for (size_t i = 0; i < header.size(); ++i) {
-      std::string name = header[i];
+      std::string name(header[i]);
       std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
       if (name == "camera" || name == "cam" || name == "cam_id" || name == "camera_id" || name == "port") camera = i;
       if (name == "frame" || name == "frame_index" || name == "frame_idx") frame = i;
       if (SecondsOf(name) > 0 && time == SIZE_MAX) time = i, seconds = SecondsOf(name);
     }
-    if (camera == SIZE_MAX) throw FormatError(path, "line 1", "no column of cameras: camera, cam, cam_id, camera_id or port");
+    if (camera == SIZE_MAX) csv->Fail("no column of cameras: camera, cam, cam_id, camera_id or port");
     if (time == SIZE_MAX) {
-      throw FormatError(path, "line 1",
-                        "no column of times: time, timestamp or frame_time, with _ms, _us or _ns if not seconds");
+      csv->Fail("no column of times: time, timestamp or frame_time, with _ms, _us or _ns if not seconds");
     }
   }
+
+  /// Cells that a row must have.
+  size_t needed() const { return 1 + std::max(time, frame == SIZE_MAX ? camera : std::max(camera, frame)); }
 };
 
 std::optional<long double> Number(const std::string& text) {
@@ -88,32 +82,31 @@ int Match(const std::string& id, const std::vector<SessionCamera>& cameras) {
 
 using Rows = std::vector<std::pair<std::optional<int64_t>, double>>;  // frame, seconds
 
+std::optional<int64_t> ReadFrame(const CsvReader& csv, const std::string& cell) {
+  const auto value = Number(cell);
+  if (!value || *value < 0 || *value > 1e12L || *value != std::floor(*value)) csv.Fail("the frame is not a whole number");
+  return static_cast<int64_t>(*value);
+}
+
 /// Camera -> its rows.
 std::map<std::string, Rows> ReadRows(const std::string& path, const std::vector<SessionCamera>& cameras) {
-  std::istringstream in(internal::ReadTextFile(path, kMaxBytes));
-  std::string line;
-  if (!std::getline(in, line)) throw FormatError(path, "", "the file is empty");
-  const Columns columns(path, Cells(line));
+  const std::string text = internal::ReadTextFile(path, kMaxBytes);
+  CsvReader csv(path, text);
+  if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
+  const Columns columns(&csv);
   std::map<std::string, Rows> rows;
   std::map<std::string, int> known;
-  for (int64_t number = 2; std::getline(in, line); ++number) {
-    const std::vector<std::string> cells = Cells(line);
-    if (cells.empty() || (cells.size() == 1 && cells[0].empty())) continue;
-    const auto fail = [&](const std::string& what) { throw FormatError(path, "line " + std::to_string(number), what); };
-    const size_t needed =
-        std::max(columns.time, columns.frame == SIZE_MAX ? columns.camera : std::max(columns.camera, columns.frame));
-    if (cells.size() <= needed) fail("has " + std::to_string(cells.size()) + " columns, fewer than the header");
+  while (csv.NextLine()) {
+    const std::vector<std::string_view>& cells = csv.Cells();
+    if (cells.size() < columns.needed()) csv.RequireCells(columns.needed());
     const auto is_new = known.emplace(cells[columns.camera], 0);
-    if (is_new.second) is_new.first->second = Match(cells[columns.camera], cameras);
+    if (is_new.second) is_new.first->second = Match(is_new.first->first, cameras);
     if (is_new.first->second < 0) continue;
-    const auto time = Number(cells[columns.time]);
-    if (!time) fail("the time is not a number: " + internal::Quoted(cells[columns.time]));
+    const std::string cell(cells[columns.time]);
+    const auto time = Number(cell);
+    if (!time) csv.Fail("the time is not a number: " + internal::Quoted(cell) + DecimalCommaHint(cell));
     std::optional<int64_t> frame;
-    if (columns.frame != SIZE_MAX) {
-      const auto value = Number(cells[columns.frame]);
-      if (!value || *value < 0 || *value > 1e12L || *value != std::floor(*value)) fail("the frame is not a whole number");
-      frame = static_cast<int64_t>(*value);
-    }
+    if (columns.frame != SIZE_MAX) frame = ReadFrame(csv, std::string(cells[columns.frame]));
     rows[cameras[static_cast<size_t>(is_new.first->second)].name].emplace_back(frame,
                                                                                static_cast<double>(*time * columns.seconds));
   }

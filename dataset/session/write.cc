@@ -2,6 +2,7 @@
 #include <sstream>
 
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/json/json_internal.h"
 #include "dataset/session/session.h"
 
@@ -21,9 +22,7 @@ std::string Quoted(const std::string& text) {
       quoted += '\\';
       quoted += c;
     } else if (byte < 0x20 || byte == 0x7f) {
-      char escape[8];
-      std::snprintf(escape, sizeof(escape), "\\u%04X", byte);
-      quoted += escape;
+      quoted += Format("\\u%04X", byte);
     } else {
       quoted += c;
     }

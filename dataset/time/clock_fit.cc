@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::dataset::internal {
 namespace {
@@ -106,16 +106,14 @@ void FitLine(const std::vector<double>& t, ClockFit* fit) {
       residual[i] = y[i] - y_mean - fit->period_s * (x[i] - x_mean);
       size[i] = std::abs(residual[i]);
     }
-    const double scale = std::max(1.5 * 1.4826 * UpperMedian(size), 1e-12);
+    const double scale = std::max(1.5 * kSigmaPerMad * UpperMedian(size), 1e-12);
     for (size_t i = 0; i < x.size(); ++i) weight[i] = size[i] <= scale ? 1 : scale / size[i];
   }
   double squares = 0;
   for (const double r : residual) squares += r * r;
   const double n = static_cast<double>(x.size());
   fit->jitter_s = std::sqrt(squares / n);
-  const auto nearly_all = size.begin() + static_cast<std::ptrdiff_t>(0.99 * (n - 1));
-  std::nth_element(size.begin(), nearly_all, size.end());
-  fit->worst_s = *nearly_all;
+  fit->worst_s = LowerQuantile(std::move(size), 0.99);
   fit->start_s = y_mean - fit->period_s * x_mean;
   const double variance = n > 2 ? squares / (n - 2) : 0;
   fit->period_sigma_s = std::sqrt(variance / xx);

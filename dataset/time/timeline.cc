@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/statistics.h"
 #include "dataset/time/clock_fit.h"
 
 namespace mvstudio::dataset {
@@ -227,9 +228,8 @@ void Assign(const Clock& c, const std::vector<double>& instants, double period_s
     sizes.push_back(1000 * std::abs(residual));
   }
   if (sizes.empty()) return;
-  std::sort(sizes.begin(), sizes.end());
-  out->residual_median_ms = sizes[sizes.size() / 2];
-  out->residual_max_ms = sizes.back();
+  out->residual_max_ms = *std::max_element(sizes.begin(), sizes.end());
+  out->residual_median_ms = UpperMedian(std::move(sizes));
 }
 
 }  // namespace

@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <set>
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/verify/verify_internal.h"
 
@@ -13,11 +13,7 @@ namespace mvstudio::dataset::internal {
 namespace fs = std::filesystem;
 namespace {
 
-std::string FrameName(const std::string& camera, int frame) {
-  char number[16];
-  std::snprintf(number, sizeof(number), "_%08d", frame);
-  return camera + number;
-}
+std::string FrameName(const std::string& camera, int frame) { return camera + Format("_%08d", frame); }
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 

@@ -8,6 +8,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
@@ -143,9 +144,7 @@ void CompareTake(const Session& session, const std::vector<const InspectedFootag
   if (rates.size() > 1) {
     std::string text;
     for (const auto& [rate, cameras] : rates) {
-      char number[32];
-      std::snprintf(number, sizeof(number), "%.2f", rate);
-      text += (text.empty() ? "" : ", ") + cameras[0] + (cameras.size() > 1 ? " and others " : " ") + number;
+      text += (text.empty() ? "" : ", ") + cameras[0] + (cameras.size() > 1 ? " and others " : " ") + Format("%.2f", rate);
     }
     findings->push_back({false, "SES-RATE", "take " + take[0]->take + ": frame rates differ (" + text + ")",
                          "name time stamps or offsets, and use mvstudio session timeline"});

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/check.h"
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::dataset {
 namespace {

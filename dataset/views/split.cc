@@ -7,6 +7,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "dataset/json/json_internal.h"
 
 namespace mvstudio::dataset {
@@ -116,9 +117,7 @@ Split SplitFromJsonText(const std::string& text, const std::string& path) {
     split.blocks.push_back({block[size_t{0}].Int(), block[size_t{1}].Int()});
   const std::vector<std::string> faults = SplitFaults(split);
   if (faults.empty()) return split;
-  std::string all;
-  for (const std::string& fault : faults) all += (all.empty() ? "" : "; ") + fault;
-  throw FormatError(path, "", all);
+  throw FormatError(path, "", Join(faults, "; "));
 }
 
 Split ReadSplit(const std::string& path) {

@@ -3,8 +3,9 @@
 #include <set>
 
 #include "core/error.h"
-#include "core/median.h"
+#include "core/join.h"
 #include "core/random.h"
+#include "core/statistics.h"
 #include "dataset/views/crop.h"
 #include "dataset/views/split.h"
 
@@ -13,15 +14,8 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-std::string Listed(const Names& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 Names AllCameras(const PanopticDataset& dataset) {
-  Names names;
-  for (const auto& camera : dataset.rig.cameras) names.push_back(camera.camera.name);
+  Names names = geometry::CameraNames(dataset.rig);
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -32,7 +26,7 @@ Names Resolve(const PanopticDataset& dataset, const Names& given, const std::str
     const std::string resolved = dataset.Resolve(name);
     if (resolved.empty() || dataset.rig.Find(resolved) < 0) {
       throw UsageError(what + " camera '" + name + "' is not in the dataset " + dataset.root + "; it has " +
-                       Listed(AllCameras(dataset)));
+                       Join(AllCameras(dataset), ", "));
     }
     names.push_back(resolved);
   }
@@ -96,9 +90,8 @@ SplitOptions WithPreset(const PanopticDataset& dataset, SplitOptions options) {
       for (int frame = 90; frame < 120; ++frame) options.test_frames.push_back(frame);
     }
   } else {
-    Names known;
-    for (const SplitPreset& preset : SplitPresets()) known.push_back(preset.name);
-    throw UsageError("preset '" + options.preset + "' is not known; there are " + Listed(known));
+    throw UsageError("preset '" + options.preset + "' is not known; there are " +
+                     Join(SplitPresets(), ", ", &SplitPreset::name));
   }
   return options;
 }
@@ -262,7 +255,7 @@ Split MakeSplit(const PanopticDataset& dataset, const SplitOptions& asked) {
   ChooseFrames(dataset, options, &split);
   split.blocks = FindMotionBlocks(dataset);
   const std::vector<std::string> faults = SplitFaults(split);
-  if (!faults.empty()) throw UsageError("such a split would be wrong: " + Listed(faults));
+  if (!faults.empty()) throw UsageError("such a split would be wrong: " + Join(faults, ", "));
   return split;
 }
 

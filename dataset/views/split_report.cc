@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/statistics.h"
 #include "dataset/views/crop.h"
 #include "dataset/views/split.h"
 
@@ -14,12 +15,8 @@ constexpr size_t kMostTrainPoses = 4000, kMostTestPoses = 1000;  // compared; ev
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegPerRad = 57.29577951308232;
 
-double Quantile(std::vector<double> values, double share) {
-  values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }), values.end());
-  if (values.empty()) return kNaN;
-  const auto at = values.begin() + static_cast<int64_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
+double FiniteQuantile(std::vector<double> values, double share) {
+  return NearestQuantile(FiniteValues(std::move(values)), share);
 }
 
 bool Comparable(const Coco19Pose& pose, int j) { return pose.valid[j] && pose.x_in_world.col(j).allFinite(); }
@@ -85,7 +82,7 @@ std::vector<double> Steps(const PanopticDataset& dataset, const Measure& measure
         if (same != after->second.end()) people.push_back(measure(pose, same->second));
       }
     }
-    steps.push_back(Quantile(people, 0.5));
+    steps.push_back(FiniteQuantile(people, 0.5));
   }
   return steps;
 }
@@ -121,7 +118,7 @@ void ReportCameras(const PanopticDataset& dataset, const Split& split, SplitRepo
     angles.push_back(camera.angle_deg);
     report->test_cameras.push_back(camera);
   }
-  report->median_angle_deg = Quantile(angles, 0.5), report->max_angle_deg = Quantile(angles, 1);
+  report->median_angle_deg = FiniteQuantile(angles, 0.5), report->max_angle_deg = FiniteQuantile(angles, 1);
 }
 
 }  // namespace
@@ -129,7 +126,7 @@ void ReportCameras(const PanopticDataset& dataset, const Split& split, SplitRepo
 std::vector<MotionBlock> FindMotionBlocks(const PanopticDataset& dataset) {
   std::vector<MotionBlock> blocks;
   const std::vector<double> steps = Steps(dataset, StepLength);
-  const double usual = Quantile(steps, 0.5);
+  const double usual = FiniteQuantile(steps, 0.5);
   for (size_t i = 0; i < dataset.frames.size(); ++i) {
     const bool cut = i == 0 || dataset.frames[i] != dataset.frames[i - 1] + 1 ||
                      (steps[i - 1] > kJumpM && steps[i - 1] > kJumpFactor * usual);
@@ -150,9 +147,9 @@ SplitReport DescribeSplit(const PanopticDataset& dataset, const Split& split) {
     for (const Coco19Pose* other : train) nearest = std::fmin(nearest, PoseDistance(*pose, *other));
     novelty.push_back(nearest);
   }
-  report.median_novelty_m = Quantile(novelty, 0.5), report.p90_novelty_m = Quantile(novelty, 0.9);
-  report.max_novelty_m = Quantile(novelty, 1);
-  report.usual_step_m = Quantile(Steps(dataset, PoseDistance), 0.5);
+  report.median_novelty_m = FiniteQuantile(novelty, 0.5), report.p90_novelty_m = FiniteQuantile(novelty, 0.9);
+  report.max_novelty_m = FiniteQuantile(novelty, 1);
+  report.usual_step_m = FiniteQuantile(Steps(dataset, PoseDistance), 0.5);
   const auto pictures = [](const SplitPart& part) { return static_cast<int>(part.cameras.size() * part.frames.size()); };
   report.train_pictures = pictures(split.train), report.validation_pictures = pictures(split.validation);
   report.test_pictures = pictures(split.test);

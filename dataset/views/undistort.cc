@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "core/random.h"
 
 namespace mvstudio::dataset {
@@ -234,9 +235,8 @@ UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const Undistor
   MeasureShares(field, &result);
   const double beyond = ShareBeyond(field);
   if (beyond > 0) {
-    char text[120];
-    std::snprintf(text, sizeof(text), ": %.1f %% of its picture lies beyond a field of view of %.0f degrees or the lens's fold",
-                  100 * beyond, options.max_fov_deg);
+    const std::string text = Format(": %.1f %% of its picture lies beyond a field of view of %.0f degrees or the lens's fold",
+                                    100 * beyond, options.max_fov_deg);
     result.status = Status::kOutsideValidRadius;
     result.reason = "camera " + source.camera.name + text;
   }

@@ -8,6 +8,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
+#include "core/join.h"
 #include "detect/models/models_internal.h"
 #include "detect/models/sha512.h"
 #include "detect/tfjs/json_internal.h"
@@ -34,9 +35,7 @@ std::vector<std::string> FilesOf(const std::string& name) { return {name + ".jso
 void CheckName(const std::string& name) {
   const std::vector<std::string> names = ModelNames();
   if (std::find(names.begin(), names.end(), name) != names.end()) return;
-  std::string list;
-  for (const std::string& known : names) list += (list.empty() ? "" : ", ") + known;
-  throw UsageError("there is no net '" + name + "'; known: " + list);
+  throw UsageError("there is no net '" + name + "'; known: " + Join(names, ", "));
 }
 
 [[noreturn]] void ThrowMissing(const std::string& name, const std::string& folder) {

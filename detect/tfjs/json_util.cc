@@ -1,5 +1,3 @@
-#include <cmath>
-
 #include "core/json_tree.h"
 #include "detect/tfjs/json_internal.h"
 
@@ -17,57 +15,6 @@ Json ParseJson(const std::string& path, const std::string& text) {
     default:
       throw FormatError(path, "byte " + std::to_string(problem.byte), "is not valid JSON; cut short or damaged?");
   }
-}
-
-JsonView JsonView::operator[](const char* key) const {
-  if (!value_->is_object()) Fail("must be an object");
-  const auto found = value_->find(key);
-  const std::string where = where_.empty() ? key : where_ + "." + key;
-  if (found == value_->end()) throw FormatError(*path_, where, "is missing");
-  return JsonView(*path_, *found, where);
-}
-
-JsonView JsonView::operator[](size_t idx) const {
-  const std::string where = where_ + "[" + std::to_string(idx) + "]";
-  if (idx >= ArraySize()) throw FormatError(*path_, where, "is missing");
-  return JsonView(*path_, (*value_)[idx], where);
-}
-
-size_t JsonView::ArraySize() const {
-  if (!value_->is_array()) Fail("must be a list");
-  return value_->size();
-}
-
-int64_t JsonView::Int() const {
-  if (value_->is_string()) {
-    const std::string text = value_->get<std::string>();
-    const bool negative = text.size() > 1 && text[0] == '-';
-    const std::string digits = text.substr(negative);
-    if (digits.empty() || digits.size() > 15 || digits.find_first_not_of("0123456789") != std::string::npos) {
-      Fail("must be a whole number");
-    }
-    return (negative ? -1 : 1) * std::stoll(digits);
-  }
-  const double number = Number();
-  if (number != std::floor(number) || std::abs(number) > 1e15) Fail("must be a whole number");
-  return static_cast<int64_t>(number);
-}
-
-double JsonView::Number() const {
-  if (!value_->is_number()) Fail("must be a number");
-  const double number = value_->get<double>();
-  if (!std::isfinite(number)) Fail("must be finite");
-  return number;
-}
-
-std::string JsonView::Text() const {
-  if (!value_->is_string()) Fail("must be a text");
-  return value_->get<std::string>();
-}
-
-bool JsonView::Flag() const {
-  if (!value_->is_boolean()) Fail("must be true or false");
-  return value_->get<bool>();
 }
 
 namespace {

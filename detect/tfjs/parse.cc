@@ -25,7 +25,7 @@ std::vector<int64_t> ReadShape(const JsonView& shape) {
   if (!shape.Has("dim")) return dims;
   const JsonView list = shape["dim"];
   if (list.ArraySize() > 8) list.Fail("has more than 8 dimensions");
-  for (size_t i = 0; i < list.ArraySize(); ++i) dims.push_back(list[i]["size"].Int());
+  for (size_t i = 0; i < list.ArraySize(); ++i) dims.push_back(list[i]["size"].LongInt());
   return dims;
 }
 
@@ -33,12 +33,12 @@ TfAttribute ReadAttribute(const JsonView& value) {
   TfAttribute attribute;
   const auto text = [&](const JsonView& view) { return DecodeBase64(value.path(), view.where(), view.Text()); };
   if (value.Has("b")) attribute.flag = value["b"].Flag();
-  if (value.Has("i")) attribute.ints.push_back(value["i"].Int());
+  if (value.Has("i")) attribute.ints.push_back(value["i"].LongInt());
   if (value.Has("s")) attribute.texts.push_back(text(value["s"]));
   if (!value.Has("list")) return attribute;
   const JsonView list = value["list"];
   if (list.Has("i")) {
-    for (size_t i = 0; i < list["i"].ArraySize(); ++i) attribute.ints.push_back(list["i"][i].Int());
+    for (size_t i = 0; i < list["i"].ArraySize(); ++i) attribute.ints.push_back(list["i"][i].LongInt());
   }
   if (list.Has("s")) {
     for (size_t i = 0; i < list["s"].ArraySize(); ++i) attribute.texts.push_back(text(list["s"][i]));

@@ -66,7 +66,7 @@ TfWeight DecodeWeight(const JsonView& view, const Encoding& encoding, const char
 std::vector<int64_t> ReadDims(const JsonView& list) {
   std::vector<int64_t> dims;
   if (list.ArraySize() > 8) list.Fail("has more than 8 dimensions");
-  for (size_t i = 0; i < list.ArraySize(); ++i) dims.push_back(list[i].Int());
+  for (size_t i = 0; i < list.ArraySize(); ++i) dims.push_back(list[i].LongInt());
   return dims;
 }
 

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 
 #include "core/check.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::geometry {
@@ -20,9 +21,7 @@ std::string WhyUndefinedOnAxis(const Camera& camera) {
   for (int i = 0; i < traits.num_params; ++i) {
     const LensParam& param = traits.params[i];
     if (camera.params[4 + i] > param.above) continue;
-    char limit[32];
-    std::snprintf(limit, sizeof limit, "%g", param.above);
-    return std::string(param.name) + " is " + std::to_string(camera.params[4 + i]) + ", it must be above " + limit;
+    return std::string(param.name) + Format(" is %f, it must be above %g", camera.params[4 + i], param.above);
   }
   return "";
 }
@@ -50,9 +49,7 @@ std::optional<LensModel> LensModelFromString(std::string_view name) {
 }
 
 std::string LensModelNames() {
-  std::string names;
-  for (const LensModel model : kAllLensModels) names += (names.empty() ? "" : ", ") + std::string(ToString(model));
-  return names;
+  return Join(kAllLensModels, ", ", [](LensModel model) { return ToString(model); });
 }
 
 std::vector<LensModel> ModelsSimplestFirst() {

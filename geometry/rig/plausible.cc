@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <optional>
 
+#include "core/format.h"
 #include "core/units.h"
 
 namespace mvstudio::geometry {
@@ -22,11 +22,7 @@ constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
 constexpr double kMaxFoldOfWideLens = DegToRad(60);
 
-std::string Number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
+std::string Number(double value) { return Format("%.4g", value); }
 
 /// "camera a", "cameras a, b and c", "cameras a, b, c and 7 more".
 std::string Listed(const std::vector<std::string>& names) {

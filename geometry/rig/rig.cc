@@ -9,6 +9,18 @@ int Rig::Find(const std::string& name) const {
   return -1;
 }
 
+std::vector<std::string> CameraNames(const Rig& rig) {
+  std::vector<std::string> names;
+  for (const RigCamera& camera : rig.cameras) names.push_back(camera.camera.name);
+  return names;
+}
+
+std::vector<std::string> CameraNames(const std::vector<Camera>& cameras) {
+  std::vector<std::string> names;
+  for (const Camera& camera : cameras) names.push_back(camera.name);
+  return names;
+}
+
 bool HasJointCovariance(const Rig& rig) {
   if (!rig.joint_covariance) return false;
   const Eigen::MatrixXd& joint = *rig.joint_covariance;
@@ -19,7 +31,8 @@ bool HasJointCovariance(const Rig& rig) {
     if (row + p + 6 > joint.rows() || joint.rows() != joint.cols()) return false;
     const auto same = [&](const auto& own, Eigen::Index begin, Eigen::Index size) {
       any = true;
-      return own.rows() == size && own.cols() == size && (joint.block(begin, begin, size, size) - own).norm() <= 1e-9 * own.norm();
+      return own.rows() == size && own.cols() == size &&
+             (joint.block(begin, begin, size, size) - own).norm() <= 1e-9 * own.norm();
     };
     if (camera.params_covariance && !same(*camera.params_covariance, row, p)) return false;
     if (camera.cam_from_world_covariance && !same(*camera.cam_from_world_covariance, row + p, 6)) return false;

@@ -31,7 +31,7 @@ struct RigCamera {
 
 /// The shape of a board as a calibration found it, where that is not the nominal one.
 struct RigBoard {
-  std::string board;  ///< the text that calib::ParseBoard reads
+  std::string board;                                  ///< the text that calib::ParseBoard reads
   Eigen::Vector2d bend_m = Eigen::Vector2d::Zero();   ///< of calib::WarpBasis
   Eigen::Vector2d stretch = Eigen::Vector2d::Zero();  ///< shear s and aspect a: x' = (1 + a) x + s y, y' = s x + (1 - a) y
 };
@@ -42,7 +42,8 @@ struct Rig {
   std::string gauge;  ///< what fixes the world frame and hence the covariances, in words: "camera 00_00", "board in frame 0", …
 
   /// Covariance of all cameras together, with the correlations that the blocks above leave out: for each camera, in order, its
-  /// lens parameters and then the six of cam_from_world. Goes stale when cameras are changed or dropped: see HasJointCovariance.
+  /// lens parameters and then the six of cam_from_world. Goes stale when cameras are changed or dropped: see
+  /// HasJointCovariance.
   std::optional<Eigen::MatrixXd> joint_covariance;
 
   std::vector<RigBoard> boards;  ///< what the calibration says of its boards' shape; empty: nothing, they count as nominal
@@ -51,8 +52,12 @@ struct Rig {
   int Find(const std::string& name) const;
 };
 
-/// True when joint_covariance belongs to these very cameras: its diagonal blocks are the covariances that they have. Blocks that
-/// a camera does not have are unknown: its rows there mean nothing (StatedCovarianceOf in geometry/rig/rig_covariance.h).
+/// In the rig's order.
+std::vector<std::string> CameraNames(const Rig& rig);
+std::vector<std::string> CameraNames(const std::vector<Camera>& cameras);
+
+/// True when joint_covariance belongs to these very cameras: its diagonal blocks are the covariances that they have. Blocks
+/// that a camera does not have are unknown: its rows there mean nothing (StatedCovarianceOf in geometry/rig/rig_covariance.h).
 bool HasJointCovariance(const Rig& rig);
 
 }  // namespace mvstudio::geometry

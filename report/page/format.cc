@@ -2,17 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
+
+#include "core/format.h"
 
 namespace mvstudio::report {
 namespace {
-
-std::string Printf(const char* format, int precision, double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), format, precision, value);
-  return buffer;
-}
 
 void ReplaceAll(std::string* text, const std::string& from, const std::string& to) {
   for (size_t at = text->find(from); at != std::string::npos; at = text->find(from, at + to.size()))
@@ -23,7 +17,7 @@ void ReplaceAll(std::string* text, const std::string& from, const std::string& t
 
 std::string FormatFixed(double value, int decimals) {
   if (!std::isfinite(value)) return kNoNumber;
-  std::string text = Printf("%.*f", decimals, value);
+  std::string text = Format("%.*f", decimals, value);
   if (text.find_first_not_of("-0.") == std::string::npos && text[0] == '-') text.erase(0, 1);
   return text;
 }
@@ -32,7 +26,7 @@ std::string FormatNumber(double value, int significant) {
   if (!std::isfinite(value)) return kNoNumber;
   if (value == 0) return "0";
   const double magnitude = std::fabs(value);
-  if (magnitude >= 1e7 || magnitude < 1e-4) return Printf("%.*e", std::min(significant, 3) - 1, value);
+  if (magnitude >= 1e7 || magnitude < 1e-4) return Format("%.*e", std::min(significant, 3) - 1, value);
   if (value == std::floor(value) && magnitude < 1e6) return FormatFixed(value, 0);
   const int decimals = std::max(0, significant - 1 - static_cast<int>(std::floor(std::log10(magnitude))));
   std::string text = FormatFixed(value, decimals);
@@ -82,16 +76,5 @@ KeyLabel LabelOfKey(const std::string& key) {
   std::replace(result.label.begin(), result.label.end(), '_', ' ');
   return result;
 }
-
-double Quantile(std::vector<double> values, double fraction) {
-  values.erase(std::remove_if(values.begin(), values.end(), [](double v) { return !std::isfinite(v); }), values.end());
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(values.begin(), values.end());
-  const double at = fraction * static_cast<double>(values.size() - 1);
-  const size_t low = static_cast<size_t>(at), high = std::min(low + 1, values.size() - 1);
-  return values[low] + (at - static_cast<double>(low)) * (values[high] - values[low]);
-}
-
-double Median(const std::vector<double>& values) { return Quantile(values, 0.5); }
 
 }  // namespace mvstudio::report

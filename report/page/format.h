@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 namespace mvstudio::report {
 
@@ -24,9 +23,5 @@ struct KeyLabel {
   std::string label, unit;
 };
 KeyLabel LabelOfKey(const std::string& key);
-
-/// Of the finite values; NaN when there are none. `fraction` in [0, 1], linear interpolation between order statistics.
-double Quantile(std::vector<double> values, double fraction);
-double Median(const std::vector<double>& values);
 
 }  // namespace mvstudio::report

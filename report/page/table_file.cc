@@ -5,30 +5,10 @@
 #include <cstdlib>
 #include <limits>
 
+#include "core/csv.h"
 #include "core/error.h"
 
 namespace mvstudio::report {
-namespace {
-
-std::vector<std::string> SplitLine(const std::string& line) {
-  std::vector<std::string> fields(1);
-  bool quoted = false;
-  for (size_t i = 0; i < line.size(); ++i) {
-    const char c = line[i];
-    if (c == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"') {
-      fields.back() += line[++i];
-    } else if (c == '"') {
-      quoted = !quoted;
-    } else if (c == ',' && !quoted) {
-      fields.emplace_back();
-    } else if (c != '\r') {
-      fields.back() += c;
-    }
-  }
-  return fields;
-}
-
-}  // namespace
 
 int TableFile::Column(const std::string& name) const {
   const auto found = std::find(columns.begin(), columns.end(), name);
@@ -52,22 +32,18 @@ std::vector<double> TableFile::Numbers(int column) const {
 
 TableFile ParseTable(const std::string& text, const std::string& path_for_messages) {
   TableFile table;
-  size_t line_number = 0;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    const std::string line = text.substr(begin, end - begin);
-    const bool unfinished = end == text.size();
-    begin = end + 1;
-    ++line_number;
-    if (line.empty() || line == "\r") continue;
-    std::vector<std::string> fields = SplitLine(line);
-    if (table.columns.empty()) {
-      table.columns = std::move(fields);
-    } else if (fields.size() == table.columns.size()) {
-      table.rows.push_back(std::move(fields));
-    } else if (!unfinished) {
-      throw FormatError(path_for_messages, "line " + std::to_string(line_number),
-                        std::to_string(fields.size()) + " fields where the header has " + std::to_string(table.columns.size()));
+  CsvReader csv(path_for_messages, text);
+  while (csv.NextLine()) {
+    try {
+      const std::vector<std::string_view>& cells = csv.Cells();
+      if (table.columns.empty()) {
+        table.columns.assign(cells.begin(), cells.end());
+        continue;
+      }
+      csv.RequireCells(table.columns.size());
+      table.rows.emplace_back(cells.begin(), cells.end());
+    } catch (const FormatError&) {
+      if (!csv.is_cut()) throw;
     }
   }
   if (table.columns.empty()) throw FormatError(path_for_messages, "", "the file is empty");

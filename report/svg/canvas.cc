@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <initializer_list>
 
+#include "core/format.h"
+#include "core/join.h"
 #include "report/page/html.h"
 
 namespace mvstudio::report {
@@ -12,9 +13,7 @@ namespace {
 
 /// Two decimals at most, no trailing zeros.
 std::string Coordinate(double value) {
-  char buffer[48];
-  std::snprintf(buffer, sizeof(buffer), "%.2f", std::clamp(value, -1e6, 1e6));
-  std::string text = buffer;
+  std::string text = Format("%.2f", std::clamp(value, -1e6, 1e6));
   text.erase(text.find_last_not_of('0') + 1);
   if (text.back() == '.') text.pop_back();
   return text == "-0" ? "0" : text;
@@ -89,9 +88,8 @@ void SvgCanvas::Polyline(const std::vector<Point>& points, const std::string& cs
 
 void SvgCanvas::Polygon(const std::vector<Point>& points, const std::string& css_class, double stroke_width) {
   if (points.size() < 3 || !std::all_of(points.begin(), points.end(), IsFinite)) return;
-  std::string list;
-  for (const Point& point : points) list += (list.empty() ? "" : " ") + Pair(point);
-  body_ += "<polygon points=\"" + list + "\"" + ClassAttribute(css_class) + Attribute("stroke-width", stroke_width) + "/>\n";
+  body_ += "<polygon points=\"" + Join(points, " ", Pair) + "\"" + ClassAttribute(css_class) +
+           Attribute("stroke-width", stroke_width) + "/>\n";
 }
 
 void SvgCanvas::Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class,

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/svg/axes.h"
 #include "report/svg/canvas.h"
@@ -171,8 +172,9 @@ std::string StackedBar(const std::string& title, const std::vector<StackPart>& p
 }
 
 std::string Histogram(const std::string& title, const Axis& value, const std::vector<double>& values, double width) {
-  const double limit = Quantile(values, 0.99);
-  const double high = std::isfinite(limit) && limit > 0 ? limit : 1, low = std::min(0.0, Quantile(values, 0));
+  const std::vector<double> finite = FiniteValues(values);
+  const double limit = LinearQuantile(finite, 0.99);
+  const double high = std::isfinite(limit) && limit > 0 ? limit : 1, low = std::min(0.0, LinearQuantile(finite, 0));
   constexpr int kBins = 32;
   std::vector<double> counts(kBins, 0);
   for (const double v : values) {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/svg/axes.h"
 #include "report/svg/canvas.h"
@@ -77,7 +78,7 @@ std::string ResidualField(const std::string& title, double image_width_px, doubl
   SvgCanvas canvas(width, top + plot_height + 62, title);
   canvas.Text(2, 14, title, "start", "t");
   DrawImageFrame(&canvas, left, top, scale, sized ? image_width_px : 1, sized ? image_height_px : 0.75);
-  const double typical = Quantile(Lengths(kept), 0.95);
+  const double typical = LinearQuantile(FiniteValues(Lengths(kept)), 0.95);
   const double factor = typical > 0 ? NiceBelow(0.09 * std::max(image_width_px, image_height_px) / typical) : 1;
   std::vector<std::pair<SvgCanvas::Point, SvgCanvas::Point>> needles;
   std::vector<SvgCanvas::Point> feet;
@@ -102,7 +103,7 @@ std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow
   const double side = width - 66, left = 52, top = kTitleHeight + 2, centre_x = left + side / 2, centre_y = top + side / 2;
   SvgCanvas canvas(width, top + side + 44, title);
   canvas.Text(2, 14, title, "start", "t");
-  const double circle = Quantile(Lengths(kept), 0.95);
+  const double circle = LinearQuantile(FiniteValues(Lengths(kept)), 0.95);
   const double reach = circle > 0 ? 1.6 * circle : 1, scale = side / 2 / reach;
   canvas.Rect(left, top, side, side, "frame");
   const std::vector<double> ticks = NiceTicks(-reach, reach, 4);

@@ -28,13 +28,6 @@ std::string ProtocolJson(const std::string& body, const std::string& digest) {
          R"(, "splits": {"easy": {"pictures": 3, "sha256": "s"}}})";
 }
 
-/// A scored run.
-void PutRun(const std::string& folder, const std::string& holdout, const std::string& digest = kDigest) {
-  Put(folder + "/protocol.json", ProtocolJson(kBody, kDigest));
-  Put(folder + "/avatar_eval.result.json",
-      R"({"metrics": {"holdout": )" + holdout + R"(, "protocol_sha256": ")" + digest + "\"}}");
-}
-
 ScoreProtocol Protocol(const std::string& path, const std::string& body) {
   return {path, "", Value::Parse(body, path), Value()};
 }
@@ -96,27 +89,6 @@ TEST(AvatarScores, TheFirstDifferenceIsThatOfTheFirstFilesOrder) {
             "net is posenet, in B it is not there");
   EXPECT_EQ(PlaceOf([&] { RequireSameProtocol(own, first); }), "crop.size_px");
   EXPECT_NO_THROW(RequireSameProtocol(first, first));
-}
-
-TEST(AvatarScores, AScoredRunIsReadWithItsLabel) {
-  const TempDir folder;
-  PutRun(folder / "run", R"({"ssim": 0.875})");
-  const ScoredRun run = ReadScoredRun("ours=" + (folder / "run") + "//");
-  EXPECT_EQ(run.label, "ours");
-  EXPECT_EQ(run.folder, folder / "run");
-  EXPECT_EQ(run.metrics["holdout"]["ssim"].Number(), 0.875);
-  EXPECT_EQ(run.protocol.sha256, kDigest);
-}
-
-TEST(AvatarScores, RunsWithoutScoresAreRefused) {
-  const TempDir folder;
-  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(folder / "none"); }), HasSubstr(folder / "none"));
-  std::filesystem::create_directories(folder / "run");
-  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(folder / "run"); }), HasSubstr("avatar_eval.result.json"));
-  PutRun(folder / "run", "{}");
-  EXPECT_EQ(PlaceOf([&] { ReadScoredRun(folder / "run"); }), "metrics.holdout.ssim");
-  PutRun(folder / "run", R"({"ssim": 0.875})", "another");
-  EXPECT_EQ(PlaceOf([&] { ReadScoredRun(folder / "run"); }), "metrics.protocol_sha256");
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ struct RunSpec {
 
 Value SplitOf(double ssim) { return Value::Object().Set("ssim", ssim); }
 
-ScoredRun Run(const RunSpec& spec) {
+ScoredRun MakeRun(const RunSpec& spec) {
   ScoredRun run;
   run.folder = spec.folder, run.label = spec.label;
   Value cameras = Value::Array();
@@ -38,12 +38,11 @@ ScoredRun Run(const RunSpec& spec) {
                             .Set("train.device", spec.device)
                             .Set("seed", spec.seed);
   const Value distance = Value::Object().Set("name", "FD (gabor)").Set("value", 10 * spec.ssim);
-  run.metrics =
-      Value::Object()
-          .Set("training", Value::Object().Set("options", options).Set("cameras", cameras).Set("size_px", 64))
-          .Set("holdout", SplitOf(spec.ssim).Set("kind", kBoth).Set("fd", distance).Set("psnr_db", 20.0))
-          .Set("other_splits", Value::Object().Set(kMotion, SplitOf(0.75)))
-          .Set("baselines", Value::Object().Set("mean_image", SplitOf(0.25)));
+  run.metrics = Value::Object()
+                    .Set("training", Value::Object().Set("options", options).Set("cameras", cameras).Set("size_px", 64))
+                    .Set("holdout", SplitOf(spec.ssim).Set("kind", kBoth).Set("fd", distance).Set("psnr_db", 20.0))
+                    .Set("other_splits", Value::Object().Set(kMotion, SplitOf(0.75)))
+                    .Set("baselines", Value::Object().Set("mean_image", SplitOf(0.25)));
   run.protocol.splits = Value::Object().Set(kMotion, Value::Object().Set("sha256", spec.pictures));
   return run;
 }
@@ -74,8 +73,8 @@ TEST(AvatarTable, SpreadHasItsClosedForm) {
 
 TEST(AvatarTable, SeedsShareARowAndTheSpreadDecides) {
   const auto compare = [](double worst_of_first) {
-    return CompareRuns({Run({"r/a1", "tna", "1", worst_of_first}), Run({"r/d1", "direct", "1", 0.85}),
-                        Run({"r/a2", "tna", "2", 0.92}), Run({"r/d2", "direct", "2", 0.87})},
+    return CompareRuns({MakeRun({"r/a1", "tna", "1", worst_of_first}), MakeRun({"r/d1", "direct", "1", 0.85}),
+                        MakeRun({"r/a2", "tna", "2", 0.92}), MakeRun({"r/d2", "direct", "2", 0.87})},
                        false);
   };
   const Comparison comparison = compare(0.90);
@@ -94,41 +93,42 @@ TEST(AvatarTable, SeedsShareARowAndTheSpreadDecides) {
   EXPECT_TRUE(comparison.differences[0].spread_known);
   EXPECT_TRUE(comparison.differences[0].outside_spread);
   EXPECT_FALSE(compare(0.86).differences[0].outside_spread) << "0.86 … 0.92 and 0.85 … 0.87 overlap";
-  const Comparison single = CompareRuns({Run({"a", "tna", "1", 0.9}), Run({"d", "direct", "1", 0.1})}, false);
+  const Comparison single = CompareRuns({MakeRun({"a", "tna", "1", 0.9}), MakeRun({"d", "direct", "1", 0.1})}, false);
   EXPECT_FALSE(single.differences[0].spread_known || single.differences[0].outside_spread);
 }
 
 TEST(AvatarTable, NamesTellRowsOfOneMethodApart) {
   RunSpec narrow{"a"}, wide{"b"}, elsewhere{"c"};
   wide.width = "16", elsewhere.device = "cuda", elsewhere.seed = "2";
-  EXPECT_THAT(NamesOf(CompareRuns({Run(narrow), Run(wide), Run(elsewhere)}, false)), ElementsAre("TNA, width 8", "TNA, width 16"));
+  EXPECT_THAT(NamesOf(CompareRuns({MakeRun(narrow), MakeRun(wide), MakeRun(elsewhere)}, false)),
+              ElementsAre("TNA, width 8", "TNA, width 16"));
   RunSpec three{"a"}, two{"b"}, others{"c"};
   three.cameras = {"00_00", "00_01", "00_02"}, others.cameras = {"00_03", "00_04"};
-  EXPECT_THAT(NamesOf(CompareRuns({Run(three), Run(two)}, false)), ElementsAre("TNA, 3 cameras", "TNA, 2 cameras"));
-  EXPECT_THAT(NamesOf(CompareRuns({Run(two), Run(others)}, false)),
+  EXPECT_THAT(NamesOf(CompareRuns({MakeRun(three), MakeRun(two)}, false)), ElementsAre("TNA, 3 cameras", "TNA, 2 cameras"));
+  EXPECT_THAT(NamesOf(CompareRuns({MakeRun(two), MakeRun(others)}, false)),
               ElementsAre("TNA, cameras 00_00+00_01", "TNA, cameras 00_03+00_04"));
   narrow.label = wide.label = "ours";
-  EXPECT_THAT(NamesOf(CompareRuns({Run(narrow), Run(wide)}, false)), ElementsAre("ours")) << "the label decides";
+  EXPECT_THAT(NamesOf(CompareRuns({MakeRun(narrow), MakeRun(wide)}, false)), ElementsAre("ours")) << "the label decides";
   RunSpec unknown{"u", "mine"};
-  EXPECT_THAT(NamesOf(CompareRuns({Run(unknown)}, true)), ElementsAre("mine", "mean image"));
+  EXPECT_THAT(NamesOf(CompareRuns({MakeRun(unknown)}, true)), ElementsAre("mine", "mean image"));
 }
 
 TEST(AvatarTable, SplitsOfOtherPicturesAreMarked) {
   RunSpec first{"a"}, second{"b", "direct"};
   second.pictures = "others";
-  const Comparison comparison = CompareRuns({Run(first), Run(second)}, false);
+  const Comparison comparison = CompareRuns({MakeRun(first), MakeRun(second)}, false);
   EXPECT_THAT(comparison.mixed_splits, ElementsAre(kMotion));
   EXPECT_TRUE(comparison.rows[0].splits.at(kMotion).same_pictures);
   EXPECT_FALSE(comparison.rows[1].splits.at(kMotion).same_pictures);
   EXPECT_TRUE(comparison.rows[1].splits.at(kBoth).same_pictures);
-  const std::string marked = MarkdownTable(comparison), plain = MarkdownTable(CompareRuns({Run(first)}, false));
+  const std::string marked = MarkdownTable(comparison), plain = MarkdownTable(CompareRuns({MakeRun(first)}, false));
   EXPECT_THAT(marked, HasSubstr("| Direct | 1 | 0.7500 \u2020 |"));
   EXPECT_THAT(plain, Not(HasSubstr("\u2020")));
 }
 
 TEST(AvatarTable, MarkdownAndTextHaveTheSameColumns) {
   const Comparison comparison =
-      CompareRuns({Run({"a1", "tna", "1", 0.90}), Run({"a2", "tna", "2", 0.92}), Run({"d", "direct", "1", 0.5})}, true);
+      CompareRuns({MakeRun({"a1", "tna", "1", 0.90}), MakeRun({"a2", "tna", "2", 0.92}), MakeRun({"d", "direct", "1", 0.5})}, true);
   std::istringstream markdown(MarkdownTable(comparison));
   std::vector<std::string> lines;
   for (std::string line; std::getline(markdown, line) && !line.empty();) lines.push_back(line);
@@ -147,7 +147,7 @@ TEST(AvatarTable, MarkdownAndTextHaveTheSameColumns) {
 }
 
 TEST(AvatarTable, StudiesGoToTheRowsThatTheyName) {
-  Comparison comparison = CompareRuns({Run({"runs/a", "tna", "1", 0.9}), Run({"runs/d", "direct", "1", 0.5})}, false);
+  Comparison comparison = CompareRuns({MakeRun({"runs/a", "tna", "1", 0.9}), MakeRun({"runs/d", "direct", "1", 0.5})}, false);
   report::StudyAnswers answers;
   answers.study = "s", answers.rater = "Ann", answers.methods = {"TNA", "d"};  // a row's name, a run's folder
   for (const bool first : {true, true, true, false}) answers.answers.push_back({"p", first, false, 1});

@@ -42,14 +42,6 @@ TEST(AvatarTrials, EveryCombinationOnceCheapestFirst) {
   EXPECT_EQ(templates, without);
 }
 
-TEST(AvatarTrials, NamesTellWhatIsTried) {
-  AvatarTrial trial;
-  trial.width = 8, trial.size_px = 64, trial.steps = 300, trial.loss = "l1+ssim";
-  EXPECT_EQ(trial.Name(), "width 8, 64 px, 300 steps, l1+ssim");
-  trial.steps = 0;
-  EXPECT_EQ(trial.Name(), "64 px, template without a network");
-}
-
 TEST(AvatarTrials, ThereMustBeACamera) {
   AvatarGrid grid;
   grid.cameras = {3, 0};
@@ -65,11 +57,11 @@ AvatarTrial Done(size_t cameras, double train_s, double ms_per_frame, double ssi
 
 TEST(AvatarTrials, FrontsCountWithinOneNumberOfCameras) {
   std::vector<AvatarTrial> trials = {
-      Done(3, 10, 5, 0.9),              // best and quickest to train
-      Done(3, 20, 1, 0.8),              // slower and worse, but quickest to render
-      Done(3, 30, 9, 0.7),              // beaten in all
-      Done(6, 40, 9, 0.6),              // alone with six cameras
-      Done(6, 1, 1, std::nan("")),      // has no score
+      Done(3, 10, 5, 0.9),          // best and quickest to train
+      Done(3, 20, 1, 0.8),          // slower and worse, but quickest to render
+      Done(3, 30, 9, 0.7),          // beaten in all
+      Done(6, 40, 9, 0.6),          // alone with six cameras
+      Done(6, 1, 1, std::nan("")),  // has no score
   };
   MarkFronts(&trials);
   std::vector<bool> train, render;
@@ -93,18 +85,6 @@ TEST(AvatarTrials, WhatHasNotRunIsNeverShownAsNaN) {
   EXPECT_EQ(table[0]["on_front"], true);
   EXPECT_TRUE(table[1]["ssim"].is_null() && table[1]["num_parameters"].is_null());
   EXPECT_EQ(table[1]["done"], false);
-}
-
-TEST(AvatarTrials, ThePageSaysWhatIsHeldOut) {
-  std::vector<AvatarTrial> trials = {Done(3, 10, 5, 0.9), Done(6, 20, 4, 0.95)};
-  for (AvatarTrial& t : trials) t.width = 8, t.size_px = 64, t.steps = 300, t.loss = "l1";
-  AvatarTradeoffOptions options;
-  options.holdout_cameras = {"00_07", "00_09"}, options.holdout_frames = "80-99", options.score_size_px = 128;
-  const std::string page = TrialsPage(trials, options);
-  for (const char* text : {"00_07, 00_09", "80-99", "128", "3 cameras: training", "6 cameras: rendering", "What more cameras give"}) {
-    EXPECT_THAT(page, HasSubstr(text));
-  }
-  EXPECT_THAT(TrialsPage(MakeTrials({}, kCameras), options), Not(HasSubstr(">nan")));
 }
 
 }  // namespace

@@ -47,7 +47,8 @@ TEST(PicturePairs, NamesDecideNotExtensions) {
 
 TEST(PicturePairs, WhatCannotBePairedIsNamed) {
   const TempDir folder;
-  for (const char* file : {"a/p1.png", "b/p2.png", "twice/p1.png", "twice/p1.jpg", "none/x.txt", "masks/q.png"}) Put(folder / file, "x");
+  for (const char* file : {"a/p1.png", "b/p2.png", "twice/p1.png", "twice/p1.jpg", "none/x.txt", "masks/q.png"})
+    Put(folder / file, "x");
   const auto refused = [&](const char* other, const std::string& masks) {
     return MessageOf<IoError>([&] { PairPictures(folder / "a", folder / other, masks); });
   };
@@ -79,27 +80,6 @@ TEST(PicturePairs, EqualPicturesAreAlikeAndAConstantHasItsDecibels) {
   EXPECT_EQ(added.height, 20);
 }
 
-TEST(PicturePairs, OfTwoFilesAndAMaskOnlyTheMaskCounts) {
-  const TempDir folder;
-  Image other = Noise(40, 40), mask(40, 40, 1);
-  for (int y = 0; y < 40; ++y) {
-    for (int x = 0; x < 40; ++x) {
-      const bool inside = x >= 10 && x < 30 && y >= 10 && y < 30;
-      if (inside) *mask.Pixel(x, y) = 255;
-      for (int c = 0; c < 3; ++c) other.Pixel(x, y)[c] += inside ? 10 : 90;
-    }
-  }
-  dataset::WriteImage(Noise(40, 40), folder / "first.png");
-  dataset::WriteImage(other, folder / "second.png");
-  dataset::WriteImage(mask, folder / "mask.png");
-  PicturePairs pairs = PairPictures(folder / "first.png", folder / "second.png", folder / "mask.png");
-  ScorePairs(&pairs, {});
-  ASSERT_EQ(pairs.pairs.size(), 1u);
-  EXPECT_EQ(pairs.pairs[0].name, "first");
-  ASSERT_TRUE(pairs.pairs[0].masked && pairs.pairs[0].bbox);
-  EXPECT_NEAR(pairs.pairs[0].masked->psnr_db, 20 * std::log10(25.5), 1e-6);
-}
-
 TEST(PicturePairs, PicturesThatHaveNoScoreAreRefusedWithTheirSizes) {
   const TempDir folder;
   dataset::WriteImage(Noise(24, 20), folder / "a.png");
@@ -111,7 +91,8 @@ TEST(PicturePairs, PicturesThatHaveNoScoreAreRefusedWithTheirSizes) {
     PicturePairs pairs = PairPictures(folder / reference, folder / other, *mask ? folder / mask : "");
     return MessageOf<FormatError>([&] { ScorePairs(&pairs, {}); });
   };
-  EXPECT_THAT(refused("a.png", "wider.png", ""), HasSubstr("wider.png: is 25x20, its partner " + (folder / "a.png") + " is 24x20"));
+  EXPECT_THAT(refused("a.png", "wider.png", ""),
+              HasSubstr("wider.png: is 25x20, its partner " + (folder / "a.png") + " is 24x20"));
   EXPECT_THAT(refused("low.png", "low.png", ""), HasSubstr("24x10, smaller than SSIM's window"));
   EXPECT_THAT(refused("a.png", "a.png", "low.png"), HasSubstr("low.png: is 24x10"));
   EXPECT_THAT(refused("a.png", "a.png", "nobody.png"), HasSubstr("nobody.png: is empty"));

@@ -16,9 +16,9 @@ namespace {
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::Put;
 using mvstudio::testing::TempDir;
-using triangulate::DetectedFrame;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using triangulate::DetectedFrame;
 
 /// Pinhole cameras in a row that look at the origin.
 geometry::Rig RowOf(const std::vector<std::string>& names) {
@@ -94,30 +94,6 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   EXPECT_TRUE(result.warnings.empty());
 }
 
-TEST(PoseInput, LimbsAndMirrorsAreThoseOfTheSkeletonsNames) {
-  const TempDir folder;
-  PoseArguments arguments;
-  arguments.calib = PutRig(folder, {"a", "b"});
-  arguments.pose2d = {PutPoses(folder, "a", {1}), PutPoses(folder, "b", {1})};
-  CommandResult result;
-  const PoseInput input = ReadPoseInput(arguments, &result);
-  std::vector<std::string> limbs;
-  for (const auto& [from, to] : input.limbs) limbs.push_back(input.skeleton.joints[from] + "-" + input.skeleton.joints[to]);
-  EXPECT_THAT(limbs, ::testing::UnorderedElementsAre("LShoulder-LElbow", "LElbow-LWrist", "LHip-LKnee", "LKnee-LAnkle",
-                                                     "RShoulder-RElbow", "RElbow-RWrist", "RHip-RKnee", "RKnee-RAnkle"));
-  const triangulate::TakeBody body = BodyOf(input.skeleton);
-  EXPECT_EQ(body.num_joints, 25);
-  size_t pairs = 0;
-  for (const auto& group : body.mirror) {
-    for (const auto& [left, right] : group) {
-      const std::string &l = input.skeleton.joints[left], &r = input.skeleton.joints[right];
-      EXPECT_TRUE(l[0] == 'L' && r[0] == 'R' && l.substr(1) == r.substr(1)) << l << " " << r;
-      ++pairs;
-    }
-  }
-  EXPECT_EQ(pairs, 11u) << "all but nose, neck and the middle of the hips";
-}
-
 TEST(PoseInput, ATableOfPoints) {
   const TempDir folder;
   Put(folder / "points.csv",
@@ -157,31 +133,6 @@ TEST(PoseInput, PartsTogetherAreTheWhole) {
     EXPECT_EQ(parts.input().limbs, whole.limbs);
     EXPECT_TRUE(parts.Read(parts.num_frames(), parts.num_frames() + 1, &own).empty());
   }
-}
-
-TEST(PoseInput, DamagedFilesAreLeftOutAndListed) {
-  const TempDir folder;
-  PoseArguments arguments;
-  arguments.calib = PutRig(folder, {"a", "b"});
-  std::vector<int> frames(14);
-  for (int f = 0; f < 14; ++f) frames[f] = f;
-  arguments.pose2d = {PutPoses(folder, "a", frames), PutPoses(folder, "b", frames)};
-  for (const char* number : {"01", "03", "05", "07", "09", "11"}) {
-    Put(folder / "a/0000000000" + number + "_keypoints.json", "{");
-  }
-  CommandResult result;
-  const PoseInput input = ReadPoseInput(arguments, &result);
-  EXPECT_EQ(result.exit, kExitPartial);
-  ASSERT_EQ(result.warnings.size(), 6u) << "five of the six by name";
-  EXPECT_EQ(result.warnings[0].code, "POSE-SKIPPED");
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("000000000001_keypoints.json"));
-  EXPECT_EQ(result.warnings[5].text, "and 1 more");
-  ASSERT_EQ(input.frames.size(), 14u);
-  EXPECT_TRUE(input.frames[1].people[0].empty());
-  EXPECT_EQ(input.frames[1].people[1].size(), 1u);
-  CommandResult own;
-  ExpectSame(ReadInParts(PoseParts(arguments, &own), 4, &own), input.frames);
-  EXPECT_EQ(own.exit, kExitPartial);
 }
 
 /// A whole take with one damaged file is read; so it is when that file is a part by itself.
@@ -239,22 +190,6 @@ TEST(PoseInput, PartsRefuseWhatTheWholeRefuses) {
   EXPECT_THAT(refused({}), HasSubstr("either option 'pose2d' or option 'points2d'"));
   EXPECT_THAT(refused({a, b, a}), HasSubstr("names camera a twice"));
   EXPECT_THAT(refused({a}), HasSubstr("at least two cameras"));
-}
-
-TEST(PoseInput, TheSameCameraUnderTwoNamesIsToldOf) {
-  const TempDir folder;
-  geometry::Rig rig = RowOf({"cam_0", "cam_1"});
-  rig.cameras.push_back(rig.cameras[0]);
-  rig.cameras[2].camera.name = "again";
-  geometry::WriteRig(rig, folder / "calib.json");
-  PoseArguments arguments;
-  arguments.calib = folder / "calib.json";
-  for (const char* camera : {"cam_0", "cam_1", "again"}) arguments.pose2d.push_back(PutPoses(folder, camera, {1}));
-  CommandResult result;
-  ReadPoseInput(arguments, &result);
-  ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_EQ(result.warnings[0].code, "TRI-DUPLICATE");
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("again has the lens and the place of cam_0"));
 }
 
 }  // namespace

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 namespace mvstudio::app {
 namespace {
 
@@ -48,20 +46,6 @@ TEST(SessionTable, EachCamerasFootageHasALine) {
   EXPECT_THAT(LineOf(text, "top"), HasSubstr("cannot be read: raw/walk/top.avi"));
 }
 
-TEST(SessionTable, FootageAsJsonHasNullForWhatIsNotKnown) {
-  const nlohmann::json json = nlohmann::json::parse(FootageJson(Report()).dump());
-  ASSERT_EQ(json.size(), 3u);
-  EXPECT_EQ(json[0]["fps_hz"], 25);
-  EXPECT_EQ(json[0]["duration_s"], 10);
-  EXPECT_EQ(json[0]["frames"], 250);
-  EXPECT_EQ(json[0]["rotation_clockwise_deg"], 90);
-  EXPECT_FALSE(json[0].contains("gaps"));
-  EXPECT_TRUE(json[1]["fps_hz"].is_null() && json[1]["duration_s"].is_null()) << "pictures have no time of their own";
-  EXPECT_EQ(json[1]["gaps"], nlohmann::json::parse("[[3, 5]]"));
-  EXPECT_EQ(json[2]["camera"], "top");
-  EXPECT_FALSE(json[2].contains("codec"));
-}
-
 TEST(SessionTable, TheExitCodeTellsHowMuchIsSound) {
   const dataset::SessionFinding warning{false, "SES-KEY", "unknown key", "see"}, error{true, "SES-MISSING", "gone", "copy"};
   const auto result_of = [](const std::vector<bool>& sound, const std::vector<dataset::SessionFinding>& findings) {
@@ -103,22 +87,6 @@ TEST(SessionTable, EachCameraOfATimelineHasALine) {
   EXPECT_THAT(LineOf(text, "left  "), HasSubstr("+0.000"));
   EXPECT_THAT(LineOf(text, "right  "), HasSubstr("-0.250"));
   EXPECT_THAT(LineOf(text, "right  "), HasSubstr(" 7 ")) << "dropped frames";
-}
-
-TEST(SessionTable, ATimelineAsJsonCountsWhatIsMissing) {
-  dataset::Timeline timeline = Timeline();
-  timeline.cameras[1].rate_ppm = std::nan("");
-  const nlohmann::json json = nlohmann::json::parse(TimelineJson(timeline).dump());
-  EXPECT_EQ(json["instants"], 5);
-  EXPECT_EQ(json["clock"], "common");
-  const auto& right = json["cameras"][1];
-  EXPECT_EQ(right["instants_with_frame"], 3);
-  EXPECT_EQ(right["dropped"], 7);
-  EXPECT_EQ(right["doubled"], 1);
-  EXPECT_EQ(right["bad_times"], 1);
-  EXPECT_EQ(right["offset_frames"], -0.25);
-  EXPECT_TRUE(right["rate_ppm"].is_null());
-  EXPECT_EQ(json["cameras"][0]["instants_with_frame"], 5);
 }
 
 }  // namespace

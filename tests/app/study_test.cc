@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <filesystem>
 
 #include "core/disk/files.h"
@@ -98,7 +97,8 @@ TEST(Study, WhatIsMissingIsNamedAndOthersFilesStay) {
 }
 
 /// A file of answers: of `count` questions the first `ours` prefer the method "ours", which is always on the left.
-void PutAnswers(const std::string& path, const std::vector<std::string>& methods, const std::string& rater, int ours, int count) {
+void PutAnswers(const std::string& path, const std::vector<std::string>& methods, const std::string& rater, int ours,
+                int count) {
   Value answers = Value::Array();
   for (int i = 0; i < count; ++i) {
     const std::string picture = "p" + std::to_string(i);
@@ -134,25 +134,6 @@ TEST(StudyAnswersTally, IsTheSameFromBothSides) {
   EXPECT_NEAR(a["p_value"].get<double>(), 112 / 1024.0, 1e-15);  // 2 (45 + 10 + 1) / 2^10
   EXPECT_EQ(a["p_value"], b["p_value"]);
   EXPECT_EQ(a["left"], b["left"]);
-}
-
-TEST(StudyAnswersTally, RatersAreListedAndPooled) {
-  const TempDir folder;
-  PutAnswers(folder / "ann", {"ours", "theirs"}, "Ann", 3, 4);
-  PutAnswers(folder / "ben", {"ours", "theirs"}, "Ben", 0, 4);
-  StudyArguments arguments;
-  arguments.tally = {folder / "ann", folder / "ben"};
-  const CommandResult result = RunStudyTally(arguments);
-  ASSERT_EQ(result.metrics["raters"].size(), 2u);
-  EXPECT_EQ(result.metrics["raters"][1]["rater"], "Ben");
-  EXPECT_EQ(result.metrics["raters"][1]["first"], 0);
-  EXPECT_EQ(result.metrics["pooled"]["first"], 3);
-  EXPECT_EQ(result.metrics["pooled"]["n"], 8);
-  EXPECT_EQ(result.inputs, arguments.tally);
-  for (const char* text : {"'ours' preferred to 'theirs'", "Ann", "Ben", "all answers"}) EXPECT_THAT(result.text, HasSubstr(text));
-  arguments.tally = {folder / "ann", folder / "ann"};
-  EXPECT_THAT(MessageOf<FormatError>([&] { RunStudyTally(arguments); }), HasSubstr("answered already"));
-  EXPECT_THROW(RunStudyTally({}), UsageError);
 }
 
 }  // namespace

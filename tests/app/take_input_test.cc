@@ -3,9 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
-#include <filesystem>
-
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
@@ -14,7 +11,6 @@
 namespace mvstudio::app {
 namespace {
 
-namespace fs = std::filesystem;
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::Put;
 using mvstudio::testing::TempDir;
@@ -105,37 +101,6 @@ TEST(TakeInput, ASessionsOnlyTakeWithPeople) {
   EXPECT_THAT(Refused(arguments), HasSubstr("take empty"));
   arguments.take = "run";
   EXPECT_THAT(Refused(arguments), HasSubstr("option 'take' run"));
-}
-
-TEST(TakeInput, TheWrittenTimelineComesWithTheFootageAndSaysWhenItIsOld) {
-  const TempDir folder;
-  PutSession(folder);
-  dataset::Timeline timeline;
-  timeline.take = "walk", timeline.reference = "left", timeline.fps_hz = 50, timeline.num_instants = 3;
-  for (const char* name : {"left", "right"}) {
-    dataset::CameraTimeline camera;
-    camera.name = name, camera.num_frames = 3, camera.fps_hz = 50, camera.frame_at = {0, -1, 2};
-    timeline.cameras.push_back(camera);
-  }
-  const std::string path = folder / "sync/walk.timeline.json";
-  dataset::WriteTimeline(timeline, path);
-  TakeArguments arguments;
-  arguments.session = folder.path();
-  const auto read = [&](CommandResult* result) { return ReadTakeInput(arguments, result); };
-  CommandResult fresh, old, without;
-  const auto filmed = fs::last_write_time(folder / "raw/walk/right.mp4");
-  fs::last_write_time(path, filmed + std::chrono::hours(1));
-  const TakeInput input = read(&fresh);
-  ASSERT_NE(input.footage[1].timeline, nullptr);
-  EXPECT_EQ(input.footage[1].timeline->Find("right")->frame_at, std::vector<int64_t>({0, -1, 2}));
-  EXPECT_EQ(fresh.warnings.size(), 1u) << "of the unknown key alone";
-  fs::last_write_time(path, filmed - std::chrono::hours(1));
-  read(&old);
-  ASSERT_EQ(old.warnings.size(), 2u);
-  EXPECT_EQ(old.warnings[1].code, "SES-TIMELINE");
-  EXPECT_THAT(old.warnings[1].text, HasSubstr("walk.timeline.json"));
-  arguments.with_timeline = false;
-  EXPECT_EQ(read(&without).footage[0].timeline, nullptr);
 }
 
 }  // namespace

@@ -4,13 +4,13 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <string>
 
 #include "body/body_template.h"
 #include "body/mesh_raster.h"
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 
@@ -70,8 +70,7 @@ inline void WriteMannequinDataset(const std::string& root, int cameras, int fram
   for (int f = 0; f < frames; ++f) {
     const body::BodyPose pose = SwingPose(body, 0.1 * f);
     const Eigen::Matrix3Xf vertices = body::SkinVertices(body, pose);
-    char number[16];
-    std::snprintf(number, sizeof number, "%08d", f);
+    const std::string number = Format("%08d", f);
     for (const geometry::RigCamera& camera : rig.cameras) {
       const body::PartUvMap map = body::RasterizeBody(body, vertices, camera);
       Image picture(size_px, size_px, 3, 90), mask(size_px, size_px, 1);

@@ -10,6 +10,7 @@
 #include "avatar/scores/picture_scores.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/units.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
@@ -62,9 +63,7 @@ class RenderRun : public ::testing::Test {
     for (const auto& [frame, people] : data_.poses) {
       dataset::Coco19Pose pose = people.at(0);
       pose.x_in_world = (factor * (pose.x_in_world.colwise() - about)).colwise() + about;
-      char name[48];
-      std::snprintf(name, sizeof name, "/body3DScene_%08d.json", frame);
-      dataset::WriteBody3dScene({{0, pose}}, 0, out + name);
+      dataset::WriteBody3dScene({{0, pose}}, 0, out + Format("/body3DScene_%08d.json", frame));
     }
     return out;
   }

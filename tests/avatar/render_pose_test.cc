@@ -11,6 +11,7 @@
 #include "avatar/maps/bone_lists.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
 #include "tests/support/test_data.h"
@@ -114,8 +115,7 @@ TEST(NormaliseScale, MissingJointsStayMissingAndWildOnesGo) {
 TEST(PoseTrack, ReadsScenesAndTheirRate) {
   const TemporaryFolder folder("pose_track");
   for (int f = 0; f < 4; ++f) {
-    char name[64];
-    std::snprintf(name, sizeof name, "/hdPose3d_stage1_coco19/body3DScene_%08d.json", 10 + 2 * f);
+    const std::string name = Format("/hdPose3d_stage1_coco19/body3DScene_%08d.json", 10 + 2 * f);
     MakeFolder(folder.path() + "/hdPose3d_stage1_coco19");
     std::map<int, Coco19Pose> people = {{3, Mannequin(0.1 * f)}};
     if (f == 0) people[1] = Mannequin(1);

@@ -8,6 +8,7 @@
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/scores/set_distance.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/test_data.h"
@@ -21,9 +22,8 @@ constexpr int64_t kPictures = 24, kSizePx = 192;
 at::Tensor Pictures() {
   std::vector<at::Tensor> pictures;
   for (int64_t i = 0; i < kPictures; ++i) {
-    char name[80];
-    std::snprintf(name, sizeof name, "/person_a/hdImgs/00_%02d/00_%02d_%08d.jpg", static_cast<int>(i % 6),
-                  static_cast<int>(i % 6), static_cast<int>(5 * i));
+    const std::string name = Format("/person_a/hdImgs/00_%02d/00_%02d_%08d.jpg", static_cast<int>(i % 6),
+                                    static_cast<int>(i % 6), static_cast<int>(5 * i));
     const Image image = dataset::ReadImage(mvstudio::testing::DataRoot() + name);
     const at::Tensor bytes =
         at::from_blob(const_cast<uint8_t*>(image.pixels.data()), {image.height, image.width, 3}, at::kByte).clone();

@@ -188,7 +188,7 @@ TEST(Caliscope, RefusesFramesThatAreNotInstants) {
   EXPECT_SAYS(read(std::string(kCaliscope) + "10,0,8,1,1,1,0.10,0.05\n"), "backwards in time");
   EXPECT_SAYS(read(std::string(kCaliscope) + "9,0,9,3,1,1,0.10,0.10\n"), "given twice");
   EXPECT_SAYS(read(std::string(kCaliscope) + "9,0,9,1,1,1,0.11,0.05\n"), "elsewhere on the board");
-  EXPECT_SAYS(read(std::string(kCaliscope) + "9,0,9,1,1,1\n"), "6 cells");
+  EXPECT_SAYS(read(std::string(kCaliscope) + "9,0,9,1,1,1\n"), "6 columns");
 }
 
 TEST(Caliscope, OneCameraNeedsNoSyncIndex) {

@@ -69,9 +69,24 @@ cam0:   # first
 
 TEST(Yaml, ErrorsNameTheLine) {
   const std::pair<const char*, const char*> cases[] = {
-      {"a: 1\na: 2", "line 2: the key 'a' stands twice"}, {"a: 1\nb", "line 2: 'key: value'"},
-      {"a: &x 1", "line 1: this part of YAML"},           {"a: [1, 2", "line 1: ',' or ']'"},
-      {"a: 1\n  b: 2", "line 2: the indentation"},        {"", "empty"}};
+      {"a: 1\na: 2", "line 2: the key 'a' stands twice"},
+      {"{a: 1, a: 2}", "line 1: the key 'a' stands twice"},
+      {"a: 1\n---\na: 2", "line 3: the key 'a' stands twice"},
+      {"a: 1\nb", "line 2: 'key: value'"},
+      {"a:\n  b: 1\n  c", "line 3: 'key: value'"},
+      {"a: &x 1", "line 1: this part of YAML"},
+      {"a: 1\nb: *x", "line 2: not valid YAML"},
+      {"a: [1, 2", "line 1: 'key: value' was expected, or a bracket is not closed"},
+      {"a: [1,", "line 1: not valid YAML"},
+      {"a: 1\n  b: 2", "line 2: not valid YAML"},
+      {"a: \"x\n  y\n", "line 1: a quoted text does not end"},
+      {"a: !!str 'x\n  y\n", "line 1: a quoted text does not end"},
+      {"? [1]\n: 2", "line 1: a text was expected as the key"},
+      {": 2", "line 1: a key was expected"},
+      {"- 1\nb: 2", "line 2: "},
+      {"a: 1\nb: \x04\nc: 2", "line 2: a control character"},
+      {"# only a comment", "empty"},
+      {"", "empty"}};
   for (const auto& [text, message] : cases) {
     EXPECT_NE(MessageOf<FormatError>([&, t = text] { ParseYaml("f", t); }).find(message), std::string::npos)
         << text << " -> " << MessageOf<FormatError>([&, t = text] { ParseYaml("f", t); });
@@ -85,6 +100,27 @@ TEST(Yaml, ErrorsNameTheLine) {
               ParseYaml("f", text + "1");
             }).find("nested"),
             std::string::npos);
+  EXPECT_NE(
+      MessageOf<FormatError>([] { ParseYaml("f", "a:\n" + std::string(100000, '[')); }).find("line 2: brackets are nested"),
+      std::string::npos);
+}
+
+TEST(Yaml, ScalarsKeepWhatIsWritten) {
+  const Value value = ParseYaml("f", "[01, +2.5, '3', .inf, .nan, 1e999, true, ~, 0x10, !!str 5]");
+  const std::pair<Value::Kind, const char*> expected[] = {{Value::Kind::kNumber, "01"},   {Value::Kind::kNumber, "+2.5"},
+                                                          {Value::Kind::kText, "3"},      {Value::Kind::kText, ".inf"},
+                                                          {Value::Kind::kText, ".nan"},   {Value::Kind::kText, "1e999"},
+                                                          {Value::Kind::kNumber, "true"}, {Value::Kind::kNull, ""},
+                                                          {Value::Kind::kText, "0x10"},   {Value::Kind::kNumber, "5"}};
+  ASSERT_EQ(value.items.size(), std::size(expected));
+  for (size_t i = 0; i < value.items.size(); ++i) {
+    EXPECT_EQ(value.items[i].kind, expected[i].first) << i;
+    EXPECT_EQ(value.items[i].text, expected[i].second) << i;
+  }
+  EXPECT_EQ(value.items[1].number, 2.5);
+  const Value marked = ParseYaml("f", std::string("\xef\xbb\xbf") + "a: 1\r\nb: 2\r\n");
+  EXPECT_EQ(marked.entries[0].first, "a");
+  EXPECT_EQ(marked.entries[1].second.line, 2);
 }
 
 TEST(View, SaysWhatIsWrongWhere) {

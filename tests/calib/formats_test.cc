@@ -216,9 +216,27 @@ TEST(Qca, ErrorsNameThePlace) {
   expect("serial=\"7\"", "", "camera[0]");
   expect("</camera>", "", "line ");
   expect("left=\"10\"", "left=10", "line ");
-  expect("&amp;", "&evil;", "line ");
   expect("<?xml version='1.0'?>", "<!DOCTYPE a [<!ENTITY b \"c\">]>", "line 1");
   expect("<cameras>", "<cameras left=\"1\" left=\"2\">", "line ");
+  expect("</cameras>", "</camera>", "line 11");
+}
+
+/// Nothing that a file could define is put in for an entity.
+TEST(Qca, EntitiesAreXmlsOwn) {
+  EXPECT_EQ(
+      Read(CalibrationFormat::kQca, Replaced(kQca, "serial=\"7\"", "serial=\"a&amp;&#98;&evil;\"")).rig.cameras[0].camera.name,
+      "a&b&evil;");
+}
+
+TEST(Qca, DepthIsBounded) {
+  const auto nested = [](size_t levels) {
+    std::string open, close;
+    for (size_t i = 0; i < levels; ++i) open += "<a>", close += "</a>";
+    return Complaint(CalibrationFormat::kQca, open + close);
+  };
+  EXPECT_THAT(nested(64), HasSubstr("there is no <camera> in it"));
+  EXPECT_THAT(nested(65), HasSubstr("nested deeper than 64 levels"));
+  EXPECT_THAT(nested(300000), HasSubstr("nested deeper than 64 levels"));
 }
 
 TEST(OpenCvYaml, ReadsStereoFromTwoFiles) {
@@ -257,8 +275,23 @@ TEST(OpenCvYaml, ErrorsNameThePlace) {
   expect("rows: 3", "rows: -3", "M1");
   expect("M2:", "M1:", "line 17");
   expect("%YAML:1.0", "YAML", "line 1");
-  expect("image_width: 640", "image_width", "line 4");
-  expect("0., 0., 1. ]\nD1", "0., 0., 1. \nD1", "M1");
+  expect("image_width: 640", "image_width", "line 5");
+  expect("0., 0., 1. ]\nD1", "0., 0., 1. \nD1", "line 12");
+  expect("data: [ 5.3e+02, 0., 3.3e+002, 0.,\n       5.4e+02, 2.4e+02, 0., 0., 1. ]", "", "M1");
+}
+
+/// OpenCV appends to a file as a document of its own.
+TEST(OpenCvYaml, SeveralDocumentsAreOne) {
+  EXPECT_EQ(Read(CalibrationFormat::kOpenCvYaml, Replaced(kStereo, "M2:", "...\n---\nM2:")).rig.cameras.size(), 2u);
+  EXPECT_EQ(Complaint(CalibrationFormat::kOpenCvYaml, Replaced(kStereo, "M2:", "...\n---\nM1:")).rfind("line 19: ", 0), 0u);
+}
+
+/// A key that is cut short must not read as one without a value: the lens would be another.
+TEST(OpenCvYaml, ACutKeyIsRefused) {
+  const std::string text(kStereo);
+  for (size_t length = text.find("D2:") + 1; length < text.find("D2:") + 3; ++length) {
+    EXPECT_NE(Complaint(CalibrationFormat::kOpenCvYaml, text.substr(0, length)), "accepted") << length;
+  }
 }
 
 /// Truncation at every byte and random bytes: an exception of the contract or a rig, never anything else.

@@ -25,9 +25,7 @@ FrameOffsets Find(const std::vector<Board>& boards, const std::vector<geometry::
   std::vector<geometry::Rigid3> poses;
   for (const View& view : views)
     poses.push_back(ResectPlane(cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
-  std::vector<std::string> names;
-  for (const geometry::Camera& camera : cameras) names.push_back(camera.name);
-  return FindFrameOffsets(views, poses, frames, names);
+  return FindFrameOffsets(views, poses, frames, geometry::CameraNames(cameras));
 }
 
 /// A board that moves smoothly in front of three cameras; frame numbers are consecutive.
@@ -102,7 +100,9 @@ TEST(FrameSteps, AClockThatDriftsIsNotConsistent) {
   for (Detection d : scene.detections) {
     const auto ahead = static_cast<int64_t>(std::lround(0.03 * static_cast<double>(d.frame_idx)));
     if (d.camera_idx == 2) d.frame_idx -= ahead;
-    const auto twice = [&](const Detection& other) { return other.camera_idx == d.camera_idx && other.frame_idx == d.frame_idx; };
+    const auto twice = [&](const Detection& other) {
+      return other.camera_idx == d.camera_idx && other.frame_idx == d.frame_idx;
+    };
     if (std::none_of(detections.begin(), detections.end(), twice)) detections.push_back(d);
   }
   const FrameOffsets offsets = Find({scene.board}, scene.truth.cameras, detections);

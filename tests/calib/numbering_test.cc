@@ -30,9 +30,7 @@ std::vector<NumberingFault> Faults(int cameras, double noise_px, const Renumber&
     const Resection pose = ResectPlane(scene.truth.cameras[static_cast<size_t>(detection.camera_idx)], views.back());
     poses.push_back(pose.cam_from_board);
   }
-  std::vector<std::string> names;
-  for (const auto& camera : scene.truth.cameras) names.push_back(camera.name);
-  return FindNumberingFaults(views, poses, names);
+  return FindNumberingFaults(views, poses, geometry::CameraNames(scene.truth.cameras));
 }
 
 TEST(Numbering, ACameraThatCountsFromTheOtherEndIsNamed) {

@@ -220,7 +220,7 @@ TEST(ScenePoints, EveryCameraIsPlacedWithItsCovariance) {
   ScenePoints points;
   points.x_in_world = room.points;
   for (int i = 0; i < 14; ++i) points.names.push_back("p" + std::to_string(i));
-  for (const auto& camera : room.rig.cameras) points.cameras.push_back(camera.camera.name);
+  points.cameras = geometry::CameraNames(room.rig);
   points.clicks = room.clicks;
   points.clicks[2].px.y() += 70;
   const SceneResectionReport report = ResectScene(points, room.rig, false, {});

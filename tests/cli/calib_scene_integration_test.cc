@@ -3,6 +3,7 @@
 
 #include <fstream>
 
+#include "core/format.h"
 #include "core/random.h"
 #include "core/units.h"
 #include "dataset/footage/image_io.h"
@@ -33,7 +34,6 @@ Marks MakeMarks(const geometry::Rig& rig, int count, double noise_px, uint64_t s
   Rng rng(seed);
   Marks marks;
   marks.x_in_world.resize(3, 0);
-  char line[160];
   while (marks.x_in_world.cols() < count) {
     const Eigen::Vector3d in_first(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.45, 0.45), rng.Uniform(0.7, 2.0));
     const Eigen::Vector3d x = geometry::Inverse(rig.cameras[0].cam_from_world) * in_first;
@@ -43,16 +43,14 @@ Marks MakeMarks(const geometry::Rig& rig, int count, double noise_px, uint64_t s
     for (const geometry::RigCamera& camera : rig.cameras) {
       const geometry::Projection p = geometry::Project(camera.camera, camera.cam_from_world * x);
       if (p.status != Status::kOk || !geometry::InImage(camera.camera, p.px)) continue;
-      std::snprintf(line, sizeof line, "%s,mark%d,%.6f,%.6f\n", camera.camera.name.c_str(), i,
-                    p.px[0] + noise_px * rng.Normal(), p.px[1] + noise_px * rng.Normal());
-      clicks += line;
+      clicks += Format("%s,mark%d,%.6f,%.6f\n", camera.camera.name.c_str(), i, p.px[0] + noise_px * rng.Normal(),
+                       p.px[1] + noise_px * rng.Normal());
       ++seen;
     }
     if (seen < static_cast<int>(rig.cameras.size())) continue;
     marks.x_in_world.conservativeResize(3, i + 1);
     marks.x_in_world.col(i) = x;
-    std::snprintf(line, sizeof line, "mark%d,%.9f,%.9f,%.9f\n", i, x[0], x[1], x[2]);
-    marks.places += line;
+    marks.places += Format("mark%d,%.9f,%.9f,%.9f\n", i, x[0], x[1], x[2]);
     marks.clicks += clicks;
   }
   return marks;

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
@@ -25,11 +26,7 @@ using ::testing::HasSubstr;
 constexpr int kFirst = 4, kLast = 11;  // HD frames with joints; the videos begin at 0
 constexpr double kHdMs = 1001.0 / 30, kStartMs = 5000;
 
-std::string Number(int frame) {
-  char text[16];
-  std::snprintf(text, sizeof text, "%08d", frame);
-  return text;
-}
+std::string Number(int frame) { return Format("%08d", frame); }
 
 geometry::RigCamera CameraAt(const std::string& name, double angle, int width, int height) {
   geometry::RigCamera camera;
@@ -176,8 +173,7 @@ TEST(ImportPanoptic, WithoutHdFootageJointsAreCountedByVgaFrames) {
   const auto joints = JointsOf(sequence.Out(), "seq");
   ASSERT_EQ(joints.size(), 4u);
   EXPECT_NEAR(joints.at(3).at(0).x_in_world(0, 0), dataset::StandingPerson(0.3).x_in_world(0, 0), 1e-12);
-  const CliRun build =
-      RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks",
+  const CliRun build = RunCli({"dataset", "build", "--session", sequence.Out(), "--out", sequence.folder() / "d", "--no-masks",
                                "--allow-outside", "--json"});
   ASSERT_EQ(build.exit, 0) << build.out << build.err;
   EXPECT_EQ(build.Json()["metrics"]["images"], 4);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "core/format.h"
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
 #include "tests/detect/tiny_onnx.h"
@@ -34,8 +35,7 @@ struct Footage {
             rgb.Pixel(x, y)[k] = uint8_t((in ? (k == 0 ? 200 : 50) : ((x / 10) % 2 ? 150 : 110)) + rng.Index(4));
         }
       }
-      char name[32];
-      std::snprintf(name, sizeof(name), "/%04d.png", f);
+      const std::string name = Format("/%04d.png", f);
       dataset::WriteImage(rgb, images() + name);
       dataset::WriteImage(mask, truth() + name);
     }

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/session/session.h"
 #include "tests/dataset/clip_writer.h"
@@ -47,10 +48,9 @@ TEST(Paths, BracketsNameTheFolderItself) {
   Put(root / "take[1]/calibration_right.json", panoptic);
   Put(root / "take1/calibration_wrong.json", panoptic);
   for (const int frame : {1, 2, 3}) {
-    char name[64];
-    std::snprintf(name, sizeof name, "/hdPose3d_stage1_coco19/body3DScene_%08d.json", frame);
-    Put(root / ("take1" + std::string(name)), "{}");
-    if (frame == 1) Put(root / ("take[1]" + std::string(name)), Slurp(SeedFile("body3d_scene/two.json")));
+    const std::string name = Format("/hdPose3d_stage1_coco19/body3DScene_%08d.json", frame);
+    Put(root / ("take1" + name), "{}");
+    if (frame == 1) Put(root / ("take[1]" + name), Slurp(SeedFile("body3d_scene/two.json")));
   }
   const CliRun info = RunCli({"dataset", "info", root / "take[1]", "--json"});
   ASSERT_EQ(info.exit, 0) << info.out << info.err;

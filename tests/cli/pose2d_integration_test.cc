@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/run_cli.h"
@@ -44,8 +45,7 @@ class Pose2dCommand : public ::testing::Test {
  protected:
   void WriteFootage(const std::string& camera, int frames, bool empty = false) {
     for (int f = 0; f < frames; ++f) {
-      char name[32];
-      std::snprintf(name, sizeof name, "/%04d.png", f + 7);
+      const std::string name = Format("/%04d.png", f + 7);
       const Image picture = empty ? Image(120, 100, 3) : Spots(RedAt(f), GreenAt(f));
       dataset::WriteImage(picture, folder_ / (camera + name));
     }
@@ -85,8 +85,7 @@ TEST_F(Pose2dCommand, AnOnnxNetOfHeatMapsIsUsed) {
   ASSERT_EQ(run.exit, 0) << run.err;
   EXPECT_EQ(run.Json()["metrics"]["cameras"][0]["frames_with_people"], 5);
   for (int f = 0; f < 5; ++f) {
-    char name[64];
-    std::snprintf(name, sizeof name, "out/A/%012d_keypoints.json", f + 7);
+    const std::string name = Format("out/A/%012d_keypoints.json", f + 7);
     const nlohmann::json joints = Keypoints(name);
     ASSERT_EQ(joints.size(), 51u) << name;
     EXPECT_NEAR(joints[0], RedAt(f).x, 0.5);
@@ -162,7 +161,8 @@ TEST_F(Pose2dCommand, WrongWordsAreUsageErrors) {
   };
   EXPECT_EQ(exit_with("--backend", "magic"), 2);
   EXPECT_EQ(exit_with("--backend", "openpose:" + (folder_ / "none")), 2);
-  EXPECT_EQ(exit_with("--backend", "onnx:" + (folder_ / "none.onnx")), 3) << "the file comes before what it needs";  // no size given
+  EXPECT_EQ(exit_with("--backend", "onnx:" + (folder_ / "none.onnx")), 3)
+      << "the file comes before what it needs";  // no size given
   EXPECT_EQ(RunCli({"pose2d", "--out", folder_ / "out"}).exit, 2);
 }
 

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "core/format.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
@@ -60,9 +61,7 @@ void WriteFrames(const std::string& video, const std::string& folder, int step) 
   const auto source = dataset::OpenFrames(video);
   while (const auto frame = source->Next()) {
     if (frame->frame_idx % step != 0) continue;
-    char name[32];
-    std::snprintf(name, sizeof name, "/%08d.jpg", static_cast<int>(frame->frame_idx));
-    dataset::WriteImage(frame->rgb, folder + name, 95);
+    dataset::WriteImage(frame->rgb, folder + Format("/%08d.jpg", static_cast<int>(frame->frame_idx)), 95);
   }
 }
 

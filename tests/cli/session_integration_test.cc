@@ -8,6 +8,7 @@
 
 #include "body/skeleton.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/pose/pose2d.h"
 #include "dataset/pose/pose3d.h"
@@ -328,8 +329,7 @@ TEST_F(SessionTest, MasksKeepTheFootagesNumbersAndFollowTheTimeline) {
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   const geometry::RigCamera& camera = rig_.cameras[1];
   for (const auto& [instant, frame] : {std::pair{3, 7}, {15, 19}, {40, 42}}) {  // ticks 7, 19 and 44, two of them dropped
-    char name[32];
-    std::snprintf(name, sizeof name, "/%08d.png", frame);
+    const std::string name = Format("/%08d.png", frame);
     const Image mask = dataset::ReadImage(Path("masks/walk/" + Name(1) + name), true);
     int inside = 0, on_mask = 0;
     for (int j = 0; j < 15; ++j) {  // without eyes and ears
@@ -354,8 +354,7 @@ TEST_F(SessionTest, BuildKeepsInStepWhereACameraDroppedFrames) {
   EXPECT_THAT(build.out, HasSubstr("DAT-INSTANTS"));
   for (int c = 0; c < 3; ++c) {
     for (const int instant : {3, 15, 16, 17, 18, 40}) {
-      char name[64];
-      std::snprintf(name, sizeof name, "d/hdImgs/00_0%d/00_0%d_%08d.png", c, c, instant);
+      const std::string name = Format("d/hdImgs/00_0%d/00_0%d_%08d.png", c, c, instant);
       const bool gone = c == 1 && (instant == 16 || instant == 17);
       ASSERT_EQ(fs::exists(folder_ / name), !gone) << name;
       EXPECT_TRUE(gone || ReadCode(dataset::ReadImage(folder_ / name)) == instant) << name;

@@ -213,8 +213,7 @@ TEST(ApplyColour, ActsInItsSpaceAndClips) {
 /// person_a with its cameras' colours changed, and what was found.
 ColourMatch MatchPersonA(const Studio& studio) {
   const PanopticDataset data = OpenPanopticDataset(DataFolder("person_a"));
-  std::vector<std::string> names;
-  for (const auto& camera : data.rig.cameras) names.push_back(camera.camera.name);
+  const std::vector<std::string> names = geometry::CameraNames(data.rig);
   std::vector<ColourTransform> inverse(names.size());
   for (size_t c = 0; c < names.size() && !studio.gain.empty(); ++c) {
     inverse[c].gain = studio.gain[c].inverse(), inverse[c].offset = -studio.offset[c] / studio.gain[c];

@@ -59,6 +59,23 @@ TEST_F(Pose2dCsv, ColumnsInAnyOrderSomeLeftOut) {
   EXPECT_EQ(keypoints[1].score, 1);
 }
 
+TEST_F(Pose2dCsv, NamesInQuotes) {
+  const Pose2dSet set = ReadText(std::string(kHeader) + "\"left, \"\"A\"\"\",3,0,\"tail\",1,2,1\nb\"c,3,0,tail,1,2,1\n");
+  EXPECT_EQ(set.tracks.at(0).camera, "left, \"A\"");
+  EXPECT_EQ(set.tracks.at(1).camera, "b\"c");
+  const Pose2dSet odd{body::PointsSkeleton({"\"a", " b"}), {{"\"cam\"", {{1, {{{{1, 2, 1}, {3, 4, 1}}}}}}}}};
+  WritePose2dCsv(odd, folder_ / "out.csv");
+  const Pose2dSet read = ReadPose2dCsv(folder_ / "out.csv");
+  EXPECT_THAT(read.skeleton.joints, ElementsAre("\"a", " b"));
+  EXPECT_EQ(read.tracks.at(0).camera, "\"cam\"");
+}
+
+TEST_F(Pose2dCsv, DecimalCommasAndSemicolonsAreNamed) {
+  EXPECT_THAT(Message("camera;frame;joint;x_px;y_px\n"), AllOf(HasSubstr("line 1"), HasSubstr("';'")));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,1,0,m,\"1,5\",2,1\n"), HasSubstr("`1,5`, not a number; is its comma"));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,1,0,m,1,5,2,5,1\n"), HasSubstr("line 2: 9 columns, the header has 7; decimal"));
+}
+
 TEST_F(Pose2dCsv, GivenSkeletonOrdersTheJoints) {
   const body::Skeleton& skeleton = body::SkeletonByName("coco17");
   const Pose2dSet set = ReadText(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\n", &skeleton);

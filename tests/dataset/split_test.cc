@@ -4,6 +4,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
 
@@ -27,8 +28,7 @@ PanopticDataset RingDataset(int cameras, int frames = 100) {
   data.root = "/somewhere", data.sequence = "ring";
   for (int i = 0; i < cameras; ++i) {
     const double angle = 2 * kPi * i / cameras;
-    char name[16];
-    std::snprintf(name, sizeof(name), "00_%02d", i);
+    const std::string name = Format("00_%02d", i);
     data.rig.cameras.push_back(CameraAt(name, {3 * std::cos(angle), 3 * std::sin(angle), 1}));
     data.aliases["cam" + std::to_string(i)] = name;
   }

@@ -9,6 +9,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "detect/models/models_internal.h"
 #include "detect/models/sha512.h"
 #include "tests/support/message_of.h"
@@ -25,8 +26,7 @@ using ::testing::HasSubstr;
 std::string TarEntry(const std::string& name, const std::string& content, char type = '0', const std::string& link = "") {
   std::string header(512, '\0');
   const auto put = [&](size_t at, const std::string& text) { header.replace(at, text.size(), text); };
-  char size[12];
-  std::snprintf(size, sizeof size, "%011o", static_cast<unsigned>(content.size()));
+  const std::string size = Format("%011o", static_cast<unsigned>(content.size()));
   put(0, name), put(100, "0000644"), put(108, "0000000"), put(116, "0000000"), put(124, size), put(136, "00000000000");
   put(148, "        "), put(156, std::string(1, type)), put(157, link),
       put(257, std::string("ustar\0"
@@ -34,9 +34,7 @@ std::string TarEntry(const std::string& name, const std::string& content, char t
                            8));
   unsigned sum = 0;
   for (const char c : header) sum += static_cast<unsigned char>(c);
-  char check[8];
-  std::snprintf(check, sizeof check, "%06o", sum);
-  put(148, check);
+  put(148, Format("%06o", sum));
   return header + content + std::string((512 - content.size() % 512) % 512, '\0');
 }
 

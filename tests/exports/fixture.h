@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "core/image.h"
 #include "core/units.h"
 #include "dataset/footage/image_io.h"
@@ -48,11 +49,7 @@ struct Setting {
   bool odd_poses = false;  ///< a camera at the world's origin, half turns
 };
 
-inline std::string PanopticName(int i) {
-  char name[16];
-  std::snprintf(name, sizeof name, "%02d_%02d", i / 100, i % 100);
-  return name;
-}
+inline std::string PanopticName(int i) { return Format("%02d_%02d", i / 100, i % 100); }
 
 /// Cameras around `origin`, 3 m away, each with a lens of its own.
 inline geometry::Rig MakeRig(const Setting& setting) {
@@ -130,8 +127,7 @@ inline dataset::PanopticDataset MakeDataset(const std::string& root, const Setti
     for (int p = 0; p < setting.people; ++p) {
       people[3 * p] = Person(setting.origin + Eigen::Vector3d(0.7 * p, 0.4 * p, 0), frame, setting.missing_joints);
     }
-    char number[16];
-    std::snprintf(number, sizeof number, "%08d", frame);
+    const std::string number = Format("%08d", frame);
     dataset::WriteBody3dScene(people, 40.0 * (frame - setting.frames.front()),
                               root + "/hdPose3d_stage1_coco19/body3DScene_" + number + ".json");
     for (const geometry::RigCamera& camera : rig.cameras) {

@@ -310,5 +310,13 @@ TEST(Rig, FindsByName) {
   EXPECT_TRUE(centre.allFinite());
 }
 
+TEST(Rig, NamesItsCamerasInOrder) {
+  Rig rig;
+  EXPECT_TRUE(CameraNames(rig).empty());
+  for (const char* name : {"b", "a", "c"}) rig.cameras.push_back({MakePinhole(name, 10, 10, 10), {}, {}, {}});
+  EXPECT_EQ(CameraNames(rig), (std::vector<std::string>{"b", "a", "c"}));
+  EXPECT_EQ(CameraNames(std::vector<Camera>{rig.cameras[1].camera}), std::vector<std::string>{"a"});
+}
+
 }  // namespace
 }  // namespace mvstudio::geometry

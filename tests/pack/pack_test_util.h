@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/pack/build.h"
 #include "dataset/pack/pack.h"
@@ -22,8 +23,7 @@ inline geometry::Rig StudioRig(int cameras, int width_px, int height_px) {
   geometry::Rig rig;
   for (int i = 0; i < cameras; ++i) {
     geometry::RigCamera c;
-    char name[16];
-    std::snprintf(name, sizeof(name), "00_%02d", i);
+    const std::string name = Format("00_%02d", i);
     c.camera = geometry::MakePinhole(name, width_px, height_px, 1.1 * height_px);
     if (i == 0) {
       c.camera.model = geometry::LensModel::kBrown5;
@@ -53,9 +53,7 @@ inline void WriteStudio(const std::string& root, int cameras, int frames, int pe
     poses[0].valid[16] = false;
     poses[0].x_in_world.col(16).setZero();
     poses[0].confidence[16] = 0;
-    char scene[48];
-    std::snprintf(scene, sizeof(scene), "/body3DScene_%08d.json", frame);
-    WriteBody3dScene(poses, 40.0 * frame, root + "/hdPose3d_stage1_coco19" + scene);
+    WriteBody3dScene(poses, 40.0 * frame, root + "/hdPose3d_stage1_coco19" + Format("/body3DScene_%08d.json", frame));
     for (int c = 0; c < cameras; ++c) {
       const std::string& camera = rig.cameras[c].camera.name;
       const std::string stem =

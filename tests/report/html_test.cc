@@ -104,13 +104,6 @@ TEST(LabelOfKey, UnitFromTheSuffix) {
   EXPECT_EQ(LabelOfKey("_px").label, " px");
 }
 
-TEST(Quantile, OrderStatistics) {
-  EXPECT_DOUBLE_EQ(Median({3, 1, kNan, 2}), 2);
-  EXPECT_DOUBLE_EQ(Median({1, 2}), 1.5);
-  EXPECT_DOUBLE_EQ(Quantile({0, 10}, 0.95), 9.5);
-  EXPECT_TRUE(std::isnan(Median({kNan})));
-}
-
 TEST(Value, ReadsLeniently) {
   const Value value = Value::Parse(R"({"a":{"b":[1,2.5,null,"x"]},"big":9007199254740993,"t":true})", "f");
   EXPECT_EQ(value.Path("a.b").At(1).Number(), 2.5);
@@ -151,6 +144,11 @@ TEST(ParseTable, QuotesEmptyCellsAndAnInterruptedLastLine) {
   EXPECT_EQ(table.Column("d"), -1);
   EXPECT_TRUE(std::isnan(table.Number(0, -1)));
   EXPECT_TRUE(std::isnan(table.Number(7, 0)));
+}
+
+TEST(ParseTable, AQuoteThatIsCutIsAnInterruptedLastLine) {
+  EXPECT_EQ(ParseTable("a,b\n1,2\n3,\"x", "t.csv").rows.size(), 1u);
+  EXPECT_THROW(ParseTable("a,b\n1,2\n3,\"x\n", "t.csv"), FormatError);
 }
 
 TEST(ParseTable, RefusesRaggedAndEmpty) {

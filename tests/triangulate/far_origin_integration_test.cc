@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <map>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "dataset/panoptic/panoptic.h"
 #include "tests/support/test_data.h"
 #include "tests/triangulate/oracle.h"

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
-#include <cstdio>
-
+#include "core/format.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose2d.h"
 #include "dataset/pose/pose3d_compare.h"
@@ -49,9 +48,7 @@ TEST(PersonA, ErrorsAreSmallAndHonest) {
   }
   std::map<int, std::map<int, dataset::Coco19Pose>> truth;
   for (int f = 0; f < kFrames; ++f) {
-    char name[64];
-    std::snprintf(name, sizeof name, "body3DScene_%08d.json", f);
-    truth[f] = dataset::ReadBody3dScene((root / "hdPose3d_stage1_coco19" / name).string());
+    truth[f] = dataset::ReadBody3dScene((root / "hdPose3d_stage1_coco19" / Format("body3DScene_%08d.json", f)).string());
   }
   const auto comparison = dataset::ComparePose3d(dataset::ToCoco19Table(pose), dataset::ToTable(truth));
   EXPECT_EQ(comparison.num, kFrames * 19);

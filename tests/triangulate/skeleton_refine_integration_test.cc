@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "body/skeleton.h"
+#include "core/format.h"
 #include "dataset/pose/pose3d_compare.h"
 #include "tests/triangulate/recordings.h"
 #include "triangulate/skeleton/refine.h"
@@ -74,9 +75,8 @@ dataset::Pose3dComparison CompareWithTruth(const std::vector<TakePoint>& points)
   }
   std::map<int, std::map<int, dataset::Coco19Pose>> truth;
   for (int f = 0; f < 120; ++f) {
-    char name[80];
-    std::snprintf(name, sizeof name, "/person_a/hdPose3d_stage1_coco19/body3DScene_%08d.json", f);
-    truth[f] = dataset::ReadBody3dScene(testing::DataRoot() + name);
+    truth[f] =
+        dataset::ReadBody3dScene(testing::DataRoot() + Format("/person_a/hdPose3d_stage1_coco19/body3DScene_%08d.json", f));
   }
   return dataset::ComparePose3d(dataset::ToCoco19Table(pose), dataset::ToTable(truth));
 }

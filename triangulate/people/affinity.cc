@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "triangulate/people/association_internal.h"
 
 namespace mvstudio::triangulate::internal {

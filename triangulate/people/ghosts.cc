@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/median.h"
+#include "core/statistics.h"
 
 namespace mvstudio::triangulate {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <map>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "triangulate/people/assignment.h"
 #include "triangulate/people/ghosts.h"
 

@@ -3,10 +3,10 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <set>
 
-#include "core/median.h"
+#include "core/format.h"
+#include "core/statistics.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -53,14 +53,14 @@ void AddSamples(const PreparedRig& rig, const DiagnosedPoint& entry, std::vector
   }
 }
 
-/// Mean of what lies within 5 robust sigmas of the median, and that sigma (1.4826 times the median absolute deviation).
+/// Mean of what lies within 5 robust sigmas of the median, and that sigma (from the median absolute deviation).
 void RobustMean(const std::vector<Eigen::Vector2d>& values, Eigen::Vector2d* mean, Eigen::Vector2d* sigma) {
   for (int k = 0; k < 2; ++k) {
     std::vector<double> axis, deviations;
     for (const Eigen::Vector2d& value : values) axis.push_back(value[k]);
     const double median = UpperMedian(axis, 0);
     for (const double value : axis) deviations.push_back(std::abs(value - median));
-    (*sigma)[k] = 1.4826 * UpperMedian(deviations, 0);
+    (*sigma)[k] = kSigmaPerMad * UpperMedian(deviations, 0);
     double sum = 0;
     int count = 0;
     for (const double value : axis) {
@@ -93,20 +93,14 @@ void FitScale(const Samples& samples, int axis, double sigma, double* slope, dou
   }
 }
 
-std::string Format(const char* format, const std::string& name, double a, double b) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, name.c_str(), a, b);
-  return text;
-}
-
 std::string Message(const CameraDiagnosis& camera) {
   if (camera.off) {
     return Format("%s: detections are off by (%+.1f, %+.1f) px on average: its calibration or its image size is wrong",
-                  camera.name, camera.mean_residual_px.x(), camera.mean_residual_px.y());
+                  camera.name.c_str(), camera.mean_residual_px.x(), camera.mean_residual_px.y());
   }
   return Format(
       "%s: detections are scaled by (%.4f, %.4f) about the principal point: its focal length or its image size is wrong",
-      camera.name, camera.image_scale.x(), camera.image_scale.y());
+      camera.name.c_str(), camera.image_scale.x(), camera.image_scale.y());
 }
 
 CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {

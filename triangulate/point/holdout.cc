@@ -3,14 +3,15 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <numeric>
 
 #include "core/check.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "core/statistics.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -87,14 +88,6 @@ SortedErrors Sort(const std::vector<double>& errors, const std::vector<int>& blo
   return sorted;
 }
 
-double Quantile(const std::vector<double>& ascending, double q) {
-  if (ascending.empty()) return std::nan("");
-  const double at = q * static_cast<double>(ascending.size() - 1);
-  const size_t low = static_cast<size_t>(std::floor(at)), high = std::min(low + 1, ascending.size() - 1);
-  const double f = at - static_cast<double>(low);
-  return f == 0 ? ascending[low] : (1 - f) * ascending[low] + f * ascending[high];
-}
-
 /// Quantile of a bootstrap draw: the smallest error with at least the fraction `q` of the weight at or below it.
 double DrawnQuantile(const SortedErrors& sorted, const std::vector<int>& draw, double q) {
   int64_t total = 0;
@@ -110,16 +103,8 @@ double DrawnQuantile(const SortedErrors& sorted, const std::vector<int>& draw, d
 
 /// Standard deviation of the finite values; infinite when fewer than half are.
 double Spread(const std::vector<double>& values) {
-  double sum = 0, squares = 0;
-  int count = 0;
-  for (const double value : values) {
-    if (std::isfinite(value)) sum += value, ++count;
-  }
-  if (2 * count < static_cast<int>(values.size()) || count < 2) return kInfinity;
-  for (const double value : values) {
-    if (std::isfinite(value)) squares += (value - sum / count) * (value - sum / count);
-  }
-  return std::sqrt(squares / (count - 1));
+  const std::vector<double> finite = FiniteValues(values);
+  return 2 * finite.size() < values.size() || finite.size() < 2 ? kInfinity : SampleDeviation(finite);
 }
 
 int NumBlocks(const std::vector<int>& blocks) {
@@ -137,19 +122,17 @@ LeftOutFigures Figures(Selected selected, const std::vector<std::vector<int>>& d
   figures.num_samples = static_cast<int>(selected.errors.size());
   figures.num_predicted = static_cast<int>(selected.predicted.size());
   const SortedErrors sorted = Sort(selected.errors, selected.blocks);
-  figures.median_px = Quantile(sorted.px, 0.5);
-  figures.p90_px = Quantile(sorted.px, 0.9);
+  figures.median_px = LinearQuantile(sorted.px, 0.5);
+  figures.p90_px = LinearQuantile(sorted.px, 0.9);
   std::vector<double> medians;
   for (const auto& draw : draws) medians.push_back(DrawnQuantile(sorted, draw, 0.5));
   figures.median_error_px = sorted.px.empty() ? std::nan("") : Spread(medians);
-  std::sort(selected.predicted.begin(), selected.predicted.end());
-  std::sort(selected.sigmas.begin(), selected.sigmas.end());
-  figures.predicted_median_px = Quantile(selected.predicted, 0.5);
-  figures.predicted_p90_px = Quantile(selected.predicted, 0.9);
-  figures.median_sigmas = Quantile(selected.sigmas, 0.5);
+  std::sort(selected.predicted.begin(), selected.predicted.end());  // their sum begins with the small ones
+  figures.predicted_median_px = LinearQuantile(selected.predicted, 0.5);
+  figures.predicted_p90_px = LinearQuantile(selected.predicted, 0.9);
+  figures.median_sigmas = LinearQuantile(selected.sigmas, 0.5);
   figures.coverage = figures.num_samples == 0 ? std::nan("") : static_cast<double>(figures.num_predicted) / figures.num_samples;
-  figures.predicted_mean_px = std::accumulate(selected.predicted.begin(), selected.predicted.end(), 0.0) /
-                              (selected.predicted.empty() ? std::nan("") : static_cast<double>(selected.predicted.size()));
+  figures.predicted_mean_px = Mean(selected.predicted);
   return figures;
 }
 
@@ -172,7 +155,7 @@ PairedDifference Paired(const std::vector<double>& a, const std::vector<double>&
   const auto measure = [&](double q, double* value, double* error) {
     std::vector<double> drawn;
     for (const auto& draw : draws) drawn.push_back(Difference(DrawnQuantile(in_a, draw, q), DrawnQuantile(in_b, draw, q)));
-    *value = Difference(Quantile(in_a.px, q), Quantile(in_b.px, q));
+    *value = Difference(LinearQuantile(in_a.px, q), LinearQuantile(in_b.px, q));
     *error = Spread(drawn);
   };
   measure(0.5, &difference.median_px, &difference.median_error_px);
@@ -208,18 +191,16 @@ bool WithinOneError(const PairedDifference& d, double tolerance_px) {
 std::string Reason(const MethodChoice& choice) {
   const MethodScore& chosen = choice.scores[choice.chosen];
   const MethodScore& best = choice.scores[choice.best];
-  char text[300];
   if (choice.status != Status::kOk) {
-    std::snprintf(text, sizeof text, "%s: only %d detections are seen by three cameras or more, too few to choose by",
-                  chosen.name.c_str(), best.figures.num_samples);
-  } else if (choice.chosen == choice.best) {
-    std::snprintf(text, sizeof text, "%s: held-out median %.3f +- %.3f px, and nothing cheaper is as good", chosen.name.c_str(),
-                  chosen.figures.median_px, chosen.figures.median_error_px);
-  } else {
-    std::snprintf(text, sizeof text, "%s: held-out median %.3f px, within %.3f px of the best (%s) at less cost",
-                  chosen.name.c_str(), chosen.figures.median_px, std::max(chosen.from_best.median_px, 0.0), best.name.c_str());
+    return Format("%s: only %d detections are seen by three cameras or more, too few to choose by", chosen.name.c_str(),
+                  best.figures.num_samples);
   }
-  return text;
+  if (choice.chosen == choice.best) {
+    return Format("%s: held-out median %.3f +- %.3f px, and nothing cheaper is as good", chosen.name.c_str(),
+                  chosen.figures.median_px, chosen.figures.median_error_px);
+  }
+  return Format("%s: held-out median %.3f px, within %.3f px of the best (%s) at less cost", chosen.name.c_str(),
+                chosen.figures.median_px, std::max(chosen.from_best.median_px, 0.0), best.name.c_str());
 }
 
 /// Marks the samples that any of the candidates predicts.

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 
 namespace mvstudio::triangulate {
 namespace {

@@ -6,15 +6,14 @@
 #include <limits>
 
 #include "geometry/lens/lens_derivatives.h"
+#include "geometry/solve/least_squares.h"
 
 namespace mvstudio::triangulate {
 namespace {
 
-struct Linearization {
+/// The cost is chi squared.
+struct Linearization : geometry::NormalEquations<3> {
   Status status = Status::kOk;
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-  double chi_squared = 0;
   double worst_squared = 0;
 };
 
@@ -44,63 +43,65 @@ Status ProjectPoint(const geometry::Projector& projector, const Eigen::Vector3d&
   return geometry::ProjectLens(camera, x_in_cam, px, derivatives) ? Status::kOk : Status::kOutsideValidRadius;
 }
 
-Linearization Linearize(const std::vector<View>& views, const Eigen::Vector3d& x_in_local) {
-  Linearization sum;
-  geometry::LensDerivatives derivatives;
-  Eigen::Vector2d px;
-  for (const View& view : views) {
-    sum.status = ProjectPoint(view.camera->projector, view.camera->ToCam(x_in_local), &px, &derivatives);
-    if (sum.status != Status::kOk) return sum;
-    const double weight = 1 / view.sigma_px;
-    const Eigen::Vector2d residual = weight * (px - view.px);
-    const Eigen::Matrix<double, 2, 3> jacobian = weight * derivatives.d_px_d_x_in_cam * view.camera->cam_from_local_rotation;
-    sum.information.noalias() += jacobian.transpose() * jacobian;
-    sum.gradient.noalias() += jacobian.transpose() * residual;
-    sum.chi_squared += residual.squaredNorm();
-    sum.worst_squared = std::max(sum.worst_squared, residual.squaredNorm());
+struct PointProblem : geometry::LeastSquaresProblem<3, Eigen::Vector3d, Linearization> {
+  const std::vector<View>& views;
+
+  explicit PointProblem(const std::vector<View>& of) : views(of) {}
+  Eigen::Vector3d Retract(const Eigen::Vector3d& x_in_local, const Eigen::Vector3d& step) const { return x_in_local + step; }
+
+  bool Linearize(const Eigen::Vector3d& x_in_local, Linearization* sum) const {
+    geometry::LensDerivatives derivatives;
+    Eigen::Vector2d px;
+    for (const View& view : views) {
+      sum->status = ProjectPoint(view.camera->projector, view.camera->ToCam(x_in_local), &px, &derivatives);
+      if (sum->status != Status::kOk) return false;
+      const double weight = 1 / view.sigma_px;
+      const Eigen::Vector2d residual = weight * (px - view.px);
+      const Eigen::Matrix<double, 2, 3> jacobian = weight * derivatives.d_px_d_x_in_cam * view.camera->cam_from_local_rotation;
+      sum->h.noalias() += jacobian.transpose() * jacobian;
+      sum->g.noalias() += jacobian.transpose() * residual;
+      sum->cost += residual.squaredNorm();
+      sum->worst_squared = std::max(sum->worst_squared, residual.squaredNorm());
+    }
+    if (!std::isfinite(sum->cost)) sum->status = Status::kOutsideValidRadius;
+    return sum->status == Status::kOk;
   }
-  if (!std::isfinite(sum.chi_squared)) sum.status = Status::kOutsideValidRadius;
-  return sum;
-}
+
+  Eigen::Vector3d SolveStep(const Linearization& at, double damping) const {
+    Eigen::Matrix3d damped = at.h;
+    damped.diagonal() *= 1 + damping;
+    const Eigen::LDLT<Eigen::Matrix3d> factor(damped);
+    if (factor.info() != Eigen::Success || !factor.isPositive()) return Eigen::Vector3d::Constant(std::nan(""));
+    return factor.solve(-at.g);
+  }
+
+  geometry::StepVerdict Judge(const geometry::LeastSquaresOptions&, const Eigen::Vector3d& step, const Linearization& at,
+                              const Linearization* trial) const {
+    constexpr double kTinyStep = 1e-12;  // (1e-6 sigma)^2: the next Gauss-Newton step is below rounding
+    if (step.dot(at.h * step) < kTinyStep) return trial ? geometry::StepVerdict::kTakeLast : geometry::StepVerdict::kRest;
+    return trial && trial->cost <= at.cost ? geometry::StepVerdict::kTake : geometry::StepVerdict::kRefuse;
+  }
+};
 
 Refinement Finish(Status status, const Eigen::Vector3d& x_in_local, const Linearization& at) {
-  return {status, x_in_local, at.information, at.chi_squared, std::sqrt(at.worst_squared)};
+  return {status, x_in_local, at.h, at.cost, std::sqrt(at.worst_squared)};
 }
 
 }  // namespace
 
 Refinement Evaluate(const std::vector<View>& views, const Eigen::Vector3d& x_in_local) {
-  const Linearization at = Linearize(views, x_in_local);
+  Linearization at;
+  PointProblem(views).Linearize(x_in_local, &at);
   return Finish(at.status, x_in_local, at);
 }
 
 Refinement Refine(const std::vector<View>& views, const Eigen::Vector3d& start_in_local, int max_iterations) {
-  constexpr double kTinyStep = 1e-12;  // (1e-6 sigma)^2: the next Gauss-Newton step is below rounding
-  Eigen::Vector3d x = start_in_local;
-  Linearization at = Linearize(views, x);
-  if (at.status != Status::kOk) return Finish(at.status, x, at);
-  double damping = 0;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Eigen::Matrix3d damped = at.information;
-    damped.diagonal() *= 1 + damping;
-    const Eigen::LDLT<Eigen::Matrix3d> factor(damped);
-    if (factor.info() != Eigen::Success || !factor.isPositive()) return Finish(Status::kDegenerate, x, at);
-    const Eigen::Vector3d step = factor.solve(-at.gradient);
-    if (!step.allFinite()) return Finish(Status::kDegenerate, x, at);
-    const bool tiny = step.dot(at.information * step) < kTinyStep;
-    const Linearization next = Linearize(views, x + step);
-    if (next.status == Status::kOk && (tiny || next.chi_squared <= at.chi_squared)) {
-      x += step;
-      at = next;
-      damping = damping < 1e-8 ? 0 : damping / 10;
-      if (tiny) return Finish(Status::kOk, x, at);
-    } else {
-      if (tiny) return Finish(Status::kOk, x, at);
-      damping = damping == 0 ? 1e-3 : damping * 10;
-      if (damping > 1e12) return Finish(Status::kNotConverged, x, at);
-    }
-  }
-  return Finish(Status::kNotConverged, x, at);
+  geometry::LeastSquaresOptions options;
+  options.max_iterations = max_iterations;
+  options.first_damping = 0, options.none_below = 1e-8, options.max_damping = 1e13;
+  const auto end = geometry::SolveLeastSquares(PointProblem(views), start_in_local, options);
+  const Status why_not = end.equations.status;  // of the start; no other state is kept that has none
+  return Finish(why_not == Status::kOk ? end.status : why_not, end.state, end.equations);
 }
 
 double WhitenedResidual(const View& view, const Eigen::Vector3d& x_in_local) {

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "triangulate/skeleton/refine_internal.h"
 
 /// Terms chosen by cameras that were left out.

@@ -6,8 +6,8 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "triangulate/skeleton/refine_internal.h"
 
 namespace mvstudio::triangulate {
@@ -48,7 +48,7 @@ std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones
     const double median = UpperMedian(lengths);
     std::vector<double> deviations;
     for (const double length : lengths) deviations.push_back(std::abs(length - median));
-    if (median > 1e-6) known.back() = {median, std::max(1.4826 * UpperMedian(std::move(deviations)), 0.01 * median)};
+    if (median > 1e-6) known.back() = {median, std::max(kSigmaPerMad * UpperMedian(std::move(deviations)), 0.01 * median)};
   }
   return known;
 }

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
 #include "triangulate/skeleton/refine_internal.h"
 
@@ -321,9 +321,7 @@ void Describe(const Problem& problem, size_t cell, const Eigen::Vector3d& x_in_l
   point->rms_px = point->used.empty() ? 0 : std::sqrt(sum_px / static_cast<double>(point->used.size()));
 }
 
-double LargestSigma(const Eigen::Matrix3d& covariance) {
-  return std::sqrt(geometry::SymmetricEigenvalues(covariance)[2]);
-}
+double LargestSigma(const Eigen::Matrix3d& covariance) { return std::sqrt(geometry::SymmetricEigenvalues(covariance)[2]); }
 
 Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const SelectedInverse& inverse) {
   const Eigen::Index first = 3 * problem.variable[cell];

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "triangulate/sync/sync_internal.h"
 
 namespace mvstudio::triangulate::internal {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <tuple>
 
-#include "core/median.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "triangulate/point/linear.h"
 #include "triangulate/sync/sync_internal.h"
 

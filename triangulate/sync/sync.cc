@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <optional>
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/random.h"
+#include "core/statistics.h"
 #include "triangulate/sync/sync_internal.h"
 
 namespace mvstudio::triangulate {
@@ -35,12 +37,11 @@ void CheckOptions(const PreparedRig& rig, const SyncOptions& o) {
   require(o.min_score >= 0 && o.min_score <= 1, "option 'min-score' must lie in 0..1");
   require(o.min_frames >= 5, "option 'min-frames' must be at least 5");
   require(o.min_overlap > 0 && o.min_overlap <= 1, "option 'min-overlap' must lie in 0..1, above 0");
-  std::string names;
   for (const PreparedCamera& camera : rig.cameras) {
     if (camera.name == o.reference) return;
-    names += (names.empty() ? "" : ", ") + camera.name;
   }
-  require(o.reference.empty(), "option 'reference' " + o.reference + " is no camera of the calibration; there are " + names);
+  require(o.reference.empty(), "option 'reference' " + o.reference + " is no camera of the calibration; there are " +
+                                   Join(rig.cameras, ", ", &PreparedCamera::name));
 }
 
 double Strength(const PairCurve& curve) { return curve.usable() ? 1 - curve.Cost(curve.Best()) : 0; }
@@ -151,8 +152,7 @@ void Descend(const std::vector<PairCurve>& curves, const SyncOptions& options, i
 double MedianCost(const CameraCurve& curve, const std::vector<int>& candidates) {
   std::vector<double> costs;
   for (const int d : candidates) costs.push_back(curve.Cost(d));
-  std::sort(costs.begin(), costs.end());
-  return costs[costs.size() / 2];
+  return UpperMedian(std::move(costs));
 }
 
 double Agreement(const CameraCurve& curve, const std::vector<int>& candidates, int best, uint64_t seed) {
@@ -196,12 +196,6 @@ void CountDisagreements(const CameraCurve& curve, int own, CameraSync* sync) {
   }
 }
 
-std::string Say(const char* format, double a, double b) {
-  char text[240];
-  std::snprintf(text, sizeof text, format, a, b);
-  return text;
-}
-
 void Fail(SyncStatus status, const std::string& why, CameraSync* sync) {
   sync->status = status;
   sync->message = sync->name + ": " + why;
@@ -212,15 +206,17 @@ void Judge(CameraSync* sync) {
   sync->status = SyncStatus::kOk;
   if (sync->contrast < kMinContrast) {
     Fail(SyncStatus::kNoMotion,
-         Say("other offsets fit as well (median cost only %.0f %% above the best)", 100 * sync->contrast, 0), sync);
+         Format("other offsets fit as well (median cost only %.0f %% above the best)", 100 * sync->contrast), sync);
   } else if (sync->peak_ratio > kMaxPeakRatio) {
     Fail(SyncStatus::kAmbiguous,
-         Say("%.0f and %.0f frames fit alike; is the motion periodic?", sync->coarse_frames, sync->runner_up_frames), sync);
+         Format("%.0f and %.0f frames fit alike; is the motion periodic?", static_cast<double>(sync->coarse_frames),
+                sync->runner_up_frames),
+         sync);
   } else if (sync->agreement < kMinAgreement) {
     const bool other = std::isfinite(sync->runner_up_frames) && sync->peak_ratio > 0.5;
     Fail(other ? SyncStatus::kAmbiguous : SyncStatus::kNoMotion,
-         Say("parts of the take prefer other offsets than %.0f frames (only %.0f %% agree)", sync->coarse_frames,
-             100 * sync->agreement),
+         Format("parts of the take prefer other offsets than %.0f frames (only %.0f %% agree)",
+                static_cast<double>(sync->coarse_frames), 100 * sync->agreement),
          sync);
   } else if (2 * sync->num_pairs_disagree > sync->num_pairs) {
     Fail(SyncStatus::kInconsistent, "most other cameras contradict it; does the footage belong to this camera and calibration?",
@@ -263,10 +259,12 @@ void AddFine(const FineSync& fine, SyncResult* result) {
     sync.sigma_frames = fine.sigma_frames[c];
     if (static_cast<int>(c) == result->reference_idx) continue;
     if (!fine.ok || !(sync.sigma_frames < kMaxSigmaFrames)) {
-      Fail(SyncStatus::kNoMotion, Say("the motion leaves %.2f frames of uncertainty", sync.sigma_frames, 0), &sync);
+      Fail(SyncStatus::kNoMotion, Format("the motion leaves %.2f frames of uncertainty", sync.sigma_frames), &sync);
     } else if (std::abs(sync.offset_frames - sync.coarse_frames) > kSameFrames + 1) {
       Fail(SyncStatus::kNoMotion,
-           Say("the fine solution, %.2f frames, leaves the coarse one, %.0f", sync.offset_frames, sync.coarse_frames), &sync);
+           Format("the fine solution, %.2f frames, leaves the coarse one, %.0f", sync.offset_frames,
+                  static_cast<double>(sync.coarse_frames)),
+           &sync);
     }
   }
 }

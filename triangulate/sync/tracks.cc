@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/median.h"
+#include "core/statistics.h"
 #include "triangulate/sync/sync_internal.h"
 
 namespace mvstudio::triangulate::internal {

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <numeric>
 #include <utility>
 
+#include "core/format.h"
 #include "core/parallel.h"
 #include "triangulate/point/point.h"
 #include "triangulate/sync/sync.h"
@@ -279,16 +279,13 @@ void PreferSimpler(std::vector<CauseTrial>* trials) {
 }
 
 std::string Message(const CauseTrial& given, const std::vector<CauseTrial>& trials) {
-  char text[240];
-  std::snprintf(
-      text, sizeof text,
-      ", %.3g %% of the detections in a sample fit together, as given %.2g %%; mean residual %.2f px instead of %.2f px",
-      100 * trials[0].carried, 100 * given.carried, trials[0].residual_px, given.residual_px);
-  std::string message = trials[0].assumption + text;
+  const std::string figures =
+      Format(", %.3g %% of the detections in a sample fit together, as given %.2g %%; mean residual %.2f px instead of %.2f px",
+             100 * trials[0].carried, 100 * given.carried, trials[0].residual_px, given.residual_px);
+  std::string message = trials[0].assumption + figures;
   for (size_t i = 1; i < trials.size(); ++i) {
     if (!trials[i].clear || trials[i].residual_px > kAlike * trials[0].residual_px) continue;
-    std::snprintf(text, sizeof text, " (%.2f px)", trials[i].residual_px);
-    message += "; much the same " + trials[i].assumption + text;
+    message += "; much the same " + trials[i].assumption + Format(" (%.2f px)", trials[i].residual_px);
   }
   return message;
 }

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <functional>
 #include <optional>
 #include <set>
 #include <utility>
 
+#include "core/format.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
 #include "triangulate/take/cause_internal.h"
@@ -218,9 +218,7 @@ std::string OffsetText(const Rig& rig, const std::vector<double>& offset_frames)
   std::string text;
   for (size_t c = 0; c < offset_frames.size(); ++c) {
     if (std::abs(offset_frames[c]) < 0.5) continue;
-    char shift[64];
-    std::snprintf(shift, sizeof shift, " %.1f frames %s", std::abs(offset_frames[c]),
-                  offset_frames[c] > 0 ? "later" : "earlier");
+    const std::string shift = Format(" %.1f frames %s", std::abs(offset_frames[c]), offset_frames[c] > 0 ? "later" : "earlier");
     text += (text.empty() ? "with " : ", ") + rig.cameras[c].camera.name + shift;
   }
   return text;

@@ -4,17 +4,15 @@
 #include <limits>
 #include <map>
 
+#include "core/statistics.h"
+
 namespace mvstudio::triangulate {
 namespace {
 
 using Joints = std::map<int, Eigen::Vector3d>;  // joint index -> position
 
 LimbLength Measure(int person, int limb, const std::vector<double>& lengths_m) {
-  const double n = static_cast<double>(lengths_m.size());
-  double sum = 0, squares = 0;
-  for (const double length : lengths_m) sum += length;
-  for (const double length : lengths_m) squares += (length - sum / n) * (length - sum / n);
-  return {person, limb, static_cast<int>(lengths_m.size()), sum / n, std::sqrt(squares / n)};
+  return {person, limb, static_cast<int>(lengths_m.size()), Mean(lengths_m), PopulationDeviation(lengths_m)};
 }
 
 }  // namespace

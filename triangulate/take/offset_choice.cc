@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "core/format.h"
 #include "core/parallel.h"
 #include "triangulate/sync/sync.h"
 #include "triangulate/take/steps.h"
@@ -54,8 +54,9 @@ double Worse(const LeftOutFigures& a, const LeftOutFigures& b) {
 
 }  // namespace
 
-OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames,
-                       const TakeBody& body, const TakeOptions& options, const RunContext& run) {
+OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
+                       const std::vector<double>& offset_frames, const TakeBody& body, const TakeOptions& options,
+                       const RunContext& run) {
   const std::vector<int> numbers = SpreadNumbers(frames);
   const auto figures = [&](double factor) {
     return LeaveOut(rig, Pick(ApplyOffsets(frames, Times(factor, offset_frames)), numbers), body, options, run);
@@ -64,9 +65,8 @@ OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame
   OffsetTrial trial{false, "", without.median_px, with.median_px, reversed.median_px};
   const bool enough = std::min({without.num_samples, with.num_samples, reversed.num_samples}) >= kMinSamples;
   trial.confirmed = enough && Worse(with, without) > kSigmas && Worse(with, reversed) > kSigmas;
-  char text[160];
-  std::snprintf(text, sizeof text, "left-out cameras err by %.2f px with them, %.2f px without, %.2f px with them reversed",
-                with.median_px, without.median_px, reversed.median_px);
+  const std::string text = Format("left-out cameras err by %.2f px with them, %.2f px without, %.2f px with them reversed",
+                                  with.median_px, without.median_px, reversed.median_px);
   trial.reason = enough ? text : "too few joints are seen by three cameras to tell";
   return trial;
 }

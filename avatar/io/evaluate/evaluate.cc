@@ -24,6 +24,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
 
@@ -184,9 +185,8 @@ Image ToImage(const at::Tensor& picture) {
 }
 
 std::string CameraAndFrame(const AvatarPack& pack, int64_t row) {
-  char number[32];
-  std::snprintf(number, sizeof number, "_%08lld", static_cast<long long>(pack.frame[row].item<int64_t>()));
-  return pack.cameras[pack.camera_idx[row].item<int64_t>()] + number;
+  return pack.cameras[pack.camera_idx[row].item<int64_t>()] +
+         Format("_%08lld", static_cast<long long>(pack.frame[row].item<int64_t>()));
 }
 
 // eval/truth and eval/render, the same names in both.

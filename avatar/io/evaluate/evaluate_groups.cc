@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "core/statistics.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -24,8 +25,7 @@ std::vector<MotionFrames> ConsecutiveRuns(std::vector<int> frames) {
   std::sort(frames.begin(), frames.end());
   std::vector<int> steps;
   for (size_t i = 1; i < frames.size(); ++i) steps.push_back(frames[i] - frames[i - 1]);
-  std::sort(steps.begin(), steps.end());
-  const int usual = steps.empty() ? 1 : steps[steps.size() / 2];
+  const int usual = UpperMedian(std::move(steps), 1);
   std::vector<MotionFrames> motions;
   for (const int frame : frames) {
     if (motions.empty() || frame - motions.back().last > usual) motions.push_back({"", frame, frame});
@@ -79,14 +79,7 @@ std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vecto
   return motions;
 }
 
-double FiniteMean(const std::vector<double>& values) {
-  double sum = 0;
-  int64_t count = 0;
-  for (const double value : values) {
-    if (std::isfinite(value)) sum += value, ++count;
-  }
-  return count > 0 ? sum / static_cast<double>(count) : std::nan("");
-}
+double FiniteMean(const std::vector<double>& values) { return Mean(FiniteValues(values)); }
 
 std::vector<GroupScore> PerCamera(const AvatarPack& pack, const RowScores& scores, uint64_t seed) {
   std::vector<GroupScore> groups;

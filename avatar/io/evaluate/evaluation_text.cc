@@ -1,8 +1,8 @@
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "avatar/io/evaluate/evaluate.h"
+#include "core/format.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -84,13 +84,10 @@ Json TrainingJson(const Evaluation& e) {
 }
 
 std::string Row(const std::string& name, const Scored& scored) {
-  char line[240];
-  char fd[32] = "-";
-  if (scored.fd) std::snprintf(fd, sizeof fd, "%.4g", scored.fd->fd);
-  std::snprintf(line, sizeof line, "  %-38s %5lld  %.4f  %6.2f  %.4f  %.4f  %6.2f  %s\n", name.c_str(),
-                static_cast<long long>(scored.mean.n), scored.mean.bbox.ssim, scored.mean.bbox.psnr_db, scored.mean.mask_iou,
-                scored.mean.full.ssim, scored.mean.full.psnr_db, fd);
-  return line;
+  const std::string fd = scored.fd ? Format("%.4g", scored.fd->fd) : "-";
+  return Format("  %-38s %5lld  %.4f  %6.2f  %.4f  %.4f  %6.2f  %s\n", name.c_str(), static_cast<long long>(scored.mean.n),
+                scored.mean.bbox.ssim, scored.mean.bbox.psnr_db, scored.mean.mask_iou, scored.mean.full.ssim,
+                scored.mean.full.psnr_db, fd.c_str());
 }
 
 }  // namespace
@@ -156,19 +153,15 @@ std::string ToTable(const Evaluation& e) {
   if (e.per_motion.size() > 1) {
     for (const GroupScore& motion : e.per_motion) text += Row("motion " + motion.name, {motion.mean, {}, motion.lpips});
   }
-  char line[200];
   const metrics::Interval &ssim = e.intervals.at("ssim"), &psnr = e.intervals.at("psnr_db");
-  std::snprintf(line, sizeof line, "  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB", ssim.low,
-                ssim.high, psnr.low, psnr.high);
-  text += line;
-  std::snprintf(line, sizeof line, "\n  outlines F %.4f, flicker %.4f, masked: SSIM %.4f, PSNR %.2f dB",
-                e.holdout.mean.boundary_f, e.flicker, e.holdout.mean.masked.ssim, e.holdout.mean.masked.psnr_db);
-  text += line;
+  text += Format("  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB", ssim.low, ssim.high,
+                 psnr.low, psnr.high);
+  text += Format("\n  outlines F %.4f, flicker %.4f, masked: SSIM %.4f, PSNR %.2f dB", e.holdout.mean.boundary_f, e.flicker,
+                 e.holdout.mean.masked.ssim, e.holdout.mean.masked.psnr_db);
   if (!e.lpips.name.empty()) text += "\n  LPIPS (" + e.lpips.name + ") " + std::to_string(e.holdout.lpips);
   if (e.holdout.fd) {
-    std::snprintf(line, sizeof line, "\n  %s between halves of the truth: %.4g; kernel distance %.3g +- %.2g",
-                  e.distance_name.c_str(), e.holdout.fd->floor, e.holdout.fd->kid.value, e.holdout.fd->kid.standard_error);
-    text += line;
+    text += Format("\n  %s between halves of the truth: %.4g; kernel distance %.3g +- %.2g", e.distance_name.c_str(),
+                   e.holdout.fd->floor, e.holdout.fd->kid.value, e.holdout.fd->kid.standard_error);
   }
   return text;
 }

@@ -7,7 +7,7 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "core/units.h"
 #include "geometry/rigid/rigid3.h"
 

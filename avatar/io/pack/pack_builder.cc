@@ -16,7 +16,9 @@
 #include "body/mesh_raster.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/views/crop.h"
 
@@ -27,12 +29,6 @@ constexpr int kFitSizePx = 96;
 constexpr int64_t kMinPersonPx = 16;  // a crop with less of the person is of no use
 
 std::string Name(const std::string& camera, int frame) { return "camera " + camera + ", frame " + std::to_string(frame); }
-
-std::string Join(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
 
 std::vector<int> FramesOfPerson(const dataset::PanopticDataset& data, int person) {
   std::vector<int> frames;
@@ -45,10 +41,9 @@ std::vector<int> FramesOfPerson(const dataset::PanopticDataset& data, int person
 std::string ResolveCamera(const dataset::PanopticDataset& data, const std::string& name) {
   const std::string resolved = data.Resolve(name);
   if (!resolved.empty() && data.rig.Find(resolved) >= 0) return resolved;
-  std::vector<std::string> known;
-  for (const auto& camera : data.rig.cameras) known.push_back(camera.camera.name);
+  std::vector<std::string> known = geometry::CameraNames(data.rig);
   for (const auto& [alias, panoptic] : data.aliases) known.push_back(alias);
-  throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known));
+  throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known, ", "));
 }
 
 void RequireFrame(const dataset::PanopticDataset& data, int person, int frame, const std::vector<int>& known) {
@@ -76,7 +71,6 @@ struct Plan {
 
 // Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
 double LargeExtent(const dataset::PanopticDataset& data, int person) {
-  constexpr double kQuantile = 0.98;
   std::vector<double> extents;
   for (const int frame : FramesOfPerson(data, person)) {
     for (const geometry::RigCamera& camera : data.rig.cameras) {
@@ -85,9 +79,7 @@ double LargeExtent(const dataset::PanopticDataset& data, int person) {
     }
   }
   if (extents.empty()) throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
-  const auto rank = extents.begin() + static_cast<int64_t>(kQuantile * static_cast<double>(extents.size() - 1));
-  std::nth_element(extents.begin(), rank, extents.end());
-  return *rank;
+  return LowerQuantile(std::move(extents), 0.98);
 }
 
 Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) {
@@ -96,9 +88,7 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
   plan.half_extent_m = options.half_extent_m > 0 ? options.half_extent_m : LargeExtent(data, plan.person);
   const std::vector<int> known = FramesOfPerson(data, plan.person);
   for (const std::string& name : options.cameras) plan.cameras.push_back(ResolveCamera(data, name));
-  if (options.cameras.empty()) {
-    for (const auto& camera : data.rig.cameras) plan.cameras.push_back(camera.camera.name);
-  }
+  if (options.cameras.empty()) plan.cameras = geometry::CameraNames(data.rig);
   for (const int frame : options.frames) RequireFrame(data, plan.person, frame, known);
   for (size_t c = 0; c < plan.cameras.size(); ++c) {
     const geometry::RigCamera& camera = data.rig.cameras[data.rig.Find(plan.cameras[c])];
@@ -283,11 +273,10 @@ int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
   }
   if (frames.empty()) throw FormatError(data.root, "", "no frame has a person in it");
   if (requested >= 0) {
-    std::vector<std::string> known;
-    for (const auto& [id, count] : frames) known.push_back(std::to_string(id));
     if (!frames.count(requested)) {
+      const auto id = [](const auto& frame) { return std::to_string(frame.first); };
       throw UsageError("person " + std::to_string(requested) + " is not in the dataset " + data.root + "; it has " +
-                       Join(known));
+                       Join(frames, ", ", id));
     }
     return requested;
   }

@@ -7,7 +7,7 @@
 
 #include "body/skeleton.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/statistics.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::avatar {

@@ -8,7 +8,8 @@
 #include "avatar/io/render/bvh_pose.h"
 #include "avatar/io/render/render.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "core/units.h"
 #include "dataset/views/crop.h"
 
@@ -97,9 +98,7 @@ std::vector<std::string> SplitCommas(const std::string& text) {
 RigCamera CameraNamed(const geometry::Rig& rig, const std::string& name, const std::string& asked, const std::string& where) {
   const int found = rig.Find(name);
   if (found >= 0) return rig.cameras[found];
-  std::string known;
-  for (const RigCamera& camera : rig.cameras) known += (known.empty() ? "" : ", ") + camera.camera.name;
-  throw UsageError("camera '" + asked + "' is not in " + where + "; it has " + known);
+  throw UsageError("camera '" + asked + "' is not in " + where + "; it has " + Join(geometry::CameraNames(rig), ", "));
 }
 
 std::vector<RigCamera> ChooseCameras(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o) {

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <map>
 
 #include "avatar/maps/bone_lists.h"
 #include "core/check.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/median.h"
+#include "core/join.h"
+#include "core/statistics.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -45,14 +45,6 @@ std::vector<TreeBone> Tree() {
   return tree;
 }
 
-/// Value at a share of the sorted order; NaN of nothing.
-double Quantile(std::vector<double> values, double share) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto place = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
-
 int MostFrequentPerson(const std::map<int, std::map<int, Coco19Pose>>& frames, int requested, const std::string& path) {
   std::map<int, int> count;
   for (const auto& [frame, people] : frames) {
@@ -60,9 +52,8 @@ int MostFrequentPerson(const std::map<int, std::map<int, Coco19Pose>>& frames, i
   }
   if (count.empty()) throw FormatError(path, "", "no frame has a person in it");
   if (requested >= 0 && !count.count(requested)) {
-    std::string known;
-    for (const auto& [id, n] : count) known += (known.empty() ? "" : ", ") + std::to_string(id);
-    throw UsageError("person " + std::to_string(requested) + " is not in " + path + "; it has " + known);
+    throw UsageError("person " + std::to_string(requested) + " is not in " + path + "; it has " +
+                     Join(count, ", ", [](const auto& person) { return std::to_string(person.first); }));
   }
   if (requested >= 0) return requested;
   const auto fewer = [](const auto& a, const auto& b) { return a.second < b.second; };
@@ -167,11 +158,11 @@ SkeletonSize MeasureSkeleton(const std::vector<Coco19Pose>& poses) {
   }
   SkeletonSize size;
   for (size_t b = 0; b < lengths.size(); ++b) {
-    size.length_m[b] = Quantile(lengths[b], 0.5);
-    size.short_m[b] = Quantile(lengths[b], 0.05), size.long_m[b] = Quantile(lengths[b], 0.95);
+    size.length_m[b] = NearestQuantile(lengths[b], 0.5);
+    size.short_m[b] = NearestQuantile(lengths[b], 0.05), size.long_m[b] = NearestQuantile(lengths[b], 0.95);
   }
   const auto or_zero = [](double value) { return std::isfinite(value) ? value : 0; };
-  size.ground = {or_zero(Quantile(x, 0.5)), or_zero(Quantile(y, 0.5)), or_zero(Quantile(ankle_z, 0.02))};
+  size.ground = {or_zero(NearestQuantile(x, 0.5)), or_zero(NearestQuantile(y, 0.5)), or_zero(NearestQuantile(ankle_z, 0.02))};
   return size;
 }
 

@@ -1,0 +1,21 @@
+# cmake --install: programs, libraries, headers, and a package for find_package(mvstudio).
+include(CMakePackageConfigHelpers)
+set(MVSTUDIO_PACKAGE lib/cmake/mvstudio)
+
+function(mvstudio_install)
+  foreach(module core metrics geometry body calib triangulate dataset synth exports report avatar detect app)
+    install(DIRECTORY ${CMAKE_SOURCE_DIR}/${module} DESTINATION include/mvstudio FILES_MATCHING PATTERN "*.h" PATTERN "*_internal.h" EXCLUDE)
+  endforeach()
+  install(TARGETS mvstudio_warnings EXPORT mvstudio-targets)
+  install(EXPORT mvstudio-targets NAMESPACE mvstudio:: DESTINATION ${MVSTUDIO_PACKAGE})
+  install(TARGETS mvstudio)
+  if(MVSTUDIO_AVATAR)
+    install(EXPORT mvstudio-avatar-targets NAMESPACE mvstudio:: DESTINATION ${MVSTUDIO_PACKAGE})
+    install(TARGETS mvstudio-avatar)
+  endif()
+  configure_package_config_file(${CMAKE_SOURCE_DIR}/cmake/mvstudio-config.cmake.in ${CMAKE_BINARY_DIR}/mvstudio-config.cmake
+    INSTALL_DESTINATION ${MVSTUDIO_PACKAGE})
+  write_basic_package_version_file(${CMAKE_BINARY_DIR}/mvstudio-config-version.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${CMAKE_BINARY_DIR}/mvstudio-config.cmake ${CMAKE_BINARY_DIR}/mvstudio-config-version.cmake
+    ${CMAKE_SOURCE_DIR}/cmake/FindMrcal.cmake DESTINATION ${MVSTUDIO_PACKAGE})
+endfunction()

@@ -1,0 +1,110 @@
+#include "core/csv.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+
+namespace mvstudio {
+namespace {
+
+constexpr char kBlanks[] = " \t\r";
+
+std::string_view WithoutBlanks(std::string_view text) {
+  const size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) + 1 - first);
+}
+
+void Drop(size_t count, std::string_view* text) { text->remove_prefix(std::min(count, text->size())); }
+
+}  // namespace
+
+CsvReader::CsvReader(std::string path, std::string_view text) : path_(std::move(path)), rest_(text) {
+  if (rest_.substr(0, 3) == "\xef\xbb\xbf") Drop(3, &rest_);
+}
+
+bool CsvReader::NextLine() {
+  while (!rest_.empty()) {
+    const size_t end = std::min(rest_.find('\n'), rest_.size());
+    line_ = WithoutBlanks(rest_.substr(0, end));
+    is_cut_ = end == rest_.size();
+    Drop(end + 1, &rest_);
+    ++line_number_;
+    if (!line_.empty()) return true;
+  }
+  return false;
+}
+
+const std::vector<std::string_view>& CsvReader::Cells() {
+  cells_.clear();
+  unquoted_.clear();
+  std::string_view rest = line_;
+  for (bool more = true; more;) {
+    Drop(std::min(rest.find_first_not_of(kBlanks), rest.size()), &rest);
+    if (!rest.empty() && rest[0] == '"') {
+      cells_.push_back(TakeQuoted(&rest));
+      rest = WithoutBlanks(rest);
+      if (!rest.empty() && rest[0] != ',') Fail("a comma was expected behind the cell in quotes");
+    } else {
+      const size_t end = std::min(rest.find(','), rest.size());
+      cells_.push_back(WithoutBlanks(rest.substr(0, end)));
+      Drop(end, &rest);
+    }
+    more = !rest.empty();
+    Drop(1, &rest);
+  }
+  if (!has_header_) CheckSeparator();
+  has_header_ = true;
+  return cells_;
+}
+
+void CsvReader::CheckSeparator() const {
+  const size_t other = line_.find_first_of(";\t");
+  if (cells_.size() > 1 || other == std::string_view::npos) return;
+  Fail(std::string("no comma, but ") + (line_[other] == ';' ? "';'" : "tabs") +
+       ": save the table with commas between the cells and decimal points in numbers");
+}
+
+/// The cell in quotes that `rest` begins with; leaves what stands behind it.
+std::string_view CsvReader::TakeQuoted(std::string_view* rest) {
+  bool doubled = false;
+  size_t end = rest->find('"', 1);
+  while (end != std::string_view::npos && rest->substr(end + 1, 1) == "\"") doubled = true, end = rest->find('"', end + 2);
+  if (end == std::string_view::npos) Fail("a quote does not end in this line; is the line cut off, or a line break in quotes?");
+  const std::string_view inside = rest->substr(1, end - 1);
+  Drop(end + 1, rest);
+  if (!doubled) return inside;
+  std::string& plain = unquoted_.emplace_back();
+  for (size_t i = 0; i < inside.size(); ++i) {
+    plain += inside[i];
+    if (inside[i] == '"') ++i;
+  }
+  return plain;
+}
+
+void CsvReader::RequireCells(size_t count) const {
+  if (cells_.size() == count) return;
+  Fail(std::to_string(cells_.size()) + " columns, the header has " + std::to_string(count) +
+       (cells_.size() < count ? "; is the line damaged or cut off?" : "; decimal commas, or texts with commas and no quotes?"));
+}
+
+void CsvReader::Fail(const std::string& what) const { throw FormatError(path_, Where(), what); }
+
+std::string CsvCell(std::string_view text) {
+  const bool bare = text.find_first_of(",\"") == std::string_view::npos && WithoutBlanks(text).size() == text.size() &&
+                    text.substr(0, 1) != "#";
+  if (bare) return std::string(text);
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string DecimalCommaHint(std::string_view text) {
+  const size_t comma = text.find(',');
+  const bool numeric = !text.empty() && text.find_first_not_of("0123456789+-.eE,") == std::string_view::npos;
+  return numeric && comma != std::string_view::npos && text.find(',', comma + 1) == std::string_view::npos
+             ? "; is its comma a decimal point?"
+             : "";
+}
+
+}  // namespace mvstudio

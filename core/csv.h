@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mvstudio {
+
+/// Lines and cells of comma-separated text. A cell may stand in double quotes, with a quote inside doubled, but not go on in
+/// the next line. Blanks around cells, a byte-order mark and the CR of CRLF are left out. Errors are FormatErrors with the
+/// line.
+class CsvReader {
+ public:
+  /// `text` must outlive the reader.
+  CsvReader(std::string path, std::string_view text);
+
+  /// Goes to the next line that holds anything but blanks; false at the end.
+  bool NextLine();
+  /// The line without blanks around it.
+  std::string_view line() const { return line_; }
+  int line_number() const { return line_number_; }
+  /// The text ends before the line does: an interrupted write, perhaps.
+  bool is_cut() const { return is_cut_; }
+
+  /// Cells of the line, valid until the next call. The first line that is asked for is the header: semicolons or tabs instead
+  /// of commas are noticed there.
+  const std::vector<std::string_view>& Cells();
+  /// The line has as many cells as the header; says what a line of more or fewer may be.
+  void RequireCells(size_t count) const;
+
+  const std::string& path() const { return path_; }
+  std::string Where() const { return "line " + std::to_string(line_number_); }
+  [[noreturn]] void Fail(const std::string& what) const;
+
+ private:
+  void CheckSeparator() const;
+  std::string_view TakeQuoted(std::string_view* rest);
+
+  std::string path_;
+  std::string_view rest_, line_;
+  int line_number_ = 0;
+  bool is_cut_ = false, has_header_ = false;
+  std::vector<std::string_view> cells_;
+  std::deque<std::string> unquoted_;  ///< cells of this line that held doubled quotes
+};
+
+/// A text as a cell: in quotes where it would be read otherwise. Line breaks cannot be written.
+std::string CsvCell(std::string_view text);
+
+/// For messages about a text that is no number: "; is its comma a decimal point?" for one like 1,5, else empty.
+std::string DecimalCommaHint(std::string_view text);
+
+}  // namespace mvstudio

@@ -1,0 +1,10 @@
+#pragma once
+
+#include <string>
+
+namespace mvstudio {
+
+/// As printf, of any length.
+std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
+
+}  // namespace mvstudio

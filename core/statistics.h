@@ -1,0 +1,124 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+/// Medians, quantiles and spread of samples. NaN has no place in an order: what is asked for a median or a quantile must hold
+/// none (FiniteValues); infinities count. Of no values, all that is asked of a vector is NaN.
+namespace mvstudio {
+
+/// Standard deviation of a normal distribution over the median absolute deviation from its median.
+inline constexpr double kSigmaPerMad = 1.4826;
+
+/// Of the sorted values that at `rank`, 0 being the least. Reorders [begin, end), which must hold more than `rank` values.
+template <class Iterator>
+auto ValueOfRank(Iterator begin, Iterator end, std::ptrdiff_t rank) {
+  std::nth_element(begin, begin + rank, end);
+  return *(begin + rank);
+}
+
+/// The upper median: of an even number of values the larger of the two in the middle, so that it is always one of them.
+/// Reorders [begin, end), which must hold at least one value and no NaN.
+template <class Iterator>
+auto UpperMedian(Iterator begin, Iterator end) {
+  return ValueOfRank(begin, end, (end - begin) / 2);
+}
+
+/// The same of a vector; `of_none` (NaN where the type has one) when it is empty.
+template <class T>
+T UpperMedian(std::vector<T> values, typename std::vector<T>::value_type of_none = std::numeric_limits<T>::quiet_NaN()) {
+  return values.empty() ? of_none : UpperMedian(values.begin(), values.end());
+}
+
+/// Quantiles: `share` 0 asks for the least value, 1 for the largest. They differ in what they say between two values, and so in
+/// few ones; the linear one alone can be a value that is not among them.
+///
+/// At the place share * (n - 1) of the sorted values, interpolated between its neighbours; 0.5: of an even number of values the
+/// mean of the two in the middle.
+template <class T>
+double LinearQuantile(std::vector<T> values, double share) {
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const double at = share * static_cast<double>(values.size() - 1);
+  const auto low = static_cast<std::ptrdiff_t>(at);
+  const double rest = at - static_cast<double>(low), below = ValueOfRank(values.begin(), values.end(), low);
+  if (rest == 0) return below;  // not 0 times infinity
+  const double above = *std::min_element(values.begin() + low + 1, values.end());
+  return (1 - rest) * below + rest * above;
+}
+
+/// The value at that place or, between two, the lower one.
+template <class T>
+T LowerQuantile(std::vector<T> values, double share) {
+  if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
+  const double at = share * static_cast<double>(values.size() - 1);
+  return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(at));
+}
+
+/// The value nearest to that place; halfway between two, the upper one.
+template <class T>
+T NearestQuantile(std::vector<T> values, double share) {
+  if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
+  const double at = share * static_cast<double>(values.size() - 1);
+  return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(std::lround(at)));
+}
+
+/// The least value that at least that share of all do not exceed; `share` above 0.
+template <class T>
+T ShareQuantile(std::vector<T> values, double share) {
+  if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
+  const double count = std::ceil(share * static_cast<double>(values.size()));
+  return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(count) - 1);
+}
+
+/// The least value that more than that share of all do not exceed, at 0.5 the upper median; `share` below 1.
+template <class T>
+T UpperQuantile(std::vector<T> values, double share) {
+  if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
+  const double at = share * static_cast<double>(values.size());
+  return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(at));
+}
+
+/// The values in their order, without NaN and infinities.
+template <class T>
+std::vector<T> FiniteValues(std::vector<T> values) {
+  values.erase(std::remove_if(values.begin(), values.end(), [](T value) { return !std::isfinite(value); }), values.end());
+  return values;
+}
+
+template <class T>
+double Mean(const std::vector<T>& values) {
+  double sum = 0;
+  for (const T value : values) sum += static_cast<double>(value);
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(values.size());
+}
+
+/// Root of the mean square.
+inline double Rms(const std::vector<double>& values) {
+  double squares = 0;
+  for (const double value : values) squares += value * value;
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(squares / static_cast<double>(values.size()));
+}
+
+/// Sum of the squared deviations from the mean; 0 of no values.
+inline double SquaredDeviations(const std::vector<double>& values) {
+  const double mean = Mean(values);
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return squares;
+}
+
+/// Standard deviation of the values themselves: over n.
+inline double PopulationDeviation(const std::vector<double>& values) {
+  return std::sqrt(SquaredDeviations(values) / static_cast<double>(values.size()));
+}
+
+/// Standard deviation of what the values were drawn from: over n - 1. NaN for fewer than two values.
+inline double SampleDeviation(const std::vector<double>& values) {
+  if (values.size() < 2) return std::numeric_limits<double>::quiet_NaN();
+  return std::sqrt(SquaredDeviations(values) / static_cast<double>(values.size() - 1));
+}
+
+}  // namespace mvstudio
