@@ -85,6 +85,7 @@ struct KannalaBrandt4 : RadialLens<KannalaBrandt4> {
     if (!(at->side2 > T(0))) {
       if (!(x[2] > T(0))) return false;
       at->cosine = x[0], at->sine = x[1], at->radius = T(1) / x[2];  // the limit on the axis
+      at->side = at->inverse_side = at->theta = T(0);
       return true;
     }
     at->side = sqrt(at->side2), at->inverse_side = T(1) / at->side, at->theta = atan2(at->side, x[2]);
