@@ -1,6 +1,7 @@
 #include "calib/calibrate_steps.h"
 #include "calib/check/camera_motion.h"
 #include "calib/motion_kind.h"
+#include "calib/motion_rival.h"
 #include "calib/verdict_internal.h"
 
 /// What moved or changed while the boards were filmed, once there is a solution.
@@ -58,6 +59,7 @@ void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options
   if (!name.empty()) {
     if (const auto rig = WithLensAlone(input, *solved, options, run, name)) solved->motions = FindMotions(*rig, input);
   }
+  if (solved->motions.size() == 1) NameCameraThatMoved(input, *solved, options, run, &solved->motions[0]);
   for (CameraMotion& motion : solved->motions) {
     if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(input, *solved, options, run, &motion);
   }

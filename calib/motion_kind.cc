@@ -4,16 +4,15 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <set>
 
 #include "calib/lens/evidence.h"
+#include "calib/split_trial.h"
 #include "calib/view_squares.h"
 
 namespace mvstudio::calib {
 namespace {
 
 constexpr double kMinStandardErrors = 2;  // a gain that four views share alike; a part of a recording has few
-constexpr double kCapSigmas = 6;
 
 /// The two adjustments of one camera that was split.
 struct Split {
@@ -21,37 +20,13 @@ struct Split {
   CalibrateReport one_lens, two_lenses;
 };
 
-/// The rig as the start of the split one: both parts as the camera was.
-geometry::Rig StartOf(const geometry::Rig& rig, const std::string& camera, const std::string& later) {
-  geometry::Rig start = rig;
-  geometry::RigCamera part = rig.cameras[static_cast<size_t>(rig.Find(camera))];
-  part.camera.name = later;
-  start.cameras.push_back(part);
-  return start;
-}
-
-CalibrateReport Adjusted(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
-                         const std::string& split_at, const RunContext& run) {
-  options.motions = false;
-  options.share_intrinsics = options.time_offset = "none";
-  options.holdout.clear();
-  options.holdout_folds = 0;
-  options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? "off" : "on";
-  options.stretch = solved.board_stretch.empty() ? "off" : "on";
-  options.split_at.assign(1, split_at);
-  return Calibrate(input, options, run);
-}
-
 std::optional<Split> SplitAt(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                              const std::string& camera, int64_t frame_idx, const RunContext& run) {
   Split split;
   split.before = camera;
   split.after = camera + "@" + std::to_string(frame_idx);
-  CalibrateInput parts = input;
-  parts.start = StartOf(solved.rig, camera, split.after);
-  const std::string at = camera + ":" + std::to_string(frame_idx);
-  split.one_lens = Adjusted(parts, solved, options, at, run);
-  split.two_lenses = Adjusted(parts, solved, options, at + ":lens", run);
+  split.one_lens = AdjustSplit(input, solved, options, {camera, frame_idx, false}, run);
+  split.two_lenses = AdjustSplit(input, solved, options, {camera, frame_idx, true}, run);
   const bool ok = split.one_lens.status == Status::kOk && split.two_lenses.status == Status::kOk;
   return ok ? std::optional<Split>(std::move(split)) : std::nullopt;
 }
@@ -63,43 +38,17 @@ std::optional<double> EvidenceForLens(const Split& split) {
   return GainBeyondCost(SquaresLess(split.one_lens, split.two_lenses), cost, kMinStandardErrors);
 }
 
-/// Frames in which a camera sees a board, ascending.
-std::vector<int64_t> FramesOf(const CalibrateInput& input, int camera) {
-  std::set<int64_t> frames;
-  for (const Detection& d : input.detections) {
-    if (d.camera_idx == camera) frames.insert(d.frame_idx);
-  }
-  return {frames.begin(), frames.end()};
-}
-
-/// Squared errors of all corners in those of the cameras by themselves, capped; infinite without a solution. The last camera of
-/// `report` is a part of `camera`.
-double CappedSquares(const CalibrateReport& report, const CalibrateReport& solved, size_t camera) {
-  if (report.status != Status::kOk) return std::numeric_limits<double>::infinity();
-  double sum = 0;
-  for (const CornerResidual& corner : report.residuals) {
-    const size_t of =
-        static_cast<size_t>(corner.camera_idx) < solved.cameras.size() ? static_cast<size_t>(corner.camera_idx) : camera;
-    const double relative = corner.residual_px.norm() / solved.cameras[of].alone_rms_px;
-    sum += std::pow(std::fmin(kCapSigmas, relative), 2);
-  }
-  return sum;
-}
-
 /// Index of the frame from which on a second lens explains most: at eighths of the camera's frames, then nearer and nearer.
 std::optional<size_t> BestCut(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                               const RunContext& run, const std::string& camera, const std::vector<int64_t>& frames) {
   constexpr size_t kMinFrames = 4;  // on either side
   constexpr size_t kParts = 8;
   if (frames.size() < 2 * kMinFrames) return std::nullopt;
-  CalibrateInput parts = input;
   std::optional<size_t> best;
   double least = std::numeric_limits<double>::infinity();
   const auto try_cut = [&](size_t cut) {
     if (cut < kMinFrames || cut > frames.size() - kMinFrames) return;
-    const std::string frame = std::to_string(frames[cut]);
-    parts.start = StartOf(solved.rig, camera, camera + "@" + frame);
-    const CalibrateReport two = Adjusted(parts, solved, options, camera + ":" + frame + ":lens", run);
+    const CalibrateReport two = AdjustSplit(input, solved, options, {camera, frames[cut], true}, run);
     const double squares = CappedSquares(two, solved, static_cast<size_t>(solved.rig.Find(camera)));
     if (squares < least) least = squares, best = cut;
   };
@@ -145,7 +94,7 @@ std::optional<CameraMotion> FindLensChange(const CalibrateInput& input, const Ca
                                            const CalibrateOptions& options, const RunContext& run, const std::string& camera) {
   const int index = solved.rig.Find(camera);
   if (index < 0) return std::nullopt;
-  const std::vector<int64_t> frames = FramesOf(input, index);
+  const std::vector<int64_t> frames = FramesWithBoards(input, index);
   const auto cut = BestCut(input, solved, options, run, camera, frames);
   const auto split = cut ? SplitAt(input, solved, options, camera, frames[*cut], run) : std::nullopt;
   if (!split || !EvidenceForLens(*split)) return std::nullopt;

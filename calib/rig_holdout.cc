@@ -7,6 +7,7 @@
 
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
+#include "core/choice/heldout_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/statistics.h"
@@ -126,14 +127,13 @@ void ScoreFold(const Work& work, int fold, int folds, double cap_px, std::vector
 
 /// The rule of lens models: offsets are simpler left out unless the gain is more than its standard error and worth a number.
 bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std::string* reason) {
-  double sum = 0, squares = 0, before = 0;
-  for (const auto& [without, with] : scores)
-    sum += without - with, squares += (without - with) * (without - with), before += without;
-  const double n = static_cast<double>(scores.size()), mean = sum / n;
-  const double error = std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1));
-  const bool pays = mean > error && std::sqrt(1 - sum / before) < 1 - kNegligibleGain;
-  *reason = Format("time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s", -100 * sum / before,
-                   100 * error * n / before, pays ? "estimated" : "left out");
+  std::vector<double> before, after;
+  for (const auto& [without, with] : scores) before.push_back(without), after.push_back(with);
+  const UnitMean gain = DifferenceOverUnits(before, after);
+  const double usual = Mean(before);
+  const bool pays = gain.mean > gain.standard_error && std::sqrt(1 - gain.mean / usual) < 1 - kNegligibleGain;
+  *reason = Format("time offsets change the mean squared held-out error by %+.1f +- %.1f %%: %s", -100 * gain.mean / usual,
+                   100 * gain.standard_error / usual, pays ? "estimated" : "left out");
   return pays;
 }
 

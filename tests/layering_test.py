@@ -9,13 +9,14 @@ import pathlib
 import re
 import sys
 
-CORE = {"core", "core/hash", "core/disk"}
+CORE = {"core", "core/hash", "core/disk", "core/choice"}
 GEOMETRY = {"geometry/rigid", "geometry/solve", "geometry/lens/models", "geometry/lens", "geometry/rig"}
 # Folder -> folders it may include besides itself. Arrows go down only.
 MAY_INCLUDE = {
     "core": set(),
     "core/hash": {"core"},
     "core/disk": {"core", "core/hash"},
+    "core/choice": {"core"},
     "geometry/rigid": {"core"},
     "geometry/solve": {"core"},
     "geometry/lens/models": {"core"},

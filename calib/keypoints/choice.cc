@@ -8,6 +8,7 @@
 #include "calib/keypoints/profile.h"
 #include "calib/keypoints/split.h"
 #include "calib/points/point_bundle.h"
+#include "core/choice/heldout_choice.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -120,33 +121,20 @@ class PlanJudge {
 
 double LengthOf(double cost, double cauchy_px) { return cauchy_px * std::sqrt(std::expm1(cost)); }
 
-/// Standard error of the mean difference between two candidates, over the stretches.
-double ErrorOfDifference(const Candidate& a, const Candidate& b) {
-  const auto n = static_cast<double>(a.block_cost.size());
-  if (n < 2) return 0;
-  double squares = 0;
-  for (size_t i = 0; i < a.block_cost.size(); ++i) {
-    const double off = (a.block_cost[i] - b.block_cost[i]) - (a.mean - b.mean);
-    squares += off * off;
-  }
-  return std::sqrt(squares / (n - 1) / n);
-}
-
 /// `candidates` from least to most change.
 KeypointPlan Decide(const std::string& group, const std::vector<Candidate>& candidates, double cauchy_px,
                     const KeypointChoiceOptions& options, std::vector<KeypointDecision>* decisions) {
-  const auto best =
-      std::min_element(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.mean < b.mean; });
-  const Candidate* winner = nullptr;
-  for (const Candidate& candidate : candidates) {
-    const double error = ErrorOfDifference(candidate, *best), px = LengthOf(candidate.mean, cauchy_px);
-    const bool as_good =
-        candidate.mean <= best->mean + options.sigmas * error || px <= (1 + options.gain) * LengthOf(best->mean, cauchy_px);
-    if (!winner && as_good) winner = &candidate;
-    const double px_per_cost = cauchy_px * cauchy_px * std::exp(candidate.mean) / (2 * std::max(px, 1e-12));
-    decisions->push_back({group, candidate.name, px, error * px_per_cost, winner == &candidate});
+  std::vector<HeldOutCandidate> held_out;
+  for (const Candidate& each : candidates) held_out.push_back({each.name, each.block_cost, LengthOf(each.mean, cauchy_px)});
+  HeldOutRule rule;
+  rule.standard_errors = options.sigmas, rule.relative = options.gain, rule.min_units = 1;
+  const HeldOutChoice choice = ChooseHeldOut(held_out, rule);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const double px = held_out[i].loss, error = choice.verdicts[i].worse_by.standard_error;
+    const double px_per_cost = cauchy_px * cauchy_px * std::exp(candidates[i].mean) / (2 * std::max(px, 1e-12));
+    decisions->push_back({group, candidates[i].name, px, error * px_per_cost, static_cast<int>(i) == choice.index});
   }
-  return winner->plan;
+  return candidates[static_cast<size_t>(choice.index)].plan;
 }
 
 struct Group {

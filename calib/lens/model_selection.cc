@@ -13,6 +13,7 @@
 #include "calib/covariance/uncertainty.h"
 #include "calib/lens/evidence.h"
 #include "calib/lens/lens_configs.h"
+#include "core/choice/heldout_choice.h"
 #include "core/format.h"
 #include "core/parallel.h"
 
@@ -24,23 +25,6 @@ using geometry::LensModel;
 constexpr int kMinClusters = 6, kMinClustersOfCamera = 3;
 constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
 constexpr double kCapOfMedian = 6;                 // errors count as at most so many medians of the best candidate
-
-/// Mean of the paired differences and its standard error.
-struct Difference {
-  double mean = 0, standard_error = 0;
-};
-
-Difference Compare(const std::vector<double>& a, const std::vector<double>& b) {
-  double sum = 0, squares = 0;
-  int n = 0;
-  for (size_t v = 0; v < b.size(); ++v) {
-    if (std::isnan(b[v]) || std::isnan(a[v])) continue;
-    sum += a[v] - b[v], squares += (a[v] - b[v]) * (a[v] - b[v]), ++n;
-  }
-  if (n < 2) return {};
-  const double mean = sum / n;
-  return {mean, std::sqrt(std::max(0.0, squares / n - mean * mean) / (n - 1))};
-}
 
 /// Smallest median over the candidates, per camera.
 std::vector<double> BestMedians(const std::vector<LensCandidate>& candidates, int num_cameras) {
@@ -78,15 +62,6 @@ std::vector<double> Scores(const LensCandidate& candidate, const std::vector<dou
     scores.push_back(errors.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(errors.size()));
   }
   return ClusterMeans(scores, candidate.fit.cluster);
-}
-
-double MeanScore(const std::vector<double>& scores) {
-  double sum = 0;
-  int n = 0;
-  for (double value : scores) {
-    if (!std::isnan(value)) sum += value, ++n;
-  }
-  return n ? sum / n : std::numeric_limits<double>::infinity();
 }
 
 constexpr double kFoldSlack = 0.02;  // of the image
@@ -189,17 +164,11 @@ int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   return chosen;
 }
 
-std::string Explain(const LensCandidate& chosen, const LensCandidate& simplest, const LensCandidate& best) {
-  const std::string name = ToString(chosen.config), best_name = ToString(best.config);
-  if (&chosen == &best) return name + " has the smallest held-out error of all lenses tried";
-  if (&chosen != &simplest) {
-    return Format(
-        "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms "
-        "(Schwarz's criterion)",
-        name.c_str(), best_name.c_str(), ToString(simplest.config).c_str());
-  }
-  return Format("%s is the simplest within one standard error of the best (%s): held-out error %+.1f %%", name.c_str(),
-                best_name.c_str(), 100 * (chosen.relative_error / best.relative_error - 1));
+std::string CalledFor(const LensCandidate& chosen, const LensCandidate& simplest, const LensCandidate& best) {
+  return Format(
+      "%s is within one standard error of the best (%s) like %s, but its boards call for its further terms "
+      "(Schwarz's criterion)",
+      ToString(chosen.config).c_str(), ToString(best.config).c_str(), ToString(simplest.config).c_str());
 }
 
 std::string Instead(const LensCandidate& chosen, const LensCandidate& other) {
@@ -226,21 +195,16 @@ int SimplestWithin(const std::vector<LensCandidate>& candidates) {
 int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* reason) {
   const std::vector<double> best_medians = BestMedians(*candidates, num_cameras);
   if (std::none_of(best_medians.begin(), best_medians.end(), [](double median) { return std::isfinite(median); })) return -1;
-  std::vector<std::vector<double>> scores;
+  std::vector<HeldOutCandidate> held_out;
   for (LensCandidate& candidate : *candidates) {
-    scores.push_back(Scores(candidate, best_medians));
-    candidate.relative_error = std::sqrt(MeanScore(scores.back()));
+    const std::vector<double> scores = Scores(candidate, best_medians);
+    candidate.relative_error = std::sqrt(MeanLoss(scores));
+    held_out.push_back({ToString(candidate.config), scores, candidate.relative_error});
   }
-  const auto best = std::min_element(candidates->begin(), candidates->end(),
-                                     [](const auto& a, const auto& b) { return a.relative_error < b.relative_error; });
-  for (size_t i = 0; i < candidates->size(); ++i) {
-    const Difference difference = Compare(scores[i], scores[best - candidates->begin()]);
-    LensCandidate& candidate = (*candidates)[i];
-    // A gain of less than a percent that is beyond doubt is a term that the lens has, small as it is.
-    const bool negligible = candidate.relative_error <= (1 + kNegligibleGain) * best->relative_error &&
-                            difference.mean <= kBeyondDoubt * difference.standard_error;
-    candidate.within_one_se = difference.mean <= difference.standard_error || negligible;
-  }
+  HeldOutRule rule;  // a gain of less than a percent that is beyond doubt is a term that the lens has, small as it is
+  rule.relative = kNegligibleGain, rule.beyond_doubt = kBeyondDoubt;
+  const HeldOutChoice choice = ChooseHeldOut(held_out, rule);
+  for (size_t i = 0; i < candidates->size(); ++i) (*candidates)[i].within_one_se = choice.verdicts[i].as_good;
   const int simplest = SimplestWithin(*candidates);
   if (simplest < 0) return simplest;
   const int supported = BestSupported(*candidates, simplest), chosen = OfRichestFamily(*candidates, supported);
@@ -248,7 +212,9 @@ int Judge(std::vector<LensCandidate>* candidates, int num_cameras, std::string* 
     *reason = Instead((*candidates)[chosen], (*candidates)[supported]);
     return chosen;
   }
-  *reason = Explain((*candidates)[chosen], (*candidates)[simplest], *best);
+  *reason = chosen == choice.best || chosen == simplest
+                ? HeldOutReason(held_out, choice, chosen)
+                : CalledFor((*candidates)[chosen], (*candidates)[simplest], (*candidates)[choice.best]);
   return chosen;
 }
 

@@ -6,6 +6,7 @@
 
 #include "calib/points/point_clusters.h"
 #include "core/check.h"
+#include "core/choice/heldout_choice.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -45,10 +46,10 @@ int FoldOf(const Cube& cube) { return static_cast<int>((cube[0] + cube[1] + cube
 
 /// Three standard errors: with two, one scene of a hundred whose cameras share a lens would be given eight.
 bool IsAboveNoise(const std::map<Cube, double>& gains) {
-  double sum = 0, squares = 0;
-  for (const auto& [cube, gain] : gains) sum += gain, squares += gain * gain;
-  const auto n = static_cast<double>(gains.size());
-  return n > 1 && sum > 3 * std::sqrt(std::max(0.0, squares - sum * sum / n) * n / (n - 1));
+  std::vector<double> units;
+  for (const auto& [cube, gain] : gains) units.push_back(gain);
+  const UnitMean gain = MeanOverUnits(units);
+  return gain.num_units > 1 && InStandardErrors(gain) > 3;
 }
 
 }  // namespace

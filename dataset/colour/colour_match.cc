@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/check.h"
+#include "core/choice/heldout_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -164,16 +165,13 @@ HeldOut Score(const Problem& problem, const std::vector<Transforms>& without_fol
   return score;
 }
 
-/// How much of the squared error of `plain` is gone, and its standard error over the groups.
-std::pair<double, double> Improvement(const HeldOut& plain, const HeldOut& score, const HeldOut& reference) {
-  std::vector<double> gone;
-  const double usual = Mean(reference.squared);
-  for (size_t i = 0; i < plain.squared.size(); ++i)
-    gone.push_back(usual > 0 ? (plain.squared[i] - score.squared[i]) / usual : 0);
-  const double n = static_cast<double>(gone.size()), mean = Mean(gone);
-  double variance = 0;
-  for (const double g : gone) variance += (g - mean) * (g - mean) / std::max(1.0, n - 1);
-  return {mean, std::sqrt(variance / n)};
+/// How much of the squared error of `plain` is gone, in parts of it.
+UnitMean Improvement(const HeldOut& plain, const HeldOut& score) {
+  UnitMean gone = DifferenceOverUnits(plain.squared, score.squared);
+  const double usual = Mean(plain.squared);
+  if (!(usual > 0)) return {0, 0, gone.num_units};
+  gone.mean /= usual, gone.standard_error /= usual;
+  return gone;
 }
 
 /// A model, tried.
@@ -203,13 +201,15 @@ void ScoreAll(const Problem& problem, std::vector<Candidate>* candidates) {
   const double clip = kClipLevels * std::max(best, 0.5);
   for (Candidate& c : *candidates) {
     c.score = Score(problem, c.without_fold, c.trial.space, clip);
-    std::tie(c.trial.heldout_gain, c.trial.heldout_gain_sigma) =
-        Improvement(candidates->front().score, c.score, candidates->front().score);
+    const UnitMean gone = Improvement(candidates->front().score, c.score);
+    c.trial.heldout_gain = gone.mean, c.trial.heldout_gain_sigma = gone.standard_error;
   }
 }
 
 /// Index of the model to use: the simplest that no other beats beyond doubt.
 size_t Choose(const std::vector<Candidate>& candidates) {
+  HeldOutRule rule;
+  rule.standard_errors = kStandardErrors, rule.absolute = kLeastImprovement, rule.min_units = 1;
   size_t best = 0;
   for (const ColourModel model : {ColourModel::kGain, ColourModel::kGainOffset}) {
     size_t challenger = 0;
@@ -219,8 +219,7 @@ size_t Choose(const std::vector<Candidate>& candidates) {
       if (challenger == 0 || trial.heldout_gain > candidates[challenger].trial.heldout_gain) challenger = i;
     }
     if (challenger == 0) continue;
-    const auto [gone, sigma] = Improvement(candidates[best].score, candidates[challenger].score, candidates[best].score);
-    if (gone > kLeastImprovement && gone > kStandardErrors * sigma) best = challenger;
+    if (!IsAsGood(Improvement(candidates[best].score, candidates[challenger].score), rule)) best = challenger;
   }
   return best;
 }

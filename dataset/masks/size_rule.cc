@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/choice/heldout_choice.h"
 #include "core/statistics.h"
 #include "dataset/masks/mask_internal.h"
 
@@ -47,13 +48,16 @@ std::vector<ProjectedBody> BodiesUnder(const SizeRule& rule, const geometry::Rig
   return bodies;
 }
 
-/// True when `other` lies below `best` by 3 standard errors of the paired differences.
-bool IsWorse(const std::vector<double>& best, const std::vector<double>& other) {
-  const double n = static_cast<double>(best.size()), mean = Mean(best) - Mean(other);
-  if (n < 3) return false;
-  double squares = 0;
-  for (size_t f = 0; f < best.size(); ++f) squares += std::pow(best[f] - other[f] - mean, 2);
-  return mean > 3 * std::sqrt(squares / (n - 1) / n);
+/// By the evidence of the frames alone.
+HeldOutChoice NotRuledOut(const std::vector<SizeRule>& rules, const std::vector<RuleEvidence>& evidence) {
+  HeldOutRule rule;
+  rule.standard_errors = 3, rule.min_units = 3;
+  std::vector<HeldOutCandidate> candidates;
+  for (size_t r = 0; r < rules.size(); ++r) {
+    candidates.push_back({rules[r].name, {}});
+    for (const double score : evidence[r].scores) candidates.back().units.push_back(-score);
+  }
+  return ChooseHeldOut(candidates, rule);
 }
 
 /// Root mean square distance of the ends of the bones.
@@ -115,12 +119,12 @@ SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::
     for (size_t f = 0; f < frames.size(); ++f) e.scores.push_back(FrameScore(frames[f], e.bodies[f], model));
     decision.scores.push_back(Mean(e.scores));
   }
-  const size_t best = std::max_element(decision.scores.begin(), decision.scores.end()) - decision.scores.begin();
+  const HeldOutChoice choice = NotRuledOut(rules, evidence);
+  const auto best = static_cast<size_t>(choice.best);
   std::vector<size_t> left;
   for (size_t r = 0; r < rules.size(); ++r) {
-    const bool worse = IsWorse(evidence[best].scores, evidence[r].scores);
     const bool apart = JointDistancePx(evidence[best].bodies, evidence[r].bodies) > 2 * joint_rms_px;
-    if (r == best || !worse || !apart) left.push_back(r);
+    if (choice.verdicts[r].as_good || !apart) left.push_back(r);
   }
   decision.decisive = left.size() == 1;
   decision.rule = rules[left[0]];

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "core/check.h"
+#include "core/choice/heldout_choice.h"
 #include "core/format.h"
 #include "core/parallel.h"
 #include "core/random.h"
@@ -182,10 +183,10 @@ std::vector<size_t> ChoosePoints(const std::vector<std::vector<Observation>>& po
 }
 
 bool WithinOneError(const PairedDifference& d, double tolerance_px) {
-  const auto within = [tolerance_px](double value, double error) {
-    return value <= tolerance_px || (std::isfinite(error) && value <= error);
-  };
-  return within(d.median_px, d.median_error_px) && within(d.p90_px, d.p90_error_px);
+  HeldOutRule rule;
+  rule.absolute = tolerance_px, rule.min_units = 0;  // their number was asked for before
+  return IsAsGood({d.median_px, d.median_error_px, d.num_samples}, rule) &&
+         IsAsGood({d.p90_px, d.p90_error_px, d.num_samples}, rule);
 }
 
 std::string Reason(const MethodChoice& choice) {

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/choice/heldout_choice.h"
 #include "core/format.h"
 #include "core/parallel.h"
 #include "triangulate/point/point.h"
@@ -153,21 +154,11 @@ void SetFigures(const std::vector<FrameFit>& fits, CauseTrial* trial) {
 
 /// By how many standard errors the mean residual of a frame falls, with frames that are the same in both or others.
 double GainInErrors(const std::vector<FrameFit>& given, const std::vector<FrameFit>& tried, bool same_frames) {
-  const auto mean_and_variance = [](const std::vector<double>& values) {
-    double sum = 0, squares = 0;
-    for (const double value : values) sum += value;
-    const double count = static_cast<double>(values.size()), mean = sum / std::max(count, 1.0);
-    for (const double value : values) squares += (value - mean) * (value - mean);
-    return std::pair(mean, squares / std::max(count * (count - 1), 1.0));
-  };
-  std::vector<double> before, after, gain;
+  std::vector<double> before, after;
   for (const FrameFit& fit : given) before.push_back(fit.cost_px / std::max(fit.offered, 1));
   for (const FrameFit& fit : tried) after.push_back(fit.cost_px / std::max(fit.offered, 1));
-  for (size_t f = 0; same_frames && f < before.size(); ++f) gain.push_back(before[f] - after[f]);
-  const auto [mean_before, variance_before] = mean_and_variance(before);
-  const auto [mean_after, variance_after] = mean_and_variance(after);
-  const double variance = same_frames ? mean_and_variance(gain).second : variance_before + variance_after;
-  return variance > 0 ? (mean_before - mean_after) / std::sqrt(variance) : mean_before > mean_after ? 1e9 : 0;
+  return InStandardErrors(same_frames ? DifferenceOverUnits(before, after)
+                                      : DifferenceOfMeans(MeanOverUnits(before), MeanOverUnits(after)));
 }
 
 /// The cameras with the most detections, in the rig's order.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/choice/heldout_choice.h"
 #include "core/format.h"
 #include "core/parallel.h"
 #include "triangulate/sync/sync.h"
@@ -46,10 +47,13 @@ LeftOutFigures LeaveOut(const geometry::Rig& rig, const std::vector<DetectedFram
       .all;
 }
 
-/// How far `b` is worse than `a`, in standard errors.
+/// How far `b` is worse than `a`, in standard errors: the offsets change which frames and detections take part, so the two do
+/// not come in pairs.
 double Worse(const LeftOutFigures& a, const LeftOutFigures& b) {
-  const double error = std::hypot(a.median_error_px, b.median_error_px);
-  return (b.median_px - a.median_px) / std::max(error, 1e-12);
+  UnitMean difference =
+      DifferenceOfMeans({b.median_px, b.median_error_px, b.num_samples}, {a.median_px, a.median_error_px, a.num_samples});
+  difference.standard_error = std::max(difference.standard_error, 1e-12);
+  return InStandardErrors(difference);
 }
 
 }  // namespace
