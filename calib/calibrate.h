@@ -88,8 +88,8 @@ struct CameraReport {
   double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; sigma 0 also where the rig states no covariance of the
                                             ///< lens
   double rms_px = 0;
-  double alone_rms_px = 0;                           ///< calibrated by itself
-  double holdout_rms_px = 0, holdout_median_px = 0;  ///< the camera calibrated alone
+  double alone_rms_px = 0;                           ///< the camera calibrated alone
+  double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
   double rig_holdout_gross_fraction = 0;             ///< its share of CalibrateReport's; NaN without held-out frames
   double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
   std::string shares_lens_with;                      ///< names, separated by ", "

@@ -35,19 +35,14 @@ std::vector<FilmedBoard> FilmedBoards(const std::vector<View>& views, const RigS
 std::vector<FilmedBoard> FilmedBoards(const CalibrateReport& report);
 
 /// What to film to improve the next calibration, most useful first; empty when nothing is missing:
-///
-/// FILM-LINK: the cameras' strongest links (maximum spanning tree of frames with a board in both) with fewer than 5
-/// frames.
-///
-/// FILM-FEW: cameras with fewer than 8 boards.
-///
-/// FILM-COVERAGE: parts of an image (3 x 3: corners, sides, middle) where less than a third of the cells (10 x 8 over the
-/// image) hold a corner.
-///
-/// FILM-TILT: cameras with fewer than a tenth of their boards (and fewer than 2) tilted by 15 degrees or more about the
-/// image's vertical or horizontal axis.
-///
-/// FILM-RANGE: cameras whose farthest board is less than 1.3 times as far as the nearest.
+///   FILM-LINK: the cameras' strongest links (maximum spanning tree of frames with a board in both) with fewer than 5
+///     frames.
+///   FILM-FEW: cameras with fewer than 8 boards.
+///   FILM-COVERAGE: parts of an image (3 x 3: corners, sides, middle) where less than a third of the cells (10 x 8 over
+///     the image) hold a corner.
+///   FILM-TILT: cameras with fewer than a tenth of their boards (and fewer than 2) tilted by 15 degrees or more about
+///     the image's vertical or horizontal axis.
+///   FILM-RANGE: cameras whose farthest board is less than 1.3 times as far as the nearest.
 ///
 /// Without `as_rig` the cameras are judged separately and no links are required.
 std::vector<FilmHint> FilmNext(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,

@@ -7,8 +7,8 @@
 
 namespace mvstudio::calib {
 
-/// A planar calibration target. Its frame `board` lies in the printed plane: x along the columns to the right, y down as
-/// the reader of the print sees it, z = x cross y (into the board, away from the viewer of its printed side).
+/// A planar calibration target. Its frame `board` lies in the printed plane. x points along the columns to the right, y
+/// down as the reader of the print sees it, z = x cross y (into the board, away from the viewer of its printed side).
 ///
 /// chessboard, charuco, grid: corners are numbered row by row from the top left; corner (row, col) lies at (col, row, 0) *
 /// square_m. Inner corners only: the outer squares lie around them.

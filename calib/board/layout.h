@@ -14,8 +14,7 @@ struct LayoutFault {
   int board = 0;
   int told_cols = 0, told_rows = 0, cols = 0, rows = 0;
   double told_px = 0, found_px = 0;  ///< median distance of the corners from a homography's image of the board: as described
-                                     ///< (told), as found
-                                     ///< and as found
+                                     ///< (told) and as found
 };
 
 /// One line.

@@ -19,8 +19,7 @@ struct Gauge {
 struct LensPrior {
   Eigen::VectorXd mean;    ///< (P), units of Camera::params
   Eigen::VectorXd weight;  ///< (P), px^2 over those units squared: (sigma of a corner of weight 1 / sigma of the parameter)^2
-  int num_omitted = 0;     ///< number of last parameters that the chosen model lacks; they are held near zero
-                           ///< (omitted_terms.h)
+  int num_omitted = 0;     ///< number of last parameters that the lens was chosen without; they are at zero (omitted_terms.h)
 };
 
 struct BundleOptions {

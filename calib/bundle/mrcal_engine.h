@@ -21,8 +21,9 @@ void VisitFields(Visitor&& visit, MrcalOptions& o) {
   visit("mrcal-regularize", o.regularize, "pull lenses towards the image centre and no distortion, as mrcal's programs do");
 }
 
-/// What mrcal cannot do of this problem, one line; empty when it can. It knows pinhole, brown4, brown5, rational8, thinprism12
-/// and splined, the same for all cameras; one board, a full grid; no time offsets, no poses fixed one by one.
+/// Why mrcal cannot solve this problem, one line; empty when it can. mrcal supports pinhole, brown4, brown5, rational8,
+/// thinprism12 and splined, one model for all cameras, and one board that is a full grid. It supports neither time offsets
+/// nor poses fixed individually.
 std::string WhyNotMrcal(const std::vector<View>& views, const RigState& state, const MrcalOptions& options);
 
 /// Solves the problem of SolveBundle with libmrcal (D. Kogan, mrcal.secretsauce.net), as an independent check. Corners

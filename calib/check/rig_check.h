@@ -15,7 +15,8 @@
 namespace mvstudio::calib {
 
 struct RigCheckOptions {
-  double reject_sigmas = 4.5;  ///< corners farther from the fit to their own view are dropped
+  double reject_sigmas = 4.5;  ///< corners farther than this many standard deviations from the fit to their own view are
+                               ///< dropped
   double bump_sigmas = 3;  ///< a camera has moved when its motion, over 6 parameters, exceeds this many standard deviations …
   double bump_px = 0.5;    ///< … and moves its corners in the image by this much (rms)
   double scale_percent =

@@ -40,16 +40,16 @@ void VisitFields(Visitor&& visit, CornerFileOptions& o) {
   visit("size", o.sizes, "image size WIDTHxHEIGHT px of all cameras, or NAME=WIDTHxHEIGHT, where a corner file does not say");
 }
 
-/// Reads corners from one of
-///   vnl        `# filename x y level` of mrcal and mrgingham: the corners of an image row by row; sigma = 2^level (or
-///   1/weight),
-///              rows with '-' are corners that were not found. Camera and frame come from the image's name.
-///   caliscope  xy.csv: sync_index is the instant; the file's own object points make the board. Sizes come from the
-///              camera_array.toml of the session when it lies in the same folder or up to three above.
-///   opencv     XML of OpenCV's omnidirectional samples: objectPoints with imagePoints, or imagePoints1 and imagePoints2.
-///   csv        what WriteCornerFile writes.
-/// Boards whose corners run mirrored in every view are renumbered; that, and cameras that see only the back of a board, are
-/// noted. Throws UsageError for options that are missing or contradict the file, IoError, FormatError with the line.
+/// Reads corners from one of these formats:
+///   vnl: `# filename x y level` of mrcal and mrgingham, the corners of an image row by row. sigma = 2^level (or
+///     1/weight); rows with '-' are corners that were not found. Camera and frame come from the image's name.
+///   caliscope: xy.csv. sync_index is the time step; the file's own object points make the board. Sizes come from the
+///     session's camera_array.toml when it lies in the same folder or up to three above.
+///   opencv: XML of OpenCV's omnidirectional samples, objectPoints with imagePoints, or imagePoints1 and imagePoints2.
+///   csv: what WriteCornerFile writes.
+///
+/// Boards whose corners are mirrored in every view are renumbered. A note reports that, and cameras that see only the back
+/// of a board. Throws UsageError for options that are missing or contradict the file, IoError, FormatError with the line.
 CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& options = {});
 
 /// Writes corners as CSV `camera,frame,board,corner,x_px,y_px[,sigma_px]` after `#` lines with the cameras' sizes and the

@@ -9,8 +9,8 @@ namespace mvstudio::calib {
 
 /// A solution with the terms that its lens models omit added at zero, so that their uncertainty is counted.
 struct WithOmitted {
-  RigState state;         ///< with a prior on the added terms
-  BundleOptions options;  ///< with what is known of the added terms as a prior
+  RigState state;         ///< the lenses' parameters are those of the given state, then zeros
+  BundleOptions options;  ///< with a prior on the added terms
 };
 
 /// Adds, for the lenses of `chosen` cameras, whose models were chosen for their simplicity, the omitted terms with a prior

@@ -53,8 +53,9 @@ struct UncertaintySummary {
 /// camera. Only corner noise is included: a lens model that does not fit goes unnoticed, so compare with held-out errors.
 class ProjectionUncertainty {
  public:
-  /// Normal equations at `state`, the solution of `options` on `views`, factorised once: sigma_px is the standard deviation per
-  /// coordinate of a corner of weight 1. The errors of what `options` held count as `held` states them, else not. See status().
+  /// Factorises the normal equations once at `state`, the solution of `options` on `views`. sigma_px is the standard
+  /// deviation per coordinate of a corner of weight 1. Errors of unknowns that `options` held are included if `held`
+  /// states them. See status().
   ProjectionUncertainty(const std::vector<View>& views, const RigState& state, const BundleOptions& options, double sigma_px,
                         const HeldCovariance& held = {});
 

@@ -8,8 +8,8 @@
 #include "triangulate/point/holdout.h"
 #include "triangulate/take/take.h"
 
-/// Joints of a take together: what bodies do that single points do not know. Each term is on only if cameras that were left out
-/// say so.
+/// Joint refinement of a take with constraints on bodies that single points lack. Each term is used only if left-out
+/// cameras support it.
 namespace mvstudio::triangulate {
 
 struct SkeletonRefineOptions {
@@ -43,26 +43,26 @@ struct TermTrial {
                       ///< bone-lengths: sigma of a length over the length, 0.1 … 0.003
   LeftOutFigures before, after;  ///< without the term and with it, over the same held-out detections
   PairedDifference difference;   ///< after minus before
-  bool better = false;  ///< median lower by more than its standard error, 90 % quantile not higher by more than its own
+  bool better = false;  ///< median lower by more than its standard error, and 90 % quantile not higher by more than its own
   bool chosen = false;
 };
 
 struct BoneReport {
   int person = 0, joint_a = 0, joint_b = 0;
-  int num_frames = 0;                          ///< where both joints are kOk before and after
-  double length_m = 0;                         ///< median before, or the estimate where the term is on
-  double sigma_m = 0;                          ///< standard deviation of the estimate; 0 where the term is off
+  int num_frames = 0;                          ///< in which both joints are kOk before and after
+  double length_m = 0;                         ///< median before, or the estimate where the term is used
+  double sigma_m = 0;                          ///< standard deviation of the estimate; 0 where the term is not used
   double std_before_mm = 0, std_after_mm = 0;  ///< standard deviation of the length over these frames
 };
 
 struct SkeletonRefineReport {
   std::vector<TermTrial> trials;                        ///< in the order tried, chosen or not
-  double robust = 0, smoothness = 0, bone_lengths = 0;  ///< weights in use, 0: off
-  LeftOutFigures before, after;  ///< held-out figures with nothing on, and with all chosen terms (covariances as reported)
+  double robust = 0, smoothness = 0, bone_lengths = 0;  ///< weights in use, 0: not used
+  LeftOutFigures before, after;  ///< held-out figures without terms, and with all chosen terms (covariances as reported)
   double shared_error = 0;       ///< 0..1, see RefineSkeleton
   std::vector<BoneReport> bones;
   double limb_std_before_mm = 0, limb_std_after_mm = 0;  ///< means over the bones with 5 frames or more; NaN without any
-  int num_filled = 0;                                    ///< joints that were not kOk and are now
+  int num_filled = 0;                                    ///< joints that became kOk
 };
 
 struct SkeletonRefineResult {
