@@ -43,7 +43,8 @@ PixelCosts ColourCosts(const Patch& patch, int x, int y, const CameraMaskModel& 
 /// Fills the contrast between neighbours of which one is free, and its scale.
 void FillContrast(const Patch& patch, CutProblem* problem);
 
-/// Costs of the free pixels; without a body every pixel may be a person's. Pixels beyond reach become background.
+/// Fills the costs of the free pixels. Without a body every pixel may be a person's. Pixels beyond reach become
+/// background.
 void FillCosts(const Patch& patch, const ProjectedBody* body, const CameraMaskModel& model, const MaskOptions& options,
                CutProblem* problem);
 

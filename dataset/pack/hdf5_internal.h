@@ -122,11 +122,12 @@ struct Hdf5Limits {
   double max_ratio = 200;  ///< unpacked bytes to bytes of the file; deflate cannot do better than about 1000
 };
 
-/// Reads a file after checking all of its structure: hard links only, no soft, external or user-defined links, no virtual or
-/// external datasets, no named types, numbers or fixed text of standard size only, no filters but shuffle, deflate and
-/// fletcher32, dimensions that multiply without overflow and fit the file. Throws IoError, or FormatError with the object.
+/// Reads a file after checking its whole structure. Allowed are hard links only (no soft, external or user-defined links),
+/// and no virtual or external datasets. No named types; only numbers or fixed text of standard size. The only filters are
+/// shuffle, deflate and fletcher32. Dimensions must multiply without overflow and fit the file. Throws IoError, or
+/// FormatError with the object.
 ///
-/// The library itself can crash or loop on a damaged file: for files that others made use CheckInChild (isolate_internal.h)
+/// The library itself can crash or loop on a damaged file: for files from others use CheckInChild (isolate_internal.h)
 /// first.
 class Hdf5Reader {
  public:

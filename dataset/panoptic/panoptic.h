@@ -42,7 +42,7 @@ struct PanopticDataset {
   std::string sequence;  ///< <seq> of calibration_<seq>.json
   geometry::Rig rig;     ///< cameras that have pictures in hdImgs, names 00_NN
   std::map<std::string, std::string>
-      aliases;              ///< studio's own name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there
+      aliases;              ///< studio's name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there is one
   std::vector<int> frames;  ///< frame numbers with a body3DScene file, sorted
   std::map<int, std::map<int, Coco19Pose>> poses;  ///< frame -> person -> joints, in our world
 

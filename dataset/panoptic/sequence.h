@@ -39,7 +39,7 @@ struct PanopticSequence {
   std::vector<std::pair<std::string, std::string>>
       strange;  ///< files and folders of these places that have a wrong name: path, why
   std::vector<std::pair<std::string, std::string>>
-      links_out;  ///< links that lead out of `root`: path, where to; left out above
+      links_out;  ///< links that lead out of `root`: path, target; not included above
 };
 
 /// Throws IoError, and FormatError without a folder or with other than one calibration. `follow_links`: `links_out` are

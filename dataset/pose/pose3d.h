@@ -48,7 +48,7 @@ struct Coco19Pose {
   Eigen::Matrix<double, 3, 19> x_in_world = Eigen::Matrix<double, 3, 19>::Zero();  ///< metres
   std::array<bool, 19> valid{};
   std::array<double, 19>
-      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) when it comes from triangulation, the file's own otherwise
+      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
 };
 
 /// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that the skeleton lacks.

@@ -24,9 +24,9 @@ struct CameraTimes {
 
 /// Relation between the cameras' clocks.
 enum class TimelineClock {
-  kCommon,   ///< each camera has its own clock; offsets are given
-  kOffsets,  ///< unknown: all cameras are assumed to start at the same time
-  kStart,    ///< nothing: all cameras are taken to have started at the same instant
+  kCommon,   ///< the time stamps are on one clock
+  kOffsets,  ///< each camera has its own clock; offsets are given
+  kStart,    ///< unknown: all cameras are assumed to start at the same time
 };
 /// "common", "offsets", "start"
 std::string ToString(TimelineClock clock);

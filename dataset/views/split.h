@@ -33,8 +33,9 @@ struct Split {
   std::vector<MotionBlock> blocks;  ///< of the whole take
 };
 
-/// Every rule that is broken, one line each ("train and test share camera 00_03"): train and test share neither cameras nor
-/// frames; validation shares no frames with either and no cameras with test; train and test are not empty; nothing twice.
+/// All violated rules, one line each ("train and test share camera 00_03"). Train and test share neither cameras nor
+/// frames. Validation shares no frames with either and no cameras with test. Train and test are not empty; nothing occurs
+/// twice.
 std::vector<std::string> SplitFaults(const Split& split);
 
 /// `mvstudio.split/1`, JSON. Reading throws IoError, or FormatError naming every camera and frame that is shared; writing
