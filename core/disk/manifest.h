@@ -23,7 +23,7 @@ struct FileDigest {
 
 struct ManifestEntry {
   FileDigest now;
-  /// Of the file that `now` replaces: the manifest is written first, so after a crash either may be there.
+  /// Of the file that `now` replaces: the manifest is written first, so after a crash either may exist.
   std::optional<FileDigest> before = {};
   std::string by = {};  ///< the command that wrote it, if it differs from the manifest's
 };

@@ -37,8 +37,8 @@ LaneRig<S> MakeLaneRig(const PreparedRig& rig);
 /// Writes a point whose `used` are cameras.
 void StorePoint(const Point& point, int64_t i, BatchResult* result);
 
-/// Solves points [first, first + count) and sets done[i - first] to 1 for those that were written. These are the points
-/// that pass every check. In double, the points whose rays are all good are then solved by TriangulateViews.
+/// Solves points [first, first + count) and sets done[i - first] to 1 for those that were written: the points that pass
+/// every check. In double, other points whose rays are all good are solved by TriangulateViews.
 template <class S>
 void SolveInLanes(const LaneRig<S>& rig, const PreparedRig& prepared, const PointBatch& batch, const BatchOptions& options,
                   int64_t first, int64_t count, BatchResult* result, uint8_t* done);

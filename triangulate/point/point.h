@@ -52,12 +52,12 @@ struct PointOptions {
 /// Triangulates one point from one observation per camera.
 ///
 /// Robust selection: when the fit to all views leaves a residual above the limit, the largest set of views that agrees
-/// with its own point is searched, see FitConsistent in robust.h. The set is always re-evaluated at the refined point.
+/// with its own point is searched, see FitConsistent in robust.h. The set is always re-evaluated at the refined point. Two
+/// views that agree by chance give no point when another pair agrees as well elsewhere, nor does a set of views beside an
+/// equally large one with another point (kOutlier).
 ///
-/// kOutlier: two views that agree by chance give no point when another pair agrees as well elsewhere, nor does a set of
-/// views beside an equally large one with another point. An observation that repeats another camera's pixel exactly, where
-/// both cameras have one pose and one lens, is the same image under two names. It is left out, so that the covariance does
-/// not count it twice.
+/// An observation that repeats another camera's pixel exactly, where both cameras have one pose and one lens, is the same
+/// image under two names. It is left out, so that the covariance does not count it twice.
 ///
 /// Status: kNonFiniteInput, kOutsideValidRadius, kTooFewViews (unusable observations leave too few); kDegenerate (one
 /// centre, or the point lies at a camera's centre); kLowParallax (depth not determined against the noise, rays parallel or
