@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-/// What the stages of mvstudio return: figures, files, warnings, and how it ended.
+/// The result of a stage of mvstudio: figures, files, warnings and exit code.
 namespace mvstudio::app {
 
 /// Exit codes of the command-line contract.
@@ -16,19 +16,19 @@ enum ExitCode {
   kExitBadInput = 3,
   kExitQualityGate = 4,  ///< computed, outputs kept, but a quality gate failed
   kExitIllPosed = 5,     ///< ill-posed or not converged
-  kExitPartial = 6,      ///< some cameras or frames failed; they are listed
+  kExitPartial = 6,      ///< some cameras or frames failed and are listed
   kExitResources = 7,
   kExitMissingTool = 8,
   kExitTryAgain = 75,
   kExitInterrupted = 130,
 };
 
-/// A warning or an error of a result: a stable code (`CAL-LOWCOV`), what and where, and what to do about it.
+/// A warning or an error of a result: a stable code (`CAL-LOWCOV`), what and where, and what to do.
 struct Notice {
   std::string code, text, hint;
 };
 
-/// What a command returns. Exceptions become an `error` result with the exit code of their type.
+/// The result of a command. Exceptions become an `error` result with the exit code of their type.
 struct CommandResult {
   int exit = kExitOk;
   nlohmann::ordered_json metrics = nlohmann::ordered_json::object();
@@ -39,13 +39,13 @@ struct CommandResult {
   std::vector<Output> outputs;
   std::vector<Notice> warnings;
   std::vector<Notice> errors;
-  std::string text;  ///< what a person reads on stdout without --json
+  std::string text;  ///< printed to stdout without --json
   std::string
       folder;  ///< when set: the whole result is kept as folder/<command>.result.json and provenance.jsonl gets a line there
   std::vector<std::string> inputs;  ///< files and folders read, for provenance
 };
 
-/// JSON has no NaN and no infinity: null where the value is not finite.
+/// JSON has no NaN and no infinity: null for values that are not finite.
 inline nlohmann::ordered_json FiniteOrNull(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-/// Words that name files and numbers.
+/// Parses arguments that name files and numbers.
 namespace mvstudio::app {
 
 /// Splits "name=path"; throws UsageError naming `flag` when there is no '='.
@@ -12,7 +12,7 @@ std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const
 
 /// Parses "80-99" or "1,4,7-9" into sorted numbers; throws UsageError.
 std::vector<int> ParseRanges(const std::string& flag, const std::string& text);
-/// The shortest text that ParseRanges turns into these sorted numbers: "1,4,7-9".
+/// The shortest text that ParseRanges converts to these sorted numbers: "1,4,7-9".
 std::string RangesText(const std::vector<int>& numbers);
 
 }  // namespace mvstudio::app

@@ -34,22 +34,23 @@ struct BodyTemplate {
 /// `detail` multiplies the mesh resolution (1: about 8,000 vertices; the number of faces grows with its square).
 BodyTemplate MakeMannequin(double height_m = 1.75, double detail = 1.0);
 
-/// Body pose: world_from_body transform of each bone's rest frame, i.e. x_in_world = bone_transforms[b] * S_b(x_in_body) for a
-/// vertex that follows bone b alone. S_b scales about the bone's rest head: by bone_stretch[b] along the bone, by girth across
-/// it.
+/// Body pose: world_from_body transform of each bone's rest frame. For a vertex that follows bone b alone, x_in_world =
+/// bone_transforms[b] * S_b(x_in_body). S_b scales about the bone's rest head: by bone_stretch[b] along the bone, by girth
+/// perpendicular to it.
 struct BodyPose {
   std::vector<geometry::Rigid3> bone_transforms;  // (B)
   std::vector<double> bone_stretch;               // (B) length over rest length along the bone, 1 for none
   double girth = 1;                               // size over rest size across every bone
 };
 
-/// Joint angles -> pose. `local_rotations[b]` turns bone b about its head relative to its parent; the root is placed by
-/// world_from_body.
+/// Joint angles -> pose. `local_rotations[b]` rotates bone b about its head relative to its parent; world_from_body places
+/// the root.
 BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_from_body,
                         const std::vector<Eigen::Quaterniond>& local_rotations);
 
-/// Pose whose Panoptic joints come closest to `coco19_in_world`: bones turned and stretched to the given joints; joints with
-/// `valid[j] == false` are filled from their neighbours. Returns false (and an unusable pose) when the trunk itself is missing.
+/// Pose whose Panoptic joints are closest to `coco19_in_world`: bones are rotated and stretched to the given joints;
+/// joints with `valid[j] == false` are filled from their neighbours. Returns false (and an unusable pose) when the trunk
+/// itself is missing.
 bool PoseFromJoints(const BodyTemplate& body, const Eigen::Matrix3Xd& coco19_in_world, const std::array<bool, 19>& valid,
                     BodyPose* pose);
 
@@ -58,8 +59,9 @@ Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose);
 /// Panoptic joints of a posed body, (3, 19) in world.
 Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose);
 
-/// Texture atlas of the mannequin: 24 charts, each size x size RGB, with patterns of several scales down to the finest a
-/// picture could show. Chart k is part k + 1; the centre of pixel (x, y) has u = (x + 0.5) / size, v = (y + 0.5) / size.
+/// Texture atlas of the mannequin: 24 charts, each size x size RGB, with patterns of several scales down to the finest
+/// that an image can show. Chart k is part k + 1; the centre of pixel (x, y) has u = (x + 0.5) / size, v = (y + 0.5) /
+/// size.
 std::array<Image, kNumParts> MannequinTextures(int size_px, uint64_t seed);
 
 }  // namespace mvstudio::body

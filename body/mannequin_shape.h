@@ -27,7 +27,7 @@ enum Region {
 };
 inline constexpr int kNumRegions = 14;
 
-/// Where the mannequin's joints rest, metres, for a height of 1.75 m; the left side, x > 0.
+/// Rest positions of the mannequin's joints, metres, for a height of 1.75 m; the left side, x > 0.
 struct MannequinJoints {
   Eigen::Vector3d body_center{0, 0, 0.93}, spine{0, 0, 1.03}, chest{0, 0, 1.20}, neck{0, 0, 1.43}, head{0, 0, 1.53},
       crown{0, 0, 1.75};
@@ -51,7 +51,7 @@ struct Tube {
   std::vector<Section> sections;
   double cap_begin, cap_end;  // metres
 
-  /// Roughly the signed distance, metres, negative inside.
+  /// Approximate signed distance, metres, negative inside.
   double Value(const Eigen::Vector3d& x) const;
 };
 

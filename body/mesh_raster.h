@@ -8,7 +8,7 @@
 
 namespace mvstudio::body {
 
-/// What the body looks like from a camera, one value a pixel, rows from the top.
+/// Rasterized body in a camera's image, one value per pixel, rows from the top.
 struct PartUvMap {
   int width = 0, height = 0;
   std::vector<uint8_t> part;   // (H, W) 0 background, 1..24
@@ -16,8 +16,9 @@ struct PartUvMap {
   std::vector<float> depth_m;  // (H, W) z in cam, +inf on background
 };
 
-/// z-buffer rasterisation of posed vertices (3, V) in world: vertices go through the camera's exact lens, edges are straight in
-/// the image, attributes perspective-correct, pixel centres sampled. Faces with a vertex that cannot be projected are skipped.
+/// z-buffer rasterisation of posed vertices (3, V) in world. Vertices are projected through the camera's exact lens, edges
+/// are straight in the image, attributes are perspective-correct and sampled at pixel centres. Faces with a vertex that
+/// cannot be projected are skipped.
 PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera);
 
 }  // namespace mvstudio::body

@@ -7,7 +7,7 @@
 
 namespace mvstudio::body {
 
-/// Consecutive joints that a detector delivers as one list.
+/// Consecutive joints that a detector returns as one list.
 struct SkeletonPart {
   enum class Kind { kBody, kFace, kLeftHand, kRightHand };
   Kind kind = Kind::kBody;
@@ -18,7 +18,7 @@ struct SkeletonPart {
 ///
 /// Names: "body25", "body25b", "body135" (OpenPose), "coco17", "coco18", "coco19" (CMU Panoptic's joints19), "coco133"
 /// (COCO-WholeBody), "halpe26", "halpe136", "mediapipe33" (MediaPipe Pose), "mediapipe75" (with its left and right hand),
-/// "openpose137" (BODY_25, face, left hand, right hand). OpenPose's bodies also come with its other lists: "body25+face",
+/// "openpose137" (BODY_25, face, left hand, right hand). OpenPose's bodies also exist with its other lists: "body25+face",
 /// "body25+hands", "body25+face+hands", and the same of body25b and coco18.
 struct Skeleton {
   std::string name;
@@ -34,7 +34,7 @@ struct Skeleton {
 const Skeleton& SkeletonByName(const std::string& name);
 std::vector<std::string> SkeletonNames();
 
-/// Names of the skeletons with so many joints.
+/// Names of the skeletons with this number of joints.
 std::vector<std::string> SkeletonsOfSize(size_t num_joints);
 
 /// Free points (markers, animals): the name is "points", there are no bones.
@@ -43,11 +43,11 @@ Skeleton PointsSkeleton(std::vector<std::string> joints);
 /// The skeleton of that name if it has all of `joints`, else a PointsSkeleton of them.
 Skeleton SkeletonOrPoints(const std::string& name, const std::vector<std::string>& joints);
 
-/// Pairs (left, right) of joints that change places in a mirror. Found by name: "LKnee" / "RKnee", and for other people's names
-/// "left_knee", "knee_left", "knee_l", "knee.L", "Left knee"; "Face…" by their places in the face.
+/// Pairs (left, right) of joints that a mirror exchanges. Found by name: "LKnee" / "RKnee", and for names of other
+/// programs "left_knee", "knee_left", "knee_l", "knee.L", "Left knee"; "Face…" by position in the face.
 std::vector<std::pair<int, int>> MirrorJoints(const Skeleton& skeleton);
 
-/// The same pairs in groups that detectors swap by themselves: head, arms with hands, legs with feet, and the rest; without
+/// The same pairs in groups that detectors swap separately: head, arms with hands, legs with feet, and the rest; without
 /// empty groups.
 std::vector<std::vector<std::pair<int, int>>> MirrorGroups(const Skeleton& skeleton);
 
@@ -55,9 +55,9 @@ std::vector<std::vector<std::pair<int, int>>> MirrorGroups(const Skeleton& skele
 /// rHip, rKnee, rAnkle, lEye, lEar, rEye, rEar. Here by OpenPose's names (BodyCenter = "MidHip", lShoulder = "LShoulder", …).
 const Skeleton& Coco19();
 
-/// For each of the 19 Panoptic joints, the joints of `from` whose mean it is (one, or two for Neck and BodyCenter where the
-/// source has none of its own); empty when it cannot be had. The "Neck" of a skeleton that also has the "Head" (BODY_25B,
-/// BODY_135, Halpe) is the upper neck, so Neck is the mean of the shoulders there.
+/// For each of the 19 Panoptic joints, the joints of `from` whose mean it is: one, or two for Neck and BodyCenter where
+/// the source lacks them. Empty when it cannot be derived. The "Neck" of a skeleton that also has the "Head" (BODY_25B,
+/// BODY_135, Halpe) is the upper neck, so Neck is then the mean of the shoulders.
 std::array<std::vector<int>, 19> Coco19From(const Skeleton& from);
 
 }  // namespace mvstudio::body

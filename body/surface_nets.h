@@ -22,8 +22,8 @@ struct TriangleMesh {
   Eigen::Matrix3Xi faces;     // (3, F) counter-clockwise seen from outside
 };
 
-/// Zero level set of a grid whose outermost nodes are all positive: one vertex in each cell that the surface crosses, at the
-/// mean of its edge crossings. S. Gibson, "Constrained elastic surface nets", MICCAI 1998.
+/// Zero level set of a grid whose outermost nodes are all positive: one vertex in each cell that the surface intersects,
+/// at the mean of its edge crossings. S. Gibson, "Constrained elastic surface nets", MICCAI 1998.
 TriangleMesh SurfaceNets(const ScalarGrid& grid);
 
 /// Moves vertices onto the zero level set of `value` by Newton steps along its numerical gradient.

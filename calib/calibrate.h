@@ -26,18 +26,21 @@ namespace mvstudio::calib {
 struct CalibrateOptions {
   std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify
   std::string share_intrinsics = "auto";  ///< auto, none, all, or groups "a,b;c,d": cameras with one lens
-  std::string warp = "auto";              ///< auto, on, off: two numbers for the bend of the boards
-  std::string stretch = "auto";           ///< auto, on, off: two numbers for boards that are not square
-  std::string time_offset = "auto";       ///< auto, on, none: cameras may be late by a constant part of a frame
+  std::string warp = "auto";              ///< auto, on, off: two parameters for the warp of each board
+  std::string stretch = "auto";           ///< auto, on, off: two parameters for the shear and aspect of each board
+  std::string time_offset = "auto";       ///< auto, on, none: cameras may be late by a constant fraction of a frame
   std::string world = "camera";  ///< camera[:NAME] (the first one without a name) or board:FRAME
-  std::string holdout;  ///< "every:N": instants N - 1, 2 N - 1, … take no part in the solution and check it; "every:N:K": K, K + N, …
+  std::string holdout;  ///< "every:N": time steps N - 1, 2 N - 1, … are held out and check the solution; "every:N:K": K, K +
+                        ///< N, …
   bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
   int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
-  int holdout_views = 60;        ///< at most so many views of a camera take part in it
-  /// "NAME:FRAME": a camera that moved counts as two, the later one called NAME@FRAME, with one lens; "NAME:FRAME:lens": each its own.
+  int holdout_views = 60;        ///< maximum number of views per camera in the held-out error
+  /// "NAME:FRAME": a camera that moved is split in two, the later one called NAME@FRAME, with one lens; "NAME:FRAME:lens":
+  /// one lens each.
   std::vector<std::string> split_at;
   bool motions = true;           ///< look for cameras that moved or whose lens changed
-  std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": kept as CalibrateInput::start has them
+  std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": fixed at the values of
+                                 ///< CalibrateInput::start
   std::string engine = "mvstudio";  ///< or "mrcal": the joint adjustment by libmrcal
   BundleOptions bundle;
 };
@@ -75,24 +78,26 @@ struct CameraReport {
   std::string name;
   geometry::LensModel model = geometry::LensModel::kPinhole;
   std::string model_reason;
-  std::string given_up;  ///< lenses that the boards did not determine, for which simpler ones, and why; empty: none
-  bool assumes = false;  ///< the principal point, or the focal length too, is assumed (LensStep)
+  std::string given_up;  ///< lenses that the boards did not determine, the simpler ones taken instead, and why; empty: none
+  bool assumes = false;  ///< the principal point, or also the focal length, is assumed (LensStep)
   int num_params = 0, num_views = 0, num_corners = 0, num_rejected = 0;
   int num_places = 0;     ///< clusters of views: boards held still count once
   int num_lost_views = 0; ///< boards all of whose corners were rejected
   double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
-  double repeat_correlation = 0;  ///< of a corner's errors in pictures of a board that did not move: 0 to 1
-  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; 0 too where the rig states no covariance of the lens
+  double repeat_correlation = 0;  ///< correlation of a corner's errors in images of a board that did not move: 0 to 1
+  double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; sigma 0 also where the rig states no covariance of the
+                                            ///< lens
   double rms_px = 0;
-  double alone_rms_px = 0;                           ///< calibrated by itself
+  double alone_rms_px = 0;                           ///< the camera calibrated alone
   double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
-  double rig_holdout_gross_fraction = 0;             ///< its share of CalibrateReport's; NaN without
+  double rig_holdout_gross_fraction = 0;             ///< its share of CalibrateReport's; NaN without held-out frames
   double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
   std::string shares_lens_with;                      ///< names, separated by ", "
   double time_offset_frames = 0;
   Readout readout;                                   ///< rolling shutter
-  double outside_fraction = 0;  ///< of its corners, outside the image's size as told
-  double coverage = 0;                               ///< share of the cells of a 10 x 8 grid over the image that hold a corner
+  double outside_fraction = 0;  ///< fraction of its corners outside the stated image size
+  double coverage = 0;                               ///< fraction of the cells of a 10 x 8 grid over the image that hold a
+                                                     ///< corner
   double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
   bool covers_image = true;                          ///< all image corners lie within the valid radius
 };
@@ -118,16 +123,19 @@ struct CalibrateReport {
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
   std::string warp_reason, stretch_reason, time_reason;
-  std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that frames belong together; empty: none
-  std::string held_doubt;    ///< which given lens or pose that `fix` holds the boards contradict; empty: none
-  std::string frames_doubt;  ///< why frames with the same number may not belong together; empty: no doubt
-  std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it counts as flat
-  std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it counts as square
+  std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that equal numbers are one time step;
+                                     ///< empty: none
+  std::string held_doubt;    ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
+  std::string frames_doubt;  ///< why frames with the same number may not be simultaneous; empty: no doubt
+  std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it is taken as flat
+  std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it is taken as
+                                               ///< square
   std::vector<geometry::Rigid3> rig_from_board;
   double board_size_m = 0;                    ///< diagonal of the first board's corners
   BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
   double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without; rms within 5 px
-  double rig_holdout_gross_fraction = 0;  ///< of their corners, beyond 5 px or of boards that could not be placed; NaN without
+  double rig_holdout_gross_fraction = 0;  ///< fraction of their corners beyond 5 px or on boards that could not be placed;
+                                          ///< NaN without
   std::vector<CameraMotion> motions;
   std::vector<NumberingFault> numbering;
   std::optional<LayoutFault> layout;
@@ -141,12 +149,13 @@ struct CalibrateReport {
   Verdict verdict;
 };
 
-/// Boards in, calibrated rig out: each camera by itself, lens model by held-out error, cameras chained over shared boards,
-/// joint bundle adjustment with outlier rejection, covariance, verdict. A status other than kOk comes with a message; the rig
-/// is then empty or, for kNotConverged and kDegenerate after the adjustment, the best so far without covariances.
+/// Calibrates a rig from board observations: each camera alone, lens model by held-out error, cameras linked by shared
+/// boards, joint bundle adjustment with outlier rejection, covariance, verdict. A status other than kOk comes with a
+/// message. The rig is then empty or, for kNotConverged and kDegenerate after the adjustment, the best estimate without
+/// covariances.
 CalibrateReport Calibrate(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
 
-/// pass, warn or fail, with the figures that decided.
+/// pass, warn or fail, with the figures that decided it.
 Verdict Judge(const CalibrateReport& report);
 
 }  // namespace mvstudio::calib

@@ -12,7 +12,7 @@
 #include "calib/lens/simpler_lens.h"
 #include "calib/rig/frame_offset.h"
 
-/// The steps of Calibrate and what they hand on. Included by calibrate*.cc only.
+/// The steps of Calibrate and their shared state. Included by calibrate*.cc only.
 namespace mvstudio::calib::internal {
 
 /// `world`, parsed.
@@ -29,81 +29,84 @@ struct Work {
   std::vector<MonoSolution> monos;        // per camera
   std::vector<std::vector<int>> view_ids; // per camera: indices into views, in the order of its mono solution
   std::vector<geometry::Rigid3> cam_from_board;  // per view, from that view alone
-  std::vector<Eigen::VectorXd> prior;     // per view: weights before anything was rejected
+  std::vector<Eigen::VectorXd> prior;     // per view: initial weights, before any rejection
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
   bool may_separate = true, separated = false;  // lenses that were shared, see SeparateLenses
   std::vector<LensStep> lens_step;        // per camera
-  std::vector<std::string> alone_failed;  // per camera: why it has no solution by itself without assumptions; empty: it has
+  std::vector<std::string> alone_failed;  // per camera: why it has no solution alone without assumptions; empty: it has one
   BundleOptions bundle;                   // of the last adjustment
-  std::vector<View> evidence;             // views as the covariance counts them: repeats discounted
-  FrameOffsets offsets;                   // as the cameras by themselves say
-  std::vector<int64_t> shift;             // per camera: what its frame numbers lack; the run has to start again with them
+  std::vector<View> evidence;             // views with the weights of the covariance: repeats discounted
+  FrameOffsets offsets;                   // from the cameras' separate solutions
+  std::vector<int64_t> shift;             // per camera: correction of its frame numbers; the run must be repeated with it
 };
 
 void Stop(Status status, const std::string& message, CalibrateReport* report);
 
 World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras);
 
-/// Cameras without a size or of one name, detections of no camera or given twice: UsageError or a broken contract.
+/// Throws UsageError or ContractViolation for cameras without a size or with equal names, and for detections of unknown
+/// cameras or given twice.
 void CheckInput(const CalibrateInput& input);
 
 /// `split_at`: the camera's later frames become those of another camera.
 void SplitCamera(const std::string& text, CalibrateInput* input);
 
-/// The cameras in the order of their names, so that the order in which they are given does not touch a digit.
+/// Camera indices sorted by name, so that the result does not depend on the input order.
 std::vector<int> ByName(const CalibrateInput& input);
 CalibrateInput Permuted(const CalibrateInput& input, const std::vector<int>& order);
 void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
 
-/// Views of the frames that take part and of those that are held out.
+/// Makes the views of the used frames and of those that are held out.
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
-/// Names after "lenses" or "poses" in `fix`: one truth value a camera.
+/// Names after "lenses" or "poses" in `fix`: one flag per camera.
 std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what, const std::vector<CameraInput>& cameras);
 
-/// Cameras by themselves, lens models, sharing and bend by held-out error. Fills state.cameras, lens_group, board_warp_m,
-/// cam_from_board and the lens part of the report. False when there is no solution.
+/// Calibrates cameras separately and chooses lens models, sharing and warp by held-out error. Fills state.cameras,
+/// lens_group, board_warp_m, cam_from_board and the lens part of the report. False when there is no solution.
 bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
                      CalibrateReport* report);
 
-/// A camera by itself under a lens, from no guess.
+/// Solves one camera alone under a lens, without an initial guess.
 MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views, const BundleOptions& options);
 
-/// Standard deviation of a corner of weight 1 in a camera by itself; a usual one where it has no solution.
+/// Standard deviation of a corner of weight 1 in a camera's separate solution; a typical value where it has none.
 double SigmaOf(const MonoSolution& mono);
 
-/// Is the camera's lens ours to choose?
+/// Whether the camera's lens model may be changed.
 bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, int camera);
 
-/// The lenses of `cameras` (and of those that share them) go to the next simpler one that has a solution; `why` is kept in the
-/// report. False when none of them has any.
+/// Replaces the lenses of `cameras` (and of those that share them) by the next simpler one that has a solution; `why` is
+/// stored in the report. False when no such lens exists for any of them.
 bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<int>& cameras,
                     const std::string& why, Work* work, CalibrateReport* report);
 
-/// Cameras were given one lens because their boards by themselves do not tell their lenses apart: the rig's corners may, of long lenses
-/// above all. The adjustment with a lens for each where that pays, in `work`; nothing where it does not, or where sharing was asked for.
+/// Tests separate lenses for cameras that share one because their own boards do not distinguish them. The rig's corners
+/// may, above all for long focal lengths. Returns the adjustment with a lens each, in `work`, where it pays. Empty where
+/// it does not, or where sharing was requested.
 std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const CalibrateOptions& options, Work* work,
                                            CalibrateReport* report);
 
-/// Every camera has a lens of its own from here on, and the report says why.
+/// Gives every camera its own lens from here on; the report states why.
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
 
-/// Cameras that moved and lenses that changed (CalibrateOptions::motions), into `solved`.
+/// Finds cameras that moved and lenses that changed (CalibrateOptions::motions); stores them in `solved`.
 void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved);
 
-/// Cameras whose lenses have most numbers.
+/// Cameras whose lenses have the most parameters.
 std::vector<int> MostDemanding(const Work& work);
 
-/// Are the cameras' offsets in time to be estimated? `time_offset`; with auto by the residuals, then by held-out frames, from a
-/// solution without them whose standard deviation per coordinate is `sigma_px`.
+/// Whether to estimate time offsets of the cameras: by the option `time_offset`. With auto by the residuals, then by
+/// held-out frames, from a solution without offsets whose standard deviation per coordinate is `sigma_px`.
 bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
 
-/// The adjustment with time offsets, from the solution without them; corners that it rejected have their say again.
+/// The adjustment with time offsets, started at the solution without them; restores the initial weights of rejected
+/// corners.
 BundleReport SolveWithTimeOffsets(Work* work);
 
-/// Gives the rig the covariances and the time offsets. Unknown are those of a camera without corners and of what `fix` holds at
-/// a calibration that states none; the frame itself is exact.
+/// Stores covariances and time offsets in the rig. Unknown are the covariances of a camera without corners and of what
+/// `fix` holds at a calibration that states none; the frame itself is exact.
 void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig);
 
 /// A corner of a held-out frame.
@@ -112,11 +115,11 @@ struct RigError {
   double px = 0;  // infinite where the board could not be placed
 };
 
-/// Reprojection errors of held-out frames: the pose of every board from half of the corners of all cameras, the error on the
-/// others. `views` are those frames' views, lenses and cameras are those of `state`.
+/// Reprojection errors of held-out frames: each board's pose from half of the corners of all cameras, the error on the
+/// others. `views` are those frames' views; lenses and camera poses are those of `state`.
 std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& state);
 
-/// Everything that is counted from the solution.
+/// Fills all figures of the report that derive from the solution.
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report);
 
 }  // namespace mvstudio::calib::internal

@@ -13,7 +13,7 @@
 
 namespace mvstudio::calib {
 
-/// A board in one image, as far as it matters for what is still to be filmed.
+/// A board in one image, with what matters for choosing further footage.
 struct FilmedBoard {
   int camera_idx = 0;
   int64_t frame_idx = 0;
@@ -22,30 +22,32 @@ struct FilmedBoard {
   double range_m = 0;                              ///< distance from the camera; 0: unknown
 };
 
-/// A sentence that says what is missing and what to do about it.
+/// A sentence that states what is missing and what to do.
 struct FilmHint {
   std::string code;     ///< FILM-LINK, FILM-FEW, FILM-COVERAGE, FILM-TILT or FILM-RANGE
   int camera_idx = -1;  ///< FILM-LINK: one of the two
   std::string text;
 };
 
-/// Corners with a weight at a solution; `range_m` is that of their mean.
+/// Boards from the weighted corners at a solution; `range_m` is that of their mean.
 std::vector<FilmedBoard> FilmedBoards(const std::vector<View>& views, const RigState& state);
-/// The same from a result; `range_m` is that of the board's origin. Lenses alone: without poses where frames repeat.
+/// Same from a result; `range_m` is that of the board's origin. With lenses alone: no poses where frames repeat.
 std::vector<FilmedBoard> FilmedBoards(const CalibrateReport& report);
 
-/// What to film so that the next calibration is better, the most useful first; empty when nothing is missing:
-///   FILM-LINK      the cameras' strongest links (maximum spanning tree of frames with a board in both) that have fewer than 5
-///   FILM-FEW       cameras with fewer than 8 boards
-///   FILM-COVERAGE  parts of an image (3 x 3: corners, sides, middle) of whose cells (10 x 8 over the image) less than a third
-///                  holds a corner
-///   FILM-TILT      cameras with fewer than a tenth of their boards (and fewer than 2) tilted by 15 degrees or more about the
-///                  image's vertical or horizontal axis
-///   FILM-RANGE     cameras whose farthest board is less than 1.3 times as far as the nearest
-/// Without `as_rig` the cameras count one by one, and no links are missed.
+/// What to film to improve the next calibration, most useful first; empty when nothing is missing:
+///   FILM-LINK: the cameras' strongest links (maximum spanning tree of frames with a board in both) with fewer than 5
+///     frames.
+///   FILM-FEW: cameras with fewer than 8 boards.
+///   FILM-COVERAGE: parts of an image (3 x 3: corners, sides, middle) where less than a third of the cells (10 x 8 over
+///     the image) hold a corner.
+///   FILM-TILT: cameras with fewer than a tenth of their boards (and fewer than 2) tilted by 15 degrees or more about
+///     the image's vertical or horizontal axis.
+///   FILM-RANGE: cameras whose farthest board is less than 1.3 times as far as the nearest.
+///
+/// Without `as_rig` the cameras are judged separately and no links are required.
 std::vector<FilmHint> FilmNext(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,
                                bool as_rig = true);
-/// Of a result: as a rig unless its cameras have no common frame (lenses alone).
+/// Of a result: as a rig, unless its cameras have no common frame (lenses alone).
 std::vector<FilmHint> FilmNext(const CalibrateReport& report);
 
 }  // namespace mvstudio::calib

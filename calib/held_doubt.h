@@ -6,10 +6,13 @@
 
 namespace mvstudio::calib {
 
-/// Do the boards contradict a lens or pose that CalibrateOptions::fix holds as it was given? Everything is calibrated again with
-/// nothing held. They do where that alone gives a solution, or where it explains the corners better than the held numbers cost
-/// (Schwarz's criterion, and 3 standard errors over the views) and a camera's error falls by a tenth. The line names the given lens (by
-/// its projections) or pose (by the mean over the other cameras) that changes most. Empty: they do not, or nothing held has no solution.
+/// Tests whether the boards contradict a lens or pose that CalibrateOptions::fix keeps as given. Everything is calibrated
+/// again with nothing fixed. There is a contradiction if only this calibration has a solution. The other case: it explains
+/// the corners better than the freed parameters cost (Schwarz's criterion, and 3 standard errors over the views), and a
+/// camera's error falls by a tenth.
+///
+/// The returned line names the given lens (by its projections) or pose (by the mean over the other cameras) that changes
+/// most. Empty: no contradiction, or no solution with nothing fixed.
 std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& solved, const CalibrateOptions& options,
                           const RunContext& run);
 

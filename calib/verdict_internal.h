@@ -11,7 +11,7 @@ class Judgement {
  public:
   void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }
   void Fail(const char* code, const std::string& text, const std::string& hint) { Add("fail", {code, text, hint}); }
-  /// Fails above `fail`, warns above `warn`, passes what is below or no number.
+  /// Fails above `fail`, warns above `warn`, passes smaller values and NaN.
   void Limit(double value, double warn, double fail, const char* code, const std::string& text, const std::string& hint) {
     if (value > fail) return Fail(code, text, hint);
     if (value > warn) Warn(code, text, hint);
@@ -25,13 +25,13 @@ class Judgement {
   }
 };
 
-/// A camera contradicts the others from this ratio of its error in the rig to that by itself, and so many pixels more.
+/// A camera contradicts the others if its error in the rig exceeds its own by this ratio and this many pixels.
 constexpr double kContradictsRatio = 1.5, kContradictsPx = 0.3;
 
-/// What limits in pixels are multiplied by: 1 up to a full-HD image, in proportion to the diagonal beyond.
+/// Factor on limits in pixels: 1 up to a full-HD image, in proportion to the diagonal beyond.
 double PixelScale(const CalibrateReport& report, size_t camera);
 
-/// What a camera's boards say against those of the others, or against themselves.
+/// Judges the contradictions of a camera's boards with those of the others, or with each other.
 void JudgeEvidence(const CalibrateReport& report, Judgement* out);
 
 }  // namespace mvstudio::calib::internal

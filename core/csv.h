@@ -8,26 +8,25 @@
 
 namespace mvstudio {
 
-/// Lines and cells of comma-separated text. A cell may stand in double quotes, with a quote inside doubled, but not go on in
-/// the next line. Blanks around cells, a byte-order mark and the CR of CRLF are left out. Errors are FormatErrors with the
-/// line.
+/// Lines and cells of comma-separated text. A cell may be in double quotes, with inner quotes doubled, but may not span
+/// lines. Blanks around cells, a byte-order mark and the CR of CRLF are removed. Errors are FormatErrors with the line.
 class CsvReader {
  public:
   /// `text` must outlive the reader.
   CsvReader(std::string path, std::string_view text);
 
-  /// Goes to the next line that holds anything but blanks; false at the end.
+  /// Advances to the next line that is not blank; false at the end.
   bool NextLine();
   /// The line without blanks around it.
   std::string_view line() const { return line_; }
   int line_number() const { return line_number_; }
-  /// The text ends before the line does: an interrupted write, perhaps.
+  /// The text ends without a line break: possibly an interrupted write.
   bool is_cut() const { return is_cut_; }
 
-  /// Cells of the line, valid until the next call. The first line that is asked for is the header: semicolons or tabs instead
-  /// of commas are noticed there.
+  /// Cells of the line, valid until the next call. The first line requested is the header; semicolons or tabs instead of
+  /// commas are detected there.
   const std::vector<std::string_view>& Cells();
-  /// The line has as many cells as the header; says what a line of more or fewer may be.
+  /// Requires as many cells as the header has; the error suggests a cause.
   void RequireCells(size_t count) const;
 
   const std::string& path() const { return path_; }
@@ -43,13 +42,13 @@ class CsvReader {
   int line_number_ = 0;
   bool is_cut_ = false, has_header_ = false;
   std::vector<std::string_view> cells_;
-  std::deque<std::string> unquoted_;  ///< cells of this line that held doubled quotes
+  std::deque<std::string> unquoted_;  ///< cells of this line with doubled quotes
 };
 
-/// A text as a cell: in quotes where it would be read otherwise. Line breaks cannot be written.
+/// A text as a cell, in quotes where needed. Line breaks cannot be written.
 std::string CsvCell(std::string_view text);
 
-/// For messages about a text that is no number: "; is its comma a decimal point?" for one like 1,5, else empty.
+/// Hint for messages about a text that is not a number: "; is its comma a decimal point?" for one like 1,5, else empty.
 std::string DecimalCommaHint(std::string_view text);
 
 }  // namespace mvstudio

@@ -5,7 +5,7 @@
 
 namespace mvstudio {
 
-/// Root of everything this project throws. The message is one line: what, where, likely cause, what to do.
+/// Base class of all exceptions of this project. The message is one line: what, where, likely cause, what to do.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -17,7 +17,7 @@ class ContractViolation : public Error {
   using Error::Error;
 };
 
-/// Options that contradict each other or name something that is not there (exit code 2).
+/// Options that contradict each other or name something that does not exist (exit code 2).
 class UsageError : public Error {
  public:
   using Error::Error;
@@ -33,7 +33,7 @@ class IoError : public Error {
   std::string path_;
 };
 
-/// A file that was read and does not say what its format promises; `where` is e.g. `cameras[3].K[1][2]` (exit code 3).
+/// A file whose content violates its format; `where` is e.g. `cameras[3].K[1][2]` (exit code 3).
 class FormatError : public Error {
  public:
   FormatError(const std::string& path, const std::string& where, const std::string& what)
@@ -51,13 +51,13 @@ class ResourceError : public Error {
   using Error::Error;
 };
 
-/// A program, model or device that the command needs is not there (exit code 8).
+/// A program, model or device that the command needs is missing (exit code 8).
 class MissingToolError : public Error {
  public:
   using Error::Error;
 };
 
-/// The run was asked to stop (exit code 130).
+/// The run was cancelled (exit code 130).
 class CancelledError : public Error {
  public:
   using Error::Error;

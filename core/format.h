@@ -4,7 +4,7 @@
 
 namespace mvstudio {
 
-/// As printf, of any length.
+/// Like printf, of any length.
 std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
 
 }  // namespace mvstudio

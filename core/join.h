@@ -6,7 +6,7 @@
 
 namespace mvstudio {
 
-/// "a, b, c": the items with `between` between them, each as what `text` makes of it: a function or a member of it.
+/// "a, b, c": the items separated by `between`; `text` converts each: a function or a member.
 template <class Items, class Text>
 std::string Join(const Items& items, std::string_view between, const Text& text) {
   std::string all;
@@ -19,7 +19,7 @@ std::string Join(const Items& items, std::string_view between, const Text& text)
   return all;
 }
 
-/// The same of what are strings already.
+/// Same for strings.
 template <class Items>
 std::string Join(const Items& items, std::string_view between) {
   return Join(items, between, [](const auto& item) -> std::string_view { return item; });

@@ -9,20 +9,21 @@
 #include <utility>
 #include <vector>
 
-/// Reading JSON into a tree of the library nlohmann::json, in a time that grows with the text as sorting does. The library's
-/// own ways are quadratic: an ordered object compares a new key with all before it, and a parser with a callback looks through
-/// the whole list after each object in it. The library's type is a parameter, so that this module does without the library.
+/// Parses JSON into a tree of the library nlohmann::json in O(n log n). The library's own parsers are quadratic: an
+/// ordered object compares a new key with all previous ones, and a parser with a callback scans the whole list after each
+/// object in it. The library's type is a template parameter, so that this module does not depend on it.
 namespace mvstudio {
 
 struct JsonLimits {
   size_t max_depth = 64;
-  bool refuse_twice = true;  ///< a key that is twice in one object; else the last value counts, at the first one's place
+  bool refuse_twice = true;  ///< reject a repeated key in one object; otherwise the last value counts, at the first one's
+                             ///< place
 };
 
 struct JsonProblem {
   enum class Kind { kNone, kSyntax, kNumber, kDepth, kTwice };
   Kind kind = Kind::kNone;
-  size_t byte = 0;         ///< of kSyntax and kNumber (beyond the range of doubles); beyond the text: it ends too early
+  size_t byte = 0;         ///< of kSyntax and kNumber (beyond the range of doubles); at the text's end if it is truncated
   std::string where, key;  ///< of kTwice: the object, as in `cameras[3].K`, and the key
 };
 
@@ -36,7 +37,7 @@ class JsonTreeBuilder {
 
   bool null() { return Add(nullptr); }
   bool boolean(bool value) { return Add(value); }
-  /// The lexer calls this for texts that begin with a minus: zero is "-0".
+  /// Called by the lexer for texts that begin with a minus: zero is "-0".
   bool number_integer(int64_t value) { return value == 0 ? Add(-0.0) : Add(value); }
   bool number_unsigned(uint64_t value) { return Add(value); }
   bool number_float(double value, const std::string&) { return Add(value); }
@@ -122,7 +123,7 @@ class JsonTreeBuilder {
     return true;
   }
 
-  /// Positions in the order of the keys, then of the text; empty when no key is there twice.
+  /// Positions in the order of the keys, then of the text; empty when no key is repeated.
   static std::vector<size_t> TwinsByKey(const Entries& entries) {
     const auto same = [&](size_t a, size_t b) { return entries[a].first == entries[b].first; };
     std::vector<size_t> order;
@@ -160,7 +161,7 @@ class JsonTreeBuilder {
     return true;
   }
 
-  /// Place of the innermost object or list that is open.
+  /// Place of the innermost open object or list.
   std::string Where() const {
     std::string where;
     for (size_t i = 0; i + 1 < levels_.size(); ++i) {
@@ -179,7 +180,7 @@ class JsonTreeBuilder {
   std::vector<Level> levels_;
 };
 
-/// `tree` is whole only when the problem is kNone.
+/// `tree` is complete only when the problem is kNone.
 template <class Json>
 JsonProblem ParseJsonTree(std::string_view text, const JsonLimits& limits, Json* tree) {
   JsonTreeBuilder<Json> builder(limits);

@@ -11,9 +11,9 @@
 
 namespace mvstudio {
 
-/// Checked access to a value of the library nlohmann::json, which knows where it stands, for messages such as
-/// `calibration.json: cameras[3].K[1][2]: must be a number`. As in core/json_tree.h the library's type is a parameter. `path`
-/// and `value` must outlive the view.
+/// Checked access to a value of the library nlohmann::json with its place, for messages such as `calibration.json:
+/// cameras[3].K[1][2]: must be a number`. As in core/json_tree.h the library's type is a template parameter. `path` and
+/// `value` must outlive the view.
 template <class Json>
 class BasicJsonView {
  public:
@@ -32,9 +32,9 @@ class BasicJsonView {
     if (idx >= ArraySize()) throw FormatError(*path_, where, "is missing");
     return BasicJsonView(*path_, (*value_)[idx], where);
   }
-  /// An entry met on the way through the object: looking it up again takes a time that grows with their number.
+  /// An entry from an iteration over the object: looking it up again takes time that grows with their number.
   BasicJsonView Entry(const std::string& key, const Json& value) const { return BasicJsonView(*path_, value, Inside(key)); }
-  /// The same value under a name that helps more than its place.
+  /// The same value under a more helpful name than its place.
   BasicJsonView Named(const std::string& where) const { return BasicJsonView(*path_, *value_, where); }
 
   bool Has(const char* key) const { return value_->is_object() && value_->contains(key); }

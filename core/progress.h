@@ -17,14 +17,14 @@ class ProgressSink {
   virtual bool Cancelled() const { return false; }
 };
 
-/// What every long-running function may be given: where progress goes, how many threads, which seed.
+/// Common parameters of every long-running function: progress sink, number of threads, seed.
 struct RunContext {
   ProgressSink* progress = nullptr;  ///< not owned; nullptr means silent
   int num_threads = 0;               ///< 0: as many as the machine has
   uint64_t seed = 1;
 };
 
-/// One stage of work: begins on construction, ends on destruction, throws CancelledError when asked to stop.
+/// One stage of work: begins on construction, ends on destruction, throws CancelledError when cancelled.
 class ProgressStage {
  public:
   ProgressStage(const RunContext& run, const std::string& stage, int64_t total) : progress_(run.progress) {

@@ -6,38 +6,39 @@
 #include <limits>
 #include <vector>
 
-/// Medians, quantiles and spread of samples. NaN has no place in an order: what is asked for a median or a quantile must hold
-/// none (FiniteValues); infinities count. Of no values, all that is asked of a vector is NaN.
+/// Medians, quantiles and spread of samples. NaN cannot be ordered: remove it before a median or a quantile
+/// (FiniteValues); infinities count. For an empty vector all results are NaN.
 namespace mvstudio {
 
-/// Standard deviation of a normal distribution over the median absolute deviation from its median.
+/// Standard deviation of a normal distribution over its median absolute deviation.
 inline constexpr double kSigmaPerMad = 1.4826;
 
-/// Of the sorted values that at `rank`, 0 being the least. Reorders [begin, end), which must hold more than `rank` values.
+/// The sorted values' element at `rank`, 0 being the smallest. Reorders [begin, end), which must hold more than `rank`
+/// values.
 template <class Iterator>
 auto ValueOfRank(Iterator begin, Iterator end, std::ptrdiff_t rank) {
   std::nth_element(begin, begin + rank, end);
   return *(begin + rank);
 }
 
-/// The upper median: of an even number of values the larger of the two in the middle, so that it is always one of them.
+/// The upper median: for an even number of values the larger of the two in the middle, so that it is always one of them.
 /// Reorders [begin, end), which must hold at least one value and no NaN.
 template <class Iterator>
 auto UpperMedian(Iterator begin, Iterator end) {
   return ValueOfRank(begin, end, (end - begin) / 2);
 }
 
-/// The same of a vector; `of_none` (NaN where the type has one) when it is empty.
+/// Same for a vector; `of_none` (NaN where the type has one) when it is empty.
 template <class T>
 T UpperMedian(std::vector<T> values, typename std::vector<T>::value_type of_none = std::numeric_limits<T>::quiet_NaN()) {
   return values.empty() ? of_none : UpperMedian(values.begin(), values.end());
 }
 
-/// Quantiles: `share` 0 asks for the least value, 1 for the largest. They differ in what they say between two values, and so in
-/// few ones; the linear one alone can be a value that is not among them.
+/// Quantiles: `share` 0 gives the smallest value, 1 the largest. The functions differ between two values, hence for few
+/// values; only the linear one can return a value that is not in the sample.
 ///
-/// At the place share * (n - 1) of the sorted values, interpolated between its neighbours; 0.5: of an even number of values the
-/// mean of the two in the middle.
+/// At position share * (n - 1) of the sorted values, interpolated between its neighbours; 0.5 of an even number of values:
+/// the mean of the two in the middle.
 template <class T>
 double LinearQuantile(std::vector<T> values, double share) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -49,7 +50,7 @@ double LinearQuantile(std::vector<T> values, double share) {
   return (1 - rest) * below + rest * above;
 }
 
-/// The value at that place or, between two, the lower one.
+/// The value at that position or, between two, the lower one.
 template <class T>
 T LowerQuantile(std::vector<T> values, double share) {
   if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
@@ -57,7 +58,7 @@ T LowerQuantile(std::vector<T> values, double share) {
   return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(at));
 }
 
-/// The value nearest to that place; halfway between two, the upper one.
+/// The value nearest to that position; halfway between two, the upper one.
 template <class T>
 T NearestQuantile(std::vector<T> values, double share) {
   if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
@@ -65,7 +66,7 @@ T NearestQuantile(std::vector<T> values, double share) {
   return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(std::lround(at)));
 }
 
-/// The least value that at least that share of all do not exceed; `share` above 0.
+/// The smallest value that at least this share of all values do not exceed; `share` above 0.
 template <class T>
 T ShareQuantile(std::vector<T> values, double share) {
   if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
@@ -73,7 +74,7 @@ T ShareQuantile(std::vector<T> values, double share) {
   return ValueOfRank(values.begin(), values.end(), static_cast<std::ptrdiff_t>(count) - 1);
 }
 
-/// The least value that more than that share of all do not exceed, at 0.5 the upper median; `share` below 1.
+/// The smallest value that more than this share of all values do not exceed, at 0.5 the upper median; `share` below 1.
 template <class T>
 T UpperQuantile(std::vector<T> values, double share) {
   if (values.empty()) return std::numeric_limits<T>::quiet_NaN();
@@ -102,7 +103,7 @@ inline double Rms(const std::vector<double>& values) {
   return values.empty() ? std::numeric_limits<double>::quiet_NaN() : std::sqrt(squares / static_cast<double>(values.size()));
 }
 
-/// Sum of the squared deviations from the mean; 0 of no values.
+/// Sum of the squared deviations from the mean; 0 for no values.
 inline double SquaredDeviations(const std::vector<double>& values) {
   const double mean = Mean(values);
   double squares = 0;
@@ -110,12 +111,12 @@ inline double SquaredDeviations(const std::vector<double>& values) {
   return squares;
 }
 
-/// Standard deviation of the values themselves: over n.
+/// Standard deviation of the sample itself: over n.
 inline double PopulationDeviation(const std::vector<double>& values) {
   return std::sqrt(SquaredDeviations(values) / static_cast<double>(values.size()));
 }
 
-/// Standard deviation of what the values were drawn from: over n - 1. NaN for fewer than two values.
+/// Estimated standard deviation of the population: over n - 1. NaN for fewer than two values.
 inline double SampleDeviation(const std::vector<double>& values) {
   if (values.size() < 2) return std::numeric_limits<double>::quiet_NaN();
   return std::sqrt(SquaredDeviations(values) / static_cast<double>(values.size() - 1));

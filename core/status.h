@@ -5,16 +5,16 @@
 
 namespace mvstudio {
 
-/// Why a geometric computation did or did not give a value. A value is to be read only beside `kOk`.
+/// Why a geometric computation did or did not give a value. A value is valid only with `kOk`.
 enum class Status {
   kOk,
   kTooFewViews,         ///< fewer observations than unknowns
   kLowParallax,         ///< rays too parallel for the noise: depth is not determined
   kDegenerate,          ///< rank-deficient configuration
-  kBehindCamera,        ///< the point has no positive depth in a camera that claims to see it
+  kBehindCamera,        ///< the point has no positive depth in a camera that observes it
   kFarPoint,            ///< farther than the caller's limit
   kOutlier,             ///< disagrees with the other observations
-  kNonFiniteInput,      ///< NaN or infinity came in
+  kNonFiniteInput,      ///< the input contains NaN or infinity
   kOutsideValidRadius,  ///< beyond the radius where the lens model can be inverted
   kNotConverged,        ///< the iteration ended without reaching its tolerance
 };

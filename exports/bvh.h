@@ -6,7 +6,7 @@
 
 #include "dataset/pose/pose3d.h"
 
-/// A skeleton with fixed bone lengths and rotations alone, as BVH animates it, fitted to joints.
+/// A skeleton with fixed bone lengths and only rotations, as in BVH, fitted to joints.
 namespace mvstudio::exports {
 
 struct BvhNode {
@@ -19,7 +19,7 @@ struct BvhNode {
 struct BvhFrame {
   Eigen::Vector3d root = Eigen::Vector3d::Zero();     ///< metres, y up
   std::array<Eigen::Quaterniond, 19> local_rotation;  ///< by node: parent's axes from the node's
-  bool held = false;                                  ///< no root joint: the last place was kept
+  bool held = false;                                  ///< no root joint: the last position was kept
 };
 
 struct BvhMotion {
@@ -30,12 +30,13 @@ struct BvhMotion {
 };
 
 /// Hierarchy from BodyCenter. Rest offsets: mean bone lengths along the directions of a T-pose; where a joint has several
-/// children, their mean arrangement (generalised Procrustes). Each frame, from the root down: joints with several children get
-/// the rotation nearest to their arrangement (Kabsch), with one child the smallest turn that points the bone at the child.
-/// `poses` may hold null (nobody there) and missing joints: rotations are held. Joints are in the world, z up.
+/// children, their mean arrangement (generalised Procrustes). Each frame is fitted from the root down. Joints with several
+/// children get the rotation nearest to their arrangement (Kabsch), with one child the smallest rotation that points the
+/// bone at the child. `poses` may contain null (nobody) and missing joints: rotations are then kept. Joints are in world,
+/// z up.
 BvhMotion FitBvh(const std::vector<const dataset::Coco19Pose*>& poses);
 
-/// Where the joints are, by Panoptic's index, y up, metres.
+/// Positions of the joints, by Panoptic's index, y up, metres.
 std::array<Eigen::Vector3d, 19> BvhJoints(const BvhMotion& motion, const BvhFrame& frame);
 
 /// Angles a, b, c (radians) with R = Rz(a) Rx(b) Ry(c); at b = ±90 degrees c is 0.

@@ -9,7 +9,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/rig.h"
 
-/// A dataset in the formats that other programs read. What each holds and what its readers make of it: docs/exports.md.
+/// Exports a dataset to formats of other programs. docs/exports.md describes their content and interpretation.
 namespace mvstudio::exports {
 
 struct ExportOptions {
@@ -24,8 +24,8 @@ struct ExportOptions {
   bool overwrite = false;
   std::string split;                 ///< file of dataset/views/split.h; may be empty
   std::vector<std::string> cameras;  ///< names of either kind; empty: all
-  std::vector<int> frames;           ///< empty: the first one for formats of one instant, else all
-  bool all_frames = false;           ///< all frames for formats of one instant too
+  std::vector<int> frames;           ///< empty: the first one for formats of one time step, else all
+  bool all_frames = false;           ///< all frames also for formats of one time step
 };
 
 template <class Visitor>
@@ -56,7 +56,7 @@ struct ExportedCamera {
   std::string studio;  ///< in the calibration; may be empty
   std::string part;    ///< "train", "validation", "test"; empty without a split
   bool undistorted = false;
-  double lost_share = 0;  ///< of the footage's pixels, those that the ideal pinhole does not show
+  double lost_share = 0;  ///< fraction of the footage's pixels that the ideal pinhole does not show
 };
 
 struct ExportReport {
@@ -66,19 +66,19 @@ struct ExportReport {
   int people = 0;  ///< different ids
   int pictures = 0, masks = 0;
   int missing_pictures = 0, missing_masks = 0;
-  int linked = 0;                                       ///< of the pictures and masks, those that take no space
+  int linked = 0;                                       ///< of the pictures and masks, those that use no disk space
   std::vector<std::string> files;                       ///< relative to the folder; without pictures and masks
   std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
   std::vector<ExportNote> notes;
 };
 
-/// What a lens must be for a format.
+/// Lens model that a format requires.
 enum class LensNeed { kAny, kBrown5, kBrown4, kPinhole };
 
 struct FormatInfo {
   std::string name, what;
   LensNeed lens = LensNeed::kAny;
-  bool one_instant = false;  ///< describes a single frame; several become a folder each
+  bool one_instant = false;  ///< describes a single frame; several frames become one folder each
   bool one_size = false;     ///< all pictures have the same size
   bool has_pictures = false;
   bool rig_only = false;  ///< can be written from a calibration alone (WriteRig)
@@ -87,13 +87,13 @@ const std::vector<FormatInfo>& Formats();
 /// Throws UsageError that lists the names.
 const FormatInfo& FormatByName(const std::string& name);
 
-/// Writes the folder `out`, whole or not at all, with `export.json` beside the format's own files. Throws UsageError for
-/// options and lenses that do not fit the format, FormatError / IoError for damaged pictures, ResourceError.
+/// Writes the folder `out`, completely or not at all, with `export.json` beside the format's own files. Throws UsageError
+/// for options and lenses that do not fit the format, FormatError / IoError for damaged pictures, ResourceError.
 ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
                            const ExportOptions& options, const RunContext& run = {});
 
-/// The cameras alone, for formats with `rig_only`: a file or a folder, as `path` stands. Names are made safe; the report says
-/// what became of them. Throws FormatError naming a camera whose lens the format cannot describe.
+/// Writes only the cameras, for formats with `rig_only`, to a file or a folder, depending on `path`. Names are made safe;
+/// the report lists the changes. Throws FormatError naming a camera whose lens the format cannot describe.
 ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const std::string& path);
 
 }  // namespace mvstudio::exports

@@ -7,11 +7,11 @@
 
 namespace mvstudio::exports {
 
-/// Length of the pyramids that stand for cameras, metres.
+/// Length of the pyramids that represent cameras, metres.
 inline constexpr double kFrustumDepthM = 0.3;
 
-/// The centre of projection and the picture's corners (top left, top right, bottom right, bottom left) on the rays of the lens,
-/// at that distance from it; in cam. A corner without a ray lies at the centre.
+/// The centre of projection and the image's corners (top left, top right, bottom right, bottom left) on the rays of the
+/// lens, at that distance from it; in cam. A corner without a ray is at the centre.
 std::array<Eigen::Vector3d, 5> FrustumInCam(const geometry::Camera& camera);
 
 /// Pairs of indices of its lines.

@@ -8,11 +8,11 @@
 /// Shared by the writers of joint files.
 namespace mvstudio::exports {
 
-/// Every frame number from the first to the last, also those without joints: these files have one line or block an instant.
-/// Throws UsageError for gaps that would make most of the file.
+/// All frame numbers from the first to the last, also those without joints: these files have one line or block per time
+/// step. Throws UsageError for gaps that would make up most of the file.
 std::vector<int> ContinuousFrames(const Take& take);
 
-/// The joints of a person in a frame; null when it is not there.
+/// The joints of a person in a frame; null when absent.
 const dataset::Coco19Pose* PoseOf(const Take& take, int frame, int person);
 
 /// `<sequence>_person0.trc`.

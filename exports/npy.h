@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-/// numpy's files, written byte by byte: .npy (format 1.0, numpy.lib.format), .npz (a ZIP archive without compression) and the
-/// pickle that a .npy of objects holds.
+/// numpy's files, written byte by byte: .npy (format 1.0, numpy.lib.format), .npz (an uncompressed ZIP archive) and the
+/// pickle inside a .npy of objects.
 namespace mvstudio::exports {
 
 /// A `.npy` of little-endian doubles, row by row.
@@ -26,7 +26,8 @@ class PyValue {
   static PyValue Dict(const std::vector<std::pair<std::string, PyValue>>& items);
   static PyValue Array(const std::vector<size_t>& shape, const std::vector<double>& values);
 
-  /// A `.npy` of this one object, as numpy.save writes it (pickle protocol 3): `numpy.load(path, allow_pickle=True).item()`.
+  /// A `.npy` of this one object, in the form of numpy.save (pickle protocol 3): `numpy.load(path,
+  /// allow_pickle=True).item()`.
   std::string ToNpy() const;
 
  private:

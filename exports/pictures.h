@@ -11,7 +11,7 @@
 
 namespace mvstudio::exports {
 
-/// Brings pictures and masks of a take into the export's folder. They are listed first and made by `Run`, in parallel.
+/// Copies pictures and masks of a take to the export's folder. They are listed first and made by `Run`, in parallel.
 class Pictures {
  public:
   Pictures(const Take& take, const ExportOptions& options, std::string folder);
@@ -19,20 +19,21 @@ class Pictures {
 
   enum class MaskValues { k255, k1 };
 
-  /// Lists a picture; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when the
-  /// dataset has no such picture (counted). With `extension` (".jpg" or ".png") it is converted where it has another.
+  /// Lists a picture; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when
+  /// the dataset has no such picture (counted). With `extension` (".jpg" or ".png") the picture is converted if it
+  /// differs.
   std::string AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension = "");
-  /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that take the values as they stand.
+  /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that use the values directly.
   bool AddMask(size_t view, int frame, const std::string& path, MaskValues values = MaskValues::k255);
 
-  /// The picture or mask as it will stand in the export, for colours; empty when there is none.
+  /// The picture or mask as exported, for colours; empty when there is none.
   Image LoadPicture(size_t view, int frame) const;
   Image LoadMask(size_t view, int frame) const;
   /// Bytes of the encoded picture or mask, for containers; empty when there is none (counted).
   std::string EncodedPicture(size_t view, int frame);
   std::string EncodedMask(size_t view, int frame);
 
-  /// Makes everything that was listed. Throws FormatError for a picture of another size than its camera's, IoError,
+  /// Makes everything that was listed. Throws FormatError for a picture whose size differs from its camera's, IoError,
   /// ResourceError.
   void Run(const RunContext& run, ExportReport* report);
 

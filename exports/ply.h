@@ -14,11 +14,12 @@ struct ColouredPoint {
   std::array<uint8_t, 3> rgb{};
 };
 
-/// ASCII PLY with `double` coordinates, so that no digit is lost; `edges` are pairs of indices, left out when empty.
+/// ASCII PLY with `double` coordinates, without loss of digits; `edges` are pairs of indices, omitted when empty.
 std::string PlyText(const std::vector<ColouredPoint>& points, const std::vector<std::pair<int, int>>& edges,
                     const std::string& comment);
 
-/// Binary little-endian PLY with `float` coordinates, normals (0) and colours: what Gaussian splatting and nerfstudio load.
+/// Binary little-endian PLY with `float` coordinates, normals (0) and colours, as loaded by Gaussian splatting and
+/// nerfstudio.
 std::string PlyBinary(const std::vector<ColouredPoint>& points);
 
 }  // namespace mvstudio::exports

@@ -10,12 +10,12 @@
 #include "exports/export.h"
 #include "geometry/rig/rig.h"
 
-/// What is exported, settled before anything is written.
+/// The content of an export, determined before anything is written.
 namespace mvstudio::exports {
 
 using People = std::map<int, dataset::Coco19Pose>;
 
-/// A camera as the export describes it.
+/// A camera as exported.
 struct View {
   ExportedCamera info;
   geometry::RigCamera source;  ///< the lens of the dataset's pictures
@@ -37,27 +37,27 @@ struct Take {
   std::vector<size_t> ViewsOf(const std::string& part) const;
 };
 
-/// Cameras, frames and lenses chosen by the options; notes go to the report. Throws UsageError.
+/// Cameras, frames and lenses selected by the options; notes are added to the report. Throws UsageError.
 Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                  ExportReport* report);
 
 /// A take without frames.
 Take TakeOfRig(const geometry::Rig& rig, const FormatInfo& format, const std::string& path, ExportReport* report);
 
-/// k1, k2, p1, p2, k3 of a pinhole or a Brown lens; nothing for any other.
+/// k1, k2, p1, p2, k3 of a pinhole or a Brown lens; empty for any other.
 std::optional<Eigen::Matrix<double, 5, 1>> Brown5Of(const geometry::Camera& camera);
-/// True when a lens of that need describes `camera` exactly.
+/// True when a lens of this kind describes `camera` exactly.
 bool Carries(LensNeed need, const geometry::Camera& camera);
 
-/// Letters, digits, `_` and `-` of each name, different from all others, at most 64 characters.
+/// Names reduced to letters, digits, `_` and `-`, unique, at most 64 characters.
 std::vector<std::string> SafeNames(const std::vector<std::string>& names);
 
-/// Shortest text that reads back as the same double.
+/// Shortest text that parses to the same double.
 std::string Num(double value);
 /// `prefix` + at least `digits` digits + `suffix`.
 std::string Numbered(const std::string& prefix, int number, int digits, const std::string& suffix);
 
-/// Largest distance between the joints and the same rounded to float, metres: what a single-precision format loses.
+/// Largest distance between the joints and the same rounded to float, metres: the loss in a single-precision format.
 double FloatRoundingM(const Take& take);
 
 }  // namespace mvstudio::exports

@@ -7,8 +7,8 @@
 #include "exports/ply.h"
 #include "exports/take.h"
 
-/// One function a format; included by this module's .cc files only. Each writes its own files below the job's folder and lists
-/// pictures and masks with `pictures`.
+/// One function per format; included by this module's .cc files only. Each writes its own files below the job's folder and
+/// lists pictures and masks with `pictures`.
 namespace mvstudio::exports {
 
 struct Job {
@@ -19,7 +19,7 @@ struct Job {
   std::string folder;
   ExportReport* report;
 
-  /// Writes a file at a path relative to the folder and names it in the report.
+  /// Writes a file at a path relative to the folder and lists it in the report.
   void Write(const std::string& path, const std::string& content) const;
 };
 
@@ -39,7 +39,7 @@ void WriteNpz(const Job& job);
 void WriteGltf(const Job& job);
 void WritePly(const Job& job);
 
-/// The cameras as they are exported, in the order of the views.
+/// The exported cameras, in the order of the views.
 geometry::Rig RigOf(const Take& take, const std::vector<size_t>& views);
 std::vector<size_t> AllViews(const Take& take);
 /// 3x3, row by row; `shift_px` is added to the principal point.
@@ -47,11 +47,11 @@ std::vector<double> MatrixOf(const geometry::Camera& camera, double shift_px = 0
 /// [R t; 0 1], row by row.
 std::vector<double> RowsOf(const geometry::Rigid3& b_from_a);
 
-/// Points that a reconstruction of this frame can start from: the surface of the silhouettes' hull with the cameras' colours,
-/// or points along the bones where there are no masks. Empty when nobody is there.
+/// Initial points for a reconstruction of this frame: the surface of the silhouettes' hull with the cameras' colours, or
+/// points along the bones without masks. Empty when nobody is present.
 std::vector<ColouredPoint> StartPoints(const Job& job, int frame);
 
-/// Throws FormatError when the frames hold no joint of anybody.
+/// Throws FormatError when the frames contain no joint of anybody.
 void RequirePeople(const Job& job);
 
 }  // namespace mvstudio::exports

@@ -5,10 +5,10 @@
 
 #include "core/image.h"
 
-/// Scores between pictures, in float64, by definitions that are written down: docs/metrics.md. Needs core/ alone.
+/// Scores between pictures, in float64, as defined in docs/metrics.md. Depends only on core/.
 namespace mvstudio::metrics {
 
-/// A picture to be scored: planes one after the other, (channels, height, width), samples over [0, range].
+/// A picture to be scored: planes one after the other, (channels, height, width), samples in [0, range].
 struct Picture {
   int width = 0, height = 0, channels = 0;
   double range = 1;  ///< L of SSIM and the peak of PSNR: 1, 255, 65535, …
@@ -21,7 +21,8 @@ struct Picture {
 /// 8 bits, range 255.
 Picture FromImage(const Image& image);
 
-/// Y = 0.299 R + 0.587 G + 0.114 B (BT.601) of three channels; one channel stays. Throws ContractViolation for others.
+/// Y = 0.299 R + 0.587 G + 0.114 B (BT.601) of three channels; one channel is unchanged. Throws ContractViolation for
+/// others.
 Picture Luma(const Picture& picture);
 
 /// Why a score has a value or none.
@@ -35,7 +36,7 @@ enum class Status {
 };
 const char* ToString(Status status);
 
-/// What forbids a comparison; kOk when nothing does. `least`: smallest width and height.
+/// Reason against a comparison; kOk when there is none. `least`: smallest width and height.
 Status Check(const Picture& a, const Picture& b, int least = 1);
 Status Check(const Image& a, const Image& b, int least = 1);
 

@@ -6,7 +6,7 @@
 #include "metrics/masks.h"
 #include "metrics/psnr.h"
 
-/// Scores of rendered people against the truth: which pixels count, and how pictures are averaged.
+/// Scores of rendered people against the truth: regions of pixels, and means over pictures.
 namespace mvstudio::metrics {
 
 /// SSIM in three conventions (Wang 2004 of RGB, the same of luma, scikit-image's default of RGB) and PSNR, dB (infinite for
@@ -15,13 +15,13 @@ struct RegionScore {
   double ssim = 0, ssim_luma = 0, ssim_skimage = 0, psnr_db = 0;
 };
 
-/// Of the whole picture. Throws ContractViolation, saying why, when there is no score (docs/metrics.md).
+/// For the whole picture. Throws ContractViolation with the reason when there is no score (docs/metrics.md).
 RegionScore ScoreWhole(const Picture& truth, const Picture& image);
 RegionScore ScoreWhole(const Image& truth, const Image& image);
 
 /// One picture. Both pictures are on black before they are compared.
 struct PictureScore {
-  RegionScore bbox;    ///< the true mask's bounding box, grown by 5 % of its longer side on each side, at least 11 px: the
+  RegionScore bbox;    ///< the true mask's bounding box, enlarged by 5 % of its longer side on each side, at least 11 px: the
                        ///< primary score
   RegionScore full;    ///< the whole crop
   RegionScore masked;  ///< pixels of the true mask only (SSIM: windows around them)
@@ -45,8 +45,9 @@ RegionScore Mean(const std::vector<RegionScore>& scores, int64_t* psnr_infinite)
 struct Interval {
   double low = 0, high = 0;
 };
-/// 95 % interval of the mean of `values` by resampling blocks of neighbouring frames (sqrt(number of frames) long), all
-/// pictures of a frame together: neighbouring frames look alike and do not count as independent. `frames` as long as `values`.
+/// 95 % interval of the mean of `values` by a block bootstrap: blocks of neighbouring frames (sqrt(number of frames)
+/// long), all pictures of a frame together, because neighbouring frames are not independent. `frames` is as long as
+/// `values`.
 Interval BlockBootstrap(const std::vector<double>& values, const std::vector<int64_t>& frames, uint64_t seed);
 
 }  // namespace mvstudio::metrics

@@ -7,7 +7,7 @@
 
 namespace mvstudio::metrics {
 
-/// The two conventions in use. K1 = 0.01, K2 = 0.03 and L = the pictures' range in both; the mean is over the windows that lie
+/// The two conventions in use. K1 = 0.01, K2 = 0.03 and L = the pictures' range in both; the mean is over the windows
 /// inside the picture, and over channels.
 enum class SsimWindow {
   kWang2004,  ///< Gaussian 11x11, sigma 1.5, population covariance: Wang et al., "Image quality assessment: from error
@@ -18,8 +18,8 @@ enum class SsimWindow {
 /// Side of the window, px.
 int SsimWindowSize(SsimWindow window);
 
-/// SSIM of every window, mean over channels. Element (y, x) belongs to the window whose middle is the pixel
-/// (y + border, x + border).
+/// SSIM of every window, mean over channels. Element (y, x) belongs to the window centred at pixel (y + border, x +
+/// border).
 struct SsimMap {
   Status status = Status::kOk;
   int width = 0, height = 0, border = 0;
@@ -27,7 +27,7 @@ struct SsimMap {
 };
 SsimMap ComputeSsimMap(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 
-/// A score beside the reason why there is none.
+/// A score, or the reason for its absence.
 struct Score {
   Status status = Status::kOk;
   double value = std::numeric_limits<double>::quiet_NaN();  ///< NaN unless kOk
@@ -35,9 +35,9 @@ struct Score {
 
 /// Mean of the map: the SSIM of the whole picture.
 Score Mean(const SsimMap& map);
-/// Mean over the windows that lie inside the box: the SSIM of that cut-out.
+/// Mean over the windows inside the box: the SSIM of that crop.
 Score Mean(const SsimMap& map, const Box& box);
-/// Mean over the windows whose middle is in the mask (of the picture's size).
+/// Mean over the windows centred in the mask (of the picture's size).
 Score Mean(const SsimMap& map, const Mask& mask);
 
 /// Mean(ComputeSsimMap(…)) to rounding, without the memory of a map.

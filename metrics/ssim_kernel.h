@@ -4,10 +4,10 @@
 
 #include "metrics/ssim.h"
 
-/// The arithmetic of metrics/ssim.h, one strip of columns at a time; used by ssim.cc alone.
+/// The arithmetic of metrics/ssim.h, one strip of columns at a time; used only by ssim.cc.
 namespace mvstudio::metrics {
 
-/// A picture as the kernel reads it: planes of doubles, or interleaved bytes when `planes` is null.
+/// A picture as read by the kernel: planes of doubles, or interleaved bytes when `planes` is null.
 struct Samples {
   const double* planes = nullptr;
   const uint8_t* bytes = nullptr;
@@ -21,7 +21,7 @@ struct Samples {
 Samples SamplesOf(const Picture& picture);
 Samples SamplesOf(const Image& image);
 
-/// Windows side by side whose rows of moments stay in the first cache.
+/// Number of adjacent windows whose rows of moments fit into the first-level cache.
 inline constexpr int kSsimStrip = 64;
 
 /// For the windows that begin in the columns x0 <= x < x0 + count (count <= kSsimStrip) and all rows: out[y * stride + x - x0]

@@ -25,25 +25,25 @@ void VisitFields(Visitor&& visit, ReportOptions& o) {
   visit("max-pictures-total-mb", o.max_pictures_total_mb, "MB of pictures embedded in all");
 }
 
-/// Something the reader of the report should know: a stable code (`REP-…`), what and where, what to do.
+/// A notice for the reader of the report: a stable code (`REP-…`), what and where, what to do.
 struct ReportNotice {
   std::string code, text, hint;
 };
 
 struct Report {
-  std::string html;                    ///< one document with everything inside it
+  std::string html;                    ///< one self-contained document
   std::string json;                    ///< schema mvstudio.report/1: the same numbers
   Verdict verdict = Verdict::kNotRun;  ///< the worst of the stages
   int num_stages = 0;                  ///< results found
   std::vector<ReportNotice> warnings;  ///< files that could not be used
 };
 
-/// Reads what is below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`, `history.csv`,
-/// `provenance.jsonl` and the pictures that the results list. A file that cannot be read becomes a warning of the report.
-/// Throws IoError when the folder is missing or holds nothing to report.
+/// Reads the files below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`,
+/// `history.csv`, `provenance.jsonl` and the pictures that the results list. An unreadable file becomes a warning of the
+/// report. Throws IoError when the folder is missing or contains nothing to report.
 Report BuildReport(const std::string& run_folder, const ReportOptions& options = {});
 
-/// Where the numbers of a page go: beside it, with the extension .json. Throws UsageError when that is the page itself.
+/// Path of a page's numbers: beside it, with the extension .json. Throws UsageError when that is the page itself.
 std::string NumbersPath(const std::string& html_path);
 
 /// Writes `html_path` and, beside it with the extension .json, the same numbers; returns the path of the latter.

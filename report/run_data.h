@@ -37,20 +37,20 @@ struct RunData {
   std::vector<JsonFile> calibrations;  ///< the run's own first, ground truth left out
   std::vector<CsvFile> points;         ///< 3D joints, ground truth left out
   std::vector<CsvFile> histories;      ///< training histories
-  std::vector<JsonFile> provenance;    ///< one a command, by time
+  std::vector<JsonFile> provenance;    ///< one per command, by time
   std::vector<ReportNotice> warnings;
 
   std::vector<const Stage*> All(const std::string& command) const;
 };
 
-/// Never throws for what is inside a file; throws IoError when the folder is missing or holds nothing to report.
+/// Never throws for the content of a file; throws IoError when the folder is missing or contains nothing to report.
 RunData ScanRun(const std::string& folder);
 
 /// Commands in the order of the pipeline; unknown ones come after all others.
 int PipelineOrder(const std::string& command);
 
-/// File of an output as a result names it: as it stands, else below the run folder or the result's own. Empty when there is
-/// none.
+/// File of an output that a result names: the path itself, else below the run folder or the result's own. Empty when there
+/// is none.
 std::string ResolveOutput(const RunData& data, const Stage& stage, const std::string& path);
 
 }  // namespace mvstudio::report

@@ -9,8 +9,8 @@
 #include "report/report.h"
 #include "report/run_data.h"
 
-/// The parts of the page. Each reads the run, returns its piece of HTML, adds the same numbers to `json` and what it could not
-/// use to `warnings`.
+/// The parts of the page. Each reads the run, returns its HTML, and adds the same numbers to `json` and unusable files to
+/// `warnings`.
 namespace mvstudio::report {
 
 struct SectionContext {
@@ -23,16 +23,16 @@ struct SectionContext {
 
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
-/// Sessions, time offsets, key points, masks; without a body when none of them was run.
+/// Sessions, time offsets, keypoints, masks; without a body when none of them was run.
 Section FootageSection(SectionContext* context);
 Section DatasetSection(SectionContext* context);
 Section AvatarSection(SectionContext* context);
 Section TruthSection(SectionContext* context);
 Section ProvenanceSection(SectionContext* context);
-/// Written last, shown first: it also tells the warnings of the other sections.
+/// Written last, shown first: it also shows the warnings of the other sections.
 Section VerdictSection(SectionContext* context);
 
-/// Worst of the stages' verdicts; a file that could not be read is a warning.
+/// Worst of the stages' verdicts; an unreadable file is a warning.
 Verdict OverallVerdict(const RunData& data);
 
 // Helpers shared by the sections.
@@ -52,7 +52,7 @@ std::string NotRun(const std::string& what, const std::string& command);
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
                         const std::vector<std::string>& legend = {});
 
-/// What to film next, the lenses that were compared, maps over the images and co-visibility, from a calibration's metrics.
+/// What to film next, the compared lenses, maps over the images and co-visibility, from a calibration's metrics.
 std::string CalibrationMaps(const Value& metrics);
 
 /// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.

@@ -7,13 +7,13 @@
 
 namespace mvstudio::synth {
 
-/// A printed board ready to be rendered.
+/// A printed board prepared for rendering.
 class BoardPainter {
  public:
   explicit BoardPainter(const calib::Board& board);
 
-  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples a pixel. Seen from behind it
-  /// is plain card.
+  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples per pixel. The back is
+  /// plain card.
   void Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
             Image* picture) const;
 

@@ -11,7 +11,7 @@
 
 namespace mvstudio::synth {
 
-/// A posed person that rays can be shot at (Embree). Rendering is const and may be called from several threads.
+/// A posed person for ray casting (Embree). Rendering is const and may be called from several threads.
 class BodyScene {
  public:
   /// `body` and `textures` must outlive the scene. `vertices_in_world`: (3, V).
@@ -21,16 +21,16 @@ class BodyScene {
   BodyScene(const BodyScene&) = delete;
   BodyScene& operator=(const BodyScene&) = delete;
 
-  /// What the ray through the centre of a pixel meets first.
+  /// The first intersection of the ray through the centre of a pixel.
   struct Truth {
     std::vector<uint8_t> part;  // (H, W), 0 where the person is not
     std::vector<uint8_t> u, v;  // (H, W), chart coordinates times 255
   };
 
-  /// Draws the person over `picture`, `samples` x `samples` samples a pixel, and returns the truth at pixel centres.
+  /// Draws the person over `picture`, `samples` x `samples` samples per pixel, and returns the truth at pixel centres.
   Truth Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* picture) const;
 
-  /// Metres of body between the first surface and the point on the way from `origin`; 0 when nothing is in front.
+  /// Thickness of body, metres, between the first surface and the point as seen from `origin`; 0 when nothing is in front.
   double DepthBehindSurface(const Eigen::Vector3d& origin, const Eigen::Vector3d& x_in_world) const;
 
  private:

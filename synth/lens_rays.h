@@ -7,14 +7,14 @@
 
 namespace mvstudio::synth {
 
-/// Rays of one camera through its exact lens, computed once: unprojected at the corners of all pixels, bilinear within a pixel
-/// (the remainder is below 1e-5 px for ordinary lenses).
+/// Rays of one camera through its exact lens, computed once: unprojected at the corners of all pixels, bilinear within a
+/// pixel (the error is below 1e-5 px for ordinary lenses).
 class LensRays {
  public:
   explicit LensRays(const geometry::RigCamera& camera, int num_threads = 1);
 
-  /// Ray through (x + dx, y + dy) px, dx and dy in [-0.5, 0.5]: world direction, not normalised; zero where the lens has no
-  /// inverse.
+  /// Ray through (x + dx, y + dy) px, dx and dy in [-0.5, 0.5]: world direction, not normalised; zero where the lens has
+  /// no inverse.
   Eigen::Vector3f Direction(int x, int y, double dx, double dy) const {
     const Eigen::Vector3f *top = &corners_[static_cast<size_t>(y) * (width_ + 1) + x], *bottom = top + width_ + 1;
     const float u = static_cast<float>(dx + 0.5), v = static_cast<float>(dy + 0.5);

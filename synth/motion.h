@@ -10,13 +10,13 @@
 
 namespace mvstudio::synth {
 
-/// Where the board is in frame `frame_idx` of `num_frames`: world_from_board. Frame 0: flat on the floor, printed side up,
-/// corner 0 at the world's origin, rows along -y. Afterwards it is carried through the volume facing all directions, two turns
-/// in all, tilted between upright and 55 degrees up.
+/// Pose of the board in frame `frame_idx` of `num_frames`: world_from_board. Frame 0: flat on the floor, printed side up,
+/// corner 0 at the world's origin, rows along -y. Afterwards it is carried through the volume facing all directions, two
+/// rotations in total, tilted between upright and 55 degrees up.
 geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_frames, uint64_t seed);
 
-/// The person at `time_s`: walks on the spot and about, turns, bends and waves; sums of sinusoids whose frequencies share no
-/// multiple, so poses do not repeat. The lowest point of the body touches the floor.
+/// Pose of the person at `time_s`: walks on the spot and about, turns, bends and waves. Sums of sinusoids with
+/// incommensurable frequencies, so poses do not repeat. The lowest point of the body touches the floor.
 body::BodyPose PersonPose(const body::BodyTemplate& body, double time_s, uint64_t seed);
 
 /// Joints of `skeleton` (body25) in world, (3, J): the Panoptic joints plus toes and heels that follow the feet.

@@ -10,7 +10,7 @@ struct Room {
   bool textured = true;
   uint64_t seed = 1;
 
-  /// Colour 0..255 that a ray from inside meets.
+  /// Colour 0..255 at which a ray from inside ends.
   Eigen::Vector3f Color(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction) const;
 };
 

@@ -15,9 +15,9 @@ struct SynthSummary {
   std::vector<std::string> files;  ///< main outputs, relative to the session
 };
 
-/// Records a session with its ground truth into `folder`, which appears only when it is complete (UsageError when it exists, is
-/// not empty and `overwrite` is off). Layout: docs/synth.md. The same options and seed give the same bytes, whatever the
-/// threads.
+/// Records a session with its ground truth into `folder`, which appears only when it is complete (UsageError when it
+/// exists, is not empty and `overwrite` is off). Layout: docs/synth.md. The same options and seed give the same bytes, for
+/// any number of threads.
 SynthSummary WriteSession(const SynthOptions& options, const std::string& folder, bool overwrite, const RunContext& run);
 
 }  // namespace mvstudio::synth

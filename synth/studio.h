@@ -8,7 +8,7 @@
 
 namespace mvstudio::synth {
 
-/// What the synthetic studio looks like and what is recorded in it. The seed is that of the run.
+/// The synthetic studio and its recordings. The seed is that of the run.
 struct SynthOptions {
   int cameras = 8;                   ///< number of cameras
   double radius_m = 3;               ///< m, horizontal distance of the cameras from the centre (dome: distance)
@@ -58,7 +58,8 @@ void Validate(const SynthOptions& options);
 /// Width and height of `size`.
 std::pair<int, int> ParseSize(const std::string& size);
 
-/// Cameras cam_01 … looking at (0, 0, 1 m), each with intrinsics and a place a little of its own. World: z up, floor at z = 0.
+/// Cameras cam_01 … looking at (0, 0, 1 m), each with slightly different intrinsics and position. World: z up, floor at z
+/// = 0.
 geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed);
 
 }  // namespace mvstudio::synth

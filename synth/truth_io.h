@@ -11,10 +11,10 @@
 
 namespace mvstudio::synth {
 
-/// mvstudio.toml beside the footage that was recorded: units, cameras, board, takes, frame rate.
+/// Writes mvstudio.toml beside the recorded footage: units, cameras, board, takes, frame rate.
 void WriteSessionToml(const SynthOptions& options, const geometry::Rig& rig, const std::string& path);
 
-/// truth/board_poses.json: world_from_board of every frame of the board footage.
+/// Writes truth/board_poses.json: world_from_board of every frame of the board footage.
 void WriteBoardPoses(const calib::Board& board, const std::vector<geometry::Rigid3>& world_from_board, const std::string& path);
 
 /// Adds the joints (3, J) of one frame as exact rows.

@@ -13,7 +13,7 @@ namespace mvstudio::app {
 void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
                           nlohmann::ordered_json* metrics);
 
-/// What a person reads.
+/// Summary for the terminal.
 std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path);
 
 nlohmann::ordered_json VerdictJson(const calib::Verdict& verdict);

@@ -7,10 +7,10 @@
 #include "core/progress.h"
 #include "dataset/verify/verify.h"
 
-/// What is in a dataset, a pack or a session, and what is wrong with it.
+/// Content and defects of a dataset, a pack or a session.
 namespace mvstudio::app {
 
-/// Everything that is wrong with a folder in Panoptic layout or a pack: exit 6 when parts are bad, 3 when all is. Throws
+/// Lists all defects of a folder in Panoptic layout or a pack: exit 6 when parts are bad, 3 when everything is. Throws
 /// UsageError for a session.
 CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run);
 

@@ -5,22 +5,22 @@
 
 #include "core/progress.h"
 
-/// What it costs to read crops of people while training: packs of several codecs and crop sizes beside a folder of JPEG
-/// pictures that are cropped when they are read. Used by the command and by the benchmark.
+/// Cost of reading crops of people during training: packs of several codecs and crop sizes against a folder of JPEG
+/// pictures that are cropped when read. Used by the command and by the benchmark.
 namespace mvstudio::app {
 
 struct PackSpeedOptions {
   std::vector<std::string> codecs{"raw", "png", "jpeg:80", "jpeg:90", "jpeg:95", "jpeg:98"};
   std::vector<int> crops{96, 128, 256, 0};  ///< px; 0: whole pictures
   std::vector<int> threads{1, 2};
-  int frames = 12;          ///< of the dataset, evenly spread
-  int folder_quality = 95;  ///< of the JPEG folder that is made for comparison
-  double seconds = 0.6;     ///< of reading, a trial; the best third of it counts
-  std::string lossless;     ///< dataset with the same pictures as PNG: what PSNR is against; empty: the dataset itself
+  int frames = 12;          ///< of the dataset, evenly spaced
+  int folder_quality = 95;  ///< of the JPEG folder made for comparison
+  double seconds = 0.6;     ///< reading time per trial; the best third of it counts
+  std::string lossless;     ///< dataset with the same pictures as PNG, the reference of PSNR; empty: the dataset itself
   std::string work;         ///< folder for packs and pictures; they are removed afterwards
 };
 
-/// One way to read, with one number of threads.
+/// One method of reading, with one number of threads.
 struct PackSpeedTrial {
   std::string way;  ///< "pack" or "folder"
   std::string codec;
@@ -30,16 +30,16 @@ struct PackSpeedTrial {
   double rms_levels = 0;
 };
 
-/// A pack's making beside mere decoding of the same pictures.
+/// Speed of making a pack against decoding alone of the same pictures.
 struct PackBuildSpeed {
   std::string codec;
   int crop_px = 0, threads = 1;
-  double build_per_s = 0;   ///< crops a second, digests, checks and flushes included
-  double decode_per_s = 0;  ///< of the pictures and masks alone, with the same threads
-  double decode_share = 0;  ///< of the build's processor time, decoding
+  double build_per_s = 0;   ///< crops per second, including digests, checks and flushes
+  double decode_per_s = 0;  ///< pictures and masks only, with the same threads
+  double decode_share = 0;  ///< fraction of the build's processor time spent decoding
 };
 
-/// A pack that reaches 40 dB against a folder that does.
+/// A pack that reaches 40 dB, against such a folder.
 struct PackSpeedUp {
   int crop_px = 0, threads = 1;
   std::string folder;  ///< codec of the folder
@@ -55,11 +55,11 @@ struct PackSpeedReport {
   int pictures = 0, width_px = 0, height_px = 0;
 };
 
-/// Files are in the system's cache when they are read: what is compared is work, not disks. Throws UsageError, and what reading
-/// datasets throws.
+/// Files are in the system's cache when read, so the comparison is of computation, not of disks. Throws UsageError, and
+/// what reading datasets throws.
 PackSpeedReport MeasurePackSpeed(const std::string& dataset, const PackSpeedOptions& options, const RunContext& run);
 
-/// As text, for people. `on_front`: for each trial, whether no other beats it in speed, size and PSNR at once.
+/// As text. `on_front`: for each trial, whether no other beats it in speed, size and PSNR at once.
 std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>& on_front);
 /// The report as one page with figures and a table.
 std::string PackSpeedPage(const PackSpeedReport& report, const std::vector<bool>& on_front);

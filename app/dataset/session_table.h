@@ -6,13 +6,13 @@
 #include "dataset/time/timeline.h"
 #include "dataset/verify/session_check.h"
 
-/// What `session` and `doctor` say about a session, as JSON and as text.
+/// Output of `session` and `doctor` on a session, as JSON and as text.
 namespace mvstudio::app {
 
 nlohmann::ordered_json FootageJson(const dataset::SessionReport& report);
 std::string FootageText(const dataset::SessionReport& report);
 
-/// Findings become errors and warnings of the result. Exit 3 when no footage is sound, 6 when some is not.
+/// Findings become errors and warnings of the result. Exit 3 when no footage is usable, 6 when some is not.
 void AddFindings(const dataset::SessionReport& report, CommandResult* result);
 
 nlohmann::ordered_json TimelineJson(const dataset::Timeline& timeline);

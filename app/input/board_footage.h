@@ -8,8 +8,9 @@
 
 namespace mvstudio::app {
 
-/// The footage of `--camera NAME=PATH` options. Frames of an image camera are numbered by the last number in their file names,
-/// those of a video by position. Names the paths in result->inputs. Throws UsageError without cameras or for one given twice.
+/// Opens the footage of `--camera NAME=PATH` options. Frames of an image camera are numbered by the last number in their
+/// file names, those of a video by position. Adds the paths to result->inputs. Throws UsageError without cameras or for
+/// one given twice.
 std::vector<calib::Footage> OpenFootage(const std::vector<std::string>& cameras, CommandResult* result);
 
 }  // namespace mvstudio::app

@@ -8,20 +8,20 @@
 
 namespace mvstudio::app {
 
-/// How the commands of `calib` read calibrations.
+/// Options of the `calib` commands for reading calibrations.
 struct CalibReadOptions {
   std::string from = "auto", size, unit = "m";
   double qca_distortion_divisor = 1;
 };
 
-/// A calibration of any format in one or several files; what is doubtful of it (geometry/rig/plausible.h) stands among its
-/// notes. Throws UsageError, IoError, FormatError.
+/// Reads a calibration of any format from one or several files; implausible properties (geometry/rig/plausible.h) are
+/// among its notes. Throws UsageError, IoError, FormatError.
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 
-/// Notes become warnings.
+/// Turns notes into warnings.
 void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result);
 
-/// The same of a calibration that was read without notes: what is doubtful becomes warnings.
+/// Same for a calibration that was read without notes: implausible properties become warnings.
 void AddDoubts(const geometry::Rig& rig, CommandResult* result);
 
 /// Metres per m, cm or mm.
@@ -29,10 +29,10 @@ double MetresPerUnit(const std::string& unit);
 
 /// "mvstudio, panoptic, …".
 std::string CalibrationFormatNames();
-/// The same one by one, with the other names that a format goes by; `with_auto` adds "auto".
+/// The names one by one, with the aliases of each format; `with_auto` adds "auto".
 std::vector<std::string> CalibrationFormatChoices(bool with_auto);
 
-/// Angles that the image spans, degrees: across, down and corner to corner; NaN where the lens has no ray.
+/// Field of view of the image, degrees: horizontal, vertical and diagonal; NaN where the lens has no ray.
 Eigen::Vector3d FieldOfViewDeg(const geometry::Camera& camera);
 
 /// Standard deviations from the covariances; NaN where the file has none.
@@ -41,7 +41,7 @@ struct CameraSigmas {
 };
 CameraSigmas SigmasOf(const geometry::RigCamera& camera);
 
-/// num_cameras and cameras[].
+/// Adds num_cameras and cameras[].
 void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result);
 
 }  // namespace mvstudio::app

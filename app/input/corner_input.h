@@ -11,7 +11,7 @@
 
 namespace mvstudio::app {
 
-/// Where board corners come from: footage of --camera, searched for --board, or a file, --corners.
+/// Source of board corners: footage of --camera, searched for --board, or a file, --corners.
 struct CornerArguments {
   std::vector<std::string> boards, cameras;
   std::string corners;
@@ -24,8 +24,8 @@ struct CornerInput {
   std::vector<calib::FootageDetections> found;  ///< of footage only
 };
 
-/// Corners of both kinds; image sizes are 0 where a corner file does not say. Notes become warnings, files inputs. Throws
-/// UsageError, IoError, FormatError.
+/// Reads corners from either source; image sizes are 0 where a corner file does not state them. Notes become warnings,
+/// files inputs. Throws UsageError, IoError, FormatError.
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result);
 
 }  // namespace mvstudio::app

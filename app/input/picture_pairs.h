@@ -8,7 +8,7 @@
 #include "core/progress.h"
 #include "metrics/scores.h"
 
-/// Pictures of two folders that have the same name, and how alike they are. Needs no network and no libtorch.
+/// Pictures of two folders with the same name, and their similarity. Needs no network and no libtorch.
 namespace mvstudio::app {
 
 struct PicturePair {
@@ -23,9 +23,9 @@ struct PicturePairs {
   std::vector<std::string> only_in_reference, only_in_other;  ///< names without a partner
 };
 
-/// PNG and JPEG by name without extension; two files are one pair. `masks`: folder of pictures of the same names, empty for
-/// none. Throws IoError when a folder is missing, nothing matches or a mask is missing, FormatError for a name with two
-/// extensions.
+/// Pairs PNG and JPEG files by name without extension; two single files are one pair. `masks`: folder of pictures of the
+/// same names, empty for none. Throws IoError when a folder is missing, nothing matches or a mask is missing, FormatError
+/// for a name with two extensions.
 PicturePairs PairPictures(const std::string& reference, const std::string& other, const std::string& masks);
 
 /// Fills the scores. Throws FormatError for unreadable pictures, a pair of different sizes, pictures smaller than SSIM's

@@ -11,34 +11,34 @@
 #include "geometry/rig/rig.h"
 #include "triangulate/take/take.h"
 
-/// A calibration and what its cameras saw of people: the input of every command that works on 2D joints.
+/// A calibration and its cameras' 2D joints of people: the input of every command that works on 2D joints.
 namespace mvstudio::app {
 
 struct PoseArguments {
   std::string calib;
-  std::string skeleton;             ///< empty: body25, or the joints that the table of points names
+  std::string skeleton;             ///< empty: body25, or the joints named in the table of points
   std::string points2d;             ///< table of points of all cameras, instead of pose2d
-  std::vector<std::string> pose2d;  ///< NAME=FOLDER of OpenPose JSON files, once a camera
+  std::vector<std::string> pose2d;  ///< NAME=FOLDER of OpenPose JSON files, one per camera
 };
 
 struct PoseInput {
   geometry::Rig rig;
   body::Skeleton skeleton;
   std::vector<std::pair<int, int>> limbs;          ///< upper arms, forearms, thighs and shanks that the skeleton has
-  std::vector<std::string> cameras;                ///< that took part, by name
-  std::vector<dataset::Pose2dTrack> tracks;        ///< a camera each
+  std::vector<std::string> cameras;                ///< cameras with data, by name
+  std::vector<dataset::Pose2dTrack> tracks;        ///< one per camera
   std::vector<triangulate::DetectedFrame> frames;  ///< every frame that any camera has, ascending
 };
 
-/// What triangulation is to know of the skeleton.
+/// The properties of the skeleton that triangulation uses.
 triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);
 
-/// Reads everything; the files become inputs of `result`. What could not be read is listed in its warnings and makes it partial
+/// Reads everything; the files become inputs of `result`. Unreadable parts are listed in its warnings and make it partial
 /// (exit 6). Throws UsageError for fewer than two cameras or one given twice.
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result);
 
-/// The same a part at a time, for takes longer than memory. Folders of OpenPose files are read as they are needed; whatever
-/// comes in one file is read at once.
+/// Same in parts, for takes larger than memory. Folders of OpenPose files are read as needed; data in a single file are
+/// read at once.
 class PoseParts {
  public:
   PoseParts(const PoseArguments& arguments, CommandResult* result);
@@ -46,14 +46,14 @@ class PoseParts {
   /// Without tracks and frames.
   const PoseInput& input() const { return input_; }
   size_t num_frames() const { return numbers_.size(); }
-  /// The frames from the `begin`-th of the take to the one before the `end`-th. Lists what could not be
-  /// read; throws FormatError once that is more than half of a camera's files.
+  /// The frames with indices [begin, end) of the take. Lists unreadable files; throws FormatError once they are more than
+  /// half of a camera's files.
   std::vector<triangulate::DetectedFrame> Read(size_t begin, size_t end, CommandResult* result) const;
 
  private:
   PoseArguments arguments_;
   PoseInput input_;
-  std::vector<triangulate::DetectedFrame> frames_;                ///< all of them, where they came in one file
+  std::vector<triangulate::DetectedFrame> frames_;                ///< all of them, if they came in one file
   std::vector<int> numbers_;                                      ///< of all frames, ascending
   std::map<std::string, size_t> num_files_;                       ///< by camera
   mutable std::map<std::string, std::set<std::string>> damaged_;  ///< lines about files, by camera

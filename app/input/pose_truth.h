@@ -8,7 +8,7 @@
 
 namespace mvstudio::app {
 
-/// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, or a table by itself. Throws IoError,
+/// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, or a single table. Throws IoError,
 /// FormatError.
 dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align);
 

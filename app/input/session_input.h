@@ -10,7 +10,7 @@
 #include "dataset/session/session.h"
 #include "dataset/time/timeline.h"
 
-/// What commands on boards and on 2D joints take from a session, in place of the flags that were not given. (Footage of people:
+/// Values that commands on boards and on 2D joints take from a session for flags that were not given. (Footage of people:
 /// app/input/take_input.h.)
 namespace mvstudio::app {
 
@@ -24,20 +24,20 @@ struct FoundTake {
   dataset::SessionTake take;
 };
 
-/// The take with people; nothing without --session. The session's warnings become warnings of the result.
+/// The take with people; empty without --session. The session's warnings become warnings of the result.
 std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result);
 
-/// --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
+/// Fills --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
 void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose);
 
-/// --board and --camera from the take with the board.
+/// Fills --board and --camera from the take with the board.
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result);
 
-/// Frame numbers of 2D poses are those of the footage: dropped frames do not count. Turns them into ticks of each camera's
-/// clock; true when that changed any.
+/// Converts frame numbers of 2D poses, which are those of the footage without dropped frames, to ticks of each camera's
+/// clock. True when any changed.
 bool RenumberByClock(const FoundTake& found, const SessionArguments& arguments, PoseInput* input);
 
-/// The same into instants of a timeline; false without change.
+/// Same to time steps of a timeline; false without change.
 bool RenumberByTimeline(const dataset::Timeline& timeline, PoseInput* input);
 
 }  // namespace mvstudio::app

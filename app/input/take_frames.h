@@ -9,7 +9,7 @@
 #include "geometry/rig/rig.h"
 #include "triangulate/take/take.h"
 
-/// Between the files of dataset/ and the arrays of triangulate/.
+/// Converts between the files of dataset/ and the arrays of triangulate/.
 namespace mvstudio::app {
 
 /// One entry for each frame that any camera has. Throws FormatError (naming `calib_path`, the track's camera and both lists)

@@ -10,7 +10,7 @@
 #include "dataset/session/session.h"
 #include "dataset/time/timeline.h"
 
-/// The footage of one take: the input of every command that reads pictures of people.
+/// The footage of one take: the input of every command that reads images of people.
 namespace mvstudio::app {
 
 struct TakeArguments {
@@ -21,12 +21,12 @@ struct TakeArguments {
   std::string take;                 ///< empty: the session's only take with people
   bool allow_outside = false;       ///< footage may lie outside the session
   bool with_timeline = true;        ///< footage carries the take's timeline; false: frames are numbered as they were recorded
-  bool make_timeline = true;        ///< give the footage a timeline though none was written; false: only the written one
+  bool make_timeline = true;        ///< make a timeline if none was written; false: only the written one
 };
 
 struct TakeInput {
-  std::vector<dataset::CameraFootage> footage;  ///< a camera each
-  std::string calibration;                      ///< path; empty when nothing names one
+  std::vector<dataset::CameraFootage> footage;  ///< one per camera
+  std::string calibration;                      ///< path; empty when none is named
   std::optional<dataset::Session> session;      ///< when --session was given
   std::string take;                             ///< its name; empty without --session
   double fps_hz = 0;                            ///< as the session states it; 0: not stated
@@ -35,15 +35,15 @@ struct TakeInput {
   std::string Folder(const std::string& kind, const std::string& camera = "") const;
 };
 
-/// sync/TAKE.timeline.json; without it, and when the take has time stamps or a sync file and `make` says so, one made now; else
-/// null. What is doubtful becomes a warning.
+/// Reads sync/TAKE.timeline.json. Without it, makes a timeline if the take has time stamps or a sync file and `make` is
+/// set; else null. Doubts become warnings.
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
                                                     bool allow_outside, bool make, CommandResult* result);
 
-/// Names the footage in result->inputs; the session's warnings become warnings of the result. Throws UsageError for a plate
-/// without footage, a camera given twice, --session together with footage; what ReadSession and ResolveInSession throw. Plates
-/// of a session may be named again by --plate. The footage of a session carries sync/TAKE.timeline.json, or a timeline made now
-/// when the take has time stamps or a sync file.
+/// Reads the footage's names and adds them to result->inputs; the session's warnings become warnings of the result. Throws
+/// UsageError for a plate without footage, a camera given twice, or --session together with footage, and what ReadSession
+/// and ResolveInSession throw. --plate may replace plates of a session. The footage of a session has
+/// sync/TAKE.timeline.json, or a timeline made now when the take has time stamps or a sync file.
 TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result);
 
 }  // namespace mvstudio::app

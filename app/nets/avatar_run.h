@@ -16,15 +16,15 @@ class AvatarRun {
 
   std::string Path(const std::string& name) const { return folder_ + "/" + name; }
   std::string checkpoint_path() const { return Path(avatar::kCheckpointFile); }
-  /// What a run consists of, scores included; only these are ever replaced or removed.
+  /// Files of a run, scores included; only these are ever replaced or removed.
   static std::vector<std::string> Names();
-  /// Throws UsageError when a run is there and `overwrite` is off.
+  /// Throws UsageError when a run exists and `overwrite` is off.
   void RequireFree(bool overwrite) const;
-  /// Makes the folder, without what an older run left.
+  /// Creates the folder, without the files of an older run.
   void Clear() const;
-  /// Removes scores, which are of weights that are about to change.
+  /// Removes scores, because they belong to weights that are about to change.
   void ForgetScores() const;
-  /// Reads the rows up to `step` of an older history, to go on from there; returns the seconds it took.
+  /// Reads the rows up to `step` of an older history, to continue from there; returns the seconds it took.
   double TakeUpHistory(int64_t step);
 
   void AddRow(const avatar::HistoryRow& row, double wall_s);

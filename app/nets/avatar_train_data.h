@@ -9,10 +9,10 @@
 #include "avatar/settings/options.h"
 #include "core/progress.h"
 
-/// Which pictures of a dataset a training learns from and is judged by.
+/// Selects the images of a dataset for training and for scoring.
 namespace mvstudio::app {
 
-/// As given on the command line; a split file stands in for the first three.
+/// As given on the command line; a split file replaces the first three.
 struct SplitArguments {
   std::string train_cameras, holdout_cameras, holdout_frames, split, validate_camera;
 };
@@ -22,11 +22,11 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
 
 struct RunPacks {
   avatar::AvatarPack train;
-  std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation pictures, else held-out ones, if any
+  std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
   std::vector<std::string> skipped;
 };
 
-/// Fixes crop and template shape in `config` from the training pictures.
+/// Sets crop and template shape in `config` from the training images.
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
                     const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config);
 

@@ -6,7 +6,7 @@
 #include "app/nets/mask_run.h"
 #include "core/progress.h"
 
-/// Reads what `mvstudio mask` is given.
+/// Reads the arguments of `mvstudio mask`.
 namespace mvstudio::app {
 
 struct MaskArguments {
@@ -20,14 +20,14 @@ struct MaskArguments {
   MaskRunOptions run;
 };
 
-/// Footage is sampled, sizes are checked, joints are projected. Throws UsageError, IoError, FormatError.
+/// Samples footage, checks sizes and projects joints. Throws UsageError, IoError, FormatError.
 MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run);
 
-/// The backends that `--backend` names, or those there are for "auto"; a net that is not installed is then left out with a
-/// warning. Throws UsageError, MissingToolError.
+/// The backends that `--backend` names, or the available ones for "auto"; a net that is not installed is then left out
+/// with a warning. Throws UsageError, MissingToolError.
 std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandResult* result);
 
-/// Masks against exact ones.
+/// Comparison of masks with exact ones.
 struct TruthScore {
   int pictures = 0, missing = 0;
   double iou_sum = 0, worst = 1;

@@ -14,7 +14,7 @@
 #include "dataset/masks/visual_hull.h"
 #include "detect/segment/segment.h"
 
-/// What `mvstudio mask` does, apart from parsing and printing.
+/// The work of `mvstudio mask`, without parsing and printing.
 namespace mvstudio::app {
 
 struct MaskRunOptions {
@@ -43,11 +43,11 @@ void VisitFields(Visitor&& visit, MaskRunOptions& o) {
 /// One camera of the take, ready to be segmented.
 struct MaskCamera {
   dataset::CameraFootage footage;
-  std::optional<geometry::RigCamera> camera;  ///< at the footage's size; without --calib none
+  std::optional<geometry::RigCamera> camera;  ///< at the footage's size; none without --calib
   dataset::FootageSamples samples;
   Image plate;                   ///< may be empty
   dataset::BodiesOfTake bodies;  ///< by frame number
-  /// Instant -> frame number by the take's timeline; none: frame n shows instant n.
+  /// Time step -> frame number by the take's timeline; none: frame n shows time step n.
   std::optional<std::map<int, int>> frame_at;
 
   /// -1: none.
@@ -59,14 +59,14 @@ using People = std::map<int, dataset::Coco19Pose>;
 
 struct MaskJob {
   std::vector<MaskCamera> cameras;
-  std::map<int, People> poses;  ///< 3D, by instant; may be empty
+  std::map<int, People> poses;  ///< 3D, by time step; may be empty
   dataset::MaskOptions mask;
   dataset::HullOptions hull;
   MaskRunOptions run;
   bool has_calibration() const { return !cameras.empty() && cameras[0].camera.has_value(); }
 };
 
-/// A way to find people: colour and motion alone, or with a net.
+/// A method to find people: colour and motion alone, or with a net.
 struct MaskBackend {
   std::string name;
   std::shared_ptr<const detect::Segmenter> net;  ///< null: background
@@ -78,14 +78,14 @@ struct MaskTrial {
   Status status = Status::kOk;  ///< of the camera where it failed
   std::string failed_camera;    ///< empty when none did
   double disagreement = 0;      ///< with the visual hull; outside + missing, mean over cameras; NaN without hull
-  double joints_supported = 0;  ///< share; NaN without joints
+  double joints_supported = 0;  ///< fraction; NaN without joints
   std::vector<dataset::CameraMaskModel> models;
   double score() const;  ///< smaller is better
 };
 
 dataset::PersonNet NetOf(const MaskBackend& backend);
 
-/// Learns every camera; with `on_frames` also makes masks of some frames and judges them.
+/// Learns every camera; with `on_frames` also makes masks of some frames and scores them.
 MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_frames, const RunContext& run);
 
 struct MaskCameraResult {
@@ -100,7 +100,7 @@ struct MaskRunResult {
   std::vector<size_t> disagreeing;
 };
 
-/// Masks of the whole take into `folder`.
+/// Writes the masks of the whole take to `folder`.
 MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
                        const std::string& folder, const RunContext& run);
 

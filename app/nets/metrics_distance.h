@@ -7,7 +7,7 @@
 #include "app/result.h"
 #include "core/progress.h"
 
-/// Distances between sets of pictures or features for `mvstudio metrics`. Needs libtorch.
+/// Distances between sets of images or features for `mvstudio metrics`. Needs libtorch.
 namespace mvstudio::app {
 
 struct DistanceResult {
@@ -17,10 +17,11 @@ struct DistanceResult {
   std::string name;  ///< "FID" or "FD (features)"
 };
 
-/// Of two files of features (.npy, or .safetensors with a tensor `features`). Throws IoError, FormatError.
+/// For two files of features (.npy, or .safetensors with a tensor `features`). Throws IoError, FormatError.
 DistanceResult CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run);
 
-/// Of two lists of pictures by a net: "gabor", "posenet", "auto", or a TorchScript file. The pictures may have several sizes.
+/// For two lists of images, by a net: "gabor", "posenet", "auto", or a TorchScript file. The images may have different
+/// sizes.
 DistanceResult ComparePictureSets(const std::vector<std::string>& reference, const std::vector<std::string>& other,
                                   const std::string& net, const RunContext& run);
 

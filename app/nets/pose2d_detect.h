@@ -12,30 +12,30 @@
 #include "detect/joints/joint_net.h"
 #include "detect/joints/pose_tracker.h"
 
-/// Key points of a take's footage.
+/// Keypoints of a take's footage.
 namespace mvstudio::app {
 
-/// What finds the joints.
+/// A detector of joints.
 struct PoseBackend {
   std::string name;  ///< "posenet", "movenet" or "onnx:FILE"
   std::shared_ptr<const detect::JointNet> net;
-  std::shared_ptr<const detect::PersonFinder> finder;  ///< may be null: the person fills the picture
+  std::shared_ptr<const detect::PersonFinder> finder;  ///< may be null: the person fills the image
   detect::CropPlan plan;
 };
 
-/// Throws UsageError for an unknown name; what the nets' functions throw.
+/// Throws UsageError for an unknown name, and what the nets' functions throw.
 PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, const std::string& quality,
                             const detect::OnnxOptions& onnx);
 
-/// Names of the nets that are installed, the one to prefer without a measurement first. Throws MissingToolError when there is
+/// Names of the installed nets, the preferred one (without a measurement) first. Throws MissingToolError when there is
 /// none.
 std::vector<std::string> InstalledPoseBackends(const std::string& models);
 
 struct CameraPoses {
   dataset::Pose2dTrack track;
-  std::map<int, Image> overlays;    ///< a few frames with the key points drawn
+  std::map<int, Image> overlays;    ///< a few frames with the keypoints drawn
   std::vector<std::string> damage;  ///< of the footage, one line each
-  std::string failure;              ///< why there is nothing; empty: all went well
+  std::string failure;              ///< why there is no result; empty: success
   int frames = 0, frames_with_people = 0;
   int width = 0, height = 0;
   double seconds = 0;  ///< of detection, without decoding
@@ -44,13 +44,13 @@ struct CameraPoses {
 struct DetectJob {
   std::vector<dataset::CameraFootage> footage;
   detect::PoseOptions options;
-  int overlays = 0;    ///< frames a camera to draw
-  int every = 1;       ///< use every so many frames
+  int overlays = 0;    ///< frames to draw per camera
+  int every = 1;       ///< use every n-th frame
   int max_frames = 0;  ///< 0: all
 };
 
-/// Cameras side by side. Frames carry the number of the instant where the footage has a timeline, else their own. A camera
-/// whose footage cannot be read has a failure; the rest goes on.
+/// Runs the cameras in parallel. Frames have the number of the time step where the footage has a timeline, else their own.
+/// A camera with unreadable footage has a failure; the others continue.
 std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& backend, const RunContext& run);
 
 }  // namespace mvstudio::app

@@ -5,14 +5,15 @@
 #include "app/result.h"
 #include "triangulate/take/cause.h"
 
-/// What is said when hardly anything of a take fits its calibration.
+/// Messages for takes of which almost nothing fits the calibration.
 namespace mvstudio::app {
 
-/// Below this part of what could be carried a take counts as lost. Wrong files leave 0 to 2 %; takes in which most people are
-/// seen by one camera alone do not count what one camera sees.
+/// A take counts as lost below this fraction of the joints that could be triangulated. Wrong files leave 0 to 2 %. Joints
+/// that only one camera sees do not count, also in takes where that is the case for most people.
 inline constexpr double kLostShare = 0.05;
 
-/// metrics["causes"], and the warning `code` where an assumption explains the loss clearly. Returns its remedy, or `otherwise`.
+/// Adds metrics["causes"], and the warning `code` where an assumption clearly explains the loss. Returns its remedy, or
+/// `otherwise`.
 std::string AddLikelyCause(const triangulate::CauseReport& report, const std::string& code, const std::string& otherwise,
                            CommandResult* result);
 

@@ -8,21 +8,21 @@
 #include "core/status.h"
 #include "triangulate/skeleton/refine.h"
 #include "triangulate/take/limbs.h"
-/// What `triangulate` says about its points.
+/// Metrics of `triangulate`.
 namespace mvstudio::app {
 
-/// Figures over all points of a take, added chunk by chunk.
+/// Figures over all points of a take, accumulated chunk by chunk.
 class PointStatistics {
  public:
   PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs);
   void Add(const triangulate::TakeResult& take);
   void AddFrames(const std::vector<triangulate::DetectedFrame>& frames, const triangulate::TakeOptions& options);
-  /// Cameras that hardly ever see anybody.
+  /// Warns of cameras that almost never see anybody.
   void WarnOfAbsence(const PoseInput& input, CommandResult* result) const;
 
   int num_ok() const { return static_cast<int>(rms_px_.size()); }
   int num_tried() const { return num_tried_; }
-  /// Joints that enough cameras see for a point.
+  /// Number of joints that enough cameras see for a point.
   int64_t num_carriable() const { return num_carriable_; }
   void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
 
@@ -43,16 +43,16 @@ class PointStatistics {
 /// Noise, method, held-out figures and the judgement of the cameras.
 void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
 
-/// Terms tried, and what they did to limbs.
+/// Terms that were tried, and their effect on limbs.
 void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohmann::ordered_json* metrics);
 
-/// Cameras that are off or scaled, or that take left for right.
+/// Warns of cameras that are off or scaled, or that swap left and right.
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
 
-/// Nearly all joints that could be triangulated were lost: exit 4, "TRI-LOST".
+/// Almost all joints that could be triangulated were lost: exit 4, "TRI-LOST".
 void CheckLoss(const PointStatistics& statistics, CommandResult* result);
 
-/// Detections that scatter by a noticeable part of the picture do not belong to this calibration: exit 4.
+/// Detections that scatter by a considerable part of the image do not match this calibration: exit 4.
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);
 
 }  // namespace mvstudio::app

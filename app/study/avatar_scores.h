@@ -6,19 +6,20 @@
 
 #include "report/page/value.h"
 
-/// What `avatar eval` left in the folders of runs. Needs no libtorch.
+/// Results of `avatar eval` in the folders of runs. Needs no libtorch.
 namespace mvstudio::app {
 
 /// RUN/protocol.json.
 struct ScoreProtocol {
   std::string path, sha256;
-  report::Value body;    ///< what must be equal before scores may be compared
+  report::Value body;    ///< must be equal for scores to be comparable
   report::Value splits;  ///< of the easier splits: {kind: {"pictures", "sha256"}}
 };
-/// Throws IoError (saying that `avatar eval` writes it) or FormatError, also when the digest does not fit the content.
+/// Throws IoError (saying that `avatar eval` writes it) or FormatError, also when the digest does not match the content.
 ScoreProtocol ReadScoreProtocol(const std::string& run_folder);
 
-/// The first field, in the file's order, in which two protocols differ: "crop.size_px is 96, in RUN_A it is 128". Empty: equal.
+/// The first field, in the file's order, in which two protocols differ: "crop.size_px is 96, in RUN_A it is 128". Empty:
+/// equal.
 std::string FirstDifference(const ScoreProtocol& own, const ScoreProtocol& first);
 /// Throws FormatError with that field.
 void RequireSameProtocol(const ScoreProtocol& own, const ScoreProtocol& first);
@@ -26,14 +27,14 @@ void RequireSameProtocol(const ScoreProtocol& own, const ScoreProtocol& first);
 /// One scored run.
 struct ScoredRun {
   std::string folder;
-  std::string label;      ///< as the user named it; may be empty
+  std::string label;      ///< given by the user; may be empty
   report::Value metrics;  ///< of avatar_eval.result.json
   ScoreProtocol protocol;
 };
 /// From "RUN" or "NAME=RUN". Throws IoError, FormatError.
 ScoredRun ReadScoredRun(const std::string& text);
 
-/// "NAME=FOLDER" -> both parts; a folder alone gets an empty name. A folder that exists and has '=' in its name is a folder.
+/// "NAME=FOLDER" -> both parts; a folder alone gets an empty name. An existing folder with '=' in its name is a folder.
 std::pair<std::string, std::string> SplitLabel(const std::string& text);
 
 }  // namespace mvstudio::app

@@ -7,24 +7,24 @@
 #include "app/study/avatar_scores.h"
 #include "report/study/study_tally.h"
 
-/// Scored runs side by side: methods x splits.
+/// Comparison table of scored runs: methods x splits.
 namespace mvstudio::app {
 
-/// Of the runs of one row.
+/// Spread over the runs of one row.
 struct Spread {
   double mean = 0, half_range = 0, sd = 0;  ///< sd: NaN for one run
   double least = 0, most = 0;
   int n = 0;
 };
-/// Of the finite values; NaN where there are none.
+/// For the finite values; NaN where there are none.
 Spread SpreadOf(const std::vector<double>& values);
 
 struct SplitScores {
   std::map<std::string, Spread> values;  ///< "ssim", "psnr_db", "mask_iou", "fd", "lpips" where given, …
-  bool same_pictures = true;             ///< as in the first run
+  bool same_pictures = true;             ///< the same images as in the first run
 };
 
-/// What a user study says of a row.
+/// Result of a user study for a row.
 struct StudyCell {
   std::string against;
   double share = 0, low = 0, high = 0, p_value = 0;
@@ -39,7 +39,7 @@ struct ComparisonRow {
   bool baseline = false;
 };
 
-/// SSIM of the primary split of a row less that of the first row.
+/// SSIM of the primary split of a row minus that of the first row.
 struct RowDifference {
   std::string row, against;
   double ssim = 0;
@@ -51,15 +51,16 @@ struct Comparison {
   std::string primary;        ///< kind of the held-out split
   std::string distance_name;  ///< "FID" or "FD (posenet)"
   std::vector<ComparisonRow> rows;
-  std::vector<std::string> mixed_splits;  ///< kinds whose pictures are not the same in all runs
+  std::vector<std::string> mixed_splits;  ///< kinds whose images differ between runs
   std::vector<RowDifference> differences;
 };
 
-/// Runs with the same label, or without labels the same method, training cameras and options but for the seed, share a row;
-/// what tells rows of one method apart is in their names. All runs have one protocol.
+/// Runs with the same label share a row. Without labels, so do runs with the same method, training cameras and options
+/// except the seed. Row names contain what distinguishes rows of one method. All runs have one protocol.
 Comparison CompareRuns(const std::vector<ScoredRun>& runs, bool baselines);
 
-/// Adds shares to the rows that the studies' methods name, by the row's name or a run's folder. Returns methods without a row.
+/// Adds the studies' shares to the rows that their methods name, by the row's name or a run's folder. Returns methods
+/// without a row.
 std::vector<std::string> AddStudies(const std::vector<report::StudyAnswers>& answers, Comparison* comparison);
 
 std::string TextTable(const Comparison& comparison);

@@ -6,8 +6,8 @@
 
 #include "app/result.h"
 
-/// What training costs and gives, over a grid of settings. Each trial is a run of this program's own `avatar train` and `avatar
-/// eval`, so it can be repeated by hand.
+/// Cost and quality of training over a grid of settings. Each trial is a run of this program's own `avatar train` and
+/// `avatar eval`, so it can be repeated manually.
 namespace mvstudio::app {
 
 struct AvatarGrid {
@@ -19,7 +19,7 @@ struct AvatarGrid {
 struct AvatarTrial {
   int width = 0, size_px = 0, steps = 0;  ///< no steps: the posed template in averaged colours, without a network
   std::string loss;
-  std::vector<std::string> cameras;  ///< trained on
+  std::vector<std::string> cameras;  ///< used for training
   /// Results; NaN before it has run.
   double ssim = 0, psnr_db = 0, mask_iou = 0, fd = 0, train_s = 0, s_per_step = 0, ms_per_frame = 0, parameters = 0,
          peak_rss_mb = 0;
@@ -33,14 +33,14 @@ struct AvatarTradeoffOptions {
   std::vector<std::string> holdout_cameras;
   std::string holdout_frames;
   int score_size_px = 0;     ///< all trials are scored at this size
-  double limit_minutes = 0;  ///< no further trial is begun after them; 0: none
+  double limit_minutes = 0;  ///< no further trial starts after this time; 0: no limit
 };
 
-/// Every combination, cheapest first; without steps, one for each size and number of cameras. `cameras`: names to choose from,
-/// in an order in which every beginning is spread well.
+/// Every combination, cheapest first; without steps, one for each size and number of cameras. `cameras`: candidate names,
+/// ordered so that every prefix is well spread.
 std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras);
 
-/// Marks the fronts, seconds of training and ms a frame against 1 - SSIM, within each number of cameras.
+/// Marks the Pareto fronts within each number of cameras: seconds of training, and ms per frame, against 1 - SSIM.
 void MarkFronts(std::vector<AvatarTrial>* trials);
 
 nlohmann::ordered_json TrialsJson(const std::vector<AvatarTrial>& trials);

@@ -10,7 +10,7 @@ namespace mvstudio::app {
 
 struct StudyArguments {
   std::vector<std::string> sides;  ///< two folders of pictures or two scored runs, each "NAME=FOLDER" or "FOLDER"
-  std::string truth;               ///< folder of the true pictures; found by itself for runs
+  std::string truth;               ///< folder of the true pictures; determined automatically for runs
   std::string title;
   int pictures = 40;
   std::vector<std::string> tally;  ///< files of answers

@@ -37,7 +37,7 @@ TagPattern PatternOf(const TagFamily& family, int id, int border = 1);
 /// A tag found in an image.
 struct Tag {
   int id = 0;
-  int border = 1;            ///< width of the black border in cells that made it readable
+  int border = 1;            ///< width of the black border in cells with which the tag decoded
   int hamming = 0;           ///< bits corrected
   double decision_margin = 0;  ///< mean grey-value distance of the bits from the threshold
   Eigen::Matrix<double, 2, 4> px;  ///< bottom left, bottom right, top right, top left of the upright tag
@@ -45,9 +45,9 @@ struct Tag {
 
 enum class TagBorder { kNarrow, kWide, kEither };  ///< black borders of 1 cell, of 2 cells (Kalibr), or both in one search
 
-/// All tags of a family in a grey image, sorted by id; a tag may appear several times. The corners are those of the library,
-/// moved to this project's pixel origin: 0.02 to 0.2 px off even without noise (see RefineCorner). Families with a white inside
-/// have no wide border.
+/// Detects all tags of a family in a grey image, sorted by id; a tag may appear several times. The corners are the
+/// library's, converted to this project's pixel origin. They are 0.02 to 0.2 px off even without noise (see RefineCorner).
+/// Families with a white inside have no wide border.
 std::vector<Tag> FindTags(const TagFamily& family, TagBorder border, const Image& grey);
 
 }  // namespace mvstudio::calib

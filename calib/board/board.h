@@ -7,16 +7,16 @@
 
 namespace mvstudio::calib {
 
-/// A planar calibration target. Its frame `board` lies in the plane of the print, x along the columns to the right, y down as
-/// seen by who reads the print, z = x cross y (into the board, away from the viewer of its printed side).
+/// A planar calibration target. Its frame `board` lies in the printed plane. x points along the columns to the right, y
+/// down as the reader of the print sees it, z = x cross y (into the board, away from the viewer of its printed side).
 ///
-/// chessboard, charuco, grid: corners are numbered row by row from the top left; corner (row, col) lies at
-/// (col, row, 0) * square_m. Inner corners only: the outer squares lie around them.
+/// chessboard, charuco, grid: corners are numbered row by row from the top left; corner (row, col) lies at (col, row, 0) *
+/// square_m. Inner corners only: the outer squares lie around them.
 ///
-/// aprilgrid, tag: tag number n (its id is first_tag + n) stands in column n % cols, row n / cols counted from the BOTTOM, as
-/// Kalibr prints them. Its corners are 4 n + k with k = 0 bottom left, 1 bottom right, 2 top right, 3 top left of the upright
-/// tag. The origin is the bottom left corner of tag 0, so y is negative on the rest of the board: a point is (x, -y, -z) in
-/// Kalibr's frame.
+/// aprilgrid, tag: tag number n has the id first_tag + n. It stands in column n % cols and row n / cols, counted from the
+/// BOTTOM as Kalibr prints them. Its corners are 4 n + k with k = 0 bottom left, 1 bottom right, 2 top right, 3 top left
+/// of the upright tag. The origin is the bottom left corner of tag 0, so y is negative on the rest of the board. A point
+/// (x, y, z) is (x, -y, -z) in Kalibr's frame.
 struct Board {
   enum class Kind {
     kChessboard,
@@ -29,8 +29,8 @@ struct Board {
   Kind kind = Kind::kChessboard;
   int cols = 0;         ///< inner corners per row; aprilgrid: tags per row
   int rows = 0;         ///< inner corners per column; aprilgrid: tags per column
-  double square_m = 0;  ///< side of a square, metres; aprilgrid and tag: side of the square whose corners are found, which is
-                        ///< the black one of the classic families and the inner white one of the newer
+  double square_m = 0;  ///< side of a square, metres; aprilgrid and tag: side of the square whose corners are found, black in
+                        ///< the classic families and white inside in the newer ones
   double marker_m = 0;  ///< charuco: side of a marker, metres
   std::string dictionary = "4x4_1000";  ///< charuco: OpenCV's predefined dictionary, lower case without DICT_; aprilgrid and
                                         ///< tag: the AprilTag family without "tag", e.g. 36h11
@@ -45,10 +45,11 @@ struct Board {
   bool has_tags() const { return kind == Kind::kAprilGrid || kind == Kind::kTag; }
 };
 
-/// The forms that ParseBoard reads, one a line.
+/// The forms that ParseBoard reads, one per line.
 extern const char* const kBoardForms;
 
-/// Reads a board's text, see kBoardForms. Units mm, cm or m are required. Throws UsageError that says what was expected.
+/// Parses a board description, see kBoardForms. Units mm, cm or m are required. Throws UsageError that says what was
+/// expected.
 Board ParseBoard(const std::string& text);
 
 /// The text that ParseBoard reads back; kPoints, which has no text, gives `points:N`.
@@ -57,10 +58,12 @@ std::string ToString(const Board& board);
 /// Corner positions in the frame board, metres, (3, num_corners()).
 Eigen::Matrix3Xd CornersInBoard(const Board& board);
 
-/// The printed side at `px_per_square` pixels a square (a tag's side), grey, with a quiet margin of `margin_squares` squares of
-/// white all around: every pixel is the exact mean over its area. Board coordinates (x, y) of image pixel (u, v), with
-/// `low_m` of PrintOf(board) in board_print.h: x = low_m.x + ((u + 0.5) / px_per_square - margin_squares) * square_m, same for
-/// y; chessboard and charuco: low_m = (-square_m, -square_m). Not for kGrid and kPoints, which have no print.
+/// Renders the printed side in grey. One square (a tag's side) is `px_per_square` pixels; the white margin on all sides is
+/// `margin_squares` squares. Every pixel is the exact mean over its area.
+///
+/// Board coordinates (x, y) of image pixel (u, v), with `low_m` of PrintOf(board) in print.h: x = low_m.x + ((u + 0.5) /
+/// px_per_square - margin_squares) * square_m, same for y. For chessboard and charuco low_m = (-square_m, -square_m). Not
+/// for kGrid and kPoints, which have no print.
 Image DrawBoard(const Board& board, int px_per_square, double margin_squares);
 
 }  // namespace mvstudio::calib

@@ -13,7 +13,7 @@ struct Detection {
   std::vector<int> corner_ids;  ///< into CornersInBoard, distinct
   Eigen::Matrix2Xd points_px;   ///< (2, corner_ids.size())
   double sigma_px = 1;          ///< expected standard deviation per coordinate, relative to the other detections
-  Eigen::VectorXd sigmas_px;    ///< (N) of every corner, where it is known; empty: sigma_px for all
+  Eigen::VectorXd sigmas_px;    ///< (N) per corner, where known; empty: sigma_px for all
   int board_idx = 0;            ///< which of the boards, when several are in use
 
   int num_corners() const { return static_cast<int>(corner_ids.size()); }

@@ -33,16 +33,16 @@ struct BoardPage {
   std::vector<Text> texts;
 };
 
-/// The board with its quiet margin, a ruler of 100 mm and a line that says what it is. Throws UsageError with the size needed
-/// when the paper is too small.
+/// Places the board with its white margin, a ruler of 100 mm and a line that describes the board. Throws UsageError with
+/// the required size when the paper is too small.
 BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options);
 
-/// The page as a file's content: PDF 1.4 and SVG 1.1 with vectors at true scale, PNG with its resolution in the pHYs chunk.
+/// The page as file content: PDF 1.4 and SVG 1.1 with vectors at true scale, PNG with its resolution in the pHYs chunk.
 std::string ToPdf(const BoardPage& page);
 std::string ToSvg(const BoardPage& page);
 std::string ToPng(const BoardPage& page, double dpi);
 
-/// Writes `path`, in the format of its extension (.pdf, .svg or .png).
+/// Writes `path` in the format of its extension (.pdf, .svg or .png).
 void WriteBoardPage(const Board& board, const std::string& path, const BoardDrawOptions& options);
 
 }  // namespace mvstudio::calib

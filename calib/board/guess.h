@@ -10,19 +10,19 @@
 
 namespace mvstudio::calib {
 
-/// Markers of one image: id -> corners, clockwise (ArUco: from the top left) or counter-clockwise (tags: from the bottom left).
+/// Markers of one image: id -> corners. ArUco: clockwise from the top left; tags: counter-clockwise from the bottom left.
 using MarkersOfImage = std::map<int, Eigen::Matrix<double, 2, 4>>;
 
-/// The ChArUco board (square_m = 1) whose layout puts the ids where the markers are, in most of the images; nothing when none
-/// fits. Rows are as many as the ids need at least; `hint` decides where the ids leave the choice.
+/// The ChArUco board (square_m = 1) whose layout agrees with the marker positions in most of the images; empty when none
+/// fits. The number of rows is the smallest that holds the ids. `hint` decides where the ids allow several boards.
 std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& images,
                                   const std::optional<Board>& hint);
 
-/// Same for an AprilGrid (square_m = 1), with the gap measured to a few hundredths of a tag's side.
+/// Same for an AprilGrid (square_m = 1); its gap is measured to a few hundredths of a tag's side.
 std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector<MarkersOfImage>& images,
                                     const std::optional<Board>& hint);
 
-/// Sizes (columns, rows of inner corners) of chessboards seen in the image, whatever their size.
+/// Size (columns, rows of inner corners) of a chessboard of unknown size in the image.
 std::optional<std::pair<int, int>> GuessChessboard(const Image& grey);
 
 }  // namespace mvstudio::calib

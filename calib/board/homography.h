@@ -5,23 +5,22 @@
 
 namespace mvstudio::calib {
 
-/// Homography that maps points (2, N) `from` onto `to`, weighted least squares of the algebraic error in normalised coordinates
-/// (Hartley, "In defense of the eight-point algorithm", PAMI 1997). Nothing for fewer than 4 points or when they are
-/// degenerate.
+/// Homography from points (2, N) `from` to `to`: weighted least squares of the algebraic error in normalised coordinates
+/// (Hartley, "In defense of the eight-point algorithm", PAMI 1997). Empty for fewer than 4 points or degenerate ones.
 std::optional<Eigen::Matrix3d> FitHomography(const Eigen::Matrix2Xd& from, const Eigen::Matrix2Xd& to,
                                              const Eigen::VectorXd& weights = {});
 
 Eigen::Vector2d MapPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// The smooth image of a plane seen through a lens: a homography and a polynomial of the plane's coordinates on top of it, of
-/// the highest degree (at most 3) that the points allow, fitted with robust weights.
+/// Smooth model of a plane's image through a lens: a homography plus a polynomial of the plane's coordinates. The
+/// polynomial has the highest degree, at most 3, that the points allow; the fit uses robust weights.
 class PlaneToImage {
  public:
-  /// Points (2, N) in the plane and in the image. Nothing when no homography fits.
+  /// Points (2, N) in the plane and in the image. Empty when no homography fits.
   static std::optional<PlaneToImage> Fit(const Eigen::Matrix2Xd& in_plane, const Eigen::Matrix2Xd& px);
 
   Eigen::Vector2d operator()(const Eigen::Vector2d& in_plane) const;
-  /// Distances (N) of the fitted points from the fit, px.
+  /// Distances (N) of the points from the model, px.
   const Eigen::VectorXd& residuals_px() const { return residuals_px_; }
   /// Median distance of the fitted points from the homography alone, px.
   double homography_median_px() const { return homography_median_px_; }

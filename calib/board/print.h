@@ -12,7 +12,7 @@ struct PrintRect {
   Eigen::Vector2d low = Eigen::Vector2d::Zero(), high = Eigen::Vector2d::Zero();
 };
 
-/// What is printed of a board: black rectangles that do not overlap on white paper.
+/// The printed pattern of a board: black rectangles that do not overlap, on white paper.
 struct BoardPrint {
   std::vector<PrintRect> black;
   Eigen::Vector2d low_m = Eigen::Vector2d::Zero(), high_m = Eigen::Vector2d::Zero();  ///< corners of the print without margin

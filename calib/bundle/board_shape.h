@@ -7,14 +7,15 @@
 #include "calib/bundle/view.h"
 #include "geometry/rig/rig.h"
 
-/// Boards as a calibration found them: bent and stretched.
+/// Board shapes estimated by a calibration: warped and stretched.
 namespace mvstudio::calib {
 
-/// The shapes of the boards where they are not nominal, for the calibration file.
+/// Shapes of the boards that are not nominal, for the calibration file.
 std::vector<geometry::RigBoard> ShapesOf(const std::vector<Board>& boards, const RigState& state);
 
-/// Corners (3, num_corners()) in the frame board, metres, in the shape that `shapes` states for a board of this text; nominal
-/// where it states none, and for boards of single points, whose text does not tell them apart.
+/// Corners (3, num_corners()) in the frame board, metres, with the shape that `shapes` states for a board of this
+/// description. Nominal where no shape is stated. Also nominal for boards of single points, because their descriptions do
+/// not distinguish them.
 Eigen::Matrix3Xd ShapedCorners(const Board& board, const std::vector<geometry::RigBoard>& shapes);
 
 }  // namespace mvstudio::calib

@@ -15,11 +15,11 @@ struct Gauge {
   int index = 0;              ///< of the camera whose cam_from_world, or the frame whose world_from_board, is fixed
 };
 
-/// What is assumed of a lens before any board is seen: (param - mean)^2 * weight is added to the cost for every parameter.
+/// Prior on a lens, independent of the boards: (param - mean)^2 * weight is added to the cost for every parameter.
 struct LensPrior {
   Eigen::VectorXd mean;    ///< (P), units of Camera::params
   Eigen::VectorXd weight;  ///< (P), px^2 over those units squared: (sigma of a corner of weight 1 / sigma of the parameter)^2
-  int num_omitted = 0;     ///< the last ones are at zero because the lens was chosen without them (omitted_terms.h)
+  int num_omitted = 0;     ///< number of last parameters that the lens was chosen without; they are at zero (omitted_terms.h)
 };
 
 struct BundleOptions {
@@ -30,15 +30,15 @@ struct BundleOptions {
   bool refine_warp = false;    ///< board_warp_m
   bool refine_stretch = false;  ///< board_stretch
   bool refine_time = false;    ///< time_offset_frames of all cameras but `time_reference`
-  int time_reference = 0;      ///< the camera whose instants are those of the frames
+  int time_reference = 0;      ///< the camera whose exposure times are those of the frames
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
   std::vector<LensPrior> lens_prior;       ///< per camera; empty, or with empty vectors: none
-  bool reject_outliers = true;             ///< and estimate the cameras' noise; without, weights stay as they are
-  bool each_camera_noise = true;           ///< every camera has a noise of its own; false: one for all
+  bool reject_outliers = true;             ///< also estimate the cameras' noise; if false, weights stay unchanged
+  bool each_camera_noise = true;           ///< a noise level per camera; false: one for all
   double reject_sigmas = 5.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
   double spline_size_weight = 1e-3, spline_smooth_weight = 1e-3;  ///< of the prior on splined lenses, per px
-  double cost_tolerance = 1e-13;  ///< relative decrease that ends the last adjustment
+  double cost_tolerance = 1e-13;  ///< relative decrease at which the last adjustment stops
   double first_damping = 1e-4;    ///< of the last adjustment, see SchurLmOptions
   int max_iterations = 100;
   int num_threads = 1;
@@ -55,22 +55,24 @@ struct BundleReport {
   Status status = Status::kOk;  ///< kTooFewViews, kNonFiniteInput, kBehindCamera (the start is unusable), kNotConverged
   std::string message;          ///< one line when the status is not kOk
   double rms_px = 0;            ///< 2-D point RMS over the corners that were kept
-  double sigma_px = 0;          ///< standard deviation per coordinate of a corner of weight 1, freed of the number of parameters
-  std::vector<double> camera_sigma_px;  ///< per camera: of a corner that was given weight 1; NaN without corners
+  double sigma_px = 0;          ///< standard deviation per coordinate of a corner of weight 1, corrected for the degrees of
+                                ///< freedom
+  std::vector<double> camera_sigma_px;  ///< per camera: of a corner whose initial weight is 1; NaN without corners
   int num_corners = 0, num_rejected = 0, num_iterations = 0;
 };
 
-/// Joint least squares of all reprojection errors over lenses, cameras, boards and what else the options free, from a start in
-/// `state` (SolveSchurLm). First with weights that fall with the error (Cauchy), then without them after rejecting outliers,
-/// whose weights become 0. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
+/// Joint least squares of all reprojection errors over lenses, cameras, boards and whatever else the options free, started
+/// at `state` (SolveSchurLm). The first pass uses robust weights (Cauchy). Outliers are then rejected (weight 0) and the
+/// last pass is without robust weights. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
 
-/// Motion of the boards per frame, from the nearest frames before and after that are seen, at most two frames away; else from
-/// the frame itself and its neighbour, or two neighbours on one side. Zero without them. Frames between two neighbours have the
-/// velocity and acceleration of the parabola through the three. Frames that are not seen get the pose that their neighbours give.
+/// Estimates the boards' velocity and acceleration per frame, from the nearest observed frames before and after, at most
+/// two frames away. Otherwise from the frame itself and one neighbour, or from two neighbours on one side; zero without
+/// them. A frame between two neighbours has the velocity and acceleration of the parabola through the three poses. Frames
+/// without observation get the pose interpolated from their neighbours.
 void EstimateMotion(const std::vector<View>& views, RigState* state);
 
-/// Residuals (2, N) of every view at `state`, px; infinite where a corner does not project.
+/// Residuals (2, N) of every view at `state`, px, projection minus observation; infinite where a corner does not project.
 std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, const RigState& state);
 
 }  // namespace mvstudio::calib

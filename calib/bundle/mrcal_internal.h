@@ -9,7 +9,7 @@ extern "C" {
 
 #include "calib/bundle/mrcal_engine.h"
 
-/// mrcal's own form of a problem. Types of libmrcal: for calib/bundle/mrcal_*.cc and the benchmarks only.
+/// The problem in mrcal's representation. Uses types of libmrcal: only for calib/bundle/mrcal_*.cc and the benchmarks.
 namespace mvstudio::calib::internal {
 
 /// The arguments of mrcal_optimize. Its reference frame is the camera `reference`.
@@ -40,10 +40,11 @@ struct MrcalProblem {
 /// Corners of a planar grid per row and column; width 0 for other boards.
 MrcalProblem MakeMrcalProblem(const std::vector<View>& views, const RigState& state, const MrcalOptions& options);
 
-/// mrcal_optimize; false when it gives up. `message` receives what it wrote.
+/// Runs mrcal_optimize; false when it fails. `message` receives what it printed.
 bool Optimize(MrcalProblem* problem, std::string* message);
 
-/// The solution, with the cameras or the board that `gauge` names where they were; weights 0 for what mrcal rejected.
+/// Converts the solution to `state`, keeping the cameras or the board named by `gauge` in place; weights become 0 for
+/// corners that mrcal rejected.
 void ToState(const MrcalProblem& problem, const Gauge& gauge, std::vector<View>* views, RigState* state);
 
 }  // namespace mvstudio::calib::internal

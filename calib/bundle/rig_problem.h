@@ -8,8 +8,8 @@
 
 namespace mvstudio::calib {
 
-/// Where the unknowns of a rig stand among the global columns of its normal equations; -1 for what is fixed. The pose of the
-/// first board in each frame is an eliminated block of six.
+/// First global columns of a rig's unknowns in the normal equations; -1 for what is fixed. The pose of the first board in
+/// each frame is an eliminated block of six.
 struct RigColumns {
   std::vector<int> lens;         ///< per camera: first column of its lens parameters (the same for cameras of one group)
   std::vector<int> first_param;  ///< per camera: index of the first parameter that is free (4 for splined lenses, else 0)
@@ -27,12 +27,12 @@ struct RigColumns {
 
 RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, const BundleOptions& options);
 
-/// False where a lens is no lens: parameters for which its formula is undefined, or alpha of eucm and doublesphere outside [0, 1],
-/// where solutions run away.
+/// False for invalid lens parameters: the formula is undefined, or alpha of eucm or doublesphere lies outside [0, 1],
+/// where solutions diverge.
 bool WithinBounds(const geometry::Camera& camera);
 
-/// Weighted reprojection errors of all views as a Schur problem. Splined lenses get a weak prior that their surfaces are smooth
-/// and small where no corner speaks.
+/// Weighted reprojection errors of all views as a Schur problem. Splined lenses get a weak prior towards small, smooth
+/// surfaces, which decides where no corner constrains them.
 class RigProblem : public SchurProblem {
  public:
   /// `views` must outlive the problem; `state` is the start.

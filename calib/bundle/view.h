@@ -12,7 +12,7 @@
 
 namespace mvstudio::calib {
 
-/// One board in one image, as the estimators use it.
+/// The observation of one board in one image, as the estimators use it.
 struct View {
   int camera_idx = 0;
   int frame = 0;                ///< index into RigState::frames
@@ -26,7 +26,7 @@ struct View {
   Eigen::Index size() const { return px.cols(); }
 };
 
-/// Everything the bundle adjustment estimates.
+/// All unknowns of the bundle adjustment.
 struct RigState {
   std::vector<geometry::Camera> cameras;
   std::vector<geometry::Rigid3> cam_from_world;    // per camera
@@ -34,15 +34,16 @@ struct RigState {
   std::vector<geometry::Rigid3> world_from_board;  // per frame: pose of the first board
   std::vector<geometry::Rigid3> rig_from_board = {geometry::Rigid3()};  // per board: first board from it; boards are rigid
   std::vector<Eigen::Vector2d> board_warp_m = {Eigen::Vector2d::Zero()};  // per board, see WarpBasis
-  std::vector<Eigen::Vector2d> board_stretch;  // per board: shear s and aspect a, x' = (1 + a) x + s y, y' = s x + (1 - a) y; empty: none
-  std::vector<double> time_offset_frames;             // per camera: its instant minus that of the frame; empty: none
+  std::vector<Eigen::Vector2d> board_stretch;  // per board: shear s and aspect a, x' = (1 + a) x + s y, y' = s x + (1 - a) y;
+                                               // empty: none
+  std::vector<double> time_offset_frames;             // per camera: its exposure time minus that of the frame; empty: none
   std::vector<geometry::Vector6d> board_velocity;     // per frame, needed with time offsets: perturbation per frame
   std::vector<geometry::Vector6d> board_acceleration; // per frame: perturbation per frame^2; empty: none
   std::vector<int> lens_group;  // per camera: cameras of one group share all parameters; empty: each its own
 };
 
-/// How far the corners (3, N) of a board leave its plane for a bend of 1 m along x (first row) and along y: a parabola that is 1
-/// in the middle and 0 at the outer corners, as in mrcal. (2, N)
+/// Out-of-plane displacement of a board's corners (3, N) for a warp of 1 m along x (first row) and along y, (2, N). A
+/// parabola that is 1 in the middle and 0 at the outer corners, as in mrcal.
 Eigen::Matrix2Xd WarpBasis(const Eigen::Matrix3Xd& corners_in_board);
 
 /// View of a detection on `boards[detection.board_idx]`; `frames` must hold its frame_idx.
@@ -55,20 +56,20 @@ std::vector<View> MakeViews(const std::vector<Board>& boards, const std::vector<
 /// Every second corner of a view, from `first` (0 or 1).
 View HalfOf(const View& view, int first);
 
-/// Left perturbation of the boards from the instant of a frame to `late_frames` later, by their velocity and acceleration.
+/// Left perturbation of the boards from the time of a frame to `late_frames` later, by their velocity and acceleration.
 geometry::Vector6d BoardStep(int frame, double late_frames, const RigState& state);
 
 /// Derivative of BoardStep by `late_frames`.
 geometry::Vector6d BoardStepRate(int frame, double late_frames, const RigState& state);
 
-/// Motion of the boards, in world, from the instant of a frame to that of a camera's picture of it (RigState::time_offset_frames);
-/// identity without time offsets.
+/// Motion of the boards, in world, from the time of a frame to the time at which the camera took its image
+/// (RigState::time_offset_frames). Identity without time offsets.
 geometry::Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state);
 
 /// Pose of the view's board in its camera: cam_from_world * BoardMotion * world_from_board * rig_from_board.
 geometry::Rigid3 CamFromBoard(const View& view, const RigState& state);
 
-/// Corners (3, N) of the view on the bent and stretched board, metres.
+/// Corners (3, N) of the view on the warped and stretched board, metres.
 Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state);
 
 /// Residuals (projection minus observation, px) and their derivatives with respect to the camera's parameters and to a left
@@ -79,13 +80,14 @@ struct ViewLinearization {
   Eigen::Matrix<double, Eigen::Dynamic, 6> d_pose;  // (2 N, 6)
 };
 
-/// Nothing when a corner with a weight cannot be projected; rows are multiplied by sqrt(weights). `corners` as from
+/// Empty when a corner with a weight cannot be projected. Rows are multiplied by sqrt(weights). `corners` as from
 /// BentCorners; null: the flat ones of the view.
 std::optional<ViewLinearization> LinearizeView(const View& view, const geometry::Camera& camera,
                                                const geometry::Rigid3& cam_from_board, bool with_lens = true,
                                                const Eigen::Matrix3Xd* corners = nullptr);
 
-/// Residuals (2, N) px without weights; nothing when a corner with a weight cannot be projected (others give infinity).
+/// Unweighted residuals (2, N), px, projection minus observation. Empty when a corner with a weight cannot be projected;
+/// infinite for other corners that cannot.
 std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera,
                                             const geometry::Rigid3& cam_from_board, const Eigen::Matrix3Xd* corners = nullptr);
 

@@ -8,31 +8,33 @@
 #include "calib/board/observations.h"
 #include "geometry/rig/rig.h"
 
-/// Did a camera move while the boards were filmed?
+/// Detection of cameras that moved while the boards were filmed.
 namespace mvstudio::calib {
 
-/// A camera that did not stay as it was while the boards were filmed (FindMotions).
+/// A camera that changed while the boards were filmed (FindMotions).
 struct CameraMotion {
-  /// kLens: its focus, zoom, crop or scale changed, which explains more than a motion. kDrift: it moved steadily, from last_before to
-  /// frame_idx.
+  /// kLens: focus, zoom, crop or scale changed, which explains more than a motion. kDrift: steady motion from last_before
+  /// to frame_idx.
   enum class Kind { kMoved, kLens, kDrift };
   Kind kind = Kind::kMoved;
-  std::vector<std::string> cameras;  ///< the one that moved; several when it cannot be told which of them
+  std::vector<std::string> cameras;  ///< the one that moved; several when the data cannot tell which
   int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board
   int64_t last_before = 0;           ///< the last such frame before it
   double rotation_rad = 0, rotation_sigma_rad = 0;
   double translation_m = 0;                          ///< of cam_from_world
   double focal_scale = 1, focal_scale_sigma = 0;     ///< kLens: focal length after it over that before
-  Eigen::Vector2d centre_shift_px = Eigen::Vector2d::Zero();  ///< kLens: of the principal point
+  Eigen::Vector2d centre_shift_px = Eigen::Vector2d::Zero();  ///< kLens: shift of the principal point
   double shift_px = 0;       ///< rms shift of the camera's corners by the motion
-  double significance = 0;   ///< of the change, in standard deviations over the root of its 6 numbers
+  double significance = 0;   ///< of the change, in standard deviations over the root of its 6 parameters
 };
 
-/// The recording is cut into up to 12 stretches of time; each camera gets a pose in each, lenses and the other cameras held, boards
-/// free. The cut at which the poses before and after differ most for what they scatter among themselves is the motion. The camera
-/// whose motion explains most comes first and loses its vote on the others before these are asked again. `rig` is the calibration
-/// from the same corners; motions below 5 standard deviations, or below 0.3 px and one standard deviation of the camera's corners
-/// in the image, are let pass. In the order in which they were found.
+/// Finds cameras that moved, in the order of detection. The recording is cut into up to 12 time intervals. Each camera
+/// gets a pose per interval, with lenses and other cameras fixed and boards free. The motion is at the cut where the poses
+/// before and after differ most relative to their own scatter.
+///
+/// The camera whose motion explains most comes first; its observations then no longer count when the others are tested
+/// again. `rig` is the calibration from the same corners. Ignored are motions below 5 standard deviations, or below 0.3 px
+/// and one standard deviation of the camera's corners in the image.
 std::vector<CameraMotion> FindMotions(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

@@ -11,16 +11,17 @@
 #include "core/status.h"
 #include "geometry/rig/rig.h"
 
-/// Is an existing calibration still true? New footage of a board answers: has a camera been bumped, which one, how far.
+/// Tests whether an existing calibration still holds, with new footage of a board: which camera has moved, and how far.
 namespace mvstudio::calib {
 
 struct RigCheckOptions {
-  double reject_sigmas = 4.5;  ///< corners farther from their own view's fit than this are dropped
-  double bump_sigmas = 3;  ///< a camera has moved when its motion, over 6 numbers, exceeds this many standard deviations …
+  double reject_sigmas = 4.5;  ///< corners farther than this many standard deviations from the fit to their own view are
+                               ///< dropped
+  double bump_sigmas = 3;  ///< a camera has moved when its motion, over 6 parameters, exceeds this many standard deviations …
   double bump_px = 0.5;    ///< … and moves its corners in the image by this much (rms)
   double scale_percent =
       0.2;  ///< a calibration whose lengths are off by more than this is checked with boards of its own scale
-  double warn_px = 1, fail_px = 3;  ///< limits of a camera's rms against the boards that all cameras agree on
+  double warn_px = 1, fail_px = 3;  ///< limits of a camera's rms, with boards placed by all cameras
 };
 
 template <class Visitor>
@@ -39,46 +40,50 @@ void VisitFields(Visitor&& visit, RigCheckOptions& o) {
 /// One camera against the others.
 struct CameraCheck {
   std::string name;
-  int num_views = 0;  ///< boards that another camera saw at the same instant
+  int num_views = 0;  ///< boards that another camera saw at the same time step
   int num_corners = 0;
   int num_rejected = 0;              ///< corners that do not fit their own view
-  int num_bad_views = 0;             ///< boards without a pose, or far worse than the camera's others
-  double own_rms_px = 0;             ///< every view with a pose of its own: lens and detection alone
-  int num_outlying_views = 0;        ///< boards beyond 4 times the median of the camera's others: not in the figures below
+  int num_bad_views = 0;             ///< boards without a pose, or much worse than the camera's other boards
+  double own_rms_px = 0;             ///< rms with a free pose per view: lens and detection errors alone
+  int num_outlying_views = 0;        ///< boards beyond 4 times the median of the camera's others: excluded from the figures
+                                     ///< below
   double rms_px = 0, median_px = 0;  ///< as calibrated, boards placed by the cameras that have not moved
   double rms_after_px = 0;           ///< the same with the pose below
   Status status = Status::kOk;       ///< of the pose; kTooFewViews when no board is shared with another camera
-  geometry::Rigid3 cam_from_world;   ///< estimated anew with all others held
+  geometry::Rigid3 cam_from_world;   ///< re-estimated with all other cameras fixed
   double rotation_rad = 0, rotation_sigma_rad = 0;    ///< against the calibration; sigma along that motion
   double translation_m = 0, translation_sigma_m = 0;  ///< of the camera's centre
-  double shift_px = 0;                                ///< rms shift of its corners by that motion
+  double shift_px = 0;                                ///< rms shift of its corners in the image by that motion
   double significance = 0;                            ///< sqrt(d^T C^-1 d / 6) of the motion d: about 1 when nothing moved
   bool moved = false;
 };
 
 struct RigCheck {
-  Status status = Status::kOk;  ///< kTooFewViews when no two cameras see a board at one instant
+  Status status = Status::kOk;  ///< kTooFewViews when no two cameras see a board at one time step
   std::string message;
   std::vector<CameraCheck> cameras;    ///< those of the rig that are in the input, in the rig's order
   std::vector<std::string> moved;      ///< cameras found to have moved
-  std::vector<std::string> undecided;  ///< one of these (or of their lenses) has changed, it cannot be told which
+  std::vector<std::string> undecided;  ///< one of these cameras (or their lenses) has changed; the data cannot tell which
   double rms_px = 0, median_px = 0;    ///< over the cameras that have not moved
   double scale = 1;                    ///< lengths by the calibration over lengths on the board
   BoardMetrics board_metrics;          ///< board lengths triangulated with the calibration as it is
-  int num_boards = 0;                  ///< boards that two cameras or more saw at one instant
-  /// The rig with the moved cameras' new poses. Their covariances hold what comes from the cameras that they were placed by, as far
-  /// as the rig states it; a rig that states nothing gets none.
+  int num_boards = 0;                  ///< boards that two or more cameras saw at one time step
+  /// The rig with the new poses of the moved cameras. Their covariances include the contribution of the cameras that they
+  /// were placed by, as far as the rig states it; without stated covariances there are none.
   geometry::Rig repaired;
   Verdict verdict;
 };
 
-/// Boards are placed by all cameras jointly with weights that fall with a view's error (Cauchy), so that a camera that
-/// disagrees does not drag them along. Then each camera in turn is set free; the one whose freedom explains most is the one
-/// that moved, if that is significant and no other explains nearly as much (80 %); it stays free and the search goes on. With
-/// two cameras, or where only two share boards, the answer is `undecided`. With three or more, an error of scale is told apart:
-/// the boards then take the calibration's scale. The noise comes from fits of every view by itself; standard deviations are
-/// widened by what frames disagree among each other. The calibration's own uncertainty is not in them. Throws UsageError when a
-/// camera of the input is not in the rig or its image size differs.
+/// Boards are placed by all cameras jointly, with Cauchy weights per view, so that a camera that disagrees has little
+/// influence. Then each camera in turn is freed. The one whose freedom reduces the cost most has moved, if this is
+/// significant and no other reduces it nearly as much (80 %). It stays free and the search continues.
+///
+/// With two cameras, or where only two share boards, the answer is `undecided`. With three or more, a scale error is
+/// separated: the boards then take the calibration's scale.
+///
+/// The noise comes from fits to single views. Standard deviations are widened by the disagreement between frames, but do
+/// not include the calibration's own uncertainty. Throws UsageError when a camera of the input is not in the rig or its
+/// image size differs.
 RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::calib

@@ -10,7 +10,7 @@
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rigid/rigid3.h"
 
-/// Board poses and the poses of some cameras from views, everything else fixed. For rig_check*.cc.
+/// Adjusts board poses and the poses of some cameras, with everything else fixed. For rig_check*.cc.
 namespace mvstudio::calib::internal {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -27,8 +27,8 @@ struct PoseState {
   std::vector<geometry::Rigid3> world_from_board;  // per board and instant
 };
 
-/// Robust cost of a view whose sum of squared weighted residuals is `squares` over `count` corners: 2 count k^2 log(1 + squares
-/// / (2 count k^2)), k = 3; `weight`, when given, receives its derivative.
+/// Robust cost of a view with `squares`, the sum of squared weighted residuals, over `count` corners: 2 count k^2 log(1 +
+/// squares / (2 count k^2)), k = 3. `weight`, when given, receives its derivative.
 double RobustViewCost(double squares, Eigen::Index count, double* weight);
 
 /// Sum of the squared weighted residuals of a view; infinity where it cannot be projected.
@@ -47,10 +47,10 @@ struct FreeCamera {
 /// Levenberg-Marquardt over the poses of `boards` alone.
 void SolveBoards(const PoseProblem& problem, const std::vector<int>& boards, PoseState* state);
 
-/// Over the pose of one camera and those of `boards`, which it sees.
+/// Levenberg-Marquardt over the pose of one camera and those of `boards`, which it sees.
 FreeCamera SolveCamera(const PoseProblem& problem, const std::vector<int>& boards, int camera, PoseState* state);
 
-/// Everything about one check.
+/// State of one check.
 struct CheckWork {
   const geometry::Rig& rig;
   RigCheckOptions options;
@@ -63,30 +63,30 @@ struct CheckWork {
   std::vector<bool> present, moved;
 };
 
-/// Fits every view by itself, drops corners and views that do not fit, estimates each camera's noise, and keeps the views of
-/// boards that two cameras share at one instant, with weights in px^-2.
+/// Fits every view by itself, drops corners and views that do not fit, and estimates each camera's noise. Keeps the views
+/// of boards that two cameras share at one time step, with weights in px^-2.
 void PrepareCheck(const CalibrateInput& input, CheckWork* work);
 
-/// Enters the new pose of a camera that SolveCamera placed at `state` by `boards`, with the covariance `own` for an exact
-/// calibration, into what the rig states: its covariance holds the part that comes from the lenses and poses of the cameras that
-/// placed the boards and from its own lens, and is correlated with them. What is unknown of these adds nothing. The noise of
-/// boards that two repaired cameras were placed by counts as independent between them.
+/// Enters a camera's new pose, which SolveCamera found at `state` from `boards`, into the rig's stated covariance. `own`
+/// is its covariance for an exact calibration. Added is the part that comes from its own lens and from the lenses and
+/// poses of the cameras that placed the boards, with the correlation. Unknown covariances add nothing. For two repaired
+/// cameras, the noise of the boards that placed them counts as independent.
 void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera, const Matrix6d& own,
                      geometry::StatedCovariance* stated);
 
 /// Distances of the corners from their projections, px; infinity for those that do not project.
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);
 
-/// Lengths between corners that two cameras or more see, triangulated with the calibration as it is, against the board: `edge`
-/// are the shortest lengths on the board, `pair` all of them.
+/// Lengths between corners that two or more cameras see, triangulated with the calibration unchanged, compared with the
+/// board. `edge`: the shortest lengths on the board; `pair`: all of them.
 BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);
 
-/// Lengths by the calibration over lengths on the board: per pair of cameras and instant the scale of the similarity that takes
-/// the board to its triangulated corners, the median over instants; of the pairs the lower third of |scale - 1|, for a camera
-/// that moved spoils at most two thirds of them. 1 when nothing can be said.
+/// Lengths by the calibration over lengths on the board. For each pair of cameras: the median over time steps of the scale
+/// of the similarity that maps the board to its triangulated corners. Over the pairs, the lower third by |scale - 1| is
+/// used, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
 double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
 
-/// Sets check->verdict from the rest.
+/// Sets check->verdict from the other fields.
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check);
 
 }  // namespace mvstudio::calib::internal

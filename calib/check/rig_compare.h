@@ -8,23 +8,24 @@
 #include "geometry/lens/camera.h"
 #include "geometry/rigid/rigid3.h"
 
-/// How far apart two calibrations of one camera put the same point, in px: what counts when they are used, whatever their
-/// parameters look like. After mrcal's `mrcal-show-projection-diff`: http://mrcal.secretsauce.net/differencing.html
+/// Difference in px between the projections of one point by two calibrations of a camera: what matters in use, whatever
+/// the parameters are. After mrcal's `mrcal-show-projection-diff`: http://mrcal.secretsauce.net/differencing.html
 namespace mvstudio::calib {
 
 struct ProjectionDiffOptions {
   std::vector<double> ranges_m = {1, 3, std::numeric_limits<double>::infinity()};  ///< distances of the points, metres
-  /// Fit the rigid motion between the two camera frames that explains most of the difference (calibrations from boards leave
-  /// the camera's own frame free by a little, and the rig's poses make up for it). Without it the frames are taken as one.
+  /// Fit the rigid motion between the two camera frames that explains most of the difference. Calibrations from boards
+  /// leave the camera's own frame slightly free, and the poses of the rig compensate for it. If false, the frames are
+  /// taken as equal.
   bool implied = true;
   double focus = 1;    ///< share of the image's half diagonal, around its centre, in which the motion is fitted
-  int grid_cols = 24;  ///< points across the image; as dense down
+  int grid_cols = 24;  ///< points across the image; same density vertically
 };
 
 struct ProjectionDiffAtRange {
   double range_m = 0;
   double rms_px = 0, max_px = 0, centre_px = 0;
-  int num_points = 0;                ///< that both lenses see; the others are NaN in the grid
+  int num_points = 0;                ///< points that both lenses see; the others are NaN in the grid
   Eigen::MatrixXd grid_px;           // (rows, cols) length of the difference
   Eigen::MatrixXd grid_dx, grid_dy;  // (rows, cols) pixel by the camera minus pixel by the reference
 };

@@ -5,7 +5,7 @@
 
 namespace mvstudio::calib {
 
-/// Judgement of a calibration, with the figures that decided.
+/// Judgement of a calibration, with the figures that decided it.
 struct Verdict {
   struct Reason {
     std::string code;  ///< stable, docs/reliability.md lists them all

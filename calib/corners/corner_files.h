@@ -8,7 +8,7 @@
 #include "calib/board/detection.h"
 #include "calib/board/observations.h"
 
-/// Board corners that were found by another program: read, checked, and written again in a format of our own
+/// Board corners found by another program: reads and checks them, and writes them in mvstudio's own format
 /// (docs/corner-files.md).
 namespace mvstudio::calib {
 
@@ -17,8 +17,8 @@ struct CornerFile {
   struct Note {
     std::string code, text, hint;
   };
-  std::vector<CameraInput> cameras;   ///< sizes are 0 where neither the file nor the options say
-  std::vector<Board> boards;          ///< of Detection::board_idx
+  std::vector<CameraInput> cameras;   ///< sizes are 0 if neither the file nor the options state them
+  std::vector<Board> boards;          ///< indexed by Detection::board_idx
   std::vector<Detection> detections;  ///< by camera, frame, board; corner ids ascending; not empty
   std::vector<Note> notes;
 };
@@ -26,9 +26,9 @@ struct CornerFile {
 struct CornerFileOptions {
   std::string format = "auto";       ///< auto, vnl, caliscope, opencv or csv
   std::string unit = "m";            ///< of the object points in the file: m, cm, mm, in
-  std::vector<std::string> cameras;  ///< vnl: NAME=PATTERN of the image names, one * where the number of the frame is
+  std::vector<std::string> cameras;  ///< vnl: NAME=PATTERN of the image names, with one * for the frame number
   std::vector<std::string> sizes;    ///< WxH for all cameras, or NAME=WxH
-  std::optional<Board> board;        ///< vnl needs it; in the others it takes the place of the file's own points
+  std::optional<Board> board;        ///< required for vnl; for the others it replaces the file's own points
 };
 
 template <class Visitor>
@@ -40,28 +40,28 @@ void VisitFields(Visitor&& visit, CornerFileOptions& o) {
   visit("size", o.sizes, "image size WIDTHxHEIGHT px of all cameras, or NAME=WIDTHxHEIGHT, where a corner file does not say");
 }
 
-/// Reads corners from one of
-///   vnl        `# filename x y level` of mrcal and mrgingham: the corners of an image row by row; sigma = 2^level (or
-///   1/weight),
-///              rows with '-' are corners that were not found. Camera and frame come from the image's name.
-///   caliscope  xy.csv: sync_index is the instant; the file's own object points make the board. Sizes come from the
-///              camera_array.toml of the session when it lies in the same folder or up to three above.
-///   opencv     XML of OpenCV's omnidirectional samples: objectPoints with imagePoints, or imagePoints1 and imagePoints2.
-///   csv        what WriteCornerFile writes.
-/// Boards whose corners run mirrored in every view are renumbered; that, and cameras that see only the back of a board, are
-/// noted. Throws UsageError for options that are missing or contradict the file, IoError, FormatError with the line.
+/// Reads corners from one of these formats:
+///   vnl: `# filename x y level` of mrcal and mrgingham, the corners of an image row by row. sigma = 2^level (or
+///     1/weight); rows with '-' are corners that were not found. Camera and frame come from the image's name.
+///   caliscope: xy.csv. sync_index is the time step; the file's own object points make the board. Sizes come from the
+///     session's camera_array.toml when it lies in the same folder or up to three above.
+///   opencv: XML of OpenCV's omnidirectional samples, objectPoints with imagePoints, or imagePoints1 and imagePoints2.
+///   csv: what WriteCornerFile writes.
+///
+/// Boards whose corners are mirrored in every view are renumbered. A note reports that, and cameras that see only the back
+/// of a board. Throws UsageError for options that are missing or contradict the file, IoError, FormatError with the line.
 CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& options = {});
 
 /// Writes corners as CSV `camera,frame,board,corner,x_px,y_px[,sigma_px]` after `#` lines with the cameras' sizes and the
-/// boards. Reading it gives the same bits. Throws UsageError when a camera's name cannot be written.
+/// boards. Reading the file gives bit-identical values. Throws UsageError when a camera's name cannot be written.
 void WriteCornerFile(const CornerFile& file, const std::string& path);
 
-/// -1 when the view of a flat board is mirrored (its back is seen), 1 when not, 0 when that cannot be told: fewer than 3
-/// corners, collinear ones, or a board that is not flat. The sign of the determinant of the best affine map.
+/// -1 when the view of a planar board is mirrored (seen from the back), 1 when not. 0 when undecidable: fewer than 3
+/// corners, collinear ones, or a board that is not planar. The sign of the determinant of the best affine map.
 int ViewOrientation(const Board& board, const Detection& detection);
 
-/// A grid board when the points (3, N, metres) are a regular grid numbered row by row, wherever its first corner lies and its
-/// rows point (to 1e-4 of its step); the frame `board` is then the grid's own. Otherwise a board of these points.
+/// A grid board when the points (3, N, metres) are a regular grid numbered row by row (to 1e-4 of its step), with any
+/// position and orientation; the frame `board` is then the grid's own. Otherwise a board of these points.
 Board BoardFromPoints(const Eigen::Matrix3Xd& points);
 
 }  // namespace mvstudio::calib

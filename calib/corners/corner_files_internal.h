@@ -17,7 +17,7 @@ class DetectionBuilder {
  public:
   explicit DetectionBuilder(std::string path) : path_(std::move(path)) {}
 
-  /// Index of a camera; new names are appended in order of appearance. Throws FormatError for one that is no UTF-8.
+  /// Index of a camera; new names are appended in order of appearance. Throws FormatError for a name that is not UTF-8.
   int Camera(const std::string& name);
   const std::vector<std::string>& cameras() const { return cameras_; }
   /// Throws FormatError when this corner was already given for this camera, frame and board, or a value is out of range.

@@ -12,7 +12,7 @@
 
 namespace mvstudio::calib {
 
-/// What the noise of the corners does to a projected pixel.
+/// Effect of corner noise on a projected pixel.
 struct PixelUncertainty {
   Status status = Status::kOk;  ///< kOutsideValidRadius …: the lens has no ray there; kTooFewViews: no corners
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
@@ -20,7 +20,7 @@ struct PixelUncertainty {
   double worst_px() const;
 };
 
-/// What the noise of the corners does to a point triangulated from noise-free pixels.
+/// Effect of corner noise on a point triangulated from noise-free pixels.
 struct PointUncertainty {
   Status status = Status::kOk;  ///< kTooFewViews, kLowParallax, kDegenerate: the cameras are not linked by shared boards
   Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  // in world
@@ -30,7 +30,7 @@ struct PointUncertainty {
 /// The figures of one camera, px, standard deviations along the worst direction at the median distance of its boards.
 struct CameraUncertainty {
   std::string name;
-  double range_m = 0;    ///< median distance of the corners it saw
+  double range_m = 0;    ///< median distance of its corners
   double centre_px = 0;  ///< at the middle of the image
   double edge_px = 0;    ///< the largest of four: 95 % of the way from the middle to the middle of each side
   double corner_px = 0;  ///< the largest of four: 95 % of the way from the middle to each corner of the image
@@ -44,35 +44,39 @@ struct UncertaintySummary {
   std::vector<CameraUncertainty> cameras;
 };
 
-/// How far projections and triangulated points scatter because the corners of the calibration did. Errors are taken against the
-/// boards, not against the gauge: a point keeps its coordinates in each board's frame, every frame moves it with its board, and
-/// the mean of these places is what is projected ("mean frames"; Kogan, mrcal, "Projection uncertainty", 2022). A motion of
-/// everything together thus counts for nothing. Frames whose corners do not determine the board are left out of the mean, and
-/// only frames linked to the camera by shared boards take part. The noise of the corners is all there is in it: a lens model
-/// that does not fit is not seen, so put held-out errors beside these figures.
+/// Scatter of projections and triangulated points caused by the noise of the calibration's corners. Errors are relative to
+/// the boards, not to the gauge. A point keeps its coordinates in each board's frame and moves with the board in every
+/// frame; the mean of these positions is projected ("mean frames"; Kogan, mrcal, "Projection uncertainty", 2022). A common
+/// motion of everything thus has no effect.
+///
+/// The mean excludes frames whose corners do not determine the board, and frames that shared boards do not link to the
+/// camera. Only corner noise is included: a lens model that does not fit goes unnoticed, so compare with held-out errors.
 class ProjectionUncertainty {
  public:
-  /// Normal equations at `state`, the solution of `options` on `views`, factorised once: sigma_px is the standard deviation per
-  /// coordinate of a corner of weight 1. The errors of what `options` held count as `held` states them, else not. See status().
+  /// Factorises the normal equations once at `state`, the solution of `options` on `views`. sigma_px is the standard
+  /// deviation per coordinate of a corner of weight 1. Errors of unknowns that `options` held are included if `held`
+  /// states them. See status().
   ProjectionUncertainty(const std::vector<View>& views, const RigState& state, const BundleOptions& options, double sigma_px,
                         const HeldCovariance& held = {});
 
-  /// kDegenerate when the data leave something undetermined, kBehindCamera when `state` does not project its own corners; every
-  /// answer has this status then.
+  /// kDegenerate when the data leave something undetermined, kBehindCamera when `state` does not project its own corners.
+  /// All results then have this status.
   Status status() const;
 
-  /// Of the projection of the point seen at `px`, `range_m` metres from the camera along the ray; infinity: a direction.
+  /// Uncertainty of the projection of the point seen at `px`, `range_m` metres from the camera along the ray; infinity: a
+  /// direction.
   PixelUncertainty PixelCovariance(int camera_idx, const Eigen::Vector2d& px, double range_m) const;
 
-  /// Worst-direction standard deviations, px, (rows, cols) at the crossings of a grid over the image whose outermost lines are
-  /// its outermost pixels; NaN where the lens has no ray. At least 2 x 2.
+  /// Worst-direction standard deviations, px, (rows, cols) at the nodes of a grid over the image; its outermost lines are
+  /// the outermost pixels. NaN where the lens has no ray. At least 2 x 2.
   Eigen::MatrixXd UncertaintyMap(int camera_idx, int cols, int rows, double range_m) const;
 
-  /// Of the point that `cameras` (empty: all whose image holds it) triangulate by least squares of their pixel errors.
+  /// Uncertainty of the point triangulated by `cameras` (empty: all whose image contains it) by least squares of their
+  /// pixel errors.
   PointUncertainty PointCovariance(const Eigen::Vector3d& x_in_world, std::vector<int> cameras = {}) const;
 
-  /// Worst-direction standard deviations, metres, at up to `max_points` places of boards (their middle and their outermost
-  /// corners, evenly over the frames) whose pixels lie in two images or more. Ascending.
+  /// Worst-direction standard deviations, metres, ascending, at up to `max_points` board positions whose pixels lie in two
+  /// or more images. The positions are the boards' middle and outermost corners, evenly over the frames.
   std::vector<double> VolumeUncertainty(int max_points = 200) const;
 
   UncertaintySummary Summarize() const;

@@ -8,7 +8,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "geometry/lens/camera.h"
 
-/// What the two halves of ProjectionUncertainty share. Included by projection_uncertainty*.cc only.
+/// Shared by the two parts of ProjectionUncertainty. Included by projection_uncertainty*.cc only.
 namespace mvstudio::calib {
 namespace internal {
 

@@ -11,11 +11,11 @@
 
 namespace mvstudio::calib {
 
-/// A board that might be the one in the images, and how well it fits them.
+/// A candidate for the board in the images, and how well it fits.
 struct BoardTrial {
   Board board;
   bool mirrored = false;  ///< searched in the mirrored images
-  std::string relation;   ///< how it differs from the board that was asked for; "as given" for that itself
+  std::string relation;   ///< difference from the given board; "as given" for that itself
   int num_images = 0;     ///< in which it was found
   int num_corners = 0;
   double residual_px = 0;  ///< median over the images of the distance from the smooth image of a plane, per coordinate
@@ -27,21 +27,22 @@ struct SeenTag {
   std::string family;
   int id = 0, border = 1;
   Eigen::Matrix<double, 2, 4> px;  ///< corners of the library, see Tag::px
-  /// Located by RefineCorner (2, 4); NaN where the image does not look like a corner. A fit of two edges of a lone tag.
+  /// Located by RefineCorner (2, 4), by fitting the two edges of a lone tag; NaN where the grey values do not fit a
+  /// corner.
   Eigen::Matrix<double, 2, 4> refined_px;
 };
 
 struct BoardCheckReport {
   int num_images = 0;
-  std::vector<BoardTrial> trials;  ///< everything that was tried, best first
-  std::optional<size_t> best;      ///< into trials; nothing when no trial fits any image
-  bool scale_known = false;        ///< false without a given board: lengths are in units of a square (a tag's side)
-  std::vector<SeenTag> tags;       ///< of every AprilTag family that was found
+  std::vector<BoardTrial> trials;  ///< all candidates, best first
+  std::optional<size_t> best;      ///< into trials; empty when no candidate fits any image
+  bool scale_known = false;        ///< false without a given board: lengths are then in units of a square (a tag's side)
+  std::vector<SeenTag> tags;       ///< of all AprilTag families
 };
 
-/// Which board is in the images (grey or RGB)? Besides `given`, if any: rows and columns exchanged, numbers of squares for inner
-/// corners and the reverse, legacy layout, black and white exchanged, mirrored images, every dictionary and AprilTag family, the
-/// layouts that the positions of the markers tell, and the sizes of chessboards that are seen.
+/// Identifies the board in the images (grey or RGB). Tried besides `given`, if any: rows and columns exchanged, squares
+/// counted instead of inner corners and the reverse, legacy layout, black and white exchanged, and mirrored images. Also
+/// every dictionary and AprilTag family, layouts derived from marker positions, and sizes of visible chessboards.
 BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector<Image>& images, const RunContext& run);
 
 /// ToString, with SQUARE or SIDE in place of lengths when the scale is not known.

@@ -11,12 +11,12 @@
 namespace mvstudio::calib {
 
 enum class ChessboardSearch {
-  kFast,     ///< OpenCV's classic search with its quick look first
-  kExact,    ///< the classic search without the quick look, then the sector-based one
-  kSectors,  ///< OpenCV's sector-based search alone; sometimes wrong by many pixels with success
+  kFast,     ///< OpenCV's classic search after its fast pre-check
+  kExact,    ///< the classic search without the pre-check, then the sector-based one
+  kSectors,  ///< OpenCV's sector-based search alone; sometimes reports success with errors of many pixels
 };
 
-/// First guesses of all corners of a chessboard, numbered as on the board; empty when it is not seen as a whole.
+/// Initial positions of all corners of a chessboard, numbered as on the board; empty when it is not visible as a whole.
 std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how);
 
 /// Markers or tags found in an image.
@@ -26,19 +26,19 @@ struct FoundMarkers {
   int num_repeated = 0;  ///< tags left out because they are seen more than once
 };
 
-/// Everything of the board's dictionary or family. Boards with the same MarkerKey share the result. ArUco markers are searched
-/// at twice the resolution too when few are found and `enlarge` is set.
+/// All markers of the board's dictionary or family. Boards with the same MarkerKey share the result. If few ArUco markers
+/// are found and `enlarge` is set, the search is repeated at twice the resolution.
 FoundMarkers FindMarkers(const Board& board, const Image& grey, bool enlarge = true);
 std::string MarkerKey(const Board& board);
 
 struct MarkerSearch {
   std::vector<CornerGuess> guesses;
   int num_markers = 0;   ///< found, with an id of the board
-  int num_agreeing = 0;  ///< of those, where the others put them
+  int num_agreeing = 0;  ///< of those, at the position that the others predict
 };
 
-/// First guesses of the corners of tags, and of the ChArUco corners next to markers by a homography of the marker corners around
-/// each (OpenCV 4.6's own interpolation is not used).
+/// Initial positions of the corners of tags, and of the ChArUco corners next to markers. Each comes from a homography of
+/// the marker corners around it (OpenCV 4.6's own interpolation is not used).
 MarkerSearch PlaceCorners(const Board& board, const FoundMarkers& found);
 
 }  // namespace mvstudio::calib

@@ -14,13 +14,14 @@
 namespace mvstudio::calib {
 
 struct FootageFrame {
-  int64_t frame_idx = 0;  ///< the same number means the same moment in all cameras
+  int64_t frame_idx = 0;  ///< equal numbers are the same time step in all cameras
   std::string label;      ///< for messages: file name or "frame 12"
   Image image;
 };
 
-/// The footage of one camera. `next` gives frames in order and nothing at the end; it is called from one thread at a time. When
-/// `path` stands for files, their contents and names must determine the frames: results are cached by them.
+/// The footage of one camera. `next` returns frames in order and an empty value at the end; it is called from one thread
+/// at a time. When `path` stands for files, their contents and names must determine the frames, because results are cached
+/// by them.
 struct Footage {
   std::string camera, path;
   int64_t num_frames = 0;  ///< 0 when unknown
@@ -29,8 +30,8 @@ struct Footage {
 
 struct FootageOptions {
   int every = 1;       ///< only frames whose number is a multiple of this are searched
-  int max_frames = 0;  ///< thin out further so that at most so many frames of a camera are searched; 0: all
-  std::string cache = "auto";  ///< what was found before: "auto", "off" or a folder, see DetectionCache
+  int max_frames = 0;  ///< maximum number of frames searched per camera, thinned out further; 0: all
+  std::string cache = "auto";  ///< cache of earlier results: "auto", "off" or a folder, see DetectionCache
   DetectOptions detect;
 };
 
@@ -43,26 +44,27 @@ void VisitFields(Visitor&& visit, FootageOptions& o) {
   VisitFields(visit, o.detect);
 }
 
-/// What was found in one camera's footage.
+/// Detections in one camera's footage.
 struct FootageDetections {
   CameraInput camera;
   std::vector<Detection> detections;   ///< camera_idx is the position of the footage
   int num_images = 0;                  ///< searched
-  int num_corners_dropped = 0;         ///< located, but not on the smooth image of a plane
-  std::map<std::string, int> reasons;  ///< why boards were not used -> number of images; the board is named when there are several
-  std::vector<std::string> notes;      ///< one line each: a layout found out, a board never seen
-  bool cached = false;                 ///< read from the cache, nothing was searched
+  int num_corners_dropped = 0;         ///< located, but rejected against the smooth image of a plane
+  std::map<std::string, int> reasons;  ///< why boards were not used -> number of images; names the board when there are
+                                       ///< several
+  std::vector<std::string> notes;      ///< one line each: a layout that was determined, a board never seen
+  bool cached = false;                 ///< read from the cache without a search
 };
 
-/// Searches the boards in all footage, images in parallel; the result does not depend on the number of threads. The layout of a
-/// ChArUco board that leaves it open (see LayoutsOf) is decided for all footage together. Throws FormatError when the images of
-/// a camera differ in size, when two have the same number, or when a camera never sees a board.
+/// Detects the boards in all footage, images in parallel; the result does not depend on the number of threads. An
+/// ambiguous layout of a ChArUco board (see LayoutsOf) is decided for all footage together. Throws FormatError when the
+/// images of a camera differ in size, when two have the same number, or when a camera never sees a board.
 std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, std::vector<Footage>& footage,
                                              const FootageOptions& options, const RunContext& run);
 std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Footage>& footage, const FootageOptions& options,
                                              const RunContext& run);
 
-/// Everything that was found, ready for Calibrate.
+/// All detections as input of Calibrate.
 CalibrateInput ToCalibrateInput(const std::vector<Board>& boards, const std::vector<FootageDetections>& found);
 CalibrateInput ToCalibrateInput(const Board& board, const std::vector<FootageDetections>& found);
 

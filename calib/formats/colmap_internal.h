@@ -10,7 +10,7 @@
 
 #include "calib/formats/formats_internal.h"
 
-/// COLMAP's model files as they are written, for the readers and writers of formats_colmap*.cc.
+/// COLMAP's model files in their own conventions, for the readers and writers of colmap*.cc.
 /// https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 namespace mvstudio::calib::internal {
 
@@ -26,7 +26,7 @@ const ColmapModel* FindColmapModel(const std::string& name);
 struct ColmapCamera {
   const ColmapModel* model = nullptr;
   double width_px = 0, height_px = 0;
-  std::vector<double> params;  ///< principal point with the corner of the image as origin
+  std::vector<double> params;  ///< principal point relative to the corner of the image
   Place place;
 };
 

@@ -7,8 +7,8 @@
 
 namespace mvstudio::calib {
 
-/// A comma-separated text file (core/csv.h) with a header line. Lines that begin with '#' are comments. Everything that is
-/// wrong is a FormatError with the line.
+/// A comma-separated text file (core/csv.h) with a header line. Lines that begin with '#' are comments. Every error is a
+/// FormatError with the line.
 class CsvTable {
  public:
   struct Comment {
@@ -16,7 +16,8 @@ class CsvTable {
     std::string text;  ///< without '#' and outer blanks
   };
 
-  /// Reads the file. Throws IoError, or FormatError when it has no header or a row has another number of cells than it.
+  /// Reads the file. Throws IoError, or FormatError without a header or when a row's number of cells differs from the
+  /// header's.
   explicit CsvTable(const std::string& path);
 
   const std::string& path() const { return path_; }

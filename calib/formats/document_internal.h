@@ -14,30 +14,30 @@ namespace mvstudio::calib::internal {
 struct Value {
   enum class Kind { kNull, kNumber, kText, kList, kTable };
   Kind kind = Kind::kNull;
-  int line = 0;  ///< of YAML: where it, or its key, stands
+  int line = 0;  ///< of YAML: line of the value or its key
   double number = 0;
-  std::string text;  ///< of YAML: numbers as they are written, too
+  std::string text;  ///< of YAML: also numbers, as written
   std::vector<Value> items;
   std::vector<std::pair<std::string, Value>> entries;
 };
 
-/// One value in the syntax of JSON or of Python's literals (dict, list, tuple, numbers, strings, None, True, False, comments).
-/// Finite numbers only; at most 16 levels deep and kMaxKeys keys a table; a key may stand once. Throws FormatError with the
-/// line.
+/// Parses one value in the syntax of JSON or of Python literals (dict, list, tuple, numbers, strings, None, True, False,
+/// comments). Finite numbers only; at most 16 levels deep and kMaxKeys keys per table; keys must be unique. Throws
+/// FormatError with the line.
 Value ParseLiteral(const std::string& path, const std::string& text);
 
-/// YAML by yaml-cpp: block and flow style, quoted and plain scalars, one document or several, whose keys are put together.
-/// Limits as above, 16 MiB at most; true and false are 1 and 0; tags are skipped. Refused: anchors and aliases, keys that are
-/// no text, control characters. Throws FormatError with the line.
+/// Parses YAML with yaml-cpp: block and flow style, quoted and plain scalars; the keys of several documents are merged.
+/// Limits as above, and at most 16 MiB; true and false are 1 and 0; tags are ignored. Rejected: anchors and aliases, keys
+/// that are not text, control characters. Throws FormatError with the line.
 Value ParseYaml(const std::string& path, const std::string& text);
 
-/// Keys that a table may have: looking them up takes time that grows with their number.
+/// Maximum number of keys of a table: the time of a look-up grows with it.
 inline constexpr size_t kMaxKeys = 4096;
 
 /// False when the key is in the table already.
 bool AddEntry(const std::string& key, Value value, Value* table);
 
-/// A value and where it stands, for messages such as `transforms.json: frames[3].fl_x: a number was expected`.
+/// A value and its place, for messages such as `transforms.json: frames[3].fl_x: a number was expected`.
 class ValueView {
  public:
   ValueView(const std::string& path, const Value& value, std::string where = "")

@@ -9,9 +9,10 @@
 
 #include "geometry/rig/rig.h"
 
-/// Calibrations of other programs. Every reader gives metres, `cam_from_world`, pixel (0, 0) at the centre of the top-left
-/// pixel, and throws IoError or FormatError with the place. Every writer takes the same. What each format means, and what was
-/// assumed where it does not say, is in docs/calibration-formats.md. (CMU Panoptic's JSON lives in dataset/panoptic/panoptic.h.)
+/// Calibration files of other programs. Every reader returns metres, `cam_from_world` and pixel (0, 0) at the centre of
+/// the top-left pixel, and throws IoError or FormatError with the place. Every writer takes the same.
+/// docs/calibration-formats.md explains each format and the assumptions made where it is silent. (CMU Panoptic's JSON:
+/// dataset/panoptic/panoptic.h.)
 namespace mvstudio::calib {
 
 enum class CalibrationFormat {
@@ -37,10 +38,10 @@ inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
 std::string_view ToString(CalibrationFormat format);
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
 
-/// Looks at the content, then at the name; a folder is known by the files in it. Throws FormatError when it is none of ours.
+/// Detects the format by content, then by name; a folder by the files in it. Throws FormatError for an unknown format.
 CalibrationFormat DetectFormat(const std::string& path);
 
-/// What a reader or writer had to assume, for the user to check.
+/// An assumption of a reader or writer, for the user to check.
 struct ImportNote {
   std::string code, text, hint;
 };
@@ -50,22 +51,22 @@ struct ImportedRig {
   std::vector<ImportNote> notes;
 };
 
-/// What files may leave open.
+/// Values that files may leave open.
 struct ReadOptions {
   int width_px = 0, height_px = 0;    ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
   double metres_per_unit = 1;         ///< of formats that name no unit: all but mvstudio, panoptic and qca
   double qca_distortion_divisor = 1;  ///< see ReadQca
 };
 
-/// Any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; folders are allowed where the
-/// format has several files.
+/// Reads any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; formats with several
+/// files also take a folder.
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 struct WriteOptions {
   double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres
-  double allow_approximation_px = 0;  ///< a lens that the format cannot carry is replaced by the nearest one that it can, when
-                                      ///< no pixel of the image moves farther; 0: such a lens is refused
-  double qca_distortion_divisor = 1;  ///< see ReadQca: the file's coefficients are ours times this
+  double allow_approximation_px = 0;  ///< a lens that the format does not support is replaced by the nearest supported one if
+                                      ///< no pixel moves farther than this; 0: such a lens is refused
+  double qca_distortion_divisor = 1;  ///< see ReadQca: coefficients in the file are ours times this
 };
 
 struct ExportReport {
@@ -73,16 +74,16 @@ struct ExportReport {
   std::vector<ImportNote> notes;
 };
 
-/// True when the format holds this lens exactly.
+/// True when the format supports this lens exactly.
 bool CanCarry(CalibrationFormat format, const geometry::Camera& camera);
 
-/// The rig with every lens that the format cannot carry replaced as WriteOptions says; a note for each. Throws FormatError
-/// (`path`, the camera's name) when one is refused.
+/// The rig with unsupported lenses replaced as WriteOptions says; adds a note for each. Throws FormatError (`path`, the
+/// camera's name) when one is refused.
 geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, const WriteOptions& options,
                            const std::string& path, std::vector<ImportNote>* notes);
 
-/// Any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when the rig has
-/// one camera and the path ends in .cameramodel).
+/// Writes any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when
+/// the rig has one camera and the path ends in .cameramodel).
 ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format, const std::string& path,
                               const WriteOptions& options = {});
 
@@ -92,28 +93,31 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
 ImportedRig ReadToml(const std::string& path, const ReadOptions& options = {});
 
 /// Qualisys QCA/QTM calibration (XML, parsed by pugixml; DTDs are refused).
-/// Conventions, found by comparing files with the TOML made from them: positions are the camera centre in world, mm; with
-/// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M (the file's camera looks along -z, y up); focal lengths and
-/// centres are in 1/64 px, the centre counted from the sensor's corner, hence minus `left` and `top` of fov_video.
+///
+/// Conventions, found by comparing files with the TOML made from them. Positions are the camera centre in world, mm. With
+/// M = (r11 r12 r13; r21 …), R_cam_from_world = diag(1, -1, -1) M: the file's camera looks along -z, y up. Focal lengths
+/// and centres are in 1/64 px; the centre is relative to the sensor's corner, hence minus `left` and `top` of fov_video.
+///
 /// The distortion is divided by `qca_distortion_divisor`. 1 takes the coefficients as OpenCV's, dimensionless; chessboard
-/// images of one studio speak for it (k1 = -0.051 +- 0.012 measured, -0.047 in the QCA). 64 gives what Pose2Sim makes of the
-/// file (k1 = -0.0007), so that its TOML and the QCA agree. A note tells of any divisor but 1 where a lens has distortion, and
-/// of coefficients that look like those of the other divisor: |k1| above 1.6 (64 times 0.025) as divided, or, divided by 64,
-/// below 0.002 in all cameras.
+/// images of one studio support it (k1 = -0.051 +- 0.012 measured, -0.047 in the QCA). 64 gives Pose2Sim's interpretation
+/// (k1 = -0.0007), so that its TOML and the QCA agree.
+///
+/// A note reports any divisor but 1 where a lens has distortion. Another one reports coefficients that look like those of
+/// the other divisor: |k1| above 1.6 (64 times 0.025) after division, or, divided by 64, below 0.002 in all cameras.
 ImportedRig ReadQca(const std::string& path, const ReadOptions& options = {});
 
-/// OpenCV FileStorage YAML 1.0 (parsed by yaml-cpp): `camera_matrix` + `distortion_coefficients` (one camera, named
-/// "camera", or by its file when there are several; with R and T its place) or M1, D1, M2, D2, R, T (stereo: "left", "right";
-/// world = left camera). Files that do not hold a camera each are read as one (OpenCV's stereo sample writes intrinsics and
-/// extrinsics apart). Throws UsageError when the image size is neither in the files nor in the options.
+/// OpenCV FileStorage YAML 1.0 (parsed by yaml-cpp). One camera: `camera_matrix` + `distortion_coefficients`, with R and T
+/// its pose; it is named "camera", or by its file when there are several. Stereo: M1, D1, M2, D2, R, T ("left", "right";
+/// world = left camera). Files that do not hold a camera each are merged, because OpenCV's stereo sample writes intrinsics
+/// and extrinsics separately. Throws UsageError when the image size is neither in the files nor in the options.
 ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 /// EasyMocap's intri.yml (names, K_NAME, dist_NAME, H_NAME, W_NAME) and extri.yml (R_NAME or Rot_NAME, T_NAME), from the two
 /// files or their folder.
 ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptions& options = {});
 
-/// mrcal's .cameramodel, one a camera (named by the file) or folders of them: Python literals with lensmodel, intrinsics,
-/// extrinsics (rt_fromref: Rodrigues vector, translation) and imagersize.
+/// mrcal's .cameramodel, one file per camera (named by the file), or folders of them: Python literals with lensmodel,
+/// intrinsics, extrinsics (rt_fromref: Rodrigues vector, translation) and imagersize.
 ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 /// A COLMAP model, text or binary: the folder, or its cameras file. Every image is a camera, named by the image without its
@@ -124,7 +128,7 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options = {})
 struct ColmapModelPoint {
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
   std::array<uint8_t, 3> rgb{};
-  double error_px = 0;  ///< mean reprojection error, as COLMAP keeps it
+  double error_px = 0;  ///< mean reprojection error, as stored by COLMAP
   struct Seen {
     size_t camera_idx = 0;                         ///< into the rig
     Eigen::Vector2d px = Eigen::Vector2d::Zero();  ///< (0, 0) is the centre of the top-left pixel
@@ -132,12 +136,12 @@ struct ColmapModelPoint {
   std::vector<Seen> track;
 };
 
-/// A COLMAP model with points, binary and text side by side in `folder`; image i shows camera i. Throws UsageError for names
-/// with spaces and for lenses that COLMAP does not have.
+/// Writes a COLMAP model with points, binary and text side by side, to `folder`; image i shows camera i. Throws UsageError
+/// for names with spaces and for lenses that COLMAP does not have.
 std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
                                           const std::vector<ColmapModelPoint>& points, const std::string& folder);
 
-/// nerfstudio's transforms.json (instant-ngp's too): every frame is a camera, named by its file.
+/// nerfstudio's transforms.json (also instant-ngp's): every frame is a camera, named by its file.
 ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options = {});
 
 /// Kalibr's camchain.yaml: pinhole, omni, eucm and ds projections with radtan, equidistant or no distortion. World = cam0.

@@ -19,52 +19,52 @@ struct Place {
 };
 
 /// A camera from a 3x3 matrix and a distortion vector in OpenCV's order; all-zero distortion becomes a pinhole. Throws
-/// FormatError for skew, a matrix that is no camera matrix, a size out of range, or a number of coefficients that no lens model
-/// has.
+/// FormatError for skew, a matrix that is not a camera matrix, a size out of range, or a number of coefficients that no
+/// lens model has.
 geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
                             const Eigen::VectorXd& distortion, bool fisheye, const Place& place);
 
 /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy);
 
-/// The camera with its size; throws FormatError when the size is out of range or the lens is not valid.
+/// The camera with its size; throws FormatError when the size is out of range or the lens is invalid.
 geometry::Camera Checked(geometry::Camera camera, double width_px, double height_px, const Place& place);
 
-/// Same, put together here.
+/// Same, for a camera made from these values.
 geometry::Camera MakeModelCamera(const std::string& name, double width_px, double height_px, geometry::LensModel model,
                                  const Eigen::VectorXd& params, const Place& place);
 
-/// A lens as OpenCV's functions take it.
+/// A lens in the form of OpenCV's functions.
 struct OpenCvLens {
-  Eigen::VectorXd distortion;  ///< 0, 4, 5, 8 or 12 numbers in OpenCV's order; 4 when fisheye
+  Eigen::VectorXd distortion;  ///< 0, 4, 5, 8 or 12 coefficients in OpenCV's order; 4 when fisheye
   bool fisheye = false;
 };
-/// Nothing when OpenCV has no such lens.
+/// Empty when OpenCV has no such lens.
 std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera);
 
-/// Same, for a camera that is known to fit (RigForFormat).
+/// Same, for a camera that is known to be supported (RigForFormat).
 OpenCvLens OpenCvLensOf(const geometry::Camera& camera);
 
-/// Rotation from a matrix that a file calls one; throws FormatError when it is farther than 1e-3 from a rotation.
+/// Rotation from a file's matrix; throws FormatError when it is farther than 1e-3 from a rotation.
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
 
 /// At most 40 characters of foreign text for a message, with '?' for whatever is not printable ASCII.
 std::string Printable(std::string_view text);
 
-/// The number `text` is, all of it; throws FormatError otherwise.
+/// Parses all of `text` as a number; throws FormatError otherwise.
 double ParseNumber(std::string_view text, const Place& place);
 
-/// Shortest text that reads back as the same number, with a '.' or an exponent in it.
+/// Shortest text that parses to the same number, with a '.' or an exponent.
 std::string NumberText(double value);
 /// `[1.0, 2.0]`.
 std::string ListText(const Eigen::VectorXd& vector);
-/// `"text"` with backslashes for JSON, TOML and YAML. Throws UsageError for control characters.
+/// `"text"` with backslash escapes for JSON, TOML and YAML. Throws UsageError for control characters.
 std::string Quoted(const std::string& text);
 
-/// Adds a camera; throws FormatError when its name is empty, not UTF-8, or there already.
+/// Adds a camera; throws FormatError when its name is empty, not UTF-8, or already present.
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
 
-/// `name` when it can be a file's name, else UsageError.
+/// Returns `name` if it is a valid file name; throws UsageError otherwise.
 const std::string& FileName(const std::string& name);
 
 /// Without folders and extension.
@@ -73,11 +73,11 @@ std::string Stem(const std::string& path);
 /// Note for files that name no unit.
 ImportNote UnitNote(double metres_per_unit);
 
-// Writers; every lens fits and translations are in metres_per_unit. They return the files they wrote.
+// Writers: every lens is supported and translations are in metres_per_unit. They return the files they wrote.
 using Files = std::vector<std::string>;
 Files WriteToml(const geometry::Rig& rig, const std::string& path, bool nested);
 Files WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor);
-/// What is to be said of the divisor, see ReadQca; nothing where no lens has distortion.
+/// Note about the divisor, see ReadQca; empty where no lens has distortion.
 std::optional<ImportNote> QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing);
 Files WriteOpenCvYaml(const geometry::Rig& rig, const std::string& path);
 Files WriteEasyMocap(const geometry::Rig& rig, const std::string& path);
@@ -86,7 +86,7 @@ Files WriteColmap(const geometry::Rig& rig, const std::string& path, bool text);
 Files WriteNerfstudio(const geometry::Rig& rig, const std::string& path);
 Files WriteKalibr(const geometry::Rig& rig, const std::string& path);
 
-// Whether a format has this lens.
+// Whether the format supports this lens.
 bool ColmapCanCarry(const geometry::Camera& camera);
 bool MrcalCanCarry(const geometry::Camera& camera);
 bool NerfstudioCanCarry(const geometry::Camera& camera);

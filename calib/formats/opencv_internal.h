@@ -17,8 +17,8 @@ struct Entry {
 };
 using Entries = std::map<std::string, Entry>;
 
-/// Keys as they stand, or, `normalised`, in lower case without underscores: OpenCV's own samples write camera_matrix,
-/// Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is there already.
+/// Keys as written or, if `normalised`, in lower case without underscores, because OpenCV's own samples write
+/// camera_matrix, Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is already there.
 void ReadEntries(const std::string& path, bool normalised, Entries* entries);
 
 const Entry* FindEntry(const Entries& entries, const std::string& key);
@@ -29,7 +29,7 @@ double ReadNumber(const Entry& entry);
 Eigen::MatrixXd ReadMatrix(const Entry& entry);
 Eigen::Matrix3d ReadMatrix3(const Entry& entry);
 Eigen::VectorXd ReadVector(const Entry& entry);
-/// Distortion coefficients with the zeros cut off that OpenCV writes for its thin-prism and tilt terms; empty without an entry.
+/// Distortion coefficients without the zeros that OpenCV writes for its thin-prism and tilt terms; empty without an entry.
 Eigen::VectorXd ReadDistortion(const Entry* entry);
 /// A Rodrigues vector or a 3x3 matrix.
 Eigen::Quaterniond ReadRotation(const Entry& entry);

@@ -6,9 +6,9 @@
 /// XML of other programs, parsed by pugixml. Included by .cc files of calib/ only.
 namespace mvstudio::calib::internal {
 
-/// Fills an empty document. Throws FormatError with the line for text that is not well-formed, and for what calibration files
-/// do without: a document type, nesting deeper than 64 levels, an attribute twice, NUL. Entities are XML's own five and
-/// numbers.
+/// Parses into an empty document. Throws FormatError with the line for text that is not well-formed, and for what
+/// calibration files do not need: a document type, nesting deeper than 64 levels, a repeated attribute, NUL. Entities are
+/// XML's five and numeric ones.
 void ParseXml(const std::string& path, const std::string& text, pugi::xml_document* document);
 
 }  // namespace mvstudio::calib::internal

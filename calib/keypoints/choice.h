@@ -8,23 +8,23 @@
 
 namespace mvstudio::calib {
 
-/// One thing of one camera.
+/// A single wrong property of one camera.
 enum class CameraFault {
   kNone,
-  kPose,         ///< it was turned or moved
+  kPose,         ///< it was rotated or translated
   kFocal,        ///< its focal length is wrong
-  kImage,        ///< its pictures were resized, about their corner
-  kImageWidth,   ///< … across only
-  kImageHeight,  ///< … down only
+  kImage,        ///< its images were resized about their corner
+  kImageWidth,   ///< … in width only
+  kImageHeight,  ///< … in height only
 };
 
-/// What is done to each group of parameters of a rig.
+/// What is adjusted in each group of parameters of a rig.
 struct KeypointPlan {
   bool free_poses = false;
-  CameraFault fault = CameraFault::kNone;  ///< of one camera alone, where no other freedom is set
+  CameraFault fault = CameraFault::kNone;  ///< of one camera alone, if nothing else is free
   int fault_camera = -1;
-  bool free_focal = false;      ///< of every camera, fx and fy in their ratio
-  bool free_image = false;      ///< scale of the pictures across and down about their corner: pictures that were resized
+  bool free_focal = false;      ///< of every camera, with the ratio of fx and fy fixed
+  bool free_image = false;      ///< scale of the images in width and height about their corner, for images that were resized
   bool free_principal = false;  ///< of every camera
   enum class Distortion { kKeep, kDrop, kFree } distortion = Distortion::kKeep;  ///< free: the first radial term
 
@@ -37,14 +37,14 @@ const char* ToString(CameraFault fault);
 /// "keep", "drop", "free".
 const char* ToString(KeypointPlan::Distortion distortion);
 
-/// The rig with the lenses that the plan starts from: pinholes where distortion is dropped, a radial term where it is freed and
-/// there is none.
+/// The rig with the plan's initial lenses: pinholes where distortion is dropped, and a radial term added where it is freed
+/// and the model has none.
 geometry::Rig StartOf(const geometry::Rig& given, const KeypointPlan& plan);
 
-/// That alone may move; all other numbers are held.
+/// The freedom of this fault alone; everything else is fixed.
 KeypointFreedom FreedomOfFault(const geometry::Rig& rig, CameraFault fault, int camera_idx);
 
-/// What may move under the plan; `rig` has the lenses of StartOf.
+/// Free unknowns of the plan; `rig` has the lenses of StartOf.
 KeypointFreedom FreedomOf(const geometry::Rig& rig, const KeypointPlan& plan);
 
 /// One candidate for one group.
@@ -62,20 +62,23 @@ struct KeypointChoice {
 
 struct KeypointChoiceOptions {
   int num_folds = 5;
-  double sigmas = 2;  ///< standard errors by which a change must lower the held-out error: five groups are asked, a rule of one
-                      ///< standard error (Breiman et al., 1984) would let one of them through by chance in every second take
-  int gap_frames = 30;      ///< frames between a stretch and the others at least, see CutWithGaps
-  double gain = 0.002;      ///< part of the held-out error below which a change is not worth it
-  bool poses_only = false;  ///< the lenses are not asked for
+  double sigmas = 2;        ///< standard errors by which a change must lower the held-out error; with five groups, one standard
+                            ///< error (Breiman et al., 1984) would accept a change by chance in every second take
+  int gap_frames = 30;      ///< minimum number of frames between a fold's interval and the others, see CutWithGaps
+  double gain = 0.002;      ///< relative gain in held-out error below which a change is not worthwhile
+  bool poses_only = false;  ///< do not test the lenses
 };
 
-/// Cross-validation over stretches of the joints' time: a rig from the other stretches explains the joints of each, with a gap
-/// between them. Every candidate is adjusted to all of them and then, stretch by stretch, without (SolveWithout). Of many
-/// frames so many are used, evenly spread, as hold 12,000 observations. Groups are decided one after the other (poses, focal
-/// lengths, image scale, principal points, distortion); of the choices within `sigmas` standard errors of the best (differences
-/// by stretches of time, two a fold), or `gain`, the one that changes least wins. `start` gives the poses to start from,
-/// `cauchy_px` is the noise, see KeypointCost. `faults` are further choices for the poses, from the least change on, all less
-/// than setting all of them free.
+/// Cross-validation over intervals of time: the joints of each interval are explained by a rig from the others, with a gap
+/// between them. Every candidate is adjusted to all joints and then, interval by interval, without them (SolveWithout).
+/// Frames are thinned evenly to about 12,000 observations.
+///
+/// Groups are decided one after the other: poses, focal lengths, image scale, principal points, distortion. Of the choices
+/// within `sigmas` standard errors of the best (differences by intervals of time, two per fold), or within `gain`, the
+/// smallest change wins.
+///
+/// `start` gives the initial poses, `cauchy_px` is the noise, see KeypointCost. `faults` are further candidates for the
+/// poses, smallest change first, all smaller than freeing all poses.
 KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Rig& start,
                                   const std::vector<KeypointJoint>& joints, double cauchy_px,
                                   const std::vector<KeypointPlan>& faults, const KeypointChoiceOptions& options,

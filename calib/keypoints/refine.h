@@ -12,11 +12,11 @@ namespace mvstudio::calib {
 
 struct KeypointRefineOptions {
   double min_score = 0.3;       ///< detections below are left out
-  int max_persons = 1;          ///< persons used
+  int max_persons = 1;          ///< maximum number of persons used
   double holdout_scale_px = 3;  ///< see KeypointCost: scale of the points that the held-out figures are taken from
-  bool lenses = true;           ///< ask held-out frames whether lenses should be adjusted too
+  bool lenses = true;           ///< let held-out frames decide whether lenses are adjusted too
   KeypointChoiceOptions choice;
-  int max_frames = 300;  ///< frames used for the adjustment, evenly spread; more where they hold fewer than 30 points each
+  int max_frames = 300;  ///< frames used for the adjustment, evenly spaced; more where they hold fewer than 30 points each
 };
 
 template <class Visitor>
@@ -41,19 +41,19 @@ void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
 struct KeypointCamera {
   std::string name;
   int num_detections = 0;                             ///< in the test frames, of joints with three views or more
-  double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, same frame
+  double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, in the same world frame
   double translation_m = 0, translation_sigma_m = 0;  ///< of its centre
   double focal_change = 0;                            ///< relative
   Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< detection - projection
   Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();
 };
 
-/// What one part of the take says of a rig that was adjusted to another.
+/// Error on one part of the take of a rig adjusted to another part.
 struct KeypointHeldOut {
   std::string name;  ///< "first half", "second half"; "test frames"
   int first_frame = 0, last_frame = 0;
   int num_frames = 0, num_train_frames = 0;
-  bool kept_input = false;      ///< that adjustment found nothing better than the given rig
+  bool kept_input = false;      ///< the adjustment found nothing better than the given rig
   KeypointError before, after;  ///< of the given rig, of the adjusted one
 };
 
@@ -61,11 +61,11 @@ struct KeypointRefineReport {
   Status status = Status::kOk;  ///< kTooFewViews, kDegenerate, kNonFiniteInput, kBehindCamera: no rig
   std::string message;          ///< one line when the status is not kOk or the input was kept
   geometry::Rig rig;            ///< in the frame and scale of the given one, with covariances; the given one when kept
-  bool kept_input = false;      ///< nothing found that is better on the held-out frames
+  bool kept_input = false;      ///< nothing was better on the held-out frames
   KeypointError before, after;  ///< on all held-out frames
   std::vector<KeypointHeldOut> held_out;
-  int num_gap_frames = 0;          ///< instants between the halves that measured neither
-  std::vector<std::string> notes;  ///< one line each: a half that could not be adjusted to, and why
+  int num_gap_frames = 0;          ///< time steps between the halves that belong to neither
+  std::vector<std::string> notes;  ///< one line each: a half that cannot be adjusted to, and why
   LeftOutPersons left_out;
   double cauchy_px = 0;  ///< scale of the noise in the train frames
   double sigma_px = 0;   ///< standard deviation per coordinate of a normal variable with the same median length
@@ -76,17 +76,19 @@ struct KeypointRefineReport {
   KeypointCulprit culprit;
 };
 
-/// Adjusts a calibration to points that several cameras see at once, people's joints, markers, a wand: poses first, then lenses
-/// as far as held-out frames ask for it. People in several views are told apart by the given rig, then by the adjusted one.
+/// Adjusts a calibration to points that several cameras see at once: people's joints, markers, a wand. Poses first, then
+/// lenses as far as held-out frames support it. People in several views are associated by the given rig, then by the
+/// adjusted one.
 ///
-/// Without `train` and `test` the take is cut into two halves with a gap between them (CutWithGaps): everything, decisions
-/// included, is done with each half alone and measured on the other; these are the held-out figures, and the rig of the report
-/// is adjusted to all frames. When the halves' rigs do not explain the other halves better than the given one, the input is
-/// kept. A half that cannot carry an adjustment gives no figure; one must. With `train` or `test` the decisions and the rig see
-/// the train frames alone, the figures the test frames alone, neighbours or not; without `test` these are the frames that are
-/// not in `train`.
+/// Without `train` and `test` the take is cut into two halves with a gap (CutWithGaps). The whole procedure, decisions
+/// included, runs on each half alone and is measured on the other; these are the held-out figures. The rig of the report
+/// is adjusted to all frames. The input is kept when the halves' rigs do not explain the other halves better than the
+/// given one. A half that is too small for an adjustment gives no figure; at least one must.
 ///
-/// `frames` ascend and have one list of people a camera of the rig; `limbs` are pairs of joints.
+/// With `train` or `test`, decisions and rig use the train frames alone, and the figures the test frames alone, without
+/// gaps between them. Without `test` these are the frames that are not in `train`.
+///
+/// `frames` ascend and hold one list of people per camera of the rig; `limbs` are pairs of joints.
 KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
                                          const std::vector<std::pair<int, int>>& limbs, const std::optional<FrameChoice>& train,
                                          const std::optional<FrameChoice>& test, const KeypointRefineOptions& options,

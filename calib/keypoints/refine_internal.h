@@ -9,7 +9,7 @@ namespace mvstudio::calib {
 
 using Split = std::function<KeypointSplit(const std::vector<KeypointJoint>&)>;
 
-/// The adjustment to the train frames of a split, in a world whose origin lies amid the cameras.
+/// The adjustment to the train frames of a split, in a world whose origin lies between the cameras.
 class Refinement {
  public:
   /// All but `split` must outlive the refinement.
@@ -17,7 +17,8 @@ class Refinement {
              const KeypointRefineOptions& options, Split split, const RunContext& run);
   void Run();
 
-  /// Without held-out figures, cameras and covariances; the input is kept where the choice was to change nothing.
+  /// Report without held-out figures, cameras and covariances. Its rig is the input where the choice was to change
+  /// nothing.
   const KeypointRefineReport& report() const { return report_; }
   const KeypointSplit& split() const { return split_; }
   const KeypointCovariance& covariance() const { return covariance_; }

@@ -8,10 +8,10 @@
 #include "triangulate/people/association.h"
 #include "triangulate/point/types.h"
 
-/// Key points of people as calibration targets.
+/// Keypoints of people as calibration targets.
 namespace mvstudio::calib {
 
-/// One joint of one person in one frame: what the cameras saw of it, at most one observation a camera.
+/// One joint of one person in one frame: its observations, at most one per camera.
 struct KeypointJoint {
   int frame = 0, person = 0, joint_idx = 0;
   std::vector<triangulate::Observation> seen;
@@ -23,15 +23,15 @@ struct FrameChoice {
   bool Contains(int frame) const { return frame >= start && (frame - start) % step == 0; }
 };
 
-/// People that several cameras see and whom AssociationOptions::max_persons leaves out.
+/// People whom several cameras see but AssociationOptions::max_persons excludes.
 struct LeftOutPersons {
-  int num_persons = 0;      ///< at once, in the frame with most of them
-  std::vector<int> frames;  ///< with any, ascending
+  int num_persons = 0;      ///< largest number at once in a frame
+  std::vector<int> frames;  ///< frames with any, ascending
 };
 
-/// The joints of the people that several cameras see, by frame, person, joint; those seen by fewer than two cameras are left
-/// out. Of each frame the people who are best supported over the take are used, max_persons of them: who is who over time does
-/// not matter here, so that instants without a connection in time lose nobody.
+/// Joints of the people that several cameras see, by frame, person, joint; without those that fewer than two cameras see.
+/// Of each frame, the max_persons people best supported over the take are used. Identity over time is not needed here, so
+/// time steps without a temporal connection lose nobody.
 std::vector<KeypointJoint> CollectKeypoints(const geometry::Rig& rig, const std::vector<triangulate::DetectedFrame>& frames,
                                             const triangulate::AssociationOptions& options, const RunContext& run,
                                             LeftOutPersons* left_out = nullptr);
@@ -41,10 +41,10 @@ std::vector<KeypointJoint> JointsIn(const std::vector<KeypointJoint>& joints, co
 /// Frames that occur among the joints, ascending.
 std::vector<int> FramesOf(const std::vector<KeypointJoint>& joints);
 
-/// The joints of at most `max_frames` frames, evenly spread.
+/// The joints of at most `max_frames` frames, evenly spaced.
 std::vector<KeypointJoint> Thinned(const std::vector<KeypointJoint>& joints, int max_frames);
 
-/// The joints of as many frames, evenly spread, as keep about `max_observations`, but of 20 frames at least.
+/// The joints of evenly spaced frames that hold about `max_observations`, but of at least 20 frames.
 std::vector<KeypointJoint> ThinnedTo(const std::vector<KeypointJoint>& joints, size_t max_observations);
 
 size_t NumObservations(const std::vector<KeypointJoint>& joints);

@@ -10,47 +10,48 @@
 
 namespace mvstudio::calib {
 
-/// What is assumed of the lenses of several cameras and of their boards.
+/// Model assumptions about the lenses of several cameras and their boards.
 struct LensConfig {
   geometry::LensModel model = geometry::LensModel::kBrown4;
   geometry::SplineGrid spline;  ///< kSplined only
   bool shared = false;          ///< one lens for all cameras
-  bool warp = false;            ///< boards may be bent
+  bool warp = false;            ///< boards may be warped
   bool stretch = false;         ///< boards may be stretched
 };
 
 /// "brown4", "splined 16x11", "brown2, shared".
 std::string ToString(const LensConfig& config);
-/// Numbers of all lenses of `num_cameras` cameras.
+/// Total number of lens parameters of `num_cameras` cameras.
 int NumLensParams(const LensConfig& config, int num_cameras);
 
-/// Views of several cameras, every board a pose by itself: where lenses are judged before the cameras are put together.
+/// Views of several cameras, each with its own board pose: lenses are compared here, before the cameras are combined.
 struct LensPool {
   Status status = Status::kOk;
   std::string message;
   LensConfig config;
-  RigState state;                      ///< cameras at the origin; one frame a view
+  RigState state;                      ///< cameras at the origin; one frame per view
   std::vector<View> views;             ///< View::frame is the position in this list
-  std::vector<Eigen::VectorXd> prior;  ///< weights before anything was rejected
-  std::vector<int> cluster;            ///< per view, as from ClusterViews: those of one cluster are one piece of evidence
+  std::vector<Eigen::VectorXd> prior;  ///< initial weights, before any rejection
+  std::vector<int> cluster;            ///< per view, as from ClusterViews; the views of one cluster are not independent
   BundleReport bundle;
 };
 
-/// The views of cameras that were calibrated one by one; `cameras` are indices into `monos` and become 0, 1, … `boards` is the
-/// number of boards.
+/// The views of cameras that were calibrated separately; `cameras` are indices into `monos` and become 0, 1, … `boards` is
+/// the number of boards.
 LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>& cameras, int boards);
 
-/// Adjusts all lenses (and bends) of the pool under another configuration.
+/// Adjusts all lenses (and warps) of the pool under another configuration.
 LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOptions& options);
 
 /// Errors on boards that took no part in the estimation.
 struct PoolHoldout {
   Status status = Status::kOk;                      ///< kTooFewViews when no camera has 3 clusters of views
-  std::vector<std::vector<double>> view_errors_px;  ///< per view of the pool, of the corners that say something about the lens
+  std::vector<std::vector<double>> view_errors_px;  ///< per view of the pool; only corners that carry information on the lens
 };
 
-/// K-fold over the clusters of views: lenses from the other folds, errors as from AppendHeldOutErrors. All corners count, those
-/// that a solution rejected too. At most `max_views` views of a camera, evenly spread, take part; the others have no errors.
+/// K-fold cross-validation over the clusters of views: lenses from the other folds, errors as from AppendHeldOutErrors.
+/// Corners that a solution rejected count too. At most `max_views` views per camera, evenly spaced, are used; the others
+/// have no errors.
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
 
 inline constexpr double kGrossPx = 5;  ///< held-out corners beyond this are gross errors

@@ -9,11 +9,12 @@ struct Resection {
   Status status = Status::kOk;  ///< kTooFewViews below 4 corners, kDegenerate when they are collinear, kNotConverged
   geometry::Rigid3 cam_from_board;
   double rms_px = 0;        ///< 2-D point RMS over the corners with a weight
-  double other_rms_px = 0;  ///< of the mirrored orientation of the plane; close to rms_px means the two cannot be told apart
+  double other_rms_px = 0;  ///< of the mirrored orientation of the plane; ambiguous if close to rms_px
 };
 
-/// Pose of the board from one view and known intrinsics: a homography in undistorted coordinates, then least squares of the
-/// reprojection error from it and from its mirror image (the second orientation a plane may have); the better one is returned.
+/// Pose of the board from one view and known intrinsics. A homography in undistorted coordinates, then least squares of
+/// the reprojection error from it and from its mirrored orientation, the second one that a plane may have. Returns the
+/// better one.
 Resection ResectPlane(const geometry::Camera& camera, const View& view);
 
 /// Least squares of the reprojection error from a start.

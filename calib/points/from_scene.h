@@ -13,7 +13,8 @@
 
 namespace mvstudio::calib {
 
-/// Points with known places that some of the cameras see: marks, or the corners of a board that lies still.
+/// Points with known coordinates that some of the cameras see: marked points, or the corners of a board that does not
+/// move.
 struct KnownPoints {
   std::vector<std::string> names;
   Eigen::Matrix3Xd x_in_world;  ///< (3, N) metres
@@ -28,18 +29,18 @@ struct KnownPoints {
 };
 
 KnownPoints KnownFromScenePoints(const ScenePoints& points, double click_sigma_px);
-/// The corners of the board in the frame that most cameras saw; world is the board's frame. `camera_names` by
+/// The corners of the board in the frame that most cameras saw; world is the board's frame. `camera_names` are indexed by
 /// Detection::camera_idx.
 KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& detections,
                            const std::vector<std::string>& camera_names);
 
 struct SceneScale {
-  std::optional<KnownPoints> points;  ///< taken first: place and scale
+  std::optional<KnownPoints> points;  ///< used first: they give frame and scale
   struct Distance {
     std::string a, b;
     double distance_m = 0, sigma_m = 0;
   };
-  std::optional<Distance> distance;  ///< else this gives the scale, and camera a the frame
+  std::optional<Distance> distance;  ///< used otherwise: it gives the scale, and camera a the frame
 };
 
 /// "A:B:1.234m" (mm, cm, m). Throws UsageError.
@@ -47,8 +48,8 @@ SceneScale::Distance ParseCameraDistance(const std::string& text);
 
 struct FromSceneOptions {
   ColmapOptions colmap;
-  bool refine_intrinsics = true;  ///< focal length, k1, k2 of lenses that are not known; cameras of one image size share
-                                  ///< them, unless held-out points say otherwise
+  bool refine_intrinsics = true;  ///< focal length, k1, k2 of unknown lenses; cameras of one image size share them, unless
+                                  ///< held-out points favour own lenses
   double reject_sigmas = 6;
 };
 
@@ -66,21 +67,22 @@ struct FromSceneReport {
   geometry::Rig rig;                 ///< with covariances, when the status allows
   std::vector<std::string> missing;  ///< cameras that could not be placed
   PointBundleReport bundle;
-  bool own_lenses = false;         ///< held-out points say that cameras whose lenses were not known do not share one
+  bool own_lenses = false;         ///< held-out points favour separate lenses for cameras whose lenses were unknown
   int num_points = 0;              ///< with at least two kept observations
   std::vector<int> num_seen;       ///< per camera of the rig: kept features
-  ClusterInflation clusters;       ///< what the covariances were multiplied by, because neighbouring features err together
+  ClusterInflation clusters;       ///< factor applied to the covariances, because errors of neighbouring features are
+                                   ///< correlated
   double feature_sigma_px = 0;     ///< standard deviation of a feature per coordinate, as estimated
-  double colmap_rms_px = 0;        ///< 2-D RMS of all features before our adjustment, with colmap's cameras
+  double colmap_rms_px = 0;        ///< 2-D RMS of all features before the adjustment, with colmap's cameras
   std::vector<std::string> gross;  ///< known points that disagree
 };
 
-/// Rig from a model of colmap: scaled and turned by what is known, then our own adjustment of cameras, lenses that are not
-/// known, and points, with covariances.
+/// Rig from colmap's model: scaled and rotated by the known quantities, then an adjustment of cameras, unknown lenses and
+/// points, with covariances.
 FromSceneReport AdjustScene(const ColmapScene& scene, const std::vector<SceneImage>& images, const SceneScale& scale,
                             const FromSceneOptions& options, const RunContext& run);
 
-/// Similarity that takes the scene's unit and frame to those of the known points: each that two cameras see is triangulated.
+/// Similarity from the scene's unit and frame to those of the known points: each that two cameras see is triangulated.
 /// kTooFewViews when fewer than 3 are, kDegenerate when they are collinear.
 struct SceneSimilarity {
   Status status = Status::kOk;

@@ -30,13 +30,13 @@ struct PointObservation {
   double weight = 1;  ///< of the squared residual, 1/px^2 for a standard deviation of 1 px; 0: rejected
 };
 
-/// The centres of two cameras lie this far apart.
+/// Known distance between the centres of two cameras.
 struct KnownDistance {
   int a = 0, b = 0;
   double distance = 0, sigma = 0;  ///< in the unit of the scene; the sigma is at least 1e-6 of the distance
 };
 
-/// Directions that one lens may have.
+/// Maximum number of directions of one lens.
 inline constexpr int kMaxLensDirections = 32;
 
 struct PointBundleOptions {
@@ -46,7 +46,7 @@ struct PointBundleOptions {
   std::optional<KnownDistance> distance;
   bool reject_outliers = true;
   double reject_sigmas = 4.5;  ///< an observation farther than this many standard deviations per coordinate is rejected
-  double min_sigma = 0;  ///< taken for the residuals' own where that is smaller: 1 when weights are 1 / sigma^2 in earnest
+  double min_sigma = 0;  ///< lower bound on the residuals' sigma; 1 if weights are true inverse variances
   double robust_px = 0;  ///< scale of a Cauchy loss in the first adjustment; 0: from the residuals of the start
   double cost_tolerance = 1e-10;
   int max_iterations = 200;
@@ -58,36 +58,40 @@ struct PointBundleReport {
   std::string message;              ///< one line when the status is not kOk
   double start_cost = 0, cost = 0;  ///< weighted sums of squared residuals
   double rms_px = 0;                ///< 2-D point RMS over the observations that were kept
-  double sigma_px = 0;  ///< standard deviation per coordinate of an observation of weight 1, freed of the parameters
+  double sigma_px = 0;  ///< standard deviation per coordinate of an observation of weight 1, corrected for the degrees of
+                        ///< freedom
   int num_observations = 0, num_rejected = 0, num_iterations = 0;
 };
 
-/// Directions for PointBundleOptions: nothing; the focal length (fx and fy in their ratio); it and the first `num_distortion`
-/// distortion parameters; all parameters.
+/// Directions for PointBundleOptions. FixedLens: none. FocalDirections: the focal length (ratio of fx and fy fixed) and
+/// the first `num_distortion` distortion parameters. AllDirections: all parameters.
 Eigen::MatrixXd FixedLens(const geometry::Camera& lens);
 Eigen::MatrixXd FocalDirections(const geometry::Camera& lens, int num_distortion = 0);
 Eigen::MatrixXd AllDirections(const geometry::Camera& lens);
 
-/// Bundle adjustment of cameras and points: weighted least squares of the reprojection errors over the free lens directions,
-/// cam_from_world (left perturbation) and points. The larger of the two groups, cameras or points, is eliminated
-/// (SolveSchurLm). With reject_outliers, first a Cauchy loss, then plain squares without the observations that are too far or
-/// cannot be projected; points that keep fewer than 2 observations lose all. What nothing holds in place (the frame, the scale)
-/// stays near its start. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
+/// Bundle adjustment of cameras and points: weighted least squares of the reprojection errors over the free lens
+/// directions, cam_from_world (left perturbation) and points. The larger of the two groups, cameras or points, is
+/// eliminated (SolveSchurLm).
+///
+/// With reject_outliers, a Cauchy loss first, then plain squares without observations that are too far or cannot be
+/// projected. Points that keep fewer than 2 observations lose all. Unfixed gauge freedoms (frame, scale) stay near their
+/// start. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservation>* observations,
                                    const PointBundleOptions& options);
 
 struct PointBundleCovariance {
-  Status status = Status::kOk;  ///< kDegenerate: something is held by nothing, see `message`
+  Status status = Status::kOk;  ///< kDegenerate: some unknown is not determined, see `message`
   std::string message;
   std::vector<Eigen::MatrixXd> lens;                        ///< per lens (P, P), zero in fixed directions
   std::vector<Eigen::Matrix<double, 6, 6>> cam_from_world;  ///< per camera, left perturbation; zero for fixed ones
   Eigen::MatrixXd joint;  ///< of all cameras, as geometry::Rig::joint_covariance; cameras of one lens share its errors
 };
 
-/// Covariances at a solution, times sigma_px^2: the inverse of the normal equations with the points eliminated. The frame and
-/// the scale must be held: by fixed points, or by a fixed camera and a known distance. `held_lens`, per lens: the covariance (P, P)
-/// of a lens of up to kMaxLensDirections parameters that `options` hold; it goes on into the poses. Empty, or nothing for a lens: it
-/// counts as exact.
+/// Covariances at a solution, times sigma_px^2: the inverse of the normal equations with the points eliminated. Frame and
+/// scale must be fixed by fixed points, or by a fixed camera and a known distance.
+///
+/// `held_lens`, per lens: the covariance (P, P) of a lens of up to kMaxLensDirections parameters that `options` hold
+/// fixed; it propagates to the poses. Empty, or empty for a lens: exact.
 PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std::vector<PointObservation>& observations,
                                               const PointBundleOptions& options, double sigma_px,
                                               const std::vector<std::optional<Eigen::MatrixXd>>& held_lens = {});

@@ -33,7 +33,7 @@ class PointProblem : public SchurProblem {
   const Eigen::MatrixXd& directions(int lens) const { return directions_[static_cast<size_t>(lens)]; }
 
  private:
-  /// One observation with where its derivatives go.
+  /// One observation and the columns of its derivatives.
   struct Term {
     const PointObservation* observation = nullptr;
     int block = -1;                              ///< of the eliminated unknown

@@ -10,7 +10,7 @@
 
 namespace mvstudio::calib {
 
-/// Where one camera sees a point whose place in world is known.
+/// Image position of a point with known world coordinates.
 struct PointClick {
   int camera_idx = 0;
   int point_idx = 0;
@@ -19,7 +19,7 @@ struct PointClick {
 
 struct PointResectionOptions {
   double click_sigma_px = 1;  ///< expected standard deviation of a click per coordinate; raise it for blurred marks
-  bool refine_lens = false;   ///< also the focal length and k1, where leaving out points one by one shows that it pays
+  bool refine_lens = false;   ///< also focal length and k1, if leave-one-out errors show that it pays
 };
 
 template <class Visitor>
@@ -35,8 +35,8 @@ struct PointResection {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();  ///< of rig_from_world, left perturbation
   std::vector<geometry::Camera> cameras;                                         ///< as given, or with a refined lens
   std::vector<std::optional<Eigen::MatrixXd>> params_covariance;                 ///< per camera, of refined lenses
-  /// The same with what the errors of the given lenses and poses do. Unknowns: the six of rig_from_world, then each camera's lens
-  /// directions; given: for each camera its lens parameters and the six of cam_from_rig.
+  /// The same including the errors of the given lenses and poses. Unknowns: the six of rig_from_world, then each camera's
+  /// lens directions. Given: for each camera its lens parameters and the six of cam_from_rig.
   Eigen::MatrixXd unknowns_covariance;           ///< (X, X) for exact lenses and poses
   Eigen::MatrixXd unknowns_by_given;             ///< (X, N) derivatives
   std::vector<Eigen::MatrixXd> lens_directions;  ///< per camera (P, K): params = given + directions * unknowns
@@ -44,18 +44,20 @@ struct PointResection {
   Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projection minus click; infinite where it does not project
   std::vector<bool> rejected;     ///< per click: a gross error
   double rms_px = 0;              ///< 2-D point RMS over the kept clicks
-  double sigma_px = 0;            ///< per coordinate: as estimated, but not below the expected one for few clicks
-  double leave_one_out_px = 0;    ///< 2-D RMS of each kept click when it is left out; NaN when there are fewer than 5
+  double sigma_px = 0;            ///< per coordinate: estimated, but for few clicks not below the expected one
+  double leave_one_out_px = 0;    ///< 2-D RMS of each kept click when it is left out; NaN for fewer than 5
   int num_used = 0;
 };
 
-/// Pose of a rigid group of cameras (or of one) in the frame of points with known places, from where the cameras see them.
-/// `rig` holds intrinsics and, as cam_from_world, the poses cam_from_rig of the group; a single camera has the identity.
+/// Pose of a rigid group of cameras (or of one) in the frame of points with known coordinates. `rig` holds intrinsics and,
+/// as cam_from_world, the poses cam_from_rig of the group; a single camera has the identity.
 ///
-/// Start: minimal solutions from triples of clicks (OpenGV: Kneip et al., CVPR 2011 for one camera; generalised P3P, Kneip,
-/// Furgale, Siegwart, ICRA 2013 for several), all triples when there are few, the one with the least median error (Rousseeuw,
-/// 1984), so that gross errors in fewer than half of the clicks do no harm. Then least squares over the kept clicks, with the
-/// covariance. Refuses collinear points, and poses that the clicks leave uncertain by more than a quarter of the distance.
+/// Initial pose: minimal solutions from triples of clicks (OpenGV: Kneip et al., CVPR 2011 for one camera; generalised
+/// P3P, Kneip, Furgale, Siegwart, ICRA 2013 for several). All triples are tried when there are few. The one with the least
+/// median error is taken (Rousseeuw, 1984), so it tolerates gross errors in fewer than half of the clicks. Then least
+/// squares over the kept clicks, with the covariance.
+///
+/// Refuses collinear points, and poses that the clicks leave uncertain by more than a quarter of the distance.
 PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
                                 const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options = {});
 

@@ -7,7 +7,7 @@
 /// Steps of ResectFromPoints.
 namespace mvstudio::calib {
 
-/// What a fit works on.
+/// State of a fit.
 struct ResectionProblem {
   std::vector<PointClick> clicks;
   Eigen::Matrix3Xd x_in_world;
@@ -20,8 +20,8 @@ struct ResectionProblem {
 /// Projection minus click (2, clicks) px; infinite where a point does not project.
 Eigen::Matrix2Xd ResectionResiduals(const ResectionProblem& problem);
 
-/// Sets rig_from_world to the minimal solution, from triples of clicks, whose error at the click just past the middle is least;
-/// that error goes to `middle_px`. False when there is none.
+/// Sets rig_from_world to the best minimal solution from triples of clicks: the one with the least error at the click just
+/// past the median. That error goes to `middle_px`. False when there is none.
 bool FindResectionStart(ResectionProblem* problem, double* middle_px);
 
 }  // namespace mvstudio::calib

@@ -9,17 +9,20 @@
 
 namespace mvstudio::calib {
 
-/// Covariance of cameras that were placed by marks, one by one or as a rigid group: the clicks' noise, and what the errors of the
-/// given lenses (and of the given poses inside a group) do to it. Unknown blocks of the given rig add nothing.
+/// Covariance of cameras that were placed by marked points, individually or as a rigid group. Includes the clicks' noise
+/// and the effect of errors of the given lenses (and of the given poses inside a group). Unknown blocks of the given rig
+/// add nothing.
 class PlacedCovariance {
  public:
-  /// With `rigid`, poses of `given` are those of a group; else each camera is placed by itself and its given pose plays no part.
+  /// If `rigid`, the poses of `given` are those of a group; else each camera is placed individually and its given pose is
+  /// not used.
   PlacedCovariance(const geometry::Rig& given, bool rigid);
 
-  /// Cameras `indices` of the given rig, placed by `resection` in this order, follow those that were added before.
+  /// Appends the cameras `indices` of the given rig, placed by `resection` in this order.
   void Add(const std::vector<size_t>& indices, const PointResection& resection);
 
-  /// Of all cameras added, in their order. A pose is known where the clicks placed it; a lens where the given one was.
+  /// Covariance of all cameras added, in their order. A pose is known where the clicks placed it; a lens where the given
+  /// one was known.
   geometry::StatedCovariance Joint() const;
 
   /// Names of the cameras added whose given lens, or given pose in a group, has no covariance.

@@ -8,17 +8,17 @@
 
 namespace mvstudio::calib {
 
-/// Marks in a scene whose places are known, and where cameras see them.
+/// Marked points of a scene with known coordinates, and their positions in images.
 struct ScenePoints {
   std::vector<std::string> names;    ///< of the points
-  Eigen::Matrix3Xd x_in_world;       ///< (3, N) metres; NaN for points that were clicked but have no place
+  Eigen::Matrix3Xd x_in_world;       ///< (3, N) metres; NaN for points that were clicked but have no coordinates
   std::vector<std::string> cameras;  ///< in order of appearance
   std::vector<PointClick> clicks;    ///< camera_idx into `cameras`
 };
 
-/// Reads `camera,point,x_px,y_px` and `point,x,y,z` (metres), from two files in either order, or from one file with all these
-/// columns. Throws UsageError for another number of files, IoError, FormatError: a point with two places, a camera that sees
-/// a point twice, a clicked point without a place, no clicks.
+/// Reads `camera,point,x_px,y_px` and `point,x,y,z` (metres), from two files in either order or from one file with all
+/// these columns. Throws UsageError for another number of files, IoError, FormatError. The latter for a point with two
+/// positions, a camera that sees a point twice, a clicked point without a position, or no clicks.
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths);
 
 struct SceneResectionReport {
@@ -33,9 +33,9 @@ struct SceneResectionReport {
   std::vector<std::string> given_unknown;  ///< placed cameras whose given lens, or pose in the group, has no covariance
 };
 
-/// Places each camera of `intrinsics` that the clicks name by itself. With `rigid`, the poses in `intrinsics` are kept relative
-/// to each other and the whole group is placed; then there is one result, named "rig". Throws UsageError when a clicked
-/// camera is not in `intrinsics`.
+/// Places each camera of `intrinsics` that the clicks name, individually. With `rigid`, the relative poses in `intrinsics`
+/// are kept and the whole group is placed; then there is one result, named "rig". Throws UsageError when a clicked camera
+/// is not in `intrinsics`.
 SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig& intrinsics, bool rigid,
                                  const PointResectionOptions& options);
 

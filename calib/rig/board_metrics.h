@@ -12,7 +12,8 @@
 
 namespace mvstudio::calib {
 
-/// Board corners triangulated from all cameras that see them, against the board. NaN where nothing could be measured.
+/// Board corners triangulated from all cameras that see them, compared with the board. NaN where nothing could be
+/// measured.
 struct BoardMetrics {
   double edge_rms_mm = 0, edge_median_mm = 0,
          edge_bias_mm = 0;                                     ///< of neighbouring corners; median of |error|, bias: mean error
@@ -21,24 +22,26 @@ struct BoardMetrics {
   int num_frames = 0, num_points = 0, num_edges = 0;
 };
 
-/// Triangulates every corner that two cameras or more see in a frame, cameras fixed as in `state`, by least squares of the
-/// pixel errors; boards' poses in `state` are not used, weights neither: no corner is rejected, only those that have no ray, no
-/// parallax or no place in front of their cameras are left out. Distances are measured minus true (positive bias: too long).
-/// Neighbours: along rows and columns of a grid; the sides of a tag; of single points, those that are each other's nearest.
-/// `views` decide which frames take part. With time offsets, every camera's corners are moved back to the instant of the frame by
-/// the motion of the board (BoardMotion), which comes from other frames. (caliscope, "scale accuracy").
+/// Triangulates every corner that two or more cameras see in a frame, by least squares of the pixel errors with the
+/// cameras fixed as in `state`. Board poses and weights are not used. No corner is rejected; left out are those without a
+/// ray, without parallax, or without a point in front of their cameras.
+///
+/// Distances are measured minus true (positive bias: too long). Neighbours: along rows and columns of a grid; the sides of
+/// a tag; of single points, those that are each other's nearest. `views` decide which frames take part. With time offsets,
+/// each camera's corners are moved back to the time of the frame by the board's motion (BoardMotion), which comes from
+/// other frames. After caliscope, "scale accuracy".
 BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state);
 
 using CornerSights = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one instant, by corner
 using CornerCloud = std::map<int, Eigen::Vector3d>;                         ///< in world, metres, by corner
 
-/// The maximum-likelihood place of every corner that two cameras or more have a ray to, all of them used. Left out: rays that
-/// span less than `min_parallax_rad` or meet nowhere in front of their cameras. `errors_px`, when given, receives the 2-D
-/// residuals of all sights.
+/// Maximum-likelihood position of every corner that two or more cameras have a ray to; all rays are used. Left out: rays
+/// that span less than `min_parallax_rad`, or that do not meet in front of their cameras. `errors_px`, when given,
+/// receives the 2-D residuals of all sights.
 CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad = 0,
                                std::vector<double>* errors_px = nullptr);
 
-/// Pairs of neighbouring corners as above, each once, the smaller id first.
+/// Pairs of neighbouring corners (see ComputeBoardMetrics), each once, the smaller id first.
 std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board);
 
 }  // namespace mvstudio::calib

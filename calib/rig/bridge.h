@@ -7,10 +7,10 @@
 
 namespace mvstudio::calib {
 
-/// Two groups of cameras that see different boards in the same frames, and why that does not link them.
+/// Two groups of cameras that see different boards in the same frames, and why these frames do not link them.
 struct RefusedBridge {
   int group_a = 0, group_b = 0;  ///< of cameras
-  int frames = 0;                ///< that both have
+  int frames = 0;                ///< frames that both groups have
   std::string reason;
 };
 
@@ -19,8 +19,8 @@ struct Bridges {
   std::vector<RefusedBridge> refused;
 };
 
-/// Links of groups of cameras that never share a board, by the motion of the boards that they see in the same frames
-/// (SolveHandEye): the most certain ones that link every group at most once.
+/// Links between groups of cameras that never share a board, from the motion of the boards they see in the same frames
+/// (SolveHandEye). Takes the most certain links that connect every group at most once.
 Bridges FindBridges(const std::vector<FrameSights>& frames, const PosedGroups& cameras, const PosedGroups& boards);
 
 }  // namespace mvstudio::calib

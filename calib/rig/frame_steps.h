@@ -17,10 +17,11 @@ struct FrameStep {
   int64_t frame = 0, shift = 0;
 };
 
-/// Do the numbers of b's frames run apart from a's along the recording, as with dropped or repeated frames, or a clock that drifts?
-/// Among all relative poses of the two cameras that single frames give, and all sequences of shifts within 6 frames of
-/// `base_shift`, the one that explains the board's places best (dynamic programming; a change of the shift costs 8 nats). The steps
-/// of that sequence, the first of them at b's first frame, where it explains them by 15 nats more than one shift for all; else none.
+/// Detects frame numbers of b that drift against a's along the recording, as with dropped or repeated frames or a drifting
+/// clock. Searches all sequences of shifts within 6 frames of `base_shift`, with the relative poses of the two cameras
+/// that single frames give, by dynamic programming; each change of the shift costs 8 nats. Returns the steps of the
+/// sequence that explains the board positions best, the first of them at b's first frame. Empty unless it gains 15 nats
+/// over one constant shift.
 std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift);
 
 }  // namespace mvstudio::calib

@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-/// What the parts of the door to the disk share (`files`, `output`, `manifest`, `lock`): nobody else includes this.
+/// Shared by `files`, `output`, `manifest` and `lock`; not included elsewhere.
 namespace mvstudio::internal {
 
-/// An open file, closed at the end.
+/// An open file, closed on destruction.
 struct Descriptor {
   explicit Descriptor(int fd_) : fd(fd_) {}
   ~Descriptor();
@@ -18,7 +18,7 @@ struct Descriptor {
   int fd;
 };
 
-/// True when the step is to go ahead (`SetIoFault`); otherwise errno says why not.
+/// True when the step may proceed (`SetIoFault`); otherwise errno holds the reason.
 bool Allowed(const char* operation, const std::string& path);
 
 /// ResourceError when the device is full, IoError otherwise. `action`: "cannot create".
@@ -27,15 +27,15 @@ bool Allowed(const char* operation, const std::string& path);
 /// Folder of a path; "." when it names none.
 std::string ParentOf(const std::string& path);
 
-/// Makes the folder that a path lies in; returns what had to be made, outermost first.
+/// Creates the parent folder of a path; returns the folders created, outermost first.
 std::vector<std::string> MakeParents(const std::string& path);
 /// Removes those that are empty.
 void RemoveEmpty(const std::vector<std::string>& folders);
 
-/// Absolute, without `.`, `..` and slashes at the end; symbolic links are not looked at.
+/// Absolute path without `.`, `..` and trailing slashes; symbolic links are not resolved.
 std::string Normal(const std::string& path);
 
-/// All that stands at a name, links themselves included.
+/// Whether anything has this name, including a symbolic link itself.
 bool Exists(const std::string& path);
 
 }  // namespace mvstudio::internal

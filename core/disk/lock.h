@@ -6,15 +6,15 @@
 
 namespace mvstudio {
 
-/// Somebody else is writing there (exit code 75). The message names who.
+/// Another process is writing there (exit code 75). The message names it.
 class LockedError : public Error {
  public:
   using Error::Error;
 };
 
-/// The right to write into an output folder, or to one file: one process at a time (`flock` on a hidden file beside it, which
-/// names the holder). The same process may take it again. The folder that is locked holds the manifest of all that is written
-/// below it. Throws LockedError when another process has it.
+/// Exclusive right to write into an output folder, or to one file: one process at a time (`flock` on a hidden file beside
+/// it, which names the holder). The same process may lock it again. The locked folder holds the manifest of everything
+/// written below it. Throws LockedError when another process holds it.
 class OutputLock {
  public:
   explicit OutputLock(const std::string& path);
@@ -26,10 +26,10 @@ class OutputLock {
   std::string key_;
 };
 
-/// The same on a file of a name of its own, without an exception: `owned()` is false when another process has it.
+/// Same on a separately named file, without an exception: `owned()` is false when another process holds it.
 class FileLock {
  public:
-  /// `shown`: what messages call it; the folder of the lock file unless given.
+  /// `shown`: the name in messages; by default the folder of the lock file.
   explicit FileLock(const std::string& lock_path, const std::string& shown = "");
   ~FileLock();
   FileLock(FileLock&& other) noexcept;
@@ -38,7 +38,7 @@ class FileLock {
   FileLock& operator=(FileLock&&) = delete;
 
   bool owned() const { return fd_ >= 0; }
-  /// Who has it, when it is not ours.
+  /// The holder, when it is another process.
   const std::string& owner() const { return owner_; }
 
  private:
@@ -50,13 +50,13 @@ class FileLock {
 
 namespace internal {
 
-/// The folder that this process has locked and that `path` lies in, the innermost; empty when there is none.
+/// The innermost folder that this process has locked and that contains `path`; empty when there is none.
 std::string LockedFolderOf(const std::string& path);
 
 /// Name of the lock file beside an output.
 std::string LockPathOf(const std::string& output);
 
-/// Begins every lock file of ours; a file with another beginning is somebody else's.
+/// Start of every lock file of mvstudio; a file with another start belongs to another program.
 inline constexpr char kLockText[] = "mvstudio lock: ";
 
 }  // namespace internal

@@ -12,8 +12,8 @@ struct NpyArray {
   std::vector<double> values;
 };
 
-/// Reads little-endian float16, float32, float64 and integers of 8 to 64 bits, C or Fortran order. Throws IoError; FormatError
-/// for other types (objects are never unpickled), headers that are damaged, and sizes that the file does not hold.
+/// Reads little-endian float16, float32, float64 and integers of 8 to 64 bits, C or Fortran order. Throws IoError;
+/// FormatError for other types (objects are never unpickled), damaged headers, and sizes that exceed the file.
 NpyArray ReadNpy(const std::string& path);
 NpyArray ParseNpy(const std::string& bytes, const std::string& path);
 

@@ -5,11 +5,11 @@
 
 namespace mvstudio {
 
-/// For the moment before a process ends early: waits for a commit that is under way, lets no other begin, and removes the
-/// temporary files, work folders and lock files of this process. Other threads stop at their next step that publishes.
+/// For an early exit of the process: waits for a commit in progress, prevents further ones, and removes the temporary
+/// files, work folders and lock files of this process. Other threads stop at their next publishing step.
 void AbandonTemporaries();
 
-/// `text` with the names of temporary files and folders of this process replaced by those that they stand for, for messages.
+/// `text` with the names of temporary files and folders of this process replaced by their final names, for messages.
 std::string FinalNames(std::string text);
 
 namespace internal {
@@ -17,34 +17,35 @@ namespace internal {
 /// 32 hexadecimal digits of random bits from the system.
 std::string RandomTag();
 
-/// Name of a new temporary beside `final_path`: random, with its extension.
+/// Name of a new temporary beside `final_path`: random, with the same extension.
 std::string TemporaryBeside(const std::string& final_path);
 
-/// Name under which a folder waits for the end of a swap in two steps; a sweep puts it back.
+/// Temporary name of the old folder during a swap in two steps; SweepLeftovers restores it.
 std::string OldFolderBeside(const std::string& path);
 
-/// Makes and registers an empty temporary file; it is ours as long as the descriptor that is returned stays open. Throws
-/// IoError.
+/// Creates and registers an empty temporary file; it belongs to this process as long as the returned descriptor is open.
+/// Throws IoError.
 int CreateTemporary(const std::string& temporary, const std::string& final_path);
-/// The same for a work folder, which begins with a manifest that says so.
+/// Same for a work folder, which starts with a manifest that marks it as one.
 int CreateWorkFolder(const std::string& temporary, const std::string& final_path);
 
-/// Removes a work folder; what says that it is one goes last, so that the rest is swept should the process be killed meanwhile.
+/// Removes a work folder. The marker is removed last, so that the rest is swept if the process is killed meanwhile.
 void RemoveWorkFolder(const std::string& folder);
 
 enum class TemporaryKind { kFile, kFolder, kLock };
 
-/// Everything that must not outlive this process. A registered folder is a work folder: files below it are nobody's but ours.
+/// Everything that must not outlive this process. A registered folder is a work folder: files below it belong to this
+/// process alone.
 void RegisterTemporary(const std::string& path, const std::string& final_path, TemporaryKind kind);
 void UnregisterTemporary(const std::string& path);
-/// Whether the path lies in a work folder of this process.
+/// Whether the path is inside a work folder of this process.
 bool InWorkFolder(const std::string& path);
 
 /// Held from the first to the last rename of a commit.
 std::recursive_mutex& PublishMutex();
 
-/// Removes what processes that are no more left in a folder: temporary files and folders, lock files; puts back the old folder
-/// where a swap was cut. Looks at each folder once a process unless `again`.
+/// Removes what dead processes left in a folder: temporary files and folders, lock files; restores the old folder where a
+/// swap was interrupted. Examines each folder once per process unless `again`.
 void SweepLeftovers(const std::string& folder, bool again = false);
 /// Whether the path is a temporary or a lock file of this process.
 bool IsTemporaryHere(const std::string& path);

@@ -11,11 +11,11 @@ using Sha256State = std::array<uint32_t, 8>;
 
 void CompressPortable(Sha256State& state, const uint8_t* blocks, size_t count);
 
-/// Whether this machine has instructions for it; only then may the next be called.
+/// Whether this machine has SHA instructions; only then may CompressWithInstructions be called.
 bool HasShaInstructions();
 void CompressWithInstructions(Sha256State& state, const uint8_t* blocks, size_t count);
 
-/// The faster one.
+/// Uses the faster of the two.
 void CompressBlocks(Sha256State& state, const uint8_t* blocks, size_t count);
 
 }  // namespace mvstudio::internal

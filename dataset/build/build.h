@@ -15,8 +15,8 @@ namespace mvstudio::dataset {
 struct CameraFootage {
   std::string camera;                                  ///< name in the calibration
   std::string path;                                    ///< video, image folder or pattern
-  std::string plate;                                   ///< picture of the empty scene; may be empty
-  std::shared_ptr<const Timeline> timeline = nullptr;  ///< which frame shows which instant; none: frame n shows instant n
+  std::string plate;                                   ///< clean plate: picture of the empty scene; may be empty
+  std::shared_ptr<const Timeline> timeline = nullptr;  ///< which frame shows which time step; none: frame n shows time step n
 };
 
 struct BuildInputs {
@@ -63,12 +63,12 @@ struct BuiltCamera {
   std::string alias;  ///< the studio's
   int images = 0;
   std::string size_rule;
-  double background_known = 0;  ///< share of the picture whose background was seen
+  double background_known = 0;  ///< fraction of the picture whose background was seen
   double mean_area_fraction = 0;
   int joints = 0, joints_on_mask = 0, joints_supported = 0;
 };
 
-/// Instants with joints for which a camera has no picture.
+/// Time steps with joints for which a camera has no picture.
 struct BuildGaps {
   std::string camera;  ///< the studio's name
   std::vector<int> instants;
@@ -79,16 +79,19 @@ struct BuildReport {
   int frames = 0;
   int images = 0;
   std::vector<BuiltCamera> cameras;
-  std::vector<BuildGaps> gaps;  ///< cameras that have any: then the dataset is partial
+  std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
   std::vector<BuildWarning> warnings;
-  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states of a camera without a timeline; not applied
+  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states for a camera without a timeline;
+                                         ///< not applied
 };
 
-/// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the number in
-/// an image's name) is frame n of the 3D joints, unless the footage has a timeline: then the 3D joints' frames are its instants
-/// and each camera gives the frame that shows the instant, or none (listed in `gaps`). The folder appears whole or not at all.
-/// The calibration's time offsets are not applied: a dataset holds whole pictures. Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration, sizes that cannot
-/// be explained, and gaps with `require_complete`.
+/// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the
+/// number in an image's name) is frame n of the 3D joints, unless the footage has a timeline. Then the 3D joints' frames
+/// are its time steps, and each camera gives the frame that shows the time step, or none (listed in `gaps`).
+///
+/// The folder appears complete or not at all. The calibration's time offsets are not applied: a dataset holds whole
+/// pictures. Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration,
+/// sizes that cannot be explained, and gaps with `require_complete`.
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run = {});
 

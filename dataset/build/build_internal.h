@@ -9,7 +9,7 @@
 #include "dataset/masks/size_rule.h"
 #include "dataset/pose/pose3d.h"
 
-/// One camera's share of BuildDataset; not part of the module's public face.
+/// BuildDataset's work for one camera; internal to the module.
 namespace mvstudio::dataset::internal {
 
 using People = std::map<int, Coco19Pose>;
@@ -25,11 +25,11 @@ struct CameraJob {
 };
 
 struct CameraResult {
-  geometry::RigCamera camera;  ///< as the pictures need it, under Panoptic's name
+  geometry::RigCamera camera;  ///< as the images need it, under Panoptic's name
   BuiltCamera built;
   SizeDecision size;
-  double frame_rate_hz = 0;  ///< 0 for pictures; with a timeline, of its instants
-  std::vector<int> gaps;     ///< instants with joints and no picture, ascending
+  double frame_rate_hz = 0;  ///< 0 for images; with a timeline, of its time steps
+  std::vector<int> gaps;     ///< time steps with joints and no image, ascending
   std::vector<BuildWarning> warnings;
 };
 

@@ -13,10 +13,10 @@
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/rig.h"
 
-/// Cameras of one studio made to agree in colour. The same point of a person's surface, seen by several cameras, should have
-/// the same colour in all of them; what differs systematically is the cameras' exposure, white balance and black level. The
-/// model is the simplest that points held out of the fit justify: none, a gain, or a gain and an offset for each channel of
-/// each camera, in linear light or on the stored sRGB values.
+/// Matches the colours of a studio's cameras. A point of a person's surface should have the same colour in all cameras
+/// that see it; systematic differences are exposure, white balance and black level. The model is the simplest that
+/// held-out points justify: none, a gain, or a gain and an offset for each channel of each camera, in linear light or on
+/// the stored sRGB values.
 namespace mvstudio::dataset {
 
 enum class ColourModel { kNone, kGain, kGainOffset };
@@ -58,9 +58,9 @@ struct ColourPoint {
   std::vector<View> views;  ///< two or more
 };
 
-/// A camera's own values to those of the common camera: common = gain * own + offset, on values 0..1 of the match's space.
+/// Converts a camera's values to common ones: common = gain * own + offset, on values 0..1 of the match's space.
 struct ColourTransform {
-  Status status = Status::kOk;  ///< kTooFewViews: not enough points in common with the others; left as it is
+  Status status = Status::kOk;  ///< kTooFewViews: too few points in common with the others; unchanged
   Eigen::Array3d gain = Eigen::Array3d::Ones();
   Eigen::Array3d offset = Eigen::Array3d::Zero();
   Eigen::Array3d gain_sigma = Eigen::Array3d::Zero();  ///< standard deviation of the gain
@@ -68,19 +68,19 @@ struct ColourTransform {
   bool IsIdentity() const { return (gain == 1).all() && (offset == 0).all(); }
 };
 
-/// One model tried on the points held out.
+/// One model tested on the held-out points.
 struct ColourTrial {
   ColourModel model = ColourModel::kNone;
   ColourSpace space = ColourSpace::kSrgb;
-  Status status = Status::kOk;    ///< kDegenerate: the colours cannot tell its parameters apart
+  Status status = Status::kOk;    ///< kDegenerate: the colours do not determine its parameters
   double heldout_levels = 0;      ///< median distance of a camera's colour from the mean of the others, grey levels of 255
-  double heldout_gain = 0;        ///< how much of the plain model's squared error (clipped) is gone, 0..1
+  double heldout_gain = 0;        ///< reduction of the squared error (clipped) against no model, 0..1
   double heldout_gain_sigma = 0;  ///< its standard error over groups of points
 };
 
 struct ColourMatch {
-  /// kTooFewViews: no cameras share enough points; kDegenerate, kNotConverged: the colours do not determine the model that was
-  /// asked for. Everything stays as it is then.
+  /// kTooFewViews: no cameras share enough points; kDegenerate, kNotConverged: the colours do not determine the requested
+  /// model. Colours then stay unchanged.
   Status status = Status::kOk;
   std::string reason;  ///< one sentence: why this model, or why none
   ColourModel model = ColourModel::kNone;
@@ -90,25 +90,25 @@ struct ColourMatch {
   int points = 0;
 };
 
-/// RGB picture, or mask, of a camera and frame; an empty one where there is none.
+/// RGB image, or mask, of a camera and frame; empty where there is none.
 using PictureSource = std::function<Image(int camera_idx, int frame)>;
 
-/// Surface points from the silhouettes' visual hull, each with the cameras that look at it from less than 60 degrees off its
-/// normal and with nothing of the hull in between. Laurentini, PAMI 1994. Same input and seed, same points.
+/// Surface points from the visual hull of the silhouettes (Laurentini, PAMI 1994), each with the cameras that see it at
+/// less than 60 degrees from its normal and without occlusion by the hull. Deterministic for a given input and seed.
 std::vector<ColourPoint> SampleSurfaceColours(const geometry::Rig& rig, const std::map<int, std::map<int, Coco19Pose>>& poses,
                                               const PictureSource& pictures, const PictureSource& masks,
                                               const ColourMatchOptions& options, const RunContext& run);
 
-/// Gain and offset of each camera from points that several see, by robust maximum likelihood with the points' true colours as
-/// unknowns (so noise does not shrink the gains). Names are for `options.reference` and messages. Throws UsageError for unknown
-/// models or cameras.
+/// Gain and offset of each camera from points that several see, by robust maximum likelihood. The points' true colours are
+/// unknowns, so noise does not bias the gains low. Names are for `options.reference` and messages. Throws UsageError for
+/// unknown models or cameras.
 ColourMatch MatchColours(const std::vector<ColourPoint>& points, const std::vector<std::string>& camera_names,
                          const ColourMatchOptions& options = {});
 
 /// Both of the above on a dataset with masks.
 ColourMatch MatchDatasetColours(const PanopticDataset& dataset, const ColourMatchOptions& options, const RunContext& run);
 
-/// The picture with the camera's transform applied; rounded, clipped to 0..255.
+/// Applies the camera's transform to the image; rounded, clipped to 0..255.
 void ApplyColour(const ColourTransform& transform, ColourSpace space, Image* rgb);
 
 /// JSON object with model, space, cameras and trials, as docs/colour.md describes it.

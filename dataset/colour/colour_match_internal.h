@@ -8,28 +8,28 @@
 /// Shared by the .cc files of colour matching.
 namespace mvstudio::dataset::internal {
 
-/// sRGB transfer function (IEC 61966-2-1) of values 0..1; goes on beyond 1 and is odd about 0.
+/// sRGB transfer function (IEC 61966-2-1) of values 0..1; continues beyond 1 and is odd about 0.
 double LinearFromSrgb(double srgb);
 double SrgbFromLinear(double linear);
 /// d linear / d srgb.
 double LinearSlope(double srgb);
 
-/// A stored value 0..1 in the space where gain and offset act.
+/// A stored value 0..1, converted to the space of gain and offset.
 double ToSpace(double srgb, ColourSpace space);
 /// sRGB value 0..1 after a camera's transform.
 double Corrected(double srgb, const ColourTransform& t, int channel, ColourSpace space);
 
-/// One channel of one camera in one point, in the match's space.
+/// One channel of one camera at one point, in the match's space.
 struct ChannelView {
   int camera = 0;
   double value = 0;
 };
 struct ChannelPoint {
   std::vector<ChannelView> views;
-  double weight = 1;  ///< inverse of the square of what a grey level is at this brightness
+  double weight = 1;  ///< inverse variance of a grey level at this brightness
 };
 
-/// value = response * (true value) + black for each camera, from points whose true values are unknown: robust (Huber)
+/// Fits value = response * (true value) + black for each camera, from points with unknown true values: robust (Huber)
 /// maximum likelihood for equal noise in all views. Gauge: geometric mean of the responses 1, mean of the blacks 0.
 struct ChannelFit {
   Status status = Status::kOk;  ///< kDegenerate: a response is uncertain by more than 5 %; kNotConverged

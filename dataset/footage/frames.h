@@ -18,7 +18,7 @@ class FrameSource {
     int64_t frame_idx = 0;  ///< videos and folders: position from 0
     std::string label;      ///< file name of an image, "frame 12" for a video: for messages
     Image rgb;
-    int64_t number = 0;            ///< videos: position; pictures: the last number in the name, or the position without one
+    int64_t number = 0;            ///< videos: position; images: the last number in the name, or the position without one
     std::optional<double> time_s;  ///< videos: presentation time
   };
   std::optional<Frame> Next() {
@@ -26,27 +26,27 @@ class FrameSource {
     if (frame) frame->rgb = Picture();
     return frame;
   }
-  /// Next in two steps, for those who need only some of the pictures: `rgb` stays empty until Picture is called for it.
+  /// Next in two steps, when not every image is needed: `rgb` stays empty until Picture is called.
   virtual std::optional<Frame> Advance() = 0;
   virtual Image Picture() = 0;
-  /// Grey, reduced so that the longer side is `max_side`: enough to see whether anything moved.
+  /// Grey, reduced so that the longer side is `max_side`; sufficient to detect motion.
   virtual Image Thumbnail(int max_side) = 0;
   /// Size of the frame that Advance returned.
   virtual std::pair<int, int> size_px() const = 0;
   virtual int64_t num_frames() const = 0;  ///< 0 when unknown
   virtual const std::string& path() const = 0;
-  /// What is missing of footage read to its end with keep_undamaged, one line each.
+  /// What is missing from footage read to its end with keep_undamaged, one line each.
   virtual std::vector<std::string> Damage() const { return {}; }
 };
 
 struct FrameOptions {
-  bool keep_undamaged = false;  ///< leave damaged frames and pictures out, instead of throwing; Damage() lists them
+  bool keep_undamaged = false;  ///< skip damaged frames and images instead of throwing; Damage() lists them
 };
 
 /// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video.
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options = {});
 
-/// The files that footage consists of: the pictures in order, or one video.
+/// The files of the footage: the images in order, or one video.
 struct FootageFiles {
   bool is_video = false;
   std::vector<std::string> paths;
@@ -54,21 +54,21 @@ struct FootageFiles {
 /// Throws like OpenFrames.
 FootageFiles ListFootage(const std::string& path_or_pattern);
 
-/// The last number in a file name without its extension, if any: the number of a picture.
+/// The last number in a file name without its extension, if any: the number of an image.
 std::optional<int64_t> NumberInName(const std::string& path);
 
-/// What footage is, without reading all of it.
+/// Properties of footage, determined without reading all of it.
 struct FootageInfo {
   bool is_video = false;
-  int width = 0, height = 0;  ///< as shown; of the first picture
-  double fps_hz = 0;          ///< 0: pictures, or not known
-  int64_t num_frames = 0;     ///< 0: not known
+  int width = 0, height = 0;  ///< as displayed; of the first image
+  double fps_hz = 0;          ///< 0: images, or unknown
+  int64_t num_frames = 0;     ///< 0: unknown
   std::string codec;          ///< "h264", "png"
   int bits = 8;
   int quarter_turns_clockwise = 0;
-  std::vector<std::string> files;                 ///< pictures in order; the video itself
-  std::vector<std::pair<int64_t, int64_t>> gaps;  ///< numbers that no picture has, as ranges (first, last)
-  std::vector<int64_t> twice;                     ///< numbers that several pictures have
+  std::vector<std::string> files;                 ///< images in order; the video itself
+  std::vector<std::pair<int64_t, int64_t>> gaps;  ///< numbers that no image has, as ranges (first, last)
+  std::vector<int64_t> twice;                     ///< numbers that several images have
 };
 /// Throws like OpenFrames.
 FootageInfo DescribeFootage(const std::string& path_or_pattern);

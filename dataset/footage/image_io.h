@@ -7,8 +7,8 @@
 
 namespace mvstudio::dataset {
 
-/// The most pixels that a picture or a frame may have: 2^27, or MVSTUDIO_MAX_MEGAPIXELS of the environment. What is larger is
-/// refused from its header, before memory is taken for it.
+/// Maximum number of pixels of an image or a frame: 2^27, or MVSTUDIO_MAX_MEGAPIXELS of the environment. Larger ones are
+/// refused from their header, before memory is allocated.
 int64_t MaxPixels();
 
 struct ImageHeader {
@@ -22,10 +22,10 @@ ImageHeader ReadImageHeader(const std::string& path);
 /// Reads PNG or JPEG; RGB, or grey when `grey`. Ignores EXIF rotation. Throws IoError / FormatError, also for more than
 /// MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
 Image ReadImage(const std::string& path, bool grey = false);
-/// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not multiplied: PNG
-/// only.
+/// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not
+/// premultiplied: PNG only.
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 95);
-/// What WriteImage would write there.
+/// The bytes that WriteImage would write.
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality = 95);
 
 }  // namespace mvstudio::dataset

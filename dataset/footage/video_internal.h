@@ -10,7 +10,7 @@ struct AVFormatContext;
 struct AVPacket;
 struct AVStream;
 
-/// An open container; not part of the module's public face.
+/// An open container; internal to the module.
 namespace mvstudio::dataset::internal {
 
 class VideoFile {
@@ -20,19 +20,20 @@ class VideoFile {
   VideoFile(const VideoFile&) = delete;
   VideoFile& operator=(const VideoFile&) = delete;
 
-  /// The next packet of the video stream; 0, AVERROR_EOF or another error of libav. The packet stays until the next call.
+  /// Reads the next packet of the video stream; returns 0, AVERROR_EOF or another error of libav. The packet is valid
+  /// until the next call.
   int Read();
 
   const std::string& path() const { return path_; }
   AVStream* stream() const { return stream_; }
   AVPacket* packet() const { return packet_; }
-  /// Frames the container promises to show before edit lists; 0 when it does not say.
+  /// Number of frames stated by the container, before edit lists; 0 when unknown.
   int64_t promised() const;
   /// Duration that Matroska and WebM keep with the stream, seconds; 0 when absent.
   double tagged_duration_s() const;
   VideoInfo info() const;
   double Seconds(int64_t pts) const;  ///< NaN for AV_NOPTS_VALUE
-  /// Error of the file itself at its end; 0: none.
+  /// I/O error at the end of the file; 0: none.
   int io_error() const;
 
  private:
@@ -44,26 +45,26 @@ class VideoFile {
   AVPacket* packet_ = nullptr;
 };
 
-/// The checksums of FFV1, version 3 and later: libav's decoder only logs that they do not fit.
+/// Verifies the checksums of FFV1, version 3 and later: libav's decoder only logs a mismatch.
 class SliceChecksums {
  public:
   bool IsDamaged(const AVPacket& packet);
 
  private:
-  bool present_ = false;  ///< a packet before had them
+  bool present_ = false;  ///< an earlier packet had them
 };
 
-/// What a first pass over the packets tells.
+/// Result of a first pass over the packets.
 struct PacketScan {
-  std::vector<int64_t> pts;      ///< of the frames to show, in the order in which they are shown; AV_NOPTS_VALUE: none
+  std::vector<int64_t> pts;      ///< of the frames to display, in display order; AV_NOPTS_VALUE: none
   int64_t discarded = 0;         ///< packets that an edit list hides
   std::string cut_short;         ///< why reading stopped early; empty: it did not
-  bool ends_in_packet = false;   ///< the last packet is cut short
-  int64_t last_dts = INT64_MIN;  ///< of the packets; one that is missing at the end is shown after this
+  bool ends_in_packet = false;   ///< the last packet is truncated
+  int64_t last_dts = INT64_MIN;  ///< of the packets; a missing frame at the end is displayed after this
 };
 PacketScan ScanPackets(VideoFile* file);
 
-/// Whether a stream whose last frame is at `last_s` ends before `duration_s` by more than two usual steps.
+/// Whether a stream whose last frame is at `last_s` ends more than two usual steps before `duration_s`.
 bool EndsEarly(double last_s, int64_t num_frames, double rate_hz, double duration_s);
 
 }  // namespace mvstudio::dataset::internal

@@ -31,20 +31,20 @@ void VisitFields(Visitor&& visit, PanopticImportOptions& o) {
 
 struct PanopticImportReport {
   std::string sequence;
-  std::vector<std::string> takes;  ///< cameras whose clocks nothing relates to the HD cameras' get takes of their own
+  std::vector<std::string> takes;  ///< cameras whose clock has no relation to the HD cameras' get separate takes
   int cameras = 0, cameras_with_footage = 0;
   int frames = 0, first_frame = 0, last_frame = 0;  ///< with joints
   int most_people = 0;
-  int64_t joints = 0;             ///< that have a place
+  int64_t joints = 0;             ///< with a position
   int faces = 0, hands = 0;       ///< files kept
   int64_t pictures = 0;           ///< copied or decoded
   double worst_clock_ms = 0;      ///< largest distance of a frame's time from the clock's line
   std::vector<Finding> findings;  ///< errors: cameras and frames that were left out
 };
 
-/// A Panoptic sequence becomes a session folder: mvstudio.toml, calib/calibration.json, pose3d/TAKE, raw/TAKE with the footage,
-/// masks/TAKE where there are masks, sync/TAKE.times.csv (every frame on the universal clock) and panoptic/ with the
-/// calibration, faces, hands and sync tables as they were. Joints are read one file at a time. What cannot be read is left out
+/// Converts a Panoptic sequence to a session folder: mvstudio.toml, calib/calibration.json, pose3d/TAKE, raw/TAKE with the
+/// footage, masks/TAKE where there are masks, sync/TAKE.times.csv (every frame on the universal clock). panoptic/ holds
+/// calibration, faces, hands and sync tables unchanged. Joints are read one file at a time. Unreadable files are left out
 /// and listed. Throws UsageError, IoError, FormatError when nothing can be imported.
 PanopticImportReport ImportPanoptic(const std::string& root, const std::string& session_folder,
                                     const PanopticImportOptions& options, const RunContext& run = {});

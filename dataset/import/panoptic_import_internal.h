@@ -10,7 +10,7 @@
 #include "dataset/session/session.h"
 #include "dataset/verify/verify_internal.h"
 
-/// The halves of ImportPanoptic; not part of the module's public face.
+/// The parts of ImportPanoptic; internal to the module.
 namespace mvstudio::dataset::internal {
 
 struct FrameRange {
@@ -23,29 +23,29 @@ struct ImportJob {
   const PanopticImportOptions& options;
   const RunContext& run;
   PanopticSequence sequence;
-  geometry::Rig rig;       ///< the chosen cameras
-  std::string take, work;  ///< name of the take; the session's folder while it is made
+  geometry::Rig rig;       ///< the selected cameras
+  std::string take, work;  ///< name of the take; the session's folder under construction
   FrameRange range;
   Findings findings;
 };
 
-/// Joints of `scenes` become the session's pose3d/TAKE, a file at a time; what cannot be read is listed. Returns the times that
-/// the files state, by frame.
+/// Converts the joints of `scenes` to the session's pose3d/TAKE, one file at a time; unreadable ones are listed. Returns
+/// the times that the files state, by frame.
 std::map<int, double> ImportJoints(ImportJob* job, const PanopticFrames& scenes, const std::string& take,
                                    PanopticImportReport* report);
 
-/// Where a camera's footage lies in the session, and its frames' numbers.
+/// Path of a camera's footage in the session, and its frame numbers.
 struct ImportedFootage {
-  std::string camera, path;  ///< relative to the session; empty: it could not be read
+  std::string camera, path;  ///< relative to the session; empty: unreadable
   std::vector<int> frames;   ///< numbers as in the session's footage
   int64_t pictures = 0;      ///< copied or decoded
 };
-/// Links, copies or decodes the footage of a camera, and its masks; says in `findings` what could not be read.
+/// Links, copies or decodes the footage and masks of a camera; reports unreadable files in `findings`.
 ImportedFootage ImportFootage(const ImportJob& job, const geometry::RigCamera& camera, const std::string& take,
                               Findings* findings);
 
-/// Clocks of the chosen cameras by kind ("hd", "vga") and of each Kinect by name; findings about tables that contradict the
-/// joints. Those not known are not there.
+/// Known clocks of the selected cameras, by kind ("hd", "vga") and of each Kinect by name. Adds findings about tables that
+/// contradict the joints.
 std::map<std::string, PanopticClock> ImportClocks(ImportJob* job, const std::map<int, double>& hd_scene_times);
 
 }  // namespace mvstudio::dataset::internal

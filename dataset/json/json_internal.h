@@ -13,9 +13,9 @@ namespace mvstudio::dataset::internal {
 
 using Json = nlohmann::ordered_json;
 
-/// Parses a text. Refused: nesting deeper than 64, a key twice in one object, numbers beyond the range of doubles, bytes that
-/// are not UTF-8. "-0" keeps its sign. Throws FormatError with `path` and the byte where the text breaks, or the place of the
-/// key.
+/// Parses a text. Rejected: nesting deeper than 64, a repeated key in one object, numbers beyond the range of doubles,
+/// bytes that are not UTF-8. "-0" keeps its sign. Throws FormatError with `path` and the byte of the syntax error, or the
+/// place of the key.
 Json ParseJson(std::string_view text, const std::string& path);
 
 constexpr int64_t kMaxJsonBytes = int64_t{256} << 20;
@@ -26,16 +26,16 @@ std::string ReadTextFile(const std::string& path, int64_t max_bytes);
 
 using JsonView = BasicJsonView<Json>;
 
-/// A text that can be a camera's name (core/label.h).
+/// A text that is valid as a camera's name (core/label.h).
 std::string CameraName(const JsonView& json);
 
-/// Shortest text that reads back as the same double.
+/// Shortest text that parses to the same double.
 std::string NumberText(double value);
 
-/// The same in the form of a C++ stream: six significant digits where they do, more where they must.
+/// Same in the form of a C++ stream: six significant digits where they suffice, more where they do not.
 std::string StreamNumberText(double value);
 
-/// Foreign text for a message: in quotes, on one line, at most 60 bytes of it.
+/// Text from outside for a message: in quotes, on one line, at most 60 bytes of it.
 std::string Quoted(const std::string& text);
 
 }  // namespace mvstudio::dataset::internal

@@ -7,7 +7,7 @@
 
 #include "dataset/masks/masks.h"
 
-/// Pieces of the mask code that are shared by its files and not part of the module's public face.
+/// Shared by the files of the masks; internal to the module.
 namespace mvstudio::dataset::internal {
 
 struct LimbShape {
@@ -21,7 +21,7 @@ inline constexpr LimbShape kLimbs[] = {
     {3, 4, 0.060, 0.045}, {4, 5, 0.045, 0.035},   {9, 10, 0.060, 0.045}, {10, 11, 0.045, 0.035}, {6, 7, 0.090, 0.060},
     {7, 8, 0.060, 0.045}, {12, 13, 0.090, 0.060}, {13, 14, 0.060, 0.045}};
 
-/// Bones whose line is foreground for certain; the face is left out, its joints lie near the outline.
+/// Bones whose line is certainly foreground; without the face, whose joints lie near the outline.
 inline constexpr std::pair<int, int> kBones[] = {{0, 1},   {0, 2}, {0, 3}, {3, 4}, {4, 5},  {0, 9},   {9, 10},
                                                  {10, 11}, {2, 6}, {6, 7}, {7, 8}, {2, 12}, {12, 13}, {13, 14}};
 
@@ -44,7 +44,7 @@ struct PixelBox {
 /// Bounding box of the region within `margin_m` of the limbs, clipped to the image.
 PixelBox BoxOfBody(const ProjectedBody& body, int width, int height, double margin_m);
 
-/// Colour's evidence for a person at a pixel of the frame, nats, clamped to +-8.
+/// Colour evidence for a person at a pixel of the frame, nats, clamped to +-8.
 double PersonEvidence(const Image& rgb, int x, int y, const CameraMaskModel& model);
 
 enum class Label : int8_t { kFree = -1, kBackground = 0, kPerson = 1 };

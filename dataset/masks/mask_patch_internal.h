@@ -4,14 +4,14 @@
 
 #include "dataset/masks/mask_internal.h"
 
-/// A part of a frame with all that the cut needs to know of it. OpenCV's types: for the mask code's .cc files only.
+/// Part of a frame with the data that the cut needs. OpenCV's types: only for the .cc files of the masks.
 namespace mvstudio::dataset::internal {
 
 cv::Mat View(const Image& image);
-/// 255 within `radius_px` of a pixel that is not 0; its time does not depend on the radius.
+/// 255 within `radius_px` of a nonzero pixel; its time does not depend on the radius.
 Image Dilated(const Image& mask, int radius_px);
 
-/// A part of the frame and of the background model at one resolution; pixel (x, y) of it is pixel offset + scale (x, y) of the
+/// Part of the frame and of the background model at one resolution; its pixel (x, y) is pixel offset + scale (x, y) of the
 /// frame.
 struct Patch {
   double scale = 1;
@@ -26,12 +26,12 @@ struct Patch {
   Eigen::Vector2d FramePixel(int x, int y) const { return offset + scale * Eigen::Vector2d(x, y); }
 };
 
-/// How much brighter this frame is than the background model, by channel, from known pixels outside `people`.
+/// Brightness of this frame over that of the background model, by channel, from known pixels outside `people`.
 cv::Scalar ExposureGain(const Image& rgb, const PixelBox& people, const BackgroundModel& model);
 
 /// Full resolution.
 Patch MakePatch(const Image& rgb, const PixelBox& box, const BackgroundModel& model, const cv::Scalar& gain);
-/// The same patch itself when it is hardly larger than asked for.
+/// Returns the patch unchanged when it is only slightly larger than requested.
 Patch Reduced(const Patch& full, int longer_side_px);
 
 struct PixelCosts {
@@ -40,20 +40,22 @@ struct PixelCosts {
 /// Costs by colour alone, nats.
 PixelCosts ColourCosts(const Patch& patch, int x, int y, const CameraMaskModel& model, const MaskOptions& options);
 
-/// Steps between neighbours of which one is free, and their scale.
+/// Fills the contrast between neighbours of which one is free, and its scale.
 void FillContrast(const Patch& patch, CutProblem* problem);
 
-/// Costs of the free pixels; without a body every pixel may be a person's. Pixels beyond reach become background.
+/// Fills the costs of the free pixels. Without a body every pixel may be a person's. Pixels beyond reach become
+/// background.
 void FillCosts(const Patch& patch, const ProjectedBody* body, const CameraMaskModel& model, const MaskOptions& options,
                CutProblem* problem);
 
 cv::Mat LabelMat(const CutProblem& problem);
 
-/// Decides the pixels along the outline of `mask` (CV_8U, full resolution) by how much of each the person covers: its colour is
-/// a mixture of the background behind it and of the person's colours beside it, in linear light. `coverage` receives it, CV_8U.
+/// Decides the pixels along the outline of `mask` (CV_8U, full resolution) by the fraction of each that the person covers:
+/// its colour is a mixture of the background behind it and of the person's colours beside it, in linear light. `coverage`
+/// receives the fraction, CV_8U.
 void DecideByCoverage(const Patch& patch, const cv::Mat& bones, const MaskOptions& options, cv::Mat* mask, cv::Mat* coverage);
 
-/// `coverage` moved to the side of one half that `mask` says.
+/// `coverage` clamped to the side of one half that `mask` states.
 cv::Mat OnTheRightSide(const cv::Mat& coverage, const cv::Mat& mask);
 
 }  // namespace mvstudio::dataset::internal

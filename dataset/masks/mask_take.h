@@ -11,17 +11,18 @@
 #include "dataset/masks/masks.h"
 #include "dataset/pose/pose2d.h"
 
-/// Masks of one camera over a whole take: which frames to learn from, learning, every frame in turn.
+/// Masks of one camera over a whole take: selects frames to learn from, learns, segments every frame.
 namespace mvstudio::dataset {
 
-/// People of one picture from 2D key points. The size of a limb in pixels follows from the longest limbs, taken for an adult's.
+/// People of one image from 2D keypoints. The size of a limb in pixels follows from the longest limbs, assumed to be an
+/// adult's.
 ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const body::Skeleton& skeleton,
                                 const MaskOptions& options = {});
 
-/// A net's belief in a person, (H, W, 1) 0..255; `body` may be null. Empty function: no net.
+/// A net's probability of a person, (H, W, 1) 0..255; `body` may be null. Empty function: no net.
 using PersonNet = std::function<Image(const Image& rgb, const ProjectedBody* body)>;
 
-/// Where the people of a frame are; null where that is not known.
+/// Positions of the people in a frame; null where unknown.
 struct BodiesOfTake {
   std::map<int, ProjectedBody> frames;
   bool empty() const { return frames.empty(); }
@@ -37,18 +38,18 @@ struct FootageSamples {
 };
 /// Decodes all of it. Throws FormatError for pictures of different sizes, numbers out of order, or no picture at all.
 FootageSamples SampleFootage(const std::string& path, int count);
-/// Those frames alone, as far as they are there.
+/// Only these frames, as far as they exist.
 std::map<int, Image> ReadFrames(const std::string& path, const std::vector<int>& numbers);
 
 struct LearnedCamera {
-  Status status = Status::kOk;  ///< kDegenerate: neither joints, nor a net, nor motion tell people from background
+  Status status = Status::kOk;  ///< kDegenerate: neither joints, nor a net, nor motion separate people from background
   CameraMaskModel model;
 };
-/// With joints as LearnCamera; else from a net's opinion; else from what moves. `plate` may be null.
+/// With joints as LearnCamera; else from a net's probabilities; else from motion. `plate` may be null.
 LearnedCamera LearnTakeCamera(const FootageSamples& samples, const BodiesOfTake& bodies, const PersonNet& net,
                               const Image* plate, const MaskOptions& options);
 
-/// How often pixels change class from one frame to the next although the picture does not change there (grey levels, 3x3).
+/// How often pixels change class between frames although the image does not change there (grey levels, 3x3).
 struct Flicker {
   double unmoving_px = 0, changed_px = 0;
   double Share() const { return unmoving_px > 0 ? changed_px / unmoving_px : 0; }
@@ -63,8 +64,8 @@ struct TakeMasks {
   double ms_per_picture = 0;  ///< segmentation alone
 };
 
-/// `possible(frame)`: where other cameras allow a person, empty image: anywhere; may be an empty function. `use` gets every
-/// frame's number, picture and mask in order.
+/// `possible(frame)`: where other cameras allow a person; empty image: anywhere; may be an empty function. `use` receives
+/// every frame's number, picture and mask in order.
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
                       const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options);

@@ -10,14 +10,18 @@
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
-/// Foreground masks of people. Each pixel near the projected body (or anywhere, when there are no joints) gets two costs: how
-/// badly its colour fits the people (a colour mixture learned under the skeleton) and how badly it fits the background (the
-/// pixel's own history where it was seen without the person, a colour mixture of the surroundings elsewhere; shadows and
-/// exposure changes are allowed for). A graph cut with contrast-sensitive edges decides, first on a reduced crop, then at full
-/// resolution in a narrow band along the outline. Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV
-/// 2006. Bone lines are foreground always (Neural Texture papers call them skeleton pixels). Last, the pixels of the outline
-/// are decided by how much of them the person covers: their colour is a mixture, in linear light, of the background behind and
-/// of the person beside them (Chuang et al., "A Bayesian Approach to Digital Matting", CVPR 2001); foreground is one half.
+/// Foreground masks of people. Each pixel near the projected body (or anywhere, without joints) gets two costs. One is the
+/// misfit of its colour to the people (a colour mixture learned under the skeleton). The other is the misfit to the
+/// background: the pixel's own history where it was seen without the person, else a colour mixture of the surroundings.
+/// Shadows and exposure changes are allowed for.
+///
+/// A graph cut with contrast-sensitive edges decides, first on a reduced crop, then at full resolution in a narrow band
+/// along the outline. Rother et al., "GrabCut", SIGGRAPH 2004; Sun et al., "Background Cut", ECCV 2006. Bone lines are
+/// always foreground (Neural Texture papers call them skeleton pixels).
+///
+/// Last, the pixels of the outline are decided by the fraction that the person covers. Their colour is a mixture, in
+/// linear light, of the background behind them and the person beside them (Chuang et al., "A Bayesian Approach to Digital
+/// Matting", CVPR 2001). From one half on they are foreground.
 namespace mvstudio::dataset {
 
 struct MaskOptions {
@@ -62,10 +66,10 @@ struct BodyCapsule {
   double px_per_m = 0;
 };
 
-/// People of one frame as one camera sees them.
+/// People of one frame, projected into one camera.
 struct ProjectedBody {
-  std::vector<BodyCapsule> limbs;                                  ///< usual thickness; soft
-  std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> bones;  ///< lines that are foreground always
+  std::vector<BodyCapsule> limbs;                                  ///< usual thickness; soft constraint
+  std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> bones;  ///< lines that are always foreground
   std::vector<Eigen::Vector2d> joints_px;                          ///< valid joints that project into the image
   bool empty() const { return limbs.empty(); }
 };
@@ -76,7 +80,7 @@ ProjectedBody ProjectBody(const std::map<int, Coco19Pose>& people, const geometr
 /// 255 where the body may be: within `margin_m` of the limbs' surface.
 Image BodyRegion(const ProjectedBody& body, int width, int height, double margin_m);
 
-/// What each pixel of a camera looks like without people.
+/// Appearance of each pixel of a camera without people.
 struct BackgroundModel {
   Image colour;                // (H, W, 3) median over the frames where the pixel is free
   std::vector<float> sigma;    // (H, W) standard deviation of a channel, grey levels
@@ -98,39 +102,39 @@ struct ColourMixture {
     double log_norm = 0;
   };
   std::vector<Component> components;
-  /// -log density per level^3, with a share of uniform so that it stays finite.
+  /// -log density per level^3, with a uniform component so that it stays finite.
   double Cost(const Eigen::Vector3d& rgb) const;
 };
 
-/// k-means from fixed starting points, then one Gaussian a cluster. Colours are (3, N) in 0..255. Same input, same result.
+/// k-means from fixed starting points, then one Gaussian per cluster. Colours are (3, N) in 0..255. Deterministic.
 ColourMixture FitColours(const Eigen::Matrix3Xf& rgb, int num_components);
 
-/// What is known of one camera before its frames are segmented.
+/// What was learned about one camera before its frames are segmented.
 struct CameraMaskModel {
   BackgroundModel background;
   ColourMixture person;
   ColourMixture surroundings;  ///< for pixels whose own background was never seen
 };
 
-/// Learns from sampled frames and their projected people; in two rounds, the second with the first one's masks in place of the
-/// skeleton's surroundings. With a plate the background is the plate. Throws ContractViolation when sizes differ.
+/// Learns from sampled frames and their projected people, in two rounds; in the second, the first round's masks replace
+/// the skeleton's surroundings. With a plate the background is the plate. Throws ContractViolation when sizes differ.
 CameraMaskModel LearnCamera(const std::vector<Image>& frames, const std::vector<ProjectedBody>& bodies, const Image* plate,
                             const MaskOptions& options = {});
 
-/// The same where no joints are known: frames and masks of who is where in them, right or nearly so. `maybe[i]` is 255 where
-/// frame i may show a person, `surely[i]` where it does.
+/// Same without joints: from frames and approximate masks of the people in them. `maybe[i]` is 255 where frame i may show
+/// a person, `surely[i]` where it does.
 CameraMaskModel LearnCameraFromMasks(const std::vector<Image>& frames, const std::vector<Image>& surely,
                                      const std::vector<Image>& maybe, const Image* plate, const MaskOptions& options = {});
 
-/// What moves in the sampled frames: each pixel's background is the colour it shows most often, or the plate's.
+/// Motion in the sampled frames: each pixel's background is its most frequent colour, or the plate's.
 struct MotionModel {
-  Status status = Status::kOk;  ///< kDegenerate: nothing moves, so that people and background cannot be told apart
+  Status status = Status::kOk;  ///< kDegenerate: nothing moves, so people and background cannot be separated
   std::vector<Image> moving;    // (H, W, 1) 255 where a frame differs from the background, a frame each
   double moving_fraction = 0;   ///< of all pixels of all frames
 };
 MotionModel FindMotion(const std::vector<Image>& frames, const Image* plate, const MaskOptions& options = {});
 
-/// What is known of one frame beside its picture; every part may be missing. Images are of the frame's size.
+/// Additional information on one frame; every part may be missing. Images are of the frame's size.
 struct MaskHints {
   const ProjectedBody* body = nullptr;   ///< without one, people may be anywhere
   const Image* probability = nullptr;    // (H, W, 1) a net's belief in a person, 0..255
@@ -145,10 +149,10 @@ struct BodyMask {
   double area_fraction = 0;  ///< of the image
   int joints = 0;            ///< valid joints in the image
   int joints_on_mask = 0;    ///< of them, on the mask
-  int joints_supported = 0;  ///< of them, where colour alone speaks for a person
+  int joints_supported = 0;  ///< of them, where colour alone indicates a person
 };
 
-/// An empty mask when `hints` has a body that does not project into the image, or when nothing speaks for a person.
+/// An empty mask when `hints` has a body that does not project into the image, or when nothing indicates a person.
 BodyMask SegmentPeople(const Image& rgb, const MaskHints& hints, const CameraMaskModel& model, const MaskOptions& options = {});
 
 /// From joints alone. An empty mask when no person projects into the image.

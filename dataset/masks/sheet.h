@@ -6,15 +6,15 @@
 
 namespace mvstudio::dataset {
 
-/// A picture and its mask, to be looked at.
+/// A picture and its mask, for visual inspection.
 struct SheetTile {
   Image rgb;    // (H, W, 3)
   Image mask;   // (H, W, 1)
   Image truth;  // (H, W, 1); empty when there is none
 };
 
-/// Tiles in rows of `columns`, each shrunk (or, when small, enlarged) to about `tile_px` on its longer side, cut to the masks
-/// with a margin when `crop` is set. The outline is green; with a truth, what is too much is red and what is too little blue.
+/// Tiles in rows of `columns`, each scaled to about `tile_px` on its longer side, and cropped to the masks with a margin
+/// when `crop` is set. The outline is green; with a truth, excess is red and missing parts are blue.
 Image ContactSheet(const std::vector<SheetTile>& tiles, int columns, int tile_px, bool crop);
 
 }  // namespace mvstudio::dataset

@@ -10,9 +10,10 @@
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
-/// What the silhouettes of one instant say together: the visual hull, the largest body that they all allow (Laurentini, PAMI
-/// 1994). Carved coarse to fine from one cube (Szeliski, CVGIP 1993), so that its cost grows with the body's surface. A cell
-/// that a single camera forbids is kept with that camera's number: it tells what the others would allow and hence who is wrong.
+/// Visual hull of the silhouettes of one time step: the largest body that they all allow (Laurentini, PAMI 1994). Carved
+/// coarse to fine from one cube (Szeliski, CVGIP 1993), so that its cost grows with the body's surface. A cell that a
+/// single camera excludes is kept with that camera's number: it shows what the others would allow, and hence which camera
+/// is wrong.
 namespace mvstudio::dataset {
 
 struct HullOptions {
@@ -36,7 +37,7 @@ struct HullView {
   const Image* mask = nullptr;  // (H, W, 1) 0 or 255
 };
 
-/// Where to look for people: a cube, metres, in world.
+/// Search region for people: a cube, metres, in world.
 struct HullBox {
   Status status = Status::kOk;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -54,34 +55,34 @@ struct HullCell {
   int16_t forbidden_by = -1;  ///< the one camera whose mask it misses; -1: none
 };
 
-/// How one camera's mask agrees with the others.
+/// Agreement of one camera's mask with the others.
 struct HullAgreement {
   double mask_px = 0;
-  double outside = 0;  ///< share of its mask where the hull has nothing to show
-  double missing = 0;  ///< share of what the other cameras' hull shows in it that its mask lacks
-  double blame = 0;    ///< by how much `outside` of the others falls on average when this camera does not carve
+  double outside = 0;  ///< fraction of its mask that the hull does not explain
+  double missing = 0;  ///< fraction of the projected hull of the other cameras that its mask lacks
+  double blame = 0;    ///< mean decrease of the others' `outside` when this camera does not carve
 };
 
 struct VisualHull {
   Status status = Status::kOk;  ///< kTooFewViews: fewer than two masks that are not empty; kDegenerate: no point that all
                                 ///< allow; kNonFiniteInput: no box
-  double voxel_m = 0;                  ///< of the finest cells, larger than asked for when `most_cells` was reached
-  double volume_m3 = 0;                ///< of the cells that nobody forbids
-  std::vector<HullCell> cells;         ///< forbidden by nobody or by one camera
+  double voxel_m = 0;                  ///< of the finest cells; larger than requested when `most_cells` was reached
+  double volume_m3 = 0;                ///< of the cells that no camera excludes
+  std::vector<HullCell> cells;         ///< excluded by no camera or by one
   std::vector<HullAgreement> cameras;  ///< in the views' order; all zero unless status is kOk or kDegenerate
 };
 
-/// Empty masks do not carve; a camera that does not see a cell neither. Throws ContractViolation when a mask's size is not its
-/// camera's.
+/// Carves the hull. Empty masks do not carve; nor does a camera that does not see a cell. Throws ContractViolation when a
+/// mask's size differs from its camera's.
 VisualHull CarveHull(const std::vector<HullView>& views, const HullBox& box, const HullOptions& options = {});
 
-/// 255 where a mask of view `view` may be without contradicting two others, widened by `margin_px`.
+/// 255 where the mask of this camera may be without contradicting two others, enlarged by `margin_px`.
 Image PossiblePixels(const VisualHull& hull, const geometry::RigCamera& camera, double margin_px);
 
-/// Agreement over many instants; add up with `Add`, then read the means.
+/// Agreement over many time steps: accumulate with `Add`, then read the means.
 struct HullSummary {
   std::vector<HullAgreement> sums;
-  int instants = 0, skipped = 0;  ///< skipped: the hull had another status than kOk and kDegenerate
+  int instants = 0, skipped = 0;  ///< skipped: the hull had a status other than kOk and kDegenerate
   void Add(const VisualHull& hull);
   HullAgreement Mean(size_t camera) const;
   /// Cameras whose masks disagree with the others by more than `most_outside`: too large (outside) or too small (blame).

@@ -10,7 +10,7 @@
 #include "dataset/colour/colour_match.h"
 #include "dataset/views/undistort.h"
 
-/// Dataset folder -> pack: HDF5 shards that several processes can make together, each file whole or not there at all.
+/// Dataset folder -> pack: HDF5 shards that several processes can make together; each file appears complete or not at all.
 namespace mvstudio::dataset {
 
 struct PackOptions {
@@ -26,7 +26,7 @@ struct PackOptions {
   int shard_samples = 512;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< empty: all with a body3DScene file
-  std::string split;                 ///< file of `mvstudio.split/1`: its pictures only, marked by part
+  std::string split;                 ///< file of `mvstudio.split/1`: only its pictures, marked by part
   UndistortOptions undistort_view;   ///< with `undistort`
   ColourMatchOptions colour;         ///< with `match_colours`
 };
@@ -45,57 +45,57 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("shard-samples", o.shard_samples, "pictures in one file, at most; whole frames stay together");
 }
 
-/// Which shards one call makes: those with number % count == index.
+/// The shards that one call makes: those with number % count == index.
 struct ShardShare {
   int index = 0;
   int count = 1;
 };
 
-/// Seconds, added over threads but for write_s, verify_s and wall_s.
+/// Seconds, summed over threads except write_s, verify_s and wall_s.
 struct PackTimes {
   double decode_s = 0;    ///< pictures and masks of the dataset, files to pixels
   double hash_s = 0;      ///< digests of those files
   double resample_s = 0;  ///< crops, undistortion, colours
   double encode_s = 0;
-  double write_s = 0;   ///< HDF5 file made and flushed to the disk
+  double write_s = 0;   ///< HDF5 file made and flushed to disk
   double verify_s = 0;  ///< read again and compared
   double wall_s = 0;
 };
 
-/// What undistortion does to one camera's pictures.
+/// Errors of undistortion for one camera's pictures.
 struct PackUndistortion {
   std::string camera;
   double max_joint_px = 0;  ///< footage px: the pinhole's projection of a joint against the lens's
   double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
-  double lost_share = 0;    ///< of the footage's pixels, those that the pinhole does not show
-  double empty_share = 0;   ///< of the pinhole's pixels, those without a source
+  double lost_share = 0;    ///< fraction of the footage's pixels that the pinhole does not show
+  double empty_share = 0;   ///< fraction of the pinhole's pixels without a source
 };
 
 struct PackBuildReport {
   int num_shards = 0;                          ///< of the pack
-  std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by someone else
+  std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by another process
   std::vector<std::string> notes;              ///< why a shard was made again
   std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no picture"
   int64_t samples = 0;                         ///< in built and kept shards
   uint64_t bytes = 0;                          ///< of their files
   bool complete = false;                       ///< INDEX.json was written, or is up to date
-  std::string busy_owner;                      ///< who makes the first busy one
-  Status colour_status = Status::kOk;          ///< other than kOk: colours stayed as they are
+  std::string busy_owner;                      ///< owner of the first busy one
+  Status colour_status = Status::kOk;          ///< other than kOk: colours stayed unchanged
   std::string colour_reason;                   ///< which colour model was chosen and why
   std::vector<PackUndistortion> undistortion;  ///< of each camera, when pictures are undistorted
   int threads = 1;
   PackTimes times;
 };
 
-/// Makes the shards of `share` in the folder `out` and, when `share` is everything and all shards are there, INDEX.json. Shards
-/// that are finished (their file and their inputs have the digests of the done-marker) are kept, damaged ones made again; the
-/// files do not depend on threads, on the share or on what was interrupted before. Throws UsageError when `out` holds a pack of
-/// other options.
+/// Makes the shards of `share` in the folder `out` and, when `share` is everything and all shards exist, INDEX.json.
+/// Finished shards (file and inputs have the digests of the done-marker) are kept, damaged ones made again. The files do
+/// not depend on threads, on the share or on earlier interruptions. Throws UsageError when `out` holds a pack of other
+/// options.
 PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,
                           const ShardShare& share = {}, const RunContext& run = {});
 
-/// Checks that every shard is there, whole, and of one plan, and writes INDEX.json. Throws FormatError naming every shard that
-/// is missing or damaged.
+/// Checks that every shard exists, is complete, and belongs to one plan, and writes INDEX.json. Throws FormatError naming
+/// every missing or damaged shard.
 PackBuildReport MergePack(const std::string& out, const RunContext& run = {});
 
 /// Copies a finished pack into one file. Throws ResourceError above 8 GiB.

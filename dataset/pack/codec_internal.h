@@ -8,7 +8,7 @@
 
 namespace mvstudio::dataset::internal {
 
-/// How pictures are stored: "png", "jpeg:Q" with Q from 1 to 100, "raw" (rows of RGB bytes).
+/// Encoding of pictures: "png", "jpeg:Q" with Q from 1 to 100, "raw" (rows of RGB bytes).
 struct Codec {
   enum class Kind { kPng, kJpeg, kRaw };
   Kind kind = Kind::kPng;
@@ -23,13 +23,13 @@ std::string EncodeImage(const Image& image, const Codec& codec);
 /// One bit a pixel, PNG.
 std::string EncodeMask(const Image& mask);
 
-/// Throws FormatError ("`path`: `where`: …") unless the bytes are a picture of exactly this size; the size is read before
-/// anything is unpacked.
+/// Throws FormatError ("`path`: `where`: …") unless the bytes are a picture of exactly this size; the size is checked
+/// before decoding.
 Image DecodeImage(std::string_view bytes, const Codec& codec, int width, int height, const std::string& path,
                   const std::string& where);
 Image DecodeMask(std::string_view bytes, int width, int height, const std::string& path, const std::string& where);
 
-/// CRC-32 of ISO 3309, as zlib.crc32 gives it.
+/// CRC-32 of ISO 3309, as zlib.crc32.
 uint32_t Crc32(std::string_view bytes);
 
 }  // namespace mvstudio::dataset::internal

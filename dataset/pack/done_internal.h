@@ -14,7 +14,7 @@ inline constexpr char kDoneSchema[] = "mvstudio.pack-shard/1";
 inline constexpr char kIndexSchema[] = "mvstudio.pack-index/1";
 inline constexpr char kIndexName[] = "INDEX.json";
 
-/// What is known of a finished shard.
+/// State of a finished shard.
 struct DoneMarker {
   std::string file;  ///< name in the folder
   uint64_t bytes = 0;
@@ -29,7 +29,7 @@ std::string ShardPath(const std::string& folder, int number);
 std::string DonePath(const std::string& folder, int number);
 
 std::string DoneToJsonText(const DoneMarker& marker);
-/// Nothing when the file is not there. Throws FormatError.
+/// Empty when the file does not exist. Throws FormatError.
 std::optional<DoneMarker> ReadDone(const std::string& path);
 
 struct PackIndex {

@@ -19,9 +19,9 @@
 /// chunked with fletcher32.
 namespace mvstudio::dataset::internal {
 
-/// HDF5 has global state: whoever calls it holds this lock. Taking it silences the library's own printing.
+/// HDF5 has global state: every caller holds this lock. Taking it silences the library's own printing.
 std::unique_lock<std::recursive_mutex> LockHdf5();
-/// In a child that was forked while its parent held the lock: its copy has no owner any more, another lock takes its place.
+/// In a child that was forked while its parent held the lock: its copy has no owner, so a new lock replaces it.
 void RenewHdf5LockInChild();
 
 /// Owns one HDF5 id.
@@ -49,7 +49,7 @@ class Hid {
   Closer closer_ = nullptr;
 };
 
-/// What the library says went wrong last, in its innermost words.
+/// The library's innermost message for the last error.
 std::string LastHdf5Error();
 
 /// File type of T: little-endian, IEEE or two's complement.
@@ -59,7 +59,7 @@ template <class T>
 hid_t MemoryType();
 
 struct ArrayLayout {
-  std::vector<uint64_t> chunk;  ///< empty: rows of the first dimension, up to about 1 MiB a chunk
+  std::vector<uint64_t> chunk;  ///< empty: rows of the first dimension, up to about 1 MiB per chunk
   int deflate = 0;              ///< 1 … 9, with byte shuffling; 0: not compressed
 };
 
@@ -70,7 +70,7 @@ struct FileImage {
   std::string_view view() const { return {static_cast<const char*>(data.get()), size}; }
 };
 
-/// A new file in memory. Paths are "/group/name"; groups on the way are made. Throws IoError (messages name `label`).
+/// A new file in memory. Paths are "/group/name"; intermediate groups are created. Throws IoError (messages name `label`).
 class Hdf5Writer {
  public:
   explicit Hdf5Writer(std::string label);
@@ -88,7 +88,7 @@ class Hdf5Writer {
   void Array(const std::string& path, const std::vector<T>& data, const ArrayLayout& layout = {}) {
     Array(path, {data.size()}, data.data(), layout);
   }
-  /// Attributes of a group or dataset that is there already; "/" is the root. Text is UTF-8 of fixed length.
+  /// Attributes of an existing group or dataset; "/" is the root. Text is UTF-8 of fixed length.
   void Attribute(const std::string& object, const std::string& name, const std::string& text);
   void Attribute(const std::string& object, const std::string& name, const char* text) {
     Attribute(object, name, std::string(text));
@@ -112,7 +112,7 @@ class Hdf5Writer {
   Hid file_;
 };
 
-/// What a file may hold before any of it is read.
+/// Limits on a file, checked before its data are read.
 struct Hdf5Limits {
   uint64_t max_objects = 1000;  ///< groups and datasets
   int max_depth = 8;
@@ -122,11 +122,12 @@ struct Hdf5Limits {
   double max_ratio = 200;  ///< unpacked bytes to bytes of the file; deflate cannot do better than about 1000
 };
 
-/// Reads a file after checking all of its structure: hard links only, no soft, external or user-defined links, no virtual or
-/// external datasets, no named types, numbers or fixed text of standard size only, no filters but shuffle, deflate and
-/// fletcher32, dimensions that multiply without overflow and fit the file. Throws IoError, or FormatError with the object.
+/// Reads a file after checking its whole structure. Allowed are hard links only (no soft, external or user-defined links),
+/// and no virtual or external datasets. No named types; only numbers or fixed text of standard size. The only filters are
+/// shuffle, deflate and fletcher32. Dimensions must multiply without overflow and fit the file. Throws IoError, or
+/// FormatError with the object.
 ///
-/// The library itself can crash or loop on a damaged file: for files that others made use CheckInChild (isolate_internal.h)
+/// The library itself can crash or loop on a damaged file: for files from others use CheckInChild (isolate_internal.h)
 /// first.
 class Hdf5Reader {
  public:

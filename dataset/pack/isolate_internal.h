@@ -8,12 +8,12 @@ namespace mvstudio::dataset::internal {
 
 struct ChildLimits {
   double deadline_s = 30;
-  uint64_t max_memory_bytes = 1ull << 30;  ///< beyond what the process has already
+  uint64_t max_memory_bytes = 1ull << 30;  ///< beyond what the process already uses
 };
 
-/// Runs `work` in a copy of this process with limits on memory, processor time and wall time, and returns its text. What it
-/// throws is thrown here again (IoError, FormatError, ResourceError and UsageError as such). A child that crashes, runs out of
-/// memory or time is a FormatError that names `path`.
+/// Runs `work` in a copy of this process with limits on memory, processor time and wall time, and returns its text. Its
+/// exceptions are rethrown here (IoError, FormatError, ResourceError and UsageError as such). A child that crashes or
+/// exceeds memory or time is a FormatError that names `path`.
 std::string RunInChild(const std::string& path, const ChildLimits& limits, const std::function<std::string()>& work);
 
 }  // namespace mvstudio::dataset::internal

@@ -12,22 +12,22 @@ namespace mvstudio::dataset::internal {
 
 struct MadeShard {
   Shard shard;
-  std::string inputs_sha256;         ///< as InputsSha256 gives it
-  std::vector<std::string> skipped;  ///< pictures that are not there
+  std::string inputs_sha256;         ///< as from InputsSha256
+  std::vector<std::string> skipped;  ///< pictures that do not exist
   PackTimes times;
 };
 
-/// What all shards of a plan share and is worked out once.
+/// Shared by all shards of a plan and computed once.
 struct ShardTools {
   std::map<int, Undistorter> undistorters;  ///< by camera_idx
 };
 ShardTools MakeShardTools(const PackPlan& plan);
 
-/// Reads, resamples and encodes the pictures of one shard. Throws IoError / FormatError for damaged files; missing ones are
-/// skipped.
+/// Reads, resamples and encodes the pictures of one shard. Throws IoError / FormatError for damaged files; missing ones
+/// are skipped.
 MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, const RunContext& run);
 
-/// Digest of the pictures and masks that a shard is made of, as they are now.
+/// Digest of the current pictures and masks of a shard.
 std::string InputsSha256(const PackPlan& plan, int number, const RunContext& run);
 
 }  // namespace mvstudio::dataset::internal

@@ -12,7 +12,7 @@
 
 namespace mvstudio::dataset {
 
-/// A file that stays open for reading at any place.
+/// A file that stays open for reading at any offset.
 class PackFile {
  public:
   PackFile(std::string path, const internal::Hdf5Reader::Chunks& chunks);
@@ -21,7 +21,7 @@ class PackFile {
   PackFile(const PackFile&) = delete;
   PackFile& operator=(const PackFile&) = delete;
 
-  /// `bytes` of the blob from `offset`; they lie in one chunk.
+  /// `bytes` of the blob from `offset`, which lie in one chunk.
   std::string Read(uint64_t offset, uint64_t bytes) const;
   const std::string& path() const { return path_; }
 
@@ -53,7 +53,7 @@ struct Pack::Data {
 namespace internal {
 
 ChildLimits LimitsOf(const PackOpenOptions& options, uint64_t file_bytes, bool whole_file);
-/// ReadShard for files that may be hostile: tried in a child first when the options say so.
+/// ReadShard for files that may be hostile: tried in a child process first if the options say so.
 ReadShardResult ReadShardCarefully(const std::string& path, const PackOpenOptions& options);
 /// Adds a shard's samples. Throws FormatError when it is of another pack than those before.
 void AddShard(const std::string& path, const ReadShardResult& read, Pack::Data* data);

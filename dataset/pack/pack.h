@@ -13,15 +13,15 @@
 #include "dataset/verify/verify.h"
 #include "geometry/rig/rig.h"
 
-/// Reading packs: pictures of people with their cameras, masks and joints in HDF5 files, for training and archive. The format
-/// is in docs/formats.md; packs are made by dataset/pack/build.h.
+/// Reads packs: pictures of people with their cameras, masks and joints in HDF5 files, for training and archive.
+/// docs/formats.md describes the format; dataset/pack/build.h makes packs.
 namespace mvstudio::dataset {
 
 inline constexpr char kPackSchema[] = "mvstudio.pack/1";
 
-/// What the pictures of a pack show.
+/// Content of the pictures of a pack.
 enum class PackView {
-  kCrop,         ///< a person, seen by a pinhole camera turned towards him
+  kCrop,         ///< a person, seen by a pinhole camera rotated towards them
   kFull,         ///< the whole picture, through the camera's own lens
   kUndistorted,  ///< the whole picture, as a pinhole would have taken it
 };
@@ -31,8 +31,8 @@ struct PackSample {
   int camera_idx = 0;        ///< of Pack::rig
   int frame = 0;             ///< as in the dataset
   double univ_time_ms = -1;  ///< Panoptic's clock; -1 when unknown
-  int person = -1;           ///< whose joints these are; -1: nobody's
-  geometry::RigCamera view;  ///< the camera of the stored picture itself; joints project through it
+  int person = -1;           ///< owner of these joints; -1: nobody
+  geometry::RigCamera view;  ///< the camera of the stored picture; joints project through it
   Coco19Pose pose;           ///< in world, metres; as in the dataset
   Eigen::Matrix<double, 2, 19> joints_px =
       Eigen::Matrix<double, 2, 19>::Zero();  ///< in the stored picture; 0 where not in view
@@ -55,14 +55,14 @@ struct PackInfo {
 };
 
 struct PackOpenOptions {
-  /// Structure and tables are first read in a process of its own, which may crash or be stopped without harm: HDF5 can be
-  /// brought down by a file made to do so. Costs a few milliseconds a file; turn off for packs that you made yourself.
+  /// First read structure and tables in a separate process, which may crash or be stopped without harm: a hostile file can
+  /// crash HDF5. Costs a few milliseconds per file; turn it off for packs of your own.
   bool check_in_child = true;
-  double deadline_s = 30;                  ///< of that process, for each file
-  uint64_t max_memory_bytes = 1ull << 30;  ///< that it may take beyond what this one has
+  double deadline_s = 30;                  ///< of that process, per file
+  uint64_t max_memory_bytes = 1ull << 30;  ///< memory limit of that process beyond what this one uses
 };
 
-/// An open pack. All members are const and may be called by many threads at a time; each picture costs one read of its own
+/// An open pack. All members are const and may be called from several threads; each picture costs one read of its own
 /// bytes. The table of samples is in memory.
 class Pack {
  public:
@@ -86,25 +86,25 @@ class Pack {
   std::shared_ptr<const Data> data_;
 };
 
-/// True for what OpenPack takes: a folder with shards or an INDEX.json, or an HDF5 file.
+/// True for paths that OpenPack accepts: a folder with shards or an INDEX.json, or an HDF5 file.
 bool IsPack(const std::string& path);
 
-/// A finished folder (INDEX.json) or one file of it. Throws IoError, or FormatError for damaged, foreign or hostile files, for
-/// shards of different builds and for a folder that is not finished.
+/// Opens a finished folder (INDEX.json) or one file of it. Throws IoError, or FormatError for damaged, foreign or hostile
+/// files, for shards of different builds and for an unfinished folder.
 Pack OpenPack(const std::string& path, const PackOpenOptions& options = {});
 
 PackInfo ReadPackInfo(const std::string& path, const PackOpenOptions& options = {});
 
 struct PackReport {
-  PackInfo info;                  ///< of what could be read
+  PackInfo info;                  ///< of the readable parts
   int64_t images = 0, masks = 0;  ///< decoded
   std::vector<Finding> findings;  ///< codes PCK-INDEX, PCK-SHARD, PCK-DONE, PCK-IMAGE, PCK-MASK, PCK-TABLE, PCK-STRAY
   int num_errors() const;
 };
 
-/// Lists everything that is wrong with a pack: missing, damaged or stray shards, digests, every checksum, every picture and
-/// mask decoded, joints against their projection. Files are read in a process of their own (see PackOpenOptions); one that
-/// brings it down or takes too long is a finding. Throws IoError when there is no pack at `path`.
+/// Lists all defects of a pack: missing, damaged or unexpected shards, digests, every checksum, every picture and mask
+/// decoded, joints against their projection. Files are read in a separate process (see PackOpenOptions); a file that
+/// crashes it or exceeds its time is a finding. Throws IoError when there is no pack at `path`.
 PackReport VerifyPack(const std::string& path, const PackOpenOptions& options = {}, const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

@@ -14,13 +14,13 @@
 
 namespace mvstudio::dataset::internal {
 
-/// A person to be cut out of a picture; with whole pictures whose joints go with it, nobody's being -1.
+/// A person to be cropped from a picture; with whole pictures, the owner of its joints (-1: nobody).
 struct PackTarget {
   int person = -1;
   PersonExtent extent;
 };
 
-/// One picture file and what becomes of it.
+/// One picture file and its samples.
 struct PackPicture {
   int camera_idx = 0;
   int frame = 0;
@@ -28,7 +28,7 @@ struct PackPicture {
   std::vector<PackTarget> targets;
 };
 
-/// The options with every choice made: the same for every process that works on the pack.
+/// The options with all choices made: the same for every process that works on the pack.
 struct PackPlan {
   PackOptions options;
   Codec codec;
@@ -43,7 +43,7 @@ struct PackPlan {
   std::string json, sha256, rig_json;
 };
 
-/// Throws UsageError for names, frames and sizes that do not go with the dataset.
+/// Throws UsageError for names, frames and sizes that do not fit the dataset.
 PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& options, const RunContext& run);
 
 std::string ToString(PackView view);

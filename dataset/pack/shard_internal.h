@@ -12,8 +12,8 @@ namespace mvstudio::dataset::internal {
 
 inline constexpr int64_t kMaxPicturePx = int64_t{1} << 26;
 
-/// Row i of every table of the first group is sample i; of the second, pose i. Encoded pictures and masks lie in `blob`, none
-/// across the border of two chunks.
+/// Row i of every table of the first group is sample i; of the second, pose i. Encoded pictures and masks are in `blob`,
+/// none across a chunk border.
 struct Shard {
   std::string plan;    ///< JSON: options, cameras, digests of the inputs; equal in all shards of a pack
   std::string rig;     ///< calibration file (`mvstudio.calibration/1`)
@@ -47,7 +47,7 @@ struct Shard {
   size_t size() const { return frame.size(); }
 };
 
-/// The one list of the tables: calls visit("samples/frame", column, {dimensions after the first}).
+/// The single list of tables: calls visit("samples/frame", column, {dimensions after the first}).
 template <class Visitor, class ShardType>
 void VisitTables(Visitor&& visit, ShardType& s) {
   using Dims = std::vector<uint64_t>;
@@ -77,13 +77,13 @@ void VisitTables(Visitor&& visit, ShardType& s) {
   visit("/poses/valid", s.joint_valid, Dims{19});
 }
 
-/// Adds the encoded picture and mask (empty: none) of the sample whose other columns have just been added. All samples' sizes
-/// must be known first: see ChooseBlobChunk.
+/// Adds the encoded picture and mask (empty: none) of the sample whose other columns were just added. The sizes of all
+/// samples must be known before: see ChooseBlobChunk.
 void AddToBlob(std::string_view image, std::string_view mask, Shard* shard);
-/// A chunk that holds every pair of picture and mask, with little left over at its end.
+/// A chunk size that holds every pair of picture and mask, with little space wasted at its end.
 uint64_t ChooseBlobChunk(uint64_t largest_pair_bytes);
 
-/// Digest of everything but the blob, whose pieces are in it by their CRC-32.
+/// Digest of everything but the blob, whose pieces are represented by their CRC-32.
 std::string ContentSha256(const Shard& shard);
 
 FileImage ShardToHdf5(const Shard& shard, const std::string& label);
@@ -99,7 +99,7 @@ struct ReadShardResult {
 /// FormatError.
 ReadShardResult ReadShard(const std::string& path, ShardPart part);
 
-/// True when both hold the same, the blob included.
+/// True when the contents are equal, including the blob.
 bool SameContent(const Shard& a, const Shard& b);
 
 /// All samples and poses of the shards of one plan, in order.

@@ -9,21 +9,21 @@
 
 namespace mvstudio::dataset {
 
-/// CMU Panoptic's world is centimetres with y pointing down; ours is metres with z up: x_ours = (x, z, -y) / 100. The change is
-/// made in these functions and nowhere else. The files themselves, number for number, are in dataset/panoptic/panoptic_files.h.
+/// CMU Panoptic's world is centimetres with y pointing down; ours is metres with z up: x_ours = (x, z, -y) / 100. The
+/// conversion is made only in these functions. dataset/panoptic/panoptic_files.h holds the files' own values.
 
-/// calibration_<seq>.json. Cameras keep the file's order; models: pinhole when distCoef is all zero, else brown5. Throws
-/// FormatError.
+/// Reads calibration_<seq>.json. Cameras keep the file's order; models: pinhole when distCoef is all zero, else brown5.
+/// Throws FormatError.
 geometry::Rig ReadPanopticCalibration(const std::string& path);
-/// Reads a calibration file of ours or of Panoptic, told apart by their content.
+/// Reads a calibration file of mvstudio or Panoptic, detected by content.
 geometry::Rig ReadAnyCalibration(const std::string& path);
-/// Names are kept when they are `%02d_%02d`, otherwise an error (ContractViolation): rename first. Lenses that five Brown
-/// coefficients cannot express are refused (UsageError).
+/// Names must be `%02d_%02d` (ContractViolation): rename first. Lenses that five Brown coefficients cannot express are
+/// refused (UsageError).
 void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path, const std::string& source);
 
-/// What a body3DScene file holds.
+/// Content of a body3DScene file.
 struct Body3dScene {
-  double univ_time_ms = -1;          ///< universal clock; -1 when the writer did not know
+  double univ_time_ms = -1;          ///< universal clock; -1 when unknown
   std::string fps_type;              ///< "hd_29_97" or "vga_25"
   std::map<int, Coco19Pose> people;  ///< by id; ids below 0 (false positives) are skipped
 };
@@ -31,18 +31,18 @@ Body3dScene ReadBody3dSceneFile(const std::string& path);
 
 /// body3DScene_%08d.json: person id -> joints. Invalid joints are (0, 0, 0, -1) in the file and `valid == false` here.
 std::map<int, Coco19Pose> ReadBody3dScene(const std::string& path);
-/// The bytes of CMU's writer, but with as many digits as the numbers need to be read back as the same doubles (a file of CMU
-/// survives unchanged).
+/// Writes the bytes of CMU's writer, but with enough digits to parse to the same doubles (a file of CMU survives
+/// unchanged).
 void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_ms, const std::string& path);
 
-/// A dataset folder in Panoptic layout with pictures of HD cameras, ours or foreign. (All else that a sequence can hold:
-/// dataset/panoptic/sequence.h.)
+/// A dataset folder in Panoptic layout with images of HD cameras, from mvstudio or elsewhere. (Everything else in a
+/// sequence: dataset/panoptic/sequence.h.)
 struct PanopticDataset {
   std::string root;
   std::string sequence;  ///< <seq> of calibration_<seq>.json
   geometry::Rig rig;     ///< cameras that have pictures in hdImgs, names 00_NN
   std::map<std::string, std::string>
-      aliases;              ///< studio's own name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there
+      aliases;              ///< studio's name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there is one
   std::vector<int> frames;  ///< frame numbers with a body3DScene file, sorted
   std::map<int, std::map<int, Coco19Pose>> poses;  ///< frame -> person -> joints, in our world
 
@@ -52,16 +52,16 @@ struct PanopticDataset {
   std::string MaskPath(const std::string& camera, int frame) const;   ///< masks/00_NN/00_NN_%08d.png
 };
 
-/// True for `%02d_%02d`; then the panel and node numbers.
+/// True for `%02d_%02d`; then returns the panel and node numbers.
 bool ParsePanopticName(const std::string& name, int* panel, int* node);
 
-/// The one calibration_<seq>.json of a dataset folder. Throws IoError / FormatError when there is none or several.
+/// The only calibration_<seq>.json of a dataset folder. Throws IoError / FormatError when there is none or several.
 std::string FindPanopticCalibration(const std::string& root);
 
 /// Frame number -> body3DScene file, sorted. Empty when there is none.
 std::map<int, std::string> ListBody3dScenes(const std::string& root);
 
-/// Throws IoError / FormatError when the layout is not there.
+/// Throws IoError / FormatError when the folder does not have this layout.
 PanopticDataset OpenPanopticDataset(const std::string& root);
 
 }  // namespace mvstudio::dataset

@@ -11,10 +11,10 @@
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
-/// The files of CMU Panoptic as they are: centimetres, y down, names as written, every number the double that the file holds.
-/// What a reader does not know is kept beside it and written back, so that reading, writing and reading again gives equal
-/// values and the same keys. Meaning and layout: docs/formats.md. Every Parse and Read function throws FormatError with the
-/// path and the place.
+/// The files of CMU Panoptic unchanged: centimetres, y down, names as written, every number the double of the file.
+/// Unknown keys are kept and written back, so that reading, writing and reading again gives equal values and the same
+/// keys. Meaning and layout: docs/formats.md. Every Parse and Read function throws FormatError with the path and the
+/// place.
 namespace mvstudio::dataset {
 
 /// Keys beyond those named here, with their JSON text.
@@ -44,12 +44,13 @@ PanopticCalibrationFile ReadPanopticCalibrationFile(const std::string& path);
 std::string ToText(const PanopticCalibrationFile& file);
 void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std::string& path);
 
-/// Our world and lens models; `path` is named in errors: no rotation, skew, a name twice or one that cannot be a folder's.
+/// Converts to our world and lens models. Errors name `path`: not a rotation, skew, a repeated name, or one that is not a
+/// valid folder name.
 geometry::Rig ToRig(const PanopticCalibrationFile& file, const std::string& path);
 /// Throws like WritePanopticCalibration.
 PanopticCalibrationFile ToPanopticCalibration(const geometry::Rig& rig, const std::string& source);
 
-/// One of "bodies". Each joint is x, y, z (cm) and confidence; a joint that is not there is 0, 0, 0, -1.
+/// One of "bodies". Each joint is x, y, z (cm) and confidence; a missing joint is 0, 0, 0, -1.
 struct PanopticBody {
   int id = 0;                    ///< below 0: a false positive of CMU's tracker
   std::vector<double> joints19;  // (19 x 4) coco19; empty where the file has another skeleton
@@ -61,7 +62,7 @@ struct PanopticBody {
 /// body3DScene_%08d.json.
 struct PanopticScene {
   std::optional<double> version;            ///< 0.6 has confidence, 0.7 ids
-  std::optional<double> univ_time_ms;       ///< the studio's universal clock; -1 when the writer did not know
+  std::optional<double> univ_time_ms;       ///< the studio's universal clock; -1 when unknown
   std::optional<std::string> fps_type;      ///< "hd_29_97" or "vga_25"
   std::optional<double> vga_video_time_ms;  ///< univ_time since frame 0; CMU writes it for vga_25 only
   std::vector<PanopticBody> bodies;
@@ -70,16 +71,16 @@ struct PanopticScene {
 
 PanopticScene ParsePanopticScene(std::string_view text, const std::string& path);
 PanopticScene ReadPanopticScene(const std::string& path);
-/// The bytes of CMU's writer, with more than its six digits where a number needs them.
+/// Writes the bytes of CMU's writer, with more than its six digits where a number needs them.
 std::string ToText(const PanopticScene& scene);
 void WritePanopticScene(const PanopticScene& scene, const std::string& path);
 
-/// Ids from 0 on that have joints19, in our world. Throws FormatError for an id that is there twice and for a body with another
-/// skeleton only.
+/// People with ids from 0 on that have joints19, in our world. Throws FormatError for a repeated id and for a body with
+/// another skeleton only.
 std::map<int, Coco19Pose> ToCoco19(const PanopticScene& scene, const std::string& path);
 PanopticScene ToPanopticScene(const std::map<int, Coco19Pose>& people, double univ_time_ms);
 
-/// The points of a face (70, OpenPose's face) or a hand (21, OpenPose's hand). They have no confidence of their own.
+/// Points of a face (70, OpenPose's face) or a hand (21, OpenPose's hand). They have no separate confidence.
 struct PanopticLandmarks {
   std::vector<double> landmarks_cm;                         // (N x 3) x, y, z
   std::optional<std::vector<double>> average_score;         // (N)
@@ -104,7 +105,7 @@ PanopticLandmarkFile ParsePanopticLandmarks(std::string_view text, const std::st
 PanopticLandmarkFile ReadPanopticLandmarks(const std::string& path);
 std::string ToText(const PanopticLandmarkFile& file);
 void WritePanopticLandmarks(const PanopticLandmarkFile& file, const std::string& path);
-/// Mean score; 0 without scores. The toolbox does not draw what is below 0.001.
+/// Mean score; 0 without scores. CMU's toolbox does not draw below 0.001.
 double MeanScore(const PanopticLandmarks& landmarks);
 /// (3, N) metres in our world.
 Eigen::Matrix3Xd InWorld(const PanopticLandmarks& landmarks);

@@ -6,7 +6,7 @@
 
 #include "dataset/panoptic/panoptic_files.h"
 
-/// What lies in the folder of a Panoptic sequence, CMU's or one in its layout. Nothing is opened but the folders.
+/// Lists the content of a Panoptic sequence's folder, CMU's or one in its layout. Opens folders only, no files.
 namespace mvstudio::dataset {
 
 enum class PanopticKind { kHd, kVga, kKinect };
@@ -15,12 +15,12 @@ PanopticKind KindOfPanel(int panel);
 /// "hd", "vga", "kinect"
 std::string ToString(PanopticKind kind);
 
-/// Pictures or a video of one camera.
+/// Images or a video of one camera.
 struct PanopticFootage {
   bool is_video = false;
   std::string path;                     ///< video file, or folder of pictures
   std::map<int, std::string> pictures;  ///< number in the name -> file name; the Kinects' numbers begin at 1
-  std::string other;                    ///< a video beside the pictures, or a second video; empty mostly
+  std::string other;                    ///< a second video, or a video beside the pictures; usually empty
 };
 
 /// A folder with files of one kind, by the frame number in their names.
@@ -39,17 +39,18 @@ struct PanopticSequence {
   std::vector<std::pair<std::string, std::string>>
       strange;  ///< files and folders of these places that have a wrong name: path, why
   std::vector<std::pair<std::string, std::string>>
-      links_out;  ///< links that lead out of `root`: path, where to; left out above
+      links_out;  ///< links that lead out of `root`: path, target; not included above
 };
 
-/// Throws IoError, FormatError when there is no folder or not one calibration. `follow_links`: `links_out` are read as well.
+/// Throws IoError, and FormatError without a folder or with other than one calibration. `follow_links`: `links_out` are
+/// read too.
 PanopticSequence ScanPanopticSequence(const std::string& root, bool follow_links = false);
 
-/// Those of `names` that a text of "hd", "vga", "kinect" and names, separated by commas, selects; in the order of `names`.
+/// Selects from `names` by a text of "hd", "vga", "kinect" and names, separated by commas; keeps the order of `names`.
 /// Throws UsageError for what is not there.
 std::vector<std::string> SelectPanopticCameras(const std::vector<std::string>& names, const std::string& selection);
 
-/// Studio's own names of cameras -> Panoptic names, from the dataset.json that `dataset build` leaves; empty without it.
+/// The studio's camera names -> Panoptic names, from the dataset.json that `dataset build` writes; empty without it.
 std::map<std::string, std::string> ReadPanopticAliases(const std::string& root);
 
 }  // namespace mvstudio::dataset

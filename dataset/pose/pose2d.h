@@ -14,7 +14,7 @@ struct Keypoint2d {
   double score = 0;  ///< 0: not detected
 };
 
-/// One person's key points in one image, in the order of the skeleton.
+/// One person's keypoints in one image, in the order of the skeleton.
 struct Person2d {
   std::vector<Keypoint2d> keypoints;
 };
@@ -23,40 +23,41 @@ struct Person2d {
 struct Pose2dTrack {
   std::string camera;
   std::map<int, std::vector<Person2d>> frames;
-  std::vector<std::string> skipped = {};  ///< what could not be read and was left out: "FILE: place: why", one a frame
+  std::vector<std::string> skipped = {};  ///< unreadable parts that were left out: "FILE: place: why", one per frame
 };
 
 /// Frames to read, both ends included.
 struct FrameRange {
   int first = 0, last = std::numeric_limits<int>::max();
-  bool is_part = false;  ///< of a take: files that cannot be read are listed, however many they are
+  bool is_part = false;  ///< of a take: unreadable files are listed, however many there are
 };
 
-/// Reads a folder of OpenPose JSON files (`*.json`, one a frame). The frame number is the last run of digits in the file name
-/// before `_keypoints` or the extension. A skeleton of several parts takes them from `pose_keypoints_2d`, `face_keypoints_2d`,
-/// `hand_left_keypoints_2d` and `hand_right_keypoints_2d` (an empty list: not detected), or all of them from
-/// `pose_keypoints_2d` where that list is long enough. People without a body are left out.
+/// Reads a folder of OpenPose JSON files (`*.json`, one per frame). The frame number is the last run of digits in the file
+/// name before `_keypoints` or the extension. A skeleton of several parts takes them from `pose_keypoints_2d`,
+/// `face_keypoints_2d`, `hand_left_keypoints_2d` and `hand_right_keypoints_2d` (an empty list: not detected). All come
+/// from `pose_keypoints_2d` where that list is long enough. People without a body are left out.
 ///
-/// Files that cannot be read are left out and listed, unless they are more than half: then the first one's error is thrown.
-/// Throws IoError for a missing or empty folder, FormatError (path, place) for truncated JSON, numbers that are none, or a
-/// key-point count that does not fit the skeleton (with the skeleton that would fit); always for two files of one frame number
-/// and for a file name without one.
+/// Unreadable files are left out and listed, unless they are more than half: then the first one's error is thrown. Throws
+/// IoError for a missing or empty folder. Throws FormatError (path, place) for truncated JSON, invalid numbers, or a
+/// keypoint count that does not fit the skeleton (with the skeleton that would fit). Two files of one frame number, and a
+/// file name without one, always throw.
 Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
                                const FrameRange& range = {});
 
-/// The frame numbers that a folder holds, without reading the files. Errors as ReadOpenPoseFolder.
+/// The frame numbers in a folder, without reading the files. Errors as in ReadOpenPoseFolder.
 std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera);
 
-/// Reads one JSON file of a whole video: a list of detections with `image_id` and `keypoints` (COCO results, AlphaPose), or
-/// MMPose's `instance_info` (`frame_id`, `instances` with `keypoints` and `keypoint_scores`). The frame number is the number
-/// itself or the last run of digits in its text. Entries that cannot be read are treated as the files above. Frames without any
-/// detection are not in a COCO list.
+/// Reads one JSON file of a whole video: a list of detections with `image_id` and `keypoints` (COCO results, AlphaPose),
+/// or MMPose's `instance_info` (`frame_id`, `instances` with `keypoints` and `keypoint_scores`). The frame number is the
+/// number itself or the last run of digits in its text. Unreadable entries are treated like the files above. Frames
+/// without any detection are not in a COCO list.
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const body::Skeleton& skeleton);
 
 /// ReadOpenPoseFolder for a folder, ReadPoseResults for a file.
 Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton);
 
-/// Writes one file a frame, `%012d_keypoints.json`, OpenPose 1.3 layout; split into the parts of `skeleton` when it is given.
+/// Writes one file per frame, `%012d_keypoints.json`, OpenPose 1.3 layout; split into the parts of `skeleton` when it is
+/// given.
 void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton = nullptr);
 
 /// 2D points of all cameras.
@@ -66,18 +67,18 @@ struct Pose2dSet {
   std::vector<std::string> skipped = {};  ///< rows that were left out: "FILE: line 17: why"
 };
 
-/// Reads a CSV file with the columns `camera,frame,person,joint,x_px,y_px,score` in any order, named in the first line; others
-/// are ignored, `score` may be missing (1) and `person`, too (0). `person` is the detection's number in that image; it does not
-/// tie images together. Without a skeleton the joints are those of the file by order of first appearance (PointsSkeleton). An
-/// empty x_px, y_px or a score of 0: not detected.
+/// Reads a CSV file with the columns `camera,frame,person,joint,x_px,y_px,score` in any order, named in the first line.
+/// Other columns are ignored; `score` (default 1) and `person` (default 0) may be missing. `person` is the detection's
+/// number in that image; it does not link images. Without a skeleton the joints are those of the file by order of first
+/// appearance (PointsSkeleton). An empty x_px, y_px or a score of 0: not detected.
 ///
-/// Rows that cannot be read or are not finite, and both of two rows for one point, are left out and listed, unless they are
-/// more than half: then the first one's error is thrown. Throws IoError, FormatError (path, line); always for a missing column
+/// Rows that cannot be read or are not finite, and both of two rows for one point, are left out and listed. If they are
+/// more than half, the first one's error is thrown. Throws IoError, FormatError (path, line); always for a missing column
 /// and for a joint that is not in the given skeleton.
 Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton = nullptr);
 
-/// Writes the same columns; key points with score 0 are left out. Reading it back with the same skeleton gives the same numbers
-/// wherever every person has a joint with a score.
+/// Writes the same columns; keypoints with score 0 are left out. Reading the file with the same skeleton gives the same
+/// numbers if every person has a joint with a score.
 void WritePose2dCsv(const Pose2dSet& set, const std::string& path);
 
 }  // namespace mvstudio::dataset

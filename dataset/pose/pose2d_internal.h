@@ -12,10 +12,11 @@
 /// Shared by the readers of 2D poses; included by .cc files of this module only.
 namespace mvstudio::dataset::internal {
 
-/// Last run of digits of the name without `_keypoints` and extension; nothing when there is none or it has more than 9 digits.
+/// Last run of digits of the name without `_keypoints` and extension; empty when there is none or it has more than 9
+/// digits.
 std::optional<int> FrameNumber(const std::string& file_name);
 
-/// Where messages say the trouble is, and what the file must hold.
+/// Place of an error for messages, and the expected content of the file.
 struct PoseFile {
   std::string path, place;
   const body::Skeleton& skeleton;
@@ -28,16 +29,17 @@ struct PoseFile {
 /// Throws FormatError for damaged JSON, and for JSON nested deeper than 16 levels.
 nlohmann::json ParsePoseJson(const std::string& text, const PoseFile& file);
 
-/// Appends `num_joints` key points from a flat list x, y, score, …; `where` names the list.
+/// Appends `num_joints` keypoints from a flat list x, y, score, …; `where` names the list.
 void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std::string& where, const PoseFile& file,
                      Person2d* person);
 
-/// Runs `read`; a FormatError becomes a line of `skipped`, unless there are tens of thousands and hardly anything else.
+/// Runs `read` and turns a FormatError into a line of `skipped`. Gives up after tens of thousands of errors with almost
+/// nothing readable.
 class Tolerant {
  public:
   explicit Tolerant(std::vector<std::string>* skipped) : skipped_(skipped) {}
   void Try(const std::function<void()>& read);
-  /// Call when everything has been tried: throws the first error when more than half failed.
+  /// Call after the last Try: throws the first error when more than half failed.
   void Finish() const;
 
  private:

@@ -19,23 +19,23 @@ struct JointRow {
   int person = 0;
   std::string joint;  ///< OpenPose's name
   Status status = Status::kTooFewViews;
-  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres; meaningful only when status is kOk
+  Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres; valid only when status is kOk
   int num_views = 0;
   double rms_px = 0;
   double sigma_m = 0;                         ///< sqrt(trace(covariance) / 3)
-  std::optional<Eigen::Matrix3d> covariance;  ///< m^2; kept in covariance.csv beside it (frame,person,joint,xx,xy,xz,yy,yz,zz)
+  std::optional<Eigen::Matrix3d> covariance;  ///< m^2; stored in covariance.csv (frame,person,joint,xx,xy,xz,yy,yz,zz)
 };
 
 struct Pose3d {
-  std::string skeleton;        ///< name, kept in pose3d.json beside the table
+  std::string skeleton;        ///< name, stored in pose3d.json
   std::vector<JointRow> rows;  ///< sorted by frame, person, joint in skeleton order
-  std::string covariance_note = {};  ///< what the covariances hold and leave out, kept in pose3d.json; empty: nothing is said
+  std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
 };
 
-/// `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates are empty
-/// unless status is Ok. Round trip is exact.
+/// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates
+/// are empty unless status is Ok. The round trip is exact.
 void WritePose3d(const Pose3d& pose, const std::string& folder);
-/// The same files for takes longer than memory: `next` fills the rows that follow, false at the end. They appear when all are
+/// Same for takes larger than memory: `next` fills the rows that follow, false at the end. The files appear when all are
 /// written.
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder, const std::string& covariance_note = {});
@@ -48,10 +48,10 @@ struct Coco19Pose {
   Eigen::Matrix<double, 3, 19> x_in_world = Eigen::Matrix<double, 3, 19>::Zero();  ///< metres
   std::array<bool, 19> valid{};
   std::array<double, 19>
-      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) when it comes from triangulation, the file's own otherwise
+      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
 };
 
-/// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that it does not know.
+/// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that the skeleton lacks.
 body::Skeleton SkeletonOf(const Pose3d& pose);
 
 /// frame -> person -> pose; missing joints stay missing.

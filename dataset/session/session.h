@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-/// A session: one folder with `mvstudio.toml`, which says in what unit lengths are given, which cameras there are, what was
-/// filmed and where the footage lies. Layout and keys: docs/formats.md.
+/// A session: one folder with `mvstudio.toml`, which states the unit of lengths, the cameras, what was filmed and where
+/// the footage is. Layout and keys: docs/formats.md.
 namespace mvstudio::dataset {
 
 struct SessionCamera {
@@ -15,11 +15,11 @@ struct SessionCamera {
   int width_px = 0, height_px = 0;  ///< 0: not stated
 };
 
-/// What one camera filmed in one take; paths as in the file, relative to the session's folder.
+/// The footage of one camera in one take; paths as in the file, relative to the session's folder.
 struct SessionFootage {
   std::string camera;
   std::string path;   ///< video, folder or pattern of pictures
-  std::string plate;  ///< picture of the empty scene; may be empty
+  std::string plate;  ///< clean plate: picture of the empty scene; may be empty
 };
 
 struct SessionTake {
@@ -27,18 +27,18 @@ struct SessionTake {
   std::string kind = "people";          ///< "people", "board" or "plate"
   std::optional<double> fps_hz;         ///< instead of the session's
   std::string timestamps;               ///< table of time stamps on a common clock; may be empty
-  std::string sync;                     ///< sync.json; empty: sync/TAKE/sync.json where it is there
-  std::vector<SessionFootage> footage;  ///< at most one a camera, in the cameras' order
+  std::string sync;                     ///< sync.json; empty: sync/TAKE/sync.json if it exists
+  std::vector<SessionFootage> footage;  ///< at most one per camera, in the cameras' order
 };
 
 struct Session {
-  std::string folder;            ///< where mvstudio.toml lies
+  std::string folder;            ///< folder of mvstudio.toml
   std::string units;             ///< "m", "cm" or "mm"
   std::string source;            ///< a note; may be empty
-  std::string board;             ///< as `calib::ParseBoard` takes it; may be empty
-  std::string calibration;       ///< relative path; empty: calib/calibration.json where it is there
-  std::optional<double> fps_hz;  ///< of all footage that does not say it itself
-  bool allow_outside = false;    ///< whoever runs the command lets it leave its folder; a session cannot say so itself
+  std::string board;             ///< as accepted by `calib::ParseBoard`; may be empty
+  std::string calibration;       ///< relative path; empty: calib/calibration.json if it exists
+  std::optional<double> fps_hz;  ///< of all footage that does not state it
+  bool allow_outside = false;    ///< the caller allows paths outside the folder; the session file itself cannot
   std::vector<SessionCamera> cameras;
   std::vector<SessionTake> takes;
   std::vector<std::string> warnings;  ///< one line each, with the place in the file: unknown keys and the like
@@ -47,44 +47,46 @@ struct Session {
   int FindCamera(const std::string& name) const;  ///< -1: none
 };
 
-/// Reads FOLDER/mvstudio.toml (or that file itself). Throws IoError, FormatError with line and column: syntax, a missing or
-/// unknown unit, names that cannot name files, a camera or take twice, footage of a camera that is not listed.
+/// Reads FOLDER/mvstudio.toml (or that file itself). Throws IoError, FormatError with line and column: syntax, a missing
+/// or unknown unit, names that are not valid file names, a repeated camera or take, footage of a camera that is not
+/// listed.
 Session ReadSession(const std::string& folder_or_file, bool allow_outside = false);
 
-/// The text of mvstudio.toml; read again it gives the same session. With `comments`, what each key means and those left out.
+/// The text of mvstudio.toml; reading it gives the same session. With `comments`, explains each key, also those omitted.
 std::string SessionText(const Session& session, bool comments = false);
 
 /// FOLDER/mvstudio.toml, atomically.
 void WriteSession(const Session& session, bool comments = false);
 
-/// Throws UsageError that names the takes there are. An empty name is the only take with people.
+/// Throws UsageError that lists the existing takes. An empty name selects the only take with people.
 const SessionTake& TakeOf(const Session& session, const std::string& name);
 
-/// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session, by
-/// `..`, an absolute path or a symbolic link, also of a single picture in a folder, unless `allow_outside` or the session's.
+/// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session by
+/// `..`, an absolute path or a symbolic link, also for a single picture in a folder. `allow_outside`, here or in the
+/// session, permits it.
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside = false);
 
 /// The calibration that the session names, or calib/calibration.json; empty when there is none.
 std::string CalibrationOf(const Session& session, bool allow_outside = false);
 
-/// SESSION/pose2d/TAKE/CAMERA and its siblings: `kind` is "pose2d", "masks"; without camera the take's folder. It need not be
-/// there. Throws FormatError when a symbolic link on the way leads out of the session, unless the session's `allow_outside`:
-/// results are written there.
+/// SESSION/pose2d/TAKE/CAMERA and its siblings: `kind` is "pose2d", "masks"; without camera the take's folder. It need not
+/// exist. Results are written there, so FormatError is thrown when a symbolic link on the way leads out of the session,
+/// unless the session has `allow_outside`.
 std::string TakeFolder(const Session& session, const std::string& kind, const std::string& take,
                        const std::string& camera = "");
 
 /// SESSION/sync/TAKE.timeline.json; links as above.
 std::string TimelinePath(const Session& session, const std::string& take);
 
-/// A board's text in which every length has a unit: those without get `units`.
+/// A board's description in which every length has a unit: those without one get `units`.
 std::string BoardWithUnits(const std::string& board, const std::string& units);
 
-/// The name itself when it is letters, digits, `.`, `_` and `-` and does not begin with `-` or `.`; otherwise such a name made
-/// from it and from a digest of it, so that different names stay different. At most 80 bytes.
+/// The name itself when it consists of letters, digits, `.`, `_` and `-` and does not begin with `-` or `.`. Otherwise
+/// such a name made from it and its digest, so that different names stay different. At most 80 bytes.
 std::string Slug(const std::string& name);
 
-/// Empty when `name` can name a camera or a take; else why not: empty, not UTF-8, control characters, `/`, `\`, `=`, longer
-/// than 128 bytes.
+/// Why `name` is not valid for a camera or a take; empty if it is. Invalid: empty, not UTF-8, control characters, `/`,
+/// `\`, `=`, longer than 128 bytes.
 std::string WhyNotAName(const std::string& name);
 
 }  // namespace mvstudio::dataset

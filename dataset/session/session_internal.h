@@ -5,7 +5,7 @@
 
 #include "dataset/session/session.h"
 
-/// Not part of the module's public face.
+/// Internal to the module.
 namespace mvstudio::dataset::internal {
 
 /// The footage in raw/TAKE/CAMERA.* and raw/plate/CAMERA.*, for the session's cameras that have any. Throws FormatError when a

@@ -6,17 +6,18 @@
 #include "dataset/time/sync_file.h"
 #include "dataset/time/timeline.h"
 
-/// Coarse time offsets from pictures alone, without calibration or 2D poses: cameras that film the same people see movement
-/// begin and end together, whatever their view. Good to a frame or so; a start for `sync`, whose offsets come from 2D poses.
+/// Coarse time offsets from images alone, without calibration or 2D poses: cameras that film the same people see motion
+/// begin and end together, whatever their view. Accurate to about a frame; an initial value for `sync`, whose offsets come
+/// from 2D poses.
 namespace mvstudio::dataset {
 
-/// How much moved in each frame of a camera, by tick of its clock.
+/// Amount of motion in each frame of a camera, by tick of its clock.
 struct MotionEnergy {
   std::string camera;
-  std::vector<double> energy;  ///< [tick] mean absolute change of grey level since the tick before; NaN: no frame
+  std::vector<double> energy;  ///< [tick] mean absolute change of grey level since the previous tick; NaN: no frame
 };
 
-/// Decodes all. `times` are the camera's, as ReadFootageTimes gives them.
+/// Decodes all frames. `times` are the camera's, as from ReadFootageTimes.
 MotionEnergy ReadMotionEnergy(const CameraTimes& times);
 
 struct MotionSyncOptions {
@@ -29,7 +30,7 @@ struct MotionSyncCamera {
   std::string name;
   std::string status;  ///< "Ok", "NoMotion", "TooShort", "Ambiguous"
   double offset_frames = 0;
-  double sigma_frames = 0;  ///< from leaving out each eighth of the take in turn; at least 0.5
+  double sigma_frames = 0;  ///< jackknife over eighths of the take; at least 0.5
   double correlation = 0;   ///< at the offset
   double runner_up = 0;     ///< the best correlation elsewhere
 };
@@ -39,10 +40,10 @@ struct MotionSync {
   std::vector<MotionSyncCamera> cameras;  ///< in the order given
 };
 
-/// Normalised correlation of log energies for every pair of cameras and every whole offset; the offsets are summed along the
-/// tree of the clearest pairs. A pair counts when its peak stands out of what chance makes of signals as smooth as these
-/// (Bartlett's variance of a correlation, 3 sigma above the largest expected of so many offsets) and no other peak comes near.
-/// Throws UsageError for fewer than two cameras or an unknown reference.
+/// Normalised correlation of log energies for every pair of cameras and every whole offset; the offsets are summed along
+/// the tree of the clearest pairs. A pair is used when its peak is significant and no other peak is close. Significance:
+/// Bartlett's variance of a correlation for signals this smooth, 3 sigma above the largest value expected by chance over
+/// all offsets. Throws UsageError for fewer than two cameras or an unknown reference.
 MotionSync SynchronizeByMotion(const std::vector<MotionEnergy>& cameras, const MotionSyncOptions& options = {});
 
 SyncFile ToSyncFile(const MotionSync& sync);

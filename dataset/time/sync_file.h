@@ -6,13 +6,14 @@
 
 namespace mvstudio::dataset {
 
-/// One camera of a sync file. Frame `f` of the reference and frame `f + offset_frames` of this camera show the same instant.
+/// One camera of a sync file. Frame `f` of the reference and frame `f + offset_frames` of this camera show the same time
+/// step.
 struct SyncedCamera {
   std::string name;
   std::string status = "Ok";            ///< "Ok", or why there is no offset
-  std::optional<double> offset_frames;  ///< with "Ok" only
+  std::optional<double> offset_frames;  ///< only with "Ok"
   double sigma_frames = 0;              ///< its standard deviation; 0 for the reference
-  double rate_ppm = 0;                  ///< its frames take longer than the reference's by this; known from time stamps only
+  double rate_ppm = 0;                  ///< excess of its frame period over the reference's; known only from time stamps
 };
 
 /// `sync.json`: time offsets of the cameras of a take.
@@ -28,7 +29,7 @@ void WriteSync(const SyncFile& sync, const std::string& path);
 /// Throws IoError, FormatError (path, place): wrong schema, a camera twice, "Ok" without an offset, offsets beyond 1e6 frames.
 SyncFile ReadSync(const std::string& path);
 
-/// Offsets in the order of `names`; NaN for cameras that the file does not know or has no offset for.
+/// Offsets in the order of `names`; NaN for cameras that are not in the file or have no offset.
 std::vector<double> OffsetsOf(const SyncFile& sync, const std::vector<std::string>& names);
 
 }  // namespace mvstudio::dataset

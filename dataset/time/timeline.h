@@ -7,34 +7,35 @@
 
 #include "dataset/time/sync_file.h"
 
-/// Which frame of each camera shows each instant of a take. Instants are the ticks of the reference camera's clock from its
-/// first frame on, whether or not it kept the frame: instant i is frame i of a reference that dropped none, also where its
-/// first picture has another number than 0.
+/// The frame of each camera at each time step of a take. Time steps are the ticks of the reference camera's clock from its
+/// first frame on, including ticks of dropped frames. Time step i is frame i of a reference without dropped frames, even
+/// if its first picture has a number other than 0.
 namespace mvstudio::dataset {
 
 /// The frames of one camera's footage, in order.
 struct CameraTimes {
   std::string camera;
   std::string source;              ///< path, for messages
-  std::vector<int64_t> frame;      ///< number of each frame, ascending: position in a video, number in a picture's name
+  std::vector<int64_t> frame;      ///< number of each frame, ascending: position in a video, number in an image's name
   std::vector<double> time_s;      ///< NaN where there is no time stamp
-  std::vector<int64_t> repeats;    ///< frames that show the same picture as the one before
-  std::optional<double> origin_s;  ///< time of its instant 0; none: that of its first frame
+  std::vector<int64_t> repeats;    ///< frames that show the same image as the previous one
+  std::optional<double> origin_s;  ///< time of its time step 0; none: that of its first frame
 };
 
-/// What relates the cameras' clocks.
+/// Relation between the cameras' clocks.
 enum class TimelineClock {
-  kCommon,   ///< the time stamps are of one clock
-  kOffsets,  ///< each camera has its own, offsets are given
-  kStart,    ///< nothing: all cameras are taken to have started at the same instant
+  kCommon,   ///< the time stamps are on one clock
+  kOffsets,  ///< each camera has its own clock; offsets are given
+  kStart,    ///< unknown: all cameras are assumed to start at the same time
 };
 /// "common", "offsets", "start"
 std::string ToString(TimelineClock clock);
 
 struct TimelineOptions {
   std::string reference;       ///< empty: the sync file's, else the first camera
-  double max_residual_ms = 0;  ///< an instant farther from a frame than this has none; 0: half a frame of that camera
-  double jitter_limit = 0.25;  ///< frame periods; time stamps off their clock's line by more (RMS) are taken as they are
+  double max_residual_ms = 0;  ///< a time step farther from a frame than this has none; 0: half a frame of that camera
+  double jitter_limit = 0.25;  ///< frame periods; time stamps with a larger RMS distance from their clock's line are used
+                               ///< unchanged
 };
 
 /// `count` frames are missing after frame `after`.
@@ -49,14 +50,14 @@ struct CameraTimeline {
   std::string status = "Ok";  ///< "Ok", "Variable" (no regular clock), "NoTime" (no usable time stamps), "NoOffset"
   int64_t num_frames = 0;
   double fps_hz = 0;         ///< of its clock
-  double offset_frames = 0;  ///< at instant 0 it shows its tick `offset_frames`, as in a sync file
+  double offset_frames = 0;  ///< at time step 0 it shows its tick `offset_frames`, as in a sync file
   double sigma_frames = 0;
-  double rate_ppm = 0;  ///< its period against the reference's (or against its own nominal rate's when those differ)
+  double rate_ppm = 0;  ///< its period relative to the reference's (or to its own nominal rate's when those differ)
   double rate_sigma_ppm = 0;
   double jitter_ms = 0;  ///< RMS of time stamps about the clock's line
   std::vector<DroppedFrames> dropped;
-  std::vector<int64_t> doubled;    ///< frames with the time stamp or the picture of the one before: not used
-  std::vector<int64_t> bad_times;  ///< frames whose time stamp is missing, or contradicts the others'
+  std::vector<int64_t> doubled;    ///< frames with the time stamp or the image of the previous one: not used
+  std::vector<int64_t> bad_times;  ///< frames whose time stamp is missing or contradicts the others
   std::vector<int64_t> frame_at;   ///< (num_instants) frame number, -1: none
   std::vector<double>
       residual_s;  ///< (num_instants) time of the frame minus that of the instant; NaN: none. Empty when read from a file
@@ -67,18 +68,20 @@ struct Timeline {
   std::string take;
   std::string reference;
   TimelineClock clock = TimelineClock::kStart;
-  double fps_hz = 0;   ///< instants a second
-  double start_s = 0;  ///< of instant 0 on the reference's clock
+  double fps_hz = 0;   ///< time steps per second
+  double start_s = 0;  ///< time of time step 0 on the reference's clock
   int64_t num_instants = 0;
   std::vector<CameraTimeline> cameras;
 
   const CameraTimeline* Find(const std::string& camera) const;  ///< nullptr: not there
 };
 
-/// The clock of each camera is a line, time = start + period * tick, fitted robustly to its time stamps; the ticks are counted
-/// over gaps, so that a dropped frame leaves a tick without frame. Each instant's frame is the one of the nearest tick.
+/// Fits each camera's clock robustly to its time stamps as a line, time = start + period * tick. Ticks are counted across
+/// gaps, so that a dropped frame leaves a tick without frame. Each time step's frame is the one of the nearest tick.
+///
 /// Throws UsageError (unknown reference), FormatError (the reference has no usable times). Cameras without usable times or
-/// offset are listed with their status and have no frame at any instant. `sync`: offsets, used unless `clock` is kCommon.
+/// offset are listed with their status and have no frame at any time step. `sync`: offsets, used unless `clock` is
+/// kCommon.
 Timeline BuildTimeline(const std::vector<CameraTimes>& cameras, TimelineClock clock, const SyncFile* sync,
                        const TimelineOptions& options = {});
 
@@ -87,16 +90,17 @@ void WriteTimeline(const Timeline& timeline, const std::string& path);
 /// Throws IoError, FormatError (path, place).
 Timeline ReadTimeline(const std::string& path);
 
-/// The instant that each frame number shows, (frame number, instant) ascending by frame; frames used for several instants have
-/// several rows.
+/// The time step of each frame number, (frame number, time step) ascending by frame; frames used for several time steps
+/// have several rows.
 std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& camera);
 
-/// (frame number, tick of the camera's own clock) ascending by frame, for the frames that have one: the position where no frame
-/// was dropped or doubled. Pictures keep their numbers; so do the frames of a camera without a regular clock.
+/// (frame number, tick of the camera's own clock) ascending by frame, for the frames that have one. The tick is the
+/// position if no frame had been dropped or doubled. Images keep their numbers; so do the frames of a camera without a
+/// regular clock.
 std::vector<std::pair<int64_t, int64_t>> TicksOfFrames(const CameraTimes& camera);
 
-/// Offsets of the cameras from their times on a common clock, as a sync file: frame numbers count ticks of each clock from its
-/// first frame. Cameras of another rate than the reference's are "OtherRate", those without times "NoTime".
+/// Offsets of the cameras from their times on a common clock, as a sync file: frame numbers count ticks of each clock from
+/// its first frame. Cameras with a rate other than the reference's are "OtherRate", those without times "NoTime".
 SyncFile SyncFromTimeline(const Timeline& timeline);
 
 }  // namespace mvstudio::dataset

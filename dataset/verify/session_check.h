@@ -10,7 +10,7 @@
 
 namespace mvstudio::dataset {
 
-/// Something about a session that a person should know.
+/// A finding about a session for the user.
 struct SessionFinding {
   bool error = false;  ///< else a warning
   std::string code, text, hint;
@@ -22,7 +22,7 @@ struct InspectedFootage {
   std::optional<FootageInfo> info;  ///< none: it cannot be opened
   int64_t num_frames = 0;           ///< counted
   double duration_s = 0;
-  bool sound = false;  ///< opened, and nothing is missing as far as was looked
+  bool sound = false;  ///< opened, and nothing is missing as far as it was read
 };
 
 struct SessionReport {
@@ -33,8 +33,8 @@ struct SessionReport {
 
 struct InspectOptions {
   bool allow_outside = false;
-  bool compare = true;  ///< footage with the calibration, poses and other footage; find files that are there twice
-  bool decode = false;  ///< every frame, instead of reading the packets only
+  bool compare = true;  ///< compare footage with the calibration, poses and other footage; find duplicate files
+  bool decode = false;  ///< decode every frame, instead of reading only the packets
 };
 
 /// All findings, by code: SES-OUTSIDE, SES-MISSING, SES-DAMAGED, SES-NO-FOOTAGE, SES-SIZE, SES-RATE, SES-COUNT, SES-GAP,

@@ -7,7 +7,7 @@
 
 namespace mvstudio::dataset {
 
-/// Something wrong with a dataset. Errors make it unusable in part, warnings ask for a look.
+/// A defect of a dataset. Errors make it partly unusable; warnings should be inspected.
 struct Finding {
   enum class Severity { kWarning, kError };
   Severity severity = Severity::kError;
@@ -31,18 +31,18 @@ void VisitFields(Visitor&& visit, VerifyOptions& o) {
 
 struct VerifyReport {
   int cameras = 0;                          ///< calibrated and with footage, all panels
-  int frames = 0;                           ///< body3DScene files that can be read
+  int frames = 0;                           ///< body3DScene files that are readable
   int pictures = 0, masks = 0, videos = 0;  ///< decoded
-  int faces = 0, hands = 0;                 ///< files that can be read
-  std::string unusable;  ///< why nothing can be made of the folder: no camera, or neither joints nor pictures; else empty
+  int faces = 0, hands = 0;                 ///< files that are readable
+  std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor pictures; else empty
   std::vector<Finding> findings;
   int num_errors() const;
   int num_warnings() const;
 };
 
-/// Checks a dataset folder in Panoptic layout, ours or foreign, and lists all that is wrong: calibration, names, sizes, joints,
-/// faces, hands, sync tables, missing, damaged or doubled pictures and videos, masks, joints off the masks. Throws IoError when
-/// the folder or its calibration is not there.
+/// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects: calibration, names,
+/// sizes, joints, faces, hands, sync tables, missing, damaged or repeated pictures and videos, masks, joints off the
+/// masks. Throws IoError when the folder or its calibration is missing.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

@@ -11,7 +11,7 @@
 #include "dataset/panoptic/sequence.h"
 #include "dataset/verify/verify.h"
 
-/// The parts of VerifyDataset; not part of the module's public face.
+/// The parts of VerifyDataset; internal to the module.
 namespace mvstudio::dataset::internal {
 
 class Findings {
@@ -34,36 +34,36 @@ std::string WithoutPath(const FormatError& error);
 /// "frame: 12" or "3 frames: 12, 15, 19" (at most five are named).
 std::string FramesText(const std::vector<int>& frames);
 
-/// Cameras that can be read.
+/// Returns the cameras that are readable.
 geometry::Rig VerifyCalibration(const std::string& path, Findings* findings);
 
-/// Scenes that can be read, by frame.
+/// Returns the readable scenes, by frame.
 std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* findings);
 
-/// Number of files of faces or hands that can be read.
+/// Number of readable files of faces or hands.
 enum class LandmarkKind { kFaces, kHands };
 int VerifyLandmarks(const PanopticFrames& frames, LandmarkKind kind, const std::map<int, Body3dScene>& scenes,
                     Findings* findings);
 
-/// Sync tables, and whether they agree with the times of the joints.
+/// Checks sync tables, and whether they agree with the times of the joints.
 void VerifySyncTables(const PanopticSequence& sequence, const std::map<int, Body3dScene>& hd_scenes, Findings* findings);
 
-/// A picture reduced to a few grey means, to tell whether two cameras show the same.
+/// A picture reduced to a few grey means, to detect cameras that show the same.
 using Thumbnail = std::array<float, 16 * 16>;
 Thumbnail MakeThumbnail(const Image& picture);
 
 struct FootageCheck {
   int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
-  int64_t frames = 0;                           ///< there are, or are listed as missing
+  int64_t frames = 0;                           ///< existing, or listed as missing
   std::map<int, Thumbnail> thumbnails;          ///< of a few frames
 };
-/// Pictures or the video, and masks, of one camera. `scenes`: of its kind.
+/// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind.
 FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
                             const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
                          const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 
-/// Cameras whose footage is that of another, and numbers of frames that differ within a kind.
+/// Finds cameras whose footage is that of another, and numbers of frames that differ within a kind.
 void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::vector<FootageCheck>& checks,
                     const PanopticSequence& sequence, Findings* findings);
 

@@ -9,7 +9,7 @@
 
 #include "core/image.h"
 
-/// Bilinear samples along a row of a resampled picture, many at a time. Used by crop_resample.cc alone.
+/// Bilinear samples along a row of a resampled image, many at a time. Used by crop_resample.cc only.
 namespace mvstudio::dataset::internal {
 
 inline constexpr int kMaxSamples = 16;         // a side

@@ -7,7 +7,7 @@
 #include "core/fields.h"
 #include "dataset/panoptic/panoptic.h"
 
-/// Which cameras and frames of a dataset are for training, for choosing among models, and for the final score.
+/// Assigns the cameras and frames of a dataset to training, model selection and the final score.
 namespace mvstudio::dataset {
 
 inline constexpr char kSplitSchema[] = "mvstudio.split/1";
@@ -23,18 +23,19 @@ struct MotionBlock {
   int first = 0, last = 0;  ///< frame numbers, both inside
 };
 
-/// Training uses train.cameras in train.frames and so on; camera and frame pairs across the parts belong to nobody.
+/// Training uses train.cameras in train.frames, and so on; camera and frame pairs across the parts are not used.
 struct Split {
   std::string dataset;  ///< sequence
   std::string rule;     ///< how it was made, in words: "preset tna-16"
   SplitPart train, validation, test;
   int guard_frames = 0;             ///< frames left out on either side between the parts
-  std::vector<int> unused_frames;   ///< of them, and any other in no part
+  std::vector<int> unused_frames;   ///< of these, and any others in no part
   std::vector<MotionBlock> blocks;  ///< of the whole take
 };
 
-/// Every rule that is broken, one line each ("train and test share camera 00_03"): train and test share neither cameras nor
-/// frames; validation shares no frames with either and no cameras with test; train and test are not empty; nothing twice.
+/// All violated rules, one line each ("train and test share camera 00_03"). Train and test share neither cameras nor
+/// frames. Validation shares no frames with either and no cameras with test. Train and test are not empty; nothing occurs
+/// twice.
 std::vector<std::string> SplitFaults(const Split& split);
 
 /// `mvstudio.split/1`, JSON. Reading throws IoError, or FormatError naming every camera and frame that is shared; writing
@@ -61,7 +62,7 @@ struct SplitOptions {
   uint64_t seed = 1;
 };
 
-/// Names of the presets with a line each.
+/// A preset's name and a one-line description.
 struct SplitPreset {
   std::string name, what;
 };
@@ -70,16 +71,16 @@ const std::vector<SplitPreset>& SplitPresets();
 /// Throws UsageError for names and frames that the dataset does not have, contradictions, and parts that would be empty.
 Split MakeSplit(const PanopticDataset& dataset, const SplitOptions& options);
 
-/// Indices of `count` cameras whose directions, seen from `middle_in_world`, lie as far apart as can be: farthest-point choice,
-/// then exchanges while the sorted list of nearest angles improves. Seed 1 starts at the camera farthest from all others, other
-/// seeds at a random one. Sorted; the same input gives the same cameras.
+/// Indices of `count` cameras whose directions, seen from `middle_in_world`, are as far apart as possible: farthest-point
+/// selection, then exchanges while the sorted list of nearest angles improves. Seed 1 starts at the camera farthest from
+/// all others, other seeds at a random one. Sorted and deterministic.
 std::vector<int> SpreadCameras(const geometry::Rig& rig, const Eigen::Vector3d& middle_in_world, int count, uint64_t seed = 1);
 
-/// Frames cut where numbers are missing or the joints jump: more than 0.15 m on average (median over people) and five times
-/// the usual step.
+/// Splits the frames where numbers are missing or the joints jump: by more than 0.15 m on average (median over people) and
+/// five times the usual step.
 std::vector<MotionBlock> FindMotionBlocks(const PanopticDataset& dataset);
 
-/// What a score on this split will mean.
+/// The difficulty of a split, to interpret scores on it.
 struct SplitReport {
   struct Camera {
     std::string name, nearest_train;
@@ -87,10 +88,10 @@ struct SplitReport {
   };
   std::vector<Camera> test_cameras;
   double median_angle_deg = 0, max_angle_deg = 0;
-  /// Mean distance of a test pose's joints from those of the most similar training pose, turned about the vertical and moved
-  /// onto each other; metres over the test frames. NaN without poses.
+  /// Mean distance of a test pose's joints from those of the most similar training pose, after the best rotation about the
+  /// vertical and translation; metres, over the test frames. NaN without poses.
   double median_novelty_m = 0, p90_novelty_m = 0, max_novelty_m = 0;
-  double usual_step_m = 0;  ///< the same between neighbouring frames: what "not new" is
+  double usual_step_m = 0;  ///< the same between neighbouring frames: the level of "not new"
   int train_pictures = 0, validation_pictures = 0, test_pictures = 0;
 };
 SplitReport DescribeSplit(const PanopticDataset& dataset, const Split& split);

@@ -8,7 +8,7 @@
 #include "dataset/views/crop.h"
 #include "geometry/rig/rig.h"
 
-/// Pictures as an ideal pinhole camera would have taken them, for readers that know no lens model or fewer of its terms.
+/// Images as an ideal pinhole camera would have taken them, for readers without our lens models.
 namespace mvstudio::dataset {
 
 struct UndistortOptions {
@@ -29,25 +29,26 @@ void VisitFields(Visitor&& visit, UndistortOptions& o) {
 }
 
 struct UndistortedCamera {
-  /// kOk; kOutsideValidRadius: part of the footage lies beyond the widest field of view or where the lens has no inverse, so
-  /// that no such pinhole shows it (the camera is usable all the same); kNonFiniteInput, kDegenerate: there is no such camera.
+  /// kOk; kOutsideValidRadius: part of the footage lies beyond the widest field of view, or where the lens has no inverse,
+  /// so no such pinhole shows it (the camera is usable all the same). kNonFiniteInput, kDegenerate: there is no such
+  /// camera.
   Status status = Status::kOk;
   std::string reason;          ///< one sentence where the status is not kOk
-  geometry::RigCamera camera;  ///< pinhole of the same name, place and orientation; no covariances
-  double lost_share = 0;       ///< of the footage's pixels, those that this view does not show
-  double empty_share = 0;      ///< of the pinhole's pixels, those without a source
+  geometry::RigCamera camera;  ///< pinhole of the same name, position and orientation; no covariances
+  double lost_share = 0;       ///< fraction of the footage's pixels that this view does not show
+  double empty_share = 0;      ///< fraction of the pinhole's pixels without a source
   bool usable() const { return status == Status::kOk || status == Status::kOutsideValidRadius; }
 };
 
-/// The pinhole for a camera of any lens model. A pinhole whose view is "inside" already is returned unchanged. Throws
+/// The pinhole for a camera of any lens model. A pinhole whose view is already "inside" is returned unchanged. Throws
 /// UsageError for an unknown view or sizes outside 1 … 32768.
 UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options = {});
 
-/// Resamples all pictures of one camera; copies share the map. Colours are means over the part of a pixel's footprint that has
-/// a source; pixels without one are 0.
+/// Resamples all images of one camera; copies share the map. Colours are means over the part of a pixel's footprint that
+/// has a source; pixels without a source are 0.
 class Undistorter {
  public:
-  /// `pinhole` as IdealPinhole gives it, or any pinhole at the same place.
+  /// `pinhole` as from IdealPinhole, or any pinhole at the same position.
   Undistorter(const geometry::RigCamera& source, const geometry::RigCamera& pinhole);
   Image Picture(const Image& source, int num_threads = 1) const;
   /// 255 where at least half of the pixel's footprint is foreground.
@@ -61,15 +62,15 @@ class Undistorter {
   Image validity_;
 };
 
-/// What undistortion costs.
+/// Errors of an undistortion.
 struct UndistortionError {
-  double max_joint_px = 0;  ///< footage px: points projected by the lens against the same points projected by the pinhole and
-                            ///< looked up in the footage; over a grid of points in view
+  double max_joint_px = 0;  ///< footage px: projections by the lens against projections by the pinhole looked up in the
+                            ///< footage; over a grid of visible points
   double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
-  double psnr_db = 0;    ///< of a seeded band-limited picture resampled there and back, where both have a source; NaN: nowhere
-  double finest_px = 0;  ///< shortest period of that picture
+  double psnr_db = 0;       ///< of a seeded band-limited image resampled there and back, where both have a source; NaN: nowhere
+  double finest_px = 0;     ///< shortest period of that image
 };
-/// `with_picture` false leaves psnr_db at NaN and takes milliseconds instead of a second.
+/// With `with_picture` false, psnr_db stays NaN and the call takes milliseconds instead of a second.
 UndistortionError MeasureUndistortion(const geometry::RigCamera& source, const geometry::RigCamera& pinhole, uint64_t seed = 1,
                                       bool with_picture = true);
 

@@ -6,11 +6,11 @@
 #include "core/image.h"
 #include "dataset/pose/pose2d.h"
 
-/// What a net says about where the joints of a person are in a square picture, and how positions are read from it.
+/// A net's score maps of the joints of a person in a square image, and reading positions from them.
 namespace mvstudio::detect {
 
-/// Grids over a crop. The middle of cell (y, x) lies at pixel (origin_x_px + x * stride_px, origin_y_px + y * stride_px) of the
-/// crop; every cell may vote for a place beside itself.
+/// Grids over a crop. The middle of cell (y, x) is at pixel (origin_x_px + x * stride_px, origin_y_px + y * stride_px) of
+/// the crop; every cell may predict an offset to the joint.
 struct JointMaps {
   int joints = 0, height = 0, width = 0;
   double stride_px = 1, origin_x_px = 0, origin_y_px = 0;
@@ -21,34 +21,36 @@ struct JointMaps {
   double prior_power = 1;                     ///< one farther off 1 / (1 + (distance / scale) ^ power)
 };
 
-/// The best place of every joint in crop pixels with its score 0..1. With votes: the mean of the votes around the best cell,
-/// weighted by score. Without: the best cell moved to the vertex of the parabola through its neighbours' logarithms
-/// (Zhang et al. 2020, "DARK"). Cells are weighted by the prior where there is one.
+/// The best position of every joint in crop pixels, with its score 0..1. With offsets: the mean of the positions predicted
+/// around the best cell, weighted by score. Without: the best cell moved to the vertex of the parabola through its
+/// neighbours' logarithms (Zhang et al. 2020, "DARK"). Cells are weighted by the prior where there is one.
 std::vector<dataset::Keypoint2d> ReadJoints(const JointMaps& maps);
 
-/// Maps of a mirrored crop, turned back and added to those of the crop: the mean of scores and votes. `mirror` pairs the joints
-/// that change places.
+/// Flips the maps of a mirrored crop back and averages scores and offsets with those of the crop. `mirror` lists the pairs
+/// of joints to exchange.
 JointMaps AverageMirrored(const JointMaps& maps, const JointMaps& mirrored, const std::vector<std::pair<int, int>>& mirror,
                           int crop_px);
 
-/// A square of the picture: middle and side in its pixels. The crop's right is the picture's, turned clockwise by `angle_rad`.
+/// A square of the image: centre and side in its pixels. The crop's right is the image's, rotated clockwise by
+/// `angle_rad`.
 struct Crop {
   double x_px = 0, y_px = 0, size_px = 0, angle_rad = 0;
 };
 
-/// The square around the joints that score at least `min_score`, of which their longer extent takes `fill`, turned by
-/// `angle_rad`. Size 0: no joint.
+/// The square around the joints that score at least `min_score`, rotated by `angle_rad`; their longer extent takes `fill`
+/// of it. Size 0: no joint.
 Crop CropAround(const dataset::Person2d& pose, double fill, double min_score, double angle_rad = 0);
 
-/// How far a coco17 person leans: the turn that brings the line from hips to shoulders upright. 0 when these joints score less
-/// than `min_score`.
+/// Lean of a coco17 person: the rotation that makes the line from hips to shoulders upright. 0 when these joints score
+/// less than `min_score`.
 double LeanOf(const dataset::Person2d& pose, double min_score);
 
-/// The crop scaled to `size` x `size`: the mean of bilinear samples over each pixel's footprint; mid-grey outside the picture.
+/// The crop scaled to `size` x `size`: the mean of bilinear samples over each pixel's footprint; mid-grey outside the
+/// image.
 Image CutCrop(const Image& rgb, const Crop& crop, int size);
 Image MirrorImage(const Image& rgb);
 
-/// From pixels of the picture to those of the scaled crop, and back.
+/// From pixels of the full image to those of the scaled crop, and back.
 dataset::Keypoint2d ToCrop(const dataset::Keypoint2d& in_picture, const Crop& crop, int size);
 dataset::Keypoint2d FromCrop(const dataset::Keypoint2d& in_crop, const Crop& crop, int size);
 

@@ -10,30 +10,31 @@
 #include "detect/joints/joint_maps.h"
 #include "detect/tfjs/tfjs_graph.h"
 
-/// Nets that find the joints of one person in a square crop, and of several in a whole picture.
+/// Nets that find the joints of one person in a square crop, and of several in a whole image.
 namespace mvstudio::detect {
 
-/// A net for crops. Implementations are immutable: one may run in several threads.
+/// A net for crops. Implementations are immutable and may run in several threads.
 class JointNet {
  public:
   virtual ~JointNet() = default;
   virtual const body::Skeleton& skeleton() const = 0;
   virtual int input_px() const = 0;        ///< side of its crop
-  virtual double person_fill() const = 0;  ///< share of the crop's side that a person's joints should take
-  /// `expected`: where the person's joints are likely to be, in crop pixels; empty: unknown. It tells people in one crop apart.
+  virtual double person_fill() const = 0;  ///< fraction of the crop's side that a person's joints should fill
+  /// `expected`: likely positions of the person's joints, in crop pixels; empty: unknown. Distinguishes people in one
+  /// crop.
   virtual JointMaps Run(const Image& crop, const std::vector<dataset::Keypoint2d>& expected = {}) const = 0;
 };
 
-/// PoseNet (Papandreou et al. 2018, "PersonLab") with a crop of 16 n + 1 pixels. Throws as ReadModel.
+/// PoseNet (Papandreou et al. 2018, "PersonLab") with a crop of 16 n + 1 pixels. Throws like ReadModel.
 std::unique_ptr<JointNet> OpenPosenet(const std::string& models_folder, int input_px);
 
 /// MoveNet Thunder, 256 px.
 std::unique_ptr<JointNet> OpenMovenet(const std::string& models_folder);
 
-/// How an ONNX net wants its input and names its joints.
+/// Input format and joints of an ONNX net.
 struct OnnxOptions {
   std::string skeleton = "coco17";
-  int width_px = 0, height_px = 0;         ///< 0: as the file says; where it leaves them open, 192 x 256
+  int width_px = 0, height_px = 0;         ///< 0: from the file; if it does not state them, 192 x 256
   std::string normalization = "imagenet";  ///< "imagenet", "unit" (0..1), "symmetric" (-1..1), "none" (0..255)
   bool bgr = false;
 };
@@ -49,24 +50,23 @@ void VisitFields(Visitor&& visit, OnnxOptions& o) {
 }
 
 /// A top-down net of OpenCV dnn with one input (1, 3, height, width) and heat maps (1, joints, h, w). Throws IoError,
-/// FormatError (not ONNX, layers that are not known, other outputs), UsageError (options).
+/// FormatError (not ONNX, unknown layers, other outputs), UsageError (options).
 std::unique_ptr<JointNet> OpenOnnx(const std::string& path, const OnnxOptions& options);
 
-/// A person in a picture, before a crop was made around them.
+/// A person in an image, before a crop is made.
 struct CoarsePerson {
-  dataset::Person2d pose;  ///< coco17, picture pixels
+  dataset::Person2d pose;  ///< coco17, pixels of the image
   double score = 0;        ///< mean of the joints'
 };
 
-/// Finds people in whole pictures: PoseNet on the picture and on overlapping tiles of it, decoded as in PersonLab: greedily
-/// from the best joint, along the displacements, without what lies on a person found before.
+/// Finds people in whole images: PoseNet on the image and on overlapping tiles of it, decoded as in PersonLab. Decoding is
+/// greedy from the best joint along the displacements, without candidates on a person found before.
 class PersonFinder {
  public:
   explicit PersonFinder(const std::string& models_folder);
   ~PersonFinder();
-  /// First those with the largest size times score (up to a score that leaves no doubt): whom a
-  /// camera films stands near it. `levels`: 1 the picture alone, 2 also
-  /// tiles of half its longer side, 3 of a quarter.
+  /// Sorted by size times score (capped at a score that is certain); the largest person is assumed to be the subject.
+  /// `levels`: 1 the image alone, 2 also tiles of half its longer side, 3 of a quarter.
   std::vector<CoarsePerson> Find(const Image& rgb, int max_persons, int levels) const;
 
  private:
@@ -74,7 +74,7 @@ class PersonFinder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Object key point similarity (COCO) of two poses of one skeleton in which both have a joint; 0 when there are none.
+/// Object keypoint similarity (COCO) of two poses of one skeleton, over joints that both have; 0 when there are none.
 double PoseSimilarity(const dataset::Person2d& a, const dataset::Person2d& b, double min_score);
 
 }  // namespace mvstudio::detect

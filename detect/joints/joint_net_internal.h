@@ -12,7 +12,7 @@ namespace mvstudio::detect::internal {
 FloatTensor ToSymmetric(const Image& rgb);
 float SigmoidOf(float x);
 
-/// PoseNet's four outputs of one picture; x of a displacement or offset after all y of its kind.
+/// PoseNet's four outputs for one image; x of a displacement or offset after all y of its kind.
 struct PosenetOutputs {
   FloatTensor heat, offset, forward, backward;
 };
@@ -28,7 +28,7 @@ class PosenetGraph {
 
 inline constexpr int kPosenetStride = 16;
 
-/// People in the net's pixels, by the score of the joint they grew from.
+/// People in the net's pixels, by the score of the joint at which their decoding started.
 std::vector<CoarsePerson> DecodePeople(const PosenetOutputs& outputs);
 
 }  // namespace mvstudio::detect::internal

@@ -8,8 +8,8 @@
 
 namespace mvstudio::detect {
 
-/// The picture with bones drawn over it: left red, right green, the middle yellow. Joints that score less than `min_score` are
-/// left out.
+/// The image with bones drawn over it: left red, right green, the middle yellow. Joints that score less than `min_score`
+/// are left out.
 Image DrawPoses(const Image& rgb, const std::vector<dataset::Person2d>& people, const body::Skeleton& skeleton,
                 double min_score = 0.1);
 

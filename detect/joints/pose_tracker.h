@@ -6,7 +6,7 @@
 
 #include "detect/joints/joint_net.h"
 
-/// Key points of people in the video of one camera.
+/// Keypoints of people in the video of one camera.
 namespace mvstudio::detect {
 
 struct PoseOptions {
@@ -28,11 +28,11 @@ void VisitFields(Visitor&& visit, PoseOptions& o) {
   visit("min-joint-score", o.min_joint_score, "0..1; joints that score less are written as not detected");
 }
 
-/// What `quality` stands for.
+/// The settings of a `quality`.
 struct CropPlan {
-  std::vector<double> scales;  ///< of the crop; 1: the person takes the net's person_fill()
+  std::vector<double> scales;  ///< of the crop; 1: the person fills the net's person_fill()
   bool mirror = false;
-  int passes = 1;        ///< crops in turn for a person that was just found, each around the joints of the one before
+  int passes = 1;        ///< successive crops for a newly found person, each around the joints of the previous one
   int posenet_px = 257;  ///< crop of PoseNet
 };
 /// Throws UsageError for an unknown quality.
@@ -43,19 +43,19 @@ struct TrackedPerson {
   dataset::Person2d pose;
   double score = 0;        ///< mean of the joints'
   Crop crop;               ///< in which the joints were found
-  double usual_score = 0;  ///< of the frames before
+  double usual_score = 0;  ///< in the previous frames
 };
 
-/// Joints of a person in `crop`, in picture pixels; those outside the picture have score 0. `expected`: where they are likely
-/// to be; without joints: unknown.
+/// Joints of a person in `crop`, in pixels of the full image; those outside the image have score 0. `expected`: likely
+/// positions; without joints: unknown.
 dataset::Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, const CropPlan& plan,
                                const dataset::Person2d& expected = {});
 
-/// Follows people from frame to frame: a crop around the last pose; who is lost is looked for in the whole picture. One a
-/// camera.
+/// Tracks people from frame to frame, with a crop around the last pose; a lost person is searched in the whole image. Use
+/// one tracker per camera.
 class PoseTracker {
  public:
-  /// `net` and `finder` must outlive the tracker. Without a finder, the whole picture is the crop of the only person.
+  /// `net` and `finder` must outlive the tracker. Without a finder, the whole image is the crop of the only person.
   PoseTracker(const JointNet& net, const PersonFinder* finder, const PoseOptions& options, const CropPlan& plan);
   /// People in the next frame, by id.
   std::vector<TrackedPerson> Next(const Image& rgb);

@@ -7,8 +7,8 @@
 
 namespace mvstudio::detect::internal {
 
-/// Takes `names` (paths inside the archive) out of a gzipped tar archive held in memory. Nothing is written; links, folders and
-/// files larger than `max_bytes` are refused. Throws FormatError (damaged, or a name is missing or there twice).
+/// Extracts `names` (paths inside the archive) from a gzipped tar archive in memory. Nothing is written; links, folders
+/// and files larger than `max_bytes` are refused. Throws FormatError (damaged, or a name is missing or repeated).
 std::map<std::string, std::string> ExtractFiles(const std::string& path, const std::string& archive,
                                                 const std::vector<std::string>& names, size_t max_bytes);
 

@@ -5,8 +5,8 @@
 
 #include "core/image.h"
 
-/// Nets that tell people from the rest of a picture. They see a small square (256 px): good for where a person is, too coarse
-/// for the outline, which is left to dataset/masks/masks.h.
+/// Nets that segment people. They work on a small square (256 px): sufficient to locate a person, too coarse for the
+/// outline, which dataset/masks/masks.h determines.
 namespace mvstudio::detect {
 
 /// Half-open pixel ranges.
@@ -15,16 +15,16 @@ struct PictureBox {
   bool empty() const { return x1 <= x0 || y1 <= y0; }
 };
 
-/// Smallest box of the pixels of at least `least`, with a margin as a share of its longer side, inside the picture; empty when
-/// there is no such pixel.
+/// Smallest box of the pixels of at least `least`, with a margin as a fraction of its longer side, inside the image; empty
+/// when there is no such pixel.
 PictureBox BoxAround(const Image& grey, int least, double margin);
 
-/// Belief in a person per pixel. Safe to call from several threads.
+/// Probability of a person per pixel. Thread-safe.
 class Segmenter {
  public:
   virtual ~Segmenter() = default;
-  /// (H, W, 1), 0..255, of the size of `rgb` (RGB). The net looks at a square around `box`, or at the whole picture when the
-  /// box is empty and then once more at what it found; nothing outside the square is a person.
+  /// (H, W, 1), 0..255, of the size of `rgb` (RGB). The net sees a square around `box`. With an empty box it sees the
+  /// whole image, and then again the region it found. Nothing outside the square is a person.
   virtual Image Probability(const Image& rgb, const PictureBox& box) const = 0;
 };
 
@@ -50,9 +50,9 @@ void VisitFields(Visitor&& visit, OnnxSegmenterOptions& o) {
         "channel of the class 'person' of a net with several (15 in Pascal VOC); -1: the only one, else the last of two");
 }
 
-/// A net in ONNX form through OpenCV: input (1, 3, H, W), output (1, K, H', W') or (1, H', W'). One channel: a probability, or
-/// its logit when values leave 0..1. Several: probabilities that add up to one, or logits. Throws IoError, FormatError (what
-/// OpenCV does not read, outputs of another form), UsageError for sizes and channels that cannot be.
+/// A net in ONNX form through OpenCV: input (1, 3, H, W), output (1, K, H', W') or (1, H', W'). One channel: a
+/// probability, or its logit when values leave 0..1. Several: probabilities that add up to one, or logits. Throws IoError,
+/// FormatError (unreadable for OpenCV, outputs of another form), UsageError for invalid sizes and channels.
 std::unique_ptr<Segmenter> OnnxSegmenter(const std::string& path, const OnnxSegmenterOptions& options = {});
 
 }  // namespace mvstudio::detect

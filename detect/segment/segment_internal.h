@@ -4,10 +4,10 @@
 
 #include "detect/segment/segment.h"
 
-/// Shared by the segmentation nets; not part of the module's public face.
+/// Shared by the segmentation nets; internal to the module.
 namespace mvstudio::detect::internal {
 
-/// A segmenter that runs on a crop: the part of the picture in and out of the net is the same for all nets.
+/// A segmenter that runs on a crop: input and output of the net are handled in the same way for all nets.
 class CropSegmenter : public Segmenter {
  public:
   Image Probability(const Image& rgb, const PictureBox& box) const override;

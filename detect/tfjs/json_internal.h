@@ -11,7 +11,7 @@ namespace mvstudio::detect::internal {
 
 using Json = nlohmann::json;
 
-/// Nesting deeper than 64 is refused. Throws FormatError with the byte where the text breaks.
+/// Nesting deeper than 64 is rejected. Throws FormatError with the byte of the syntax error.
 Json ParseJson(const std::string& path, const std::string& text);
 
 using JsonView = BasicJsonView<Json>;

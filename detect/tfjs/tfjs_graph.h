@@ -13,7 +13,7 @@ class Tensor;
 /// TensorFlow.js graph models: a JSON file with the graph and binary files with its weights, run on libtorch.
 namespace mvstudio::detect {
 
-/// An array of floats, row by row. Pictures are NHWC: (1, height, width, channels).
+/// An array of floats, row by row. Images are NHWC: (1, height, width, channels).
 struct FloatTensor {
   std::vector<int64_t> shape;
   std::vector<float> values;
@@ -27,7 +27,7 @@ struct TfjsFiles {
 };
 
 /// Reads a graph model's JSON file and the weight files beside it that it names. Throws IoError, FormatError (names with a
-/// folder in them, more than 1 GiB).
+/// folder, more than 1 GiB).
 TfjsFiles ReadTfjsFiles(const std::string& json_path);
 
 struct TensorSpec {
@@ -43,11 +43,11 @@ struct TensorSpec {
 /// float16, uint8 or uint16.
 class TfjsGraph {
  public:
-  /// `inputs` and `outputs` name nodes, and may name inner ones: only what lies between is read, checked and run. Empty: the
-  /// graph's placeholders, and the outputs of its signature.
+  /// `inputs` and `outputs` name nodes, possibly inner ones: only the part between them is read, checked and run. Empty:
+  /// the graph's placeholders, and the outputs of its signature.
   ///
-  /// Throws FormatError naming the node for an operation that is not known, missing inputs, cycles, and shapes, offsets, types
-  /// or sizes that do not fit.
+  /// Throws FormatError naming the node for an unknown operation, missing inputs, cycles, and inconsistent shapes,
+  /// offsets, types or sizes.
   explicit TfjsGraph(const TfjsFiles& files, const std::vector<std::string>& inputs = {},
                      const std::vector<std::string>& outputs = {});
   ~TfjsGraph();
@@ -58,11 +58,11 @@ class TfjsGraph {
   const std::vector<std::string>& outputs() const;
 
   /// The outputs in the order of outputs(). Height and width may differ from the placeholder's where the graph allows it.
-  /// Throws ContractViolation when `inputs` are not those of inputs(), or rank, channels or number of values do not fit;
-  /// FormatError naming the node where a tensor does not fit an operation.
+  /// Throws ContractViolation when `inputs` are not those of inputs(), or their rank, channels or number of values are
+  /// wrong. Throws FormatError naming the node where a tensor does not fit an operation.
   std::vector<FloatTensor> Run(const std::vector<FloatTensor>& inputs) const;
 
-  /// The same on libtorch's tensors, float32, with gradients into the inputs.
+  /// Same on libtorch's tensors, float32, with gradients with respect to the inputs.
   std::vector<at::Tensor> RunTensors(const std::vector<at::Tensor>& inputs) const;
 
  private:
@@ -70,7 +70,8 @@ class TfjsGraph {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Threads that all graphs of this process run on; 0: as many as the machine has. libtorch starts with one on some machines.
+/// Number of threads of all graphs of this process; 0: as many as the machine has. libtorch starts with one on some
+/// machines.
 void SetGraphThreads(int num_threads);
 
 }  // namespace mvstudio::detect

@@ -6,13 +6,13 @@
 
 #include "detect/tfjs/tfjs_graph.h"
 
-/// A TensorFlow.js graph as read from its files, before anything runs.
+/// A TensorFlow.js graph as parsed from its files, before execution.
 namespace mvstudio::detect::internal {
 
 /// Largest number of elements of any tensor: 1 GiB of floats.
 inline constexpr int64_t kMaxElements = int64_t{1} << 28;
 
-/// One attribute of a node; the members that its kind has are set.
+/// One attribute of a node; only the members of its kind are set.
 struct TfAttribute {
   std::vector<int64_t> ints;
   std::vector<std::string> texts;  // decoded
@@ -41,14 +41,14 @@ struct TfGraph {
   std::vector<std::string> signature_outputs;  // node names
 };
 
-/// Throws FormatError for whatever does not fit.
+/// Throws FormatError for any inconsistency.
 TfGraph ParseTfjs(const TfjsFiles& files);
 
 /// Names of the weight files that the graph's manifest lists.
 std::vector<std::string> ShardNames(const std::string& path, const std::string& json);
 
-/// Indices of the nodes that `outputs` need, each after its inputs; the search stops at `inputs`. Throws FormatError for
-/// missing nodes and cycles.
+/// Indices of the nodes that `outputs` depend on, each after its inputs; the search stops at `inputs`. Throws FormatError
+/// for missing nodes and cycles.
 std::vector<size_t> EvaluationOrder(const TfGraph& graph, const std::vector<std::string>& inputs,
                                     const std::vector<std::string>& outputs);
 

@@ -9,14 +9,14 @@
 #include "core/error.h"
 #include "detect/tfjs/tfjs_internal.h"
 
-/// The operations of TensorFlow graphs on libtorch; included by the .cc files that have the precompiled torch header only.
+/// The operations of TensorFlow graphs on libtorch; only for .cc files with the precompiled torch header.
 namespace mvstudio::detect::internal {
 
-/// Values are NHWC and float32, or int32 for sizes; a node's inputs in their order.
+/// Values are NHWC and float32, or int32 for sizes; inputs are in the node's order.
 using Operation = std::function<torch::Tensor(const std::vector<torch::Tensor>&)>;
 
-/// Reads the attributes of `node` once. Throws FormatError naming operation and node when it is not known. The returned
-/// function throws FormatError when its inputs do not fit.
+/// Reads the attributes of `node` once. Throws FormatError naming operation and node when the operation is unknown. The
+/// returned function throws FormatError for invalid inputs.
 Operation CompileOperation(const std::string& path, const TfNode& node);
 
 /// A window's attributes: convolution, transposed convolution and pooling.
@@ -27,7 +27,7 @@ struct Window {
 };
 Window ReadWindow(const std::string& path, const TfNode& node);
 
-/// Padding before and after of TensorFlow's SAME: outputs = ceil(inputs / stride), the odd row last.
+/// Padding before and after for TensorFlow's SAME: outputs = ceil(inputs / stride), the odd row last.
 struct Padding {
   int64_t before = 0, after = 0;
 };
@@ -35,7 +35,7 @@ Padding SamePadding(int64_t inputs, int64_t window, int64_t stride, int64_t dila
 
 [[noreturn]] void FailNode(const std::string& path, const TfNode& node, const std::string& what);
 
-/// The window operations; nothing for any other operation.
+/// The window operations; empty for any other operation.
 Operation CompileConvolution(const std::string& path, const TfNode& node);
 Operation CompilePooling(const std::string& path, const TfNode& node);
 Operation CompileResize(const std::string& path, const TfNode& node);

@@ -8,8 +8,8 @@
 
 namespace mvstudio::detect::internal {
 
-/// Decodes all weights of `weightsManifest`: those of a group lie one after the other in its files. Throws FormatError when
-/// files are too short or too long, or for types and shapes that do not fit.
+/// Decodes all weights of `weightsManifest`; those of a group are stored one after the other in its files. Throws
+/// FormatError for files that are too short or too long, or for invalid types and shapes.
 std::map<std::string, TfWeight> ReadWeights(const JsonView& manifest, const std::map<std::string, std::string>& shards);
 
 /// IEEE 754 half precision.

@@ -15,7 +15,7 @@ struct Alignment {
   double rms = 0;    ///< metres, after alignment
 };
 
-/// Least-squares transform of points (3, N) in a onto points in b. Umeyama, "Least-squares estimation of transformation
+/// Least-squares transform from points (3, N) in a to points in b. Umeyama, "Least-squares estimation of transformation
 /// parameters between two point patterns", PAMI 1991.
 Alignment AlignPoints(const Eigen::Matrix3Xd& x_in_a, const Eigen::Matrix3Xd& x_in_b, bool with_scale = false);
 

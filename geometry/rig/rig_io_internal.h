@@ -3,12 +3,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-/// What the reader and the writer of calibration.json share.
+/// Shared by the reader and the writer of calibration.json.
 namespace mvstudio::geometry::internal {
 
 using Json = nlohmann::ordered_json;
 
-/// Foreign text on one line, at most 60 bytes of it.
+/// Text from outside on one line, at most 60 bytes of it.
 inline std::string Escaped(const std::string& text) {
   constexpr size_t kMaxBytes = 60;
   const std::string shown = Json(text.substr(0, kMaxBytes)).dump(-1, ' ', true, Json::error_handler_t::replace);

@@ -4,7 +4,7 @@
 
 namespace mvstudio::report {
 
-/// What is shown for a number that does not exist.
+/// Text for a number that does not exist.
 inline constexpr char kNoNumber[] = "\u2013";
 
 /// At most `significant` digits, no superfluous zeros or exponent ("0.2341", "6.3", "1285", "3.1e-06"); kNoNumber when not
@@ -18,7 +18,7 @@ std::string FormatWithUnit(double value, const std::string& unit, int significan
 /// "850 ms", "12.3 s", "4 min 5 s", "2 h 3 min".
 std::string FormatDuration(double seconds);
 
-/// A key of the JSON contract as people read it: "holdout_rms_px" -> {"held-out rms", "px"}.
+/// A key of the JSON contract as a label: "holdout_rms_px" -> {"held-out rms", "px"}.
 struct KeyLabel {
   std::string label, unit;
 };

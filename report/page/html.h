@@ -6,14 +6,14 @@
 
 namespace mvstudio::report {
 
-/// Text made safe for HTML and XML content and quoted attributes. Bytes that are not UTF-8 and control characters become
+/// Escapes text for HTML and XML content and quoted attributes. Bytes that are not UTF-8 and control characters become
 /// U+FFFD.
 std::string EscapeHtml(std::string_view text);
 
-/// How a stage or a check ended. Never told by colour alone: each has its word and its sign.
+/// Outcome of a stage or a check. Never shown by colour alone: each has a word and a symbol.
 enum class Verdict { kPass, kWarn, kFail, kNotRun };
 std::string_view ToString(Verdict verdict);  ///< "pass", "warn", "fail", "not run"
-/// The worse of two; kNotRun yields to anything.
+/// The worse of two; kNotRun is the least.
 Verdict Worse(Verdict a, Verdict b);
 
 /// Arguments are plain text and are escaped here, except those whose names end in `_html`.
@@ -28,7 +28,7 @@ std::string GridHtml(const std::vector<std::string>& figures_html, const std::st
 class Table {
  public:
   explicit Table(std::string caption) : caption_(std::move(caption)) {}
-  /// The unit, when there is one, stands in the header and not in the cells.
+  /// The unit, if any, is shown in the header, not in the cells.
   void AddColumn(const std::string& title, const std::string& unit = {}, bool numeric = true);
   struct Cell {
     std::string text;
@@ -37,7 +37,7 @@ class Table {
     Cell(const char* text_) : text(text_) {}
     Cell(std::string text_, bool strong_ = false) : text(std::move(text_)), strong(strong_) {}
   };
-  /// One cell a column. `highlight` draws the row as one to look at.
+  /// One cell per column. `highlight` emphasises the row.
   void AddRow(std::vector<Cell> cells, bool highlight = false);
   bool empty() const { return rows_.empty(); }
   std::string Html() const;
@@ -61,8 +61,8 @@ struct Section {
   std::string body_html;
 };
 
-/// The whole document, its title as heading where there is no `header_html`: no script, no link to anything outside, a content
-/// policy that forbids both.
+/// The whole document; its title is the heading without `header_html`. No script, no external links, and a content policy
+/// that forbids both.
 std::string PageHtml(const std::string& title, const std::string& header_html, const std::vector<Section>& sections,
                      const std::string& footer);
 

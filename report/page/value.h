@@ -10,8 +10,8 @@
 
 namespace mvstudio::report {
 
-/// A JSON tree that is read leniently: what is missing or of another kind reads as null, NaN or the empty string and never
-/// throws. Fields keep the order of the file; whole numbers keep all 64 bits.
+/// A JSON tree that is read leniently: missing values and those of another kind read as null, NaN or the empty string and
+/// never throw. Fields keep the order of the file; whole numbers keep all 64 bits.
 class Value {
  public:
   enum class Kind { kNull, kBool, kInteger, kNumber, kText, kArray, kObject };

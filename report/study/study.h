@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-/// A user study with forced choices: which of two pictures is more like the truth between them?
+/// A user study with forced choices: which of two pictures is closer to the truth shown between them.
 namespace mvstudio::report {
 
 inline constexpr char kStudySchema[] = "mvstudio.study/1";
@@ -17,12 +17,12 @@ struct StudyPicture {
   std::string truth, a, b;
 };
 
-/// The same file names in three folders (without subfolders), sorted; what is not in all three is listed in `unmatched`. Throws
-/// IoError for folders that are not there, FormatError when no name is in all three, for content that is no picture, and for
-/// PNG files of different sizes.
+/// Pictures with the same file name in three folders (without subfolders), sorted; names that are not in all three are
+/// listed in `unmatched`. Throws IoError for missing folders. Throws FormatError when no name is in all three, for content
+/// that is not a picture, and for PNG files of different sizes.
 std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
                                             const std::string& b_folder, std::vector<std::string>* unmatched);
-/// `count` of them, evenly over the list; all when there are fewer.
+/// `count` of them, evenly spaced in the list; all when there are fewer.
 std::vector<StudyPicture> ThinStudy(const std::vector<StudyPicture>& pictures, int count);
 
 struct StudySpec {
@@ -34,13 +34,13 @@ struct StudySpec {
 
 struct Study {
   std::string sha256;  ///< of methods, pictures, order and sides: answers name it
-  std::string html;    ///< one document with everything inside it; its script is allowed by its digest, the network is not
+  std::string html;    ///< one self-contained document; its script is allowed by its digest, the network is not
   std::string json;    ///< the key: schema, sha256, methods, and for each question the picture and the method on the left
 };
 
-/// Each method is on the left in half of the questions. The page holds a seal for each question from which `ReadStudyAnswers`
-/// finds out what was on the left; neither its text nor its data say so. Throws UsageError without pictures and for equal
-/// names.
+/// Each method is on the left in half of the questions. The page holds a seal for each question from which
+/// `ReadStudyAnswers` determines what was on the left; neither its text nor its data reveal it. Throws UsageError without
+/// pictures and for equal names.
 Study MakeStudy(const StudySpec& spec);
 
 /// The seal of a question: a digest of the study, the picture and the method on the left.

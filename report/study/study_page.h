@@ -14,7 +14,7 @@ struct StudyQuestion {
   std::string seal;
 };
 
-/// The page of a study. Keys: left and right arrow choose, Backspace takes the last answer back.
+/// The page of a study. Keys: left and right arrow choose, Backspace undoes the last answer.
 std::string StudyPageHtml(const StudySpec& spec, const std::string& sha256, const std::vector<StudyQuestion>& questions);
 
 }  // namespace mvstudio::report

@@ -11,7 +11,7 @@ namespace mvstudio::report {
 struct StudyAnswer {
   std::string picture;
   bool chose_a = false, chose_left = false;
-  double seconds = 0;  ///< NaN when not told
+  double seconds = 0;  ///< NaN when unknown
 };
 
 /// One file of answers: one rater.
@@ -21,11 +21,11 @@ struct StudyAnswers {
   std::vector<StudyAnswer> answers;
 };
 
-/// Throws IoError, or FormatError with the place: not a file of answers, a picture answered twice, a seal that is not of this
-/// study.
+/// Throws IoError, or FormatError with the place: not a file of answers, a picture answered twice, a seal that does not
+/// belong to this study.
 StudyAnswers ReadStudyAnswers(const std::string& path);
 
-/// How often the first method was chosen.
+/// Fraction of choices of the first method.
 struct StudyShare {
   std::string rater;  ///< empty: all together
   int64_t n = 0, chose_a = 0, chose_left = 0;
@@ -43,7 +43,7 @@ struct StudyTally {
 /// Throws FormatError naming the file that belongs to another study or repeats a rater, UsageError without files.
 StudyTally TallyStudy(const std::vector<StudyAnswers>& files);
 
-/// Bounds of a share of k in n (E. B. Wilson, JASA 1927), 95 %. n > 0.
+/// Confidence bounds of a fraction of k in n (E. B. Wilson, JASA 1927), 95 %. n > 0.
 std::array<double, 2> WilsonInterval(int64_t k, int64_t n);
 /// Probability under p = 1/2 of a split at least as uneven as k in n, two-sided; 1 for n = 0.
 double SignTest(int64_t k, int64_t n);

@@ -8,11 +8,11 @@
 
 namespace mvstudio::report {
 
-/// Maps data to a stretch of the canvas, linear or logarithmic, with its ticks.
+/// Maps data to an interval of the canvas, linear or logarithmic, with its ticks.
 class Scale {
  public:
-  /// The range covers the finite values of `values`, opened up to round numbers; `from`, `to` are canvas px (to < from for y
-  /// up).
+  /// The range covers the finite values of `values`, extended to round numbers; `from`, `to` are canvas px (to < from for
+  /// y up).
   Scale(const Axis& axis, const std::vector<double>& values, double from, double to);
 
   double operator()(double value) const;  ///< NaN for what has no place (not finite, or not positive on a logarithmic axis)

@@ -6,13 +6,13 @@
 
 namespace mvstudio::report {
 
-/// One SVG picture being drawn; y down, origin at the top left. A shape with a coordinate that is not finite is left out.
-/// Colours are the classes of the page's style sheet: s0…s7 (strokes), f0…f7 (fills), axis, gridline, frame, ref.
+/// An SVG figure under construction; y down, origin at the top left. A shape with a coordinate that is not finite is
+/// omitted. Colours are the classes of the page's style sheet: s0…s7 (strokes), f0…f7 (fills), axis, gridline, frame, ref.
 class SvgCanvas {
  public:
   using Point = std::pair<double, double>;
 
-  /// `title` is what a screen reader says.
+  /// `title` is the text for screen readers.
   SvgCanvas(double width, double height, std::string title) : width_(width), height_(height), title_(std::move(title)) {}
 
   void Line(double x1, double y1, double x2, double y2, const std::string& css_class, double stroke_width = 1);
@@ -32,7 +32,7 @@ class SvgCanvas {
   /// A shaft with a filled head.
   void Arrow(double x1, double y1, double x2, double y2, int colour, double stroke_width = 2);
 
-  /// Everything drawn from here on is cut off outside the rectangle, until EndClip.
+  /// Clips everything drawn until EndClip to the rectangle.
   void BeginClip(double x, double y, double width, double height);
   void EndClip();
 
@@ -45,9 +45,9 @@ class SvgCanvas {
   std::string title_, body_;
 };
 
-/// Width of a label in the figures' 12 px font, roughly (px).
+/// Approximate width of a label in the figures' 12 px font (px).
 double TextWidth(const std::string& text);
-/// Palette index kept within the eight colours there are.
+/// Palette index, limited to the eight colours.
 std::string StrokeClass(int colour);
 std::string FillClass(int colour);
 

@@ -9,7 +9,7 @@ namespace mvstudio::report {
 
 using Vector3 = std::array<double, 3>;  ///< metres
 
-/// A camera as the rig picture needs it.
+/// A camera of the rig figure.
 struct ViewCamera {
   std::string name;
   Vector3 center_in_world{};
@@ -17,21 +17,21 @@ struct ViewCamera {
   double half_width = 0.5, half_height = 0.375;           ///< half the picture at unit depth (size / 2 / focal length)
 };
 
-/// What stands between the cameras.
+/// The content of the volume between the cameras.
 struct ViewSubject {
   std::vector<Vector3> cloud;                      ///< joints of all frames
   std::vector<Vector3> path;                       ///< mean of the joints, frame after frame; a gap is a NaN
   std::vector<std::pair<Vector3, Vector3>> bones;  ///< one pose
 };
 
-/// From a quaternion (x, y, z, w) of any length and a translation, `cam_from_world`. NaN in gives NaN out.
+/// Sets the pose from `cam_from_world`: a quaternion (x, y, z, w) of any length and a translation. NaN input gives NaN.
 void SetPose(const std::array<double, 4>& rotation_xyzw, const Vector3& translation_m, ViewCamera* camera);
 
-/// Which world axis points up, judged by the cameras' own up directions: +-(index + 1); 3 is +z.
+/// The world axis that points up, from the cameras' own up directions: +-(index + 1); 3 is +z.
 int UpAxis(const std::vector<ViewCamera>& cameras);
 
-/// Seen from above, and from a corner above (orthographic, equal scale on all axes), with frusta, names, a floor grid and a
-/// scale bar.
+/// View from above, and from a corner above (orthographic, equal scale on all axes), with frusta, names, a floor grid and
+/// a scale bar.
 std::string RigTopView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 std::string RigCornerView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 

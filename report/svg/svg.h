@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-/// Figures as SVG text, each one well-formed element. Sizes are in CSS px; text is escaped here; values that are not finite are
-/// left out. Colours come from the page's style sheet (eight hues that colour-blind people tell apart).
+/// Figures as SVG text, each one well-formed element. Sizes are in CSS px; text is escaped here; values that are not
+/// finite are omitted. Colours come from the page's style sheet (eight hues that colour-blind people can distinguish).
 namespace mvstudio::report {
 
 /// Multiples of 1, 2 or 5 times a power of ten that lie in [low, high], about `target` of them. Empty when the range is not
@@ -13,7 +13,7 @@ namespace mvstudio::report {
 std::vector<double> NiceTicks(double low, double high, int target = 6);
 /// Powers of ten in [low, high], and 2 and 5 times them when there are few; low > 0.
 std::vector<double> LogTicks(double low, double high);
-/// The tick's label with as many decimals as ticks `step` apart need; 0 for logarithmic ticks.
+/// The tick's label with as many decimals as a tick distance of `step` needs; 0 for logarithmic ticks.
 std::string TickLabel(double value, double step);
 /// The largest of 1, 2, 5 times a power of ten that is not above `value` (> 0).
 double NiceBelow(double value);
@@ -30,7 +30,7 @@ struct LineSeries {
   bool dashed = false;
   int colour = -1;  ///< palette index; -1: the series' place in the list
 };
-/// A vertical line with a name, e.g. where a training phase begins.
+/// A named vertical line, e.g. at the start of a training phase.
 struct LineMarker {
   double x = 0;
   std::string label;
@@ -61,7 +61,7 @@ struct BarChartSpec {
 };
 std::string BarChart(const BarChartSpec& spec);
 
-/// One bar cut into parts, with shares; a part's `colour` is its palette index.
+/// One bar divided into parts, with percentages; a part's `colour` is its palette index.
 struct StackPart {
   std::string name;
   double value = 0;
@@ -69,7 +69,8 @@ struct StackPart {
 };
 std::string StackedBar(const std::string& title, const std::vector<StackPart>& parts, double width = 760);
 
-/// Counts of the finite `values` in equal bins up to their 99th percentile; the rest is counted in the last bin, which says so.
+/// Counts of the finite `values` in equal bins up to their 99th percentile; larger values are in the last bin, which says
+/// so.
 std::string Histogram(const std::string& title, const Axis& value, const std::vector<double>& values, double width = 560);
 
 /// A residual at an image point: x, y and dx, dy in px, y down.
@@ -79,11 +80,12 @@ struct ImageArrow {
 /// Residuals on the image plane, equal aspect, y down, enlarged by a round factor that the figure states.
 std::string ResidualField(const std::string& title, double image_width_px, double image_height_px,
                           const std::vector<ImageArrow>& arrows, double width = 300);
-/// The same residuals as points (dx, dy) about zero, equal aspect, y down, with the circle that holds 95 % of them and their
-/// mean.
+/// The same residuals as points (dx, dy) about zero, equal aspect, y down, with their mean and the circle that contains 95
+/// % of them.
 std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 240);
 
-/// One small target per camera with its mean residual as an arrow, all at one scale; those above `suspect_px` stand out.
+/// One small target per camera with its mean residual as an arrow, all at one scale; those above `suspect_px` are
+/// highlighted.
 struct NamedVector {
   std::string name;
   double dx = 0, dy = 0;
@@ -91,7 +93,7 @@ struct NamedVector {
 std::string VectorTargets(const std::string& title, const std::vector<NamedVector>& vectors, double suspect_px,
                           double width = 900);
 
-/// Rows times columns of shares in [0, 1] (NaN: nothing there), darker is more.
+/// Heat map of fractions in [0, 1] (NaN: no value), darker is more.
 struct HeatMapSpec {
   std::string title;
   std::string column_label;  ///< what runs along x, e.g. "frame"
@@ -102,7 +104,7 @@ struct HeatMapSpec {
 };
 std::string HeatMap(const HeatMapSpec& spec);
 
-/// Rows times columns of numbers >= 0, darker is more, the number in every cell that has room for it.
+/// Grid of numbers >= 0, darker is more, with the number in every cell that is large enough.
 struct CellGridSpec {
   std::string title;
   std::vector<std::string> row_names, column_names;  ///< may be empty
@@ -115,7 +117,7 @@ struct CellGridSpec {
 };
 std::string CellGrid(const CellGridSpec& spec);
 
-/// Ways to do one thing, by what they cost and how wrong they are; those that no other beats in both are joined and named.
+/// Methods by cost and error; those on the Pareto front are connected and named.
 struct ParetoPoint {
   std::string name;
   double cost = 0, error = 0;

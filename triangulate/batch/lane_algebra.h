@@ -1,7 +1,8 @@
 #pragma once
 
-// Vectors of 32 bytes pass by value between functions that are all inlined: their calling convention does not matter. Without
-// AVX the compiler gives them 16 bytes of alignment, with it it counts on 32: hence `aligned`, and alignas in PlaneDistortion.
+// Vectors of 32 bytes pass by value between functions that are all inlined, so their calling convention does not matter.
+// Without AVX the compiler aligns them to 16 bytes, with AVX it relies on 32: hence `aligned`, and alignas in
+// PlaneDistortion.
 #pragma GCC diagnostic ignored "-Wpsabi"
 #pragma GCC diagnostic ignored "-Wignored-attributes"
 
@@ -10,8 +11,7 @@
 
 #define MVS_INLINE [[gnu::always_inline]] inline
 
-/// Numbers in the lanes of a vector register, and the little algebra on them that triangulation needs. Internal to
-/// batch_lanes.cc.
+/// Values in the lanes of a vector register, and the algebra on them that triangulation needs. Internal to batch_lanes.cc.
 namespace mvstudio::triangulate::internal {
 
 template <class S>
@@ -21,7 +21,7 @@ struct Lanes<double> {
   typedef double Value __attribute__((vector_size(32), aligned(32)));
   typedef int64_t Mask __attribute__((vector_size(32), aligned(32)));
   static constexpr int kWidth = 4, kSteps = 4;
-  // Squares: of the step that counts as none, of the smallest reliable ratio of eigenvalues; a residual in px.
+  // Squares: of a negligible step, of the smallest reliable ratio of eigenvalues; a residual in px.
   static constexpr double kTinyStep = 1e-12, kMaxCondition = 1e10, kMinDeterminant = 1e-8, kUnprojectPx = 1e-9;
 };
 template <>
@@ -42,7 +42,8 @@ MVS_INLINE Value<S> Broadcast(S x) {
   return x - Value<S>{};
 }
 
-/// The first `count` numbers less `origin` over `unit`, then NaN. In double until then: pixels have many digits.
+/// The first `count` values minus `origin`, over `unit`; then NaN. Computed in double, because pixel coordinates have many
+/// digits.
 template <class S>
 MVS_INLINE Value<S> Load(const double* from, int count, double origin = 0, double unit = 1) {
   Value<S> x = Broadcast<S>(std::numeric_limits<S>::quiet_NaN());

@@ -6,10 +6,11 @@
 #include "geometry/lens/plane_distortion.h"
 #include "triangulate/batch/batch.h"
 
-/// The quick way of TriangulateBatch: a few points at a time, one in each lane of a vector register. Internal to batch.cc.
+/// The fast path of TriangulateBatch: several points at a time, one in each lane of a vector register. Internal to
+/// batch.cc.
 namespace mvstudio::triangulate::internal {
 
-/// A perspective camera in numbers of type S; see PreparedCamera.
+/// A perspective camera in scalars of type S; see PreparedCamera.
 template <class S>
 struct LaneCamera {
   geometry::LensModel model = geometry::LensModel::kPinhole;
@@ -26,7 +27,7 @@ struct LaneRig {
   double extent = 0;  ///< m; no two centres are farther apart
 };
 
-/// Whether every lens is perspective, with a formula for vectors, and no two cameras are one.
+/// Whether every lens is perspective, with a formula for vectors, and no camera occurs twice.
 bool FitsLanes(const PreparedRig& rig);
 template <class S>
 LaneRig<S> MakeLaneRig(const PreparedRig& rig);
@@ -34,8 +35,8 @@ LaneRig<S> MakeLaneRig(const PreparedRig& rig);
 /// Writes a point whose `used` are cameras.
 void StorePoint(const Point& point, int64_t i, BatchResult* result);
 
-/// Solves points [first, first + count) and sets done[i - first] to 1 for those that it has written: those that pass every
-/// check, and in double those whose rays are all good, by TriangulateViews.
+/// Solves points [first, first + count) and sets done[i - first] to 1 for those that were written: the points that pass
+/// every check. In double, other points whose rays are all good are solved by TriangulateViews.
 template <class S>
 void SolveInLanes(const LaneRig<S>& rig, const PreparedRig& prepared, const PointBatch& batch, const BatchOptions& options,
                   int64_t first, int64_t count, BatchResult* result, uint8_t* done);

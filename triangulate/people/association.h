@@ -18,19 +18,18 @@ struct Keypoint {
 
 using DetectedPerson = std::vector<Keypoint>;  // (num_joints)
 
-/// Everything the cameras saw at one instant.
+/// All detections of the cameras at one time step.
 struct DetectedFrame {
   int frame = 0;
   std::vector<std::vector<DetectedPerson>> people;  // [camera][person in the image]; cameras in the rig's order
 };
 
 struct AssociationOptions {
-  double max_error_px = 0;  ///< a joint's error in a view is never taken to be larger: limit of 3 sigma_px; 0: 1.5 % of the
-                            ///< image diagonal
-  double min_score = 0.3;   ///< joints below do not take part
-  int min_joints = 3;       ///< common joints that two views of a person need
-  int max_persons = 1;      ///< the best supported so many people of the take are kept
-  double max_step_m = 0.5;  ///< farthest a person's joints move, on average, from one frame to the next
+  double max_error_px = 0;  ///< upper bound on a joint's error in a view: limit of 3 sigma_px; 0: 1.5 % of the image diagonal
+  double min_score = 0.3;   ///< joints below are ignored
+  int min_joints = 3;       ///< minimum number of common joints of two views of a person
+  int max_persons = 1;      ///< maximum number of people kept per take, the best supported ones
+  double max_step_m = 0.5;  ///< largest mean displacement of a person's joints between consecutive frames
   int max_gap_frames = 30;  ///< a person unseen for longer starts a new track
   double sigma_px = 0;      ///< noise of a joint, calibration errors included; 0: estimated from the frames
   std::vector<std::pair<int, int>> mirror = {};  ///< (left, right) joints; a detection that fits nobody may fit mirrored
@@ -45,28 +44,32 @@ struct Cluster {
 
 /// Groups the people of one frame across cameras; the best supported cluster first.
 ///
-/// Two detections agree as far as the rays of their common joints pass each other within their noise: every joint adds between
-/// +1 (no distance), 0 (3 sigma) and -1. The groups with the largest sums between them are joined (greedy additive edge
-/// contraction: Keuper et al., "Efficient decomposition of image and mesh graphs by lifted multicuts", ICCV 2015), at most one
-/// detection a camera. Then each camera in turn is taken out and its detections are assigned anew, all at once and optimally
-/// (assignment.h), to the points that the others carry, until nothing changes: matches that are consistent in pairs only
-/// (epipolar planes through several people) fall here, as they do to the cycle consistency of Dong et al., "Fast and robust
-/// multi-person 3D pose estimation from multiple views", CVPR 2019. With `mirror`, detections that are left over are offered to
-/// the clusters once more with left and right exchanged (FixSides of sides.h then finds them); they do not take part in the
-/// clusters' joints. People that only one camera sees form no cluster.
+/// Two detections agree if the rays of their common joints pass each other within their noise: every joint adds between +1
+/// (no distance), 0 (3 sigma) and -1. The groups with the largest sums between them are joined, with at most one detection
+/// per camera (greedy additive edge contraction: Keuper et al., "Efficient decomposition of image and mesh graphs by
+/// lifted multicuts", ICCV 2015).
+///
+/// Then each camera in turn is removed, and its detections are reassigned, all at once and optimally (assignment.h), to
+/// the points that the others determine, until nothing changes. This removes matches that are consistent in pairs only
+/// (epipolar planes through several people), as does the cycle consistency of Dong et al., "Fast and robust multi-person
+/// 3D pose estimation from multiple views", CVPR 2019.
+///
+/// With `mirror`, unassigned detections are compared with the clusters again with left and right exchanged (FixSides in
+/// sides.h then finds them); they do not contribute to the clusters' joints. People that only one camera sees form no
+/// cluster.
 std::vector<Cluster> AssociateFrame(const PreparedRig& rig, const DetectedFrame& frame, const AssociationOptions& options);
 
-/// Who is who in a take.
+/// Identities in a take.
 struct TakeAssociation {
   /// [frame][person][camera]: which detection shows the person, or -1.
   std::vector<std::vector<std::vector<int>>> assignment;
-  double sigma_px = 0;       ///< noise the association reckoned with; 0 where there was nothing to choose
-  int num_ghosts = 0;        ///< chains of chance matches that were dropped
-  int num_ghost_frames = 0;  ///< clusters in them
+  double sigma_px = 0;       ///< noise assumed by the association; 0 where no choice was needed
+  int num_ghosts = 0;        ///< number of removed chains of chance matches
+  int num_ghost_frames = 0;  ///< number of clusters in them
 };
 
-/// Persons are numbered by how well they are supported over the take and keep their number across frames (tracks.h). Where no
-/// image holds more than one person there is nothing to choose. The result does not depend on the number of threads.
+/// Persons are numbered by their support over the take and keep their number across frames (tracks.h). If no image holds
+/// more than one person, no choice is needed. The result does not depend on the number of threads.
 TakeAssociation AssociatePeople(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                                 const AssociationOptions& options, const RunContext& run);
 

@@ -22,24 +22,24 @@ struct Candidate {
 
 std::vector<Candidate> MakeCandidates(const PreparedRig& rig, const DetectedFrame& frame, const AssociationOptions& options);
 
-/// Evidence of one joint for (up to 1) or against (down to -1) two things being the same, from the squared distance in sigmas
-/// over its 99.7 % limit: zero at the limit, and never worse than at sqrt(2) of it, so that one bad joint does not outweigh
-/// many good ones.
+/// Evidence of one joint for (up to 1) or against (down to -1) two things being the same, from the squared distance in
+/// sigmas over its 99.7 % limit. Zero at the limit and constant beyond sqrt(2) of it, so that one bad joint does not
+/// outweigh many good ones.
 inline double Evidence(double squared_over_limit) { return 1 - (squared_over_limit < 2 ? squared_over_limit : 2); }
 
-/// Squared distance of two rays over the variance that an angular noise of `sigma_rad` (that of the two views, by focal length)
-/// gives it; infinity when they meet behind a camera.
+/// Squared distance of two rays over its variance for an angular noise of `sigma_rad` (that of the two views, by focal
+/// length); infinity when they meet behind a camera.
 double SquaredRayDistance(const Candidate& a, const Candidate& b, size_t joint_a, size_t joint_b, double sigma_px);
 
-/// Sum of the joints' evidence that both show one person, from the distances of their rays; 0 with too few common joints, minus
-/// infinity for two detections of one camera.
+/// Sum over the joints of the evidence that both show one person, from the distances of their rays. 0 with too few common
+/// joints, minus infinity for two detections of one camera.
 double PairEvidence(const Candidate& a, const Candidate& b, double sigma_px, const AssociationOptions& options);
 
-/// Noise of the joints in px, calibration errors included: the distances between rays of each detection and the best fitting
-/// one in every other camera. 0 when there is nothing to estimate it from.
+/// Noise of the joints in px, calibration errors included, from the distances between rays of each detection and the best
+/// fitting one in every other camera. 0 when there are no data.
 double AssociationSigma(const std::vector<std::vector<Candidate>>& frames, const AssociationOptions& options);
 
-/// Sums that give the point nearest to a set of rays, and from which a ray can be taken out again.
+/// Sums that determine the point nearest to a set of rays; single rays can be removed again.
 struct RaySum {
   Eigen::Matrix3d across = Eigen::Matrix3d::Zero();  // sum of (I - r r^T)
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();  // sum of (I - r r^T) center
@@ -67,7 +67,7 @@ double RayEvidence(const Candidate& a, size_t joint_a, const Candidate& b, size_
 double SketchEvidence(const Candidate& view, const std::vector<std::optional<SketchPoint>>& sketch, double sigma_px,
                       const AssociationOptions& options, int* num_agreeing);
 
-/// Cluster number of each candidate: [candidate] -> 0 …; singles have a number of their own.
+/// Cluster index of each candidate: [candidate] -> 0 …; singles have an index of their own.
 std::vector<int> ClusterCandidates(const std::vector<Candidate>& candidates, double sigma_px,
                                    const AssociationOptions& options);
 

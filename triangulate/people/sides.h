@@ -8,14 +8,15 @@
 
 namespace mvstudio::triangulate {
 
-/// Joints (left, right) that change places when a detector takes a person's front for the back; in groups that may change
-/// places by themselves (head, arms, legs).
+/// Joints (left, right) that are exchanged when a detector takes a person's front for the back, in groups that may be
+/// exchanged separately (head, arms, legs).
 using MirrorGroups = std::vector<std::vector<std::pair<int, int>>>;
 
 struct SideOptions {
-  double min_score = 0.3;      ///< joints below do not take part
+  double min_score = 0.3;      ///< joints below are ignored
   double sigma_px = 0;         ///< noise of a joint, calibration errors included; 0: estimated from the take
-  double min_gain_joints = 3;  ///< a camera is corrected when so many joints more fit the other cameras afterwards, on average
+  double min_gain_joints = 3;  ///< a camera is corrected if, on average, this many more joints fit the other cameras
+                               ///< afterwards
 };
 
 struct CameraSides {
@@ -30,21 +31,24 @@ struct CameraSides {
 struct SideReport {
   std::vector<CameraSides> cameras;  ///< in the rig's order
   int num_swapped = 0;               ///< sum over cameras
-  int num_undecided = 0;             ///< people and frames where as many cameras say one thing as the other; left as they are
+  int num_undecided = 0;             ///< people and frames where equally many cameras support either side; left unchanged
   double sigma_px = 0;               ///< given or estimated
 };
 
-/// Finds detections whose left and right are swapped and swaps them back in place.
+/// Finds detections with left and right swapped and swaps them back in place.
 ///
-/// For a person in a frame each camera's detection is as it should be or mirrored. A label is judged by how the rays of the
-/// camera's joints pass the points of the other cameras' joints, as they are labelled (AssociateFrame's evidence). From no
-/// mirrored camera, and from the most likely labels by pairs of cameras alone, the camera that gains most is turned until none
-/// does (iterated conditional modes: Besag, "On the statistical analysis of dirty pictures", 1986). The labels split the
-/// cameras into two parties, and the smaller one is mirrored. Two equal parties are told apart by how often their cameras are
-/// swapped elsewhere in the take, if at all. A group of joints goes with its body unless the other cameras contradict. A take
-/// that all cameras swap cannot be told from one that none does.
+/// In each frame, a camera's detection of a person is labelled correct or mirrored. The evidence for a label comes from
+/// the distances between the rays of the camera's joints and the points of the other cameras' joints, as those are
+/// labelled (as in AssociateFrame). The search starts from no mirrored camera, and from the most likely labels by pairs of
+/// cameras alone. The camera that gains most is flipped until none gains (iterated conditional modes: Besag, "On the
+/// statistical analysis of dirty pictures", 1986).
 ///
-/// `assignment` is [frame][person][camera] as AssociateTake gives it. The result does not depend on the number of threads.
+/// The labels split the cameras into two groups, and the smaller one is mirrored. Equal groups are distinguished by how
+/// often their cameras are swapped elsewhere in the take, if at all. A group of joints is swapped with its body unless the
+/// other cameras contradict. A take that all cameras swap cannot be distinguished from one that none does.
+///
+/// `assignment` is [frame][person][camera] as AssociateTake returns it. The result does not depend on the number of
+/// threads.
 SideReport FixSides(const PreparedRig& rig, const std::vector<std::vector<std::vector<int>>>& assignment,
                     const MirrorGroups& groups, const SideOptions& options, const RunContext& run,
                     std::vector<DetectedFrame>* frames);

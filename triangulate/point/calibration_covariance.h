@@ -7,13 +7,15 @@
 
 namespace mvstudio::triangulate {
 
-/// Adds to a triangulated point's covariance what the calibration's own uncertainty gives: G S G^T with S the joint covariance
-/// of lenses and poses of the cameras that carry the point and, by the implicit function theorem at the weighted least-squares
-/// point, G = -C sum J_x^T J_theta / s^2, C the covariance from the detections alone (first order; Haralick, "Propagating
-/// covariance in computer vision", 1996). Errors of the calibration are shared by all points: averaging points does not lower
-/// them. The gauge is the calibration's. A camera that lacks a covariance block adds what it has and is counted in
-/// Point::num_unknown_cameras: the sum is then a lower bound. Does nothing else when the rig carries no covariance at all, and
-/// nothing when the status is not kOk.
+/// Adds the calibration's own uncertainty to a triangulated point's covariance: G S G^T. S is the joint covariance of
+/// lenses and poses of the cameras used for the point. By the implicit function theorem at the weighted least-squares
+/// point, G = -C sum J_x^T J_theta / s^2, with C the covariance from the detections alone (first order; Haralick,
+/// "Propagating covariance in computer vision", 1996).
+///
+/// Errors of the calibration are common to all points: averaging points does not lower them. The gauge is the
+/// calibration's. A camera that lacks a covariance block contributes what it has and is counted in
+/// Point::num_unknown_cameras: the sum is then a lower bound. Only counts these cameras when the rig states no covariance
+/// at all. No effect when the status is not kOk.
 void AddCalibrationCovariance(const PreparedRig& rig, const std::vector<Observation>& observations, Point* point);
 
 }  // namespace mvstudio::triangulate

@@ -16,18 +16,19 @@ struct LinearPoint {
   Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
 };
 
-/// The point with the least sum of squared distances from the rays (taken as whole lines).
+/// The point with the least sum of squared distances from the rays (as infinite lines).
 LinearPoint Midpoint(const std::vector<View>& views);
 
-/// Inhomogeneous least squares with each ray weighted by one over its distance and angular noise, found by one reweighting of
-/// the midpoint: near the maximum-likelihood point (Hartley and Sturm, "Triangulation", CVIU 1997, Iterative-LS, one round).
+/// Inhomogeneous least squares with each ray weighted by one over its distance and angular noise, from one reweighting of
+/// the midpoint. Near the maximum-likelihood point (Hartley and Sturm, "Triangulation", CVIU 1997, Iterative-LS, one
+/// round).
 LinearPoint WeightedLinear(const std::vector<View>& views);
 
 /// Midpoint of the common perpendicular of two rays; negative depths are possible.
 LinearPoint TwoViewMidpoint(const View& a, const View& b);
 
-/// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise. Rays at
-/// 0 and at 180 degrees count the same.
+/// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise.
+/// Angles of 0 and of 180 degrees are equivalent.
 double ParallaxSignificance(const std::vector<View>& views);
 double ParallaxSignificance(const View& a, const View& b);
 

@@ -10,8 +10,8 @@
 
 namespace mvstudio::triangulate {
 
-/// How one point is had from its views; solvers.h describes the closed forms. All but kRobust take every view, outliers
-/// included, unless PointOptions::select_views.
+/// Methods that compute one point from its views; solvers.h describes the closed forms. All but kRobust use every view,
+/// outliers included, unless PointOptions::select_views is set.
 enum class PointMethod {
   kRobust,        ///< "robust", "auto": linear start, consistent set of views, maximum-likelihood refinement
   kAllViews,      ///< "all-views": linear start and maximum-likelihood refinement with every view
@@ -36,12 +36,12 @@ std::string_view ToString(PointMethod method);
 /// Also knows "auto".
 std::optional<PointMethod> PointMethodFromString(std::string_view name);
 
-/// All thresholds are in units of the noise, none in metres or pixels (but the caller's own limit of distance).
+/// All thresholds are in units of the noise, none in metres or pixels (except the caller's own limit of distance).
 struct PointOptions {
   PointMethod method = PointMethod::kRobust;
-  double max_residual_sigmas = 4;  ///< a view whose residual is larger does not carry the point
-  double min_parallax_sigmas = 5;  ///< the sine of the parallax, and the distance, must exceed so many of their own sigmas
-  double max_distance_m = 0;       ///< 0: no limit; else kFarPoint beyond it from the nearest camera
+  double max_residual_sigmas = 4;  ///< a view with a larger residual is not used for the point
+  double min_parallax_sigmas = 5;  ///< the sine of the parallax, and the distance, must exceed this many of their own sigmas
+  double max_distance_m = 0;       ///< 0: no limit; else kFarPoint beyond this distance from the nearest camera
   int min_views = 2;
   double min_inlier_fraction = 0.3;  ///< of the views; below it the point is kOutlier
   int max_hypotheses = 500;          ///< pairs of views tried; all pairs where there are fewer
@@ -49,17 +49,18 @@ struct PointOptions {
   bool select_views = false;         ///< choose views as kRobust does, with any method
 };
 
-/// Triangulates one point from one observation a camera.
+/// Triangulates one point from one observation per camera.
 ///
-/// Robust selection: when the fit to all views leaves a residual above the limit, the largest set of views that agrees with its
-/// own point is looked for, see FitConsistent of robust.h. The set is always re-evaluated at the refined point. Two views
-/// that agree by chance carry no point when another pair agrees as well somewhere else, nor does a set of views beside an
-/// equally large one that stands for another point (kOutlier). An observation that repeats another camera's pixel exactly,
-/// where the two cameras have one pose and one lens, is the same image under two names: it is left out, so that the covariance
-/// does not count it twice.
+/// Robust selection: when the fit to all views leaves a residual above the limit, the largest set of views that agrees
+/// with its own point is searched, see FitConsistent in robust.h. The set is always re-evaluated at the refined point. Two
+/// views that agree by chance give no point when another pair agrees as well elsewhere, nor does a set of views beside an
+/// equally large one with another point (kOutlier).
 ///
-/// Status: kNonFiniteInput, kOutsideValidRadius, kTooFewViews (observations that cannot be used leave too few); kDegenerate
-/// (one centre, or the point lies at a camera's centre); kLowParallax (depth not determined against the noise, rays parallel or
+/// An observation that repeats another camera's pixel exactly, where both cameras have one pose and one lens, is the same
+/// image under two names. It is left out, so that the covariance does not count it twice.
+///
+/// Status: kNonFiniteInput, kOutsideValidRadius, kTooFewViews (unusable observations leave too few); kDegenerate (one
+/// centre, or the point lies at a camera's centre); kLowParallax (depth not determined against the noise, rays parallel or
 /// antiparallel); kBehindCamera; kOutlier (no set of views agrees); kFarPoint; kNotConverged.
 Point TriangulatePoint(const PreparedRig& rig, const std::vector<Observation>& observations, const PointOptions& options = {});
 

@@ -8,8 +8,8 @@
 #include "triangulate/point/holdout.h"
 #include "triangulate/take/take.h"
 
-/// Joints of a take together: what bodies do that single points do not know. Each term is on only if cameras that were left out
-/// say so.
+/// Joint refinement of a take with constraints on bodies that single points lack. Each term is used only if left-out
+/// cameras support it.
 namespace mvstudio::triangulate {
 
 struct SkeletonRefineOptions {
@@ -43,26 +43,26 @@ struct TermTrial {
                       ///< bone-lengths: sigma of a length over the length, 0.1 … 0.003
   LeftOutFigures before, after;  ///< without the term and with it, over the same held-out detections
   PairedDifference difference;   ///< after minus before
-  bool better = false;  ///< median lower by more than its standard error, 90 % quantile not higher by more than its own
+  bool better = false;  ///< median lower by more than its standard error, and 90 % quantile not higher by more than its own
   bool chosen = false;
 };
 
 struct BoneReport {
   int person = 0, joint_a = 0, joint_b = 0;
-  int num_frames = 0;                          ///< where both joints are kOk before and after
-  double length_m = 0;                         ///< median before, or the estimate where the term is on
-  double sigma_m = 0;                          ///< standard deviation of the estimate; 0 where the term is off
+  int num_frames = 0;                          ///< in which both joints are kOk before and after
+  double length_m = 0;                         ///< median before, or the estimate where the term is used
+  double sigma_m = 0;                          ///< standard deviation of the estimate; 0 where the term is not used
   double std_before_mm = 0, std_after_mm = 0;  ///< standard deviation of the length over these frames
 };
 
 struct SkeletonRefineReport {
   std::vector<TermTrial> trials;                        ///< in the order tried, chosen or not
-  double robust = 0, smoothness = 0, bone_lengths = 0;  ///< weights in use, 0: off
-  LeftOutFigures before, after;  ///< held-out figures with nothing on, and with all chosen terms (covariances as reported)
+  double robust = 0, smoothness = 0, bone_lengths = 0;  ///< weights in use, 0: not used
+  LeftOutFigures before, after;  ///< held-out figures without terms, and with all chosen terms (covariances as reported)
   double shared_error = 0;       ///< 0..1, see RefineSkeleton
   std::vector<BoneReport> bones;
   double limb_std_before_mm = 0, limb_std_after_mm = 0;  ///< means over the bones with 5 frames or more; NaN without any
-  int num_filled = 0;                                    ///< joints that were not kOk and are now
+  int num_filled = 0;                                    ///< joints that became kOk
 };
 
 struct SkeletonRefineResult {
@@ -70,25 +70,30 @@ struct SkeletonRefineResult {
   SkeletonRefineReport report;
 };
 
-/// Refines the joints of each person of a take by Gauss-Newton on the reprojection residuals of all frames together (the
-/// solver's band is sparse: a frame touches the two before and after), with
-///  - robust: all detections under a Cauchy loss at 2 sigmas, instead of those that carried the point;
-///  - smoothness: accelerations (second divided differences, in m / frame^2, so no frame rate is needed) are normal with a
-///  sigma
-///    that is a fraction of the joint's median acceleration in the take; Cauchy at 3 sigmas, as feet hit the floor. Joints not
-///    seen are bridged between seen instants at most `max_fill_frames` away on both sides;
-///  - bone-lengths: |x_a - x_b| is normal about one unknown length a bone and person, Cauchy at 3 sigmas.
-/// `auto` tries the terms in this order over a grid of weights, each beside those already chosen: cameras are left out one at a
-/// time, `solve` triangulates from the others, the terms refine, and a term stays when it predicts the left-out detections
-/// better by more than one standard error; of weights as good as the best the weakest is taken. So bones of a person that the calibration stretches are not forced to one length.
+/// Refines the joints of each person of a take by Gauss-Newton on the reprojection residuals of all frames together. The
+/// normal matrix is banded: a frame is coupled to the two before and after. Terms:
+///   - robust: all detections under a Cauchy loss at 2 sigmas, instead of those used for the point.
+///   - smoothness: accelerations (second divided differences, in m / frame^2, so no frame rate is needed) are normal
+///     with a sigma that is a fraction of the joint's median acceleration in the take; Cauchy at 3 sigmas, because feet
+///     hit the floor. Unseen joints are bridged between observations at most `max_fill_frames` away on both sides.
+///   - bone-lengths: |x_a - x_b| is normal about one unknown length per bone and person, Cauchy at 3 sigmas.
+///
+/// `auto` tries the terms in this order over a grid of weights, each together with those already chosen. Cameras are left
+/// out one at a time, `solve` triangulates from the others, and the terms refine. A term is kept if it predicts the
+/// left-out detections better by more than one standard error; of weights as good as the best, the weakest is taken. So
+/// bones of a person that the calibration stretches are not forced to one length.
 ///
 /// Covariances are those of the whole problem (selected inverse of the normal matrix; Takahashi et al., 1973), given the
-/// weights, plus the point's share from the calibration. Errors that last, as those of a calibration that carries no
-/// covariance, do not average out over time: the covariance keeps the smallest part of that of the single point
-/// (`shared_error`) with which the left-out detections lie no farther, in sigmas, than they should or than they did before. A
-/// bridged joint becomes kOk only when its largest standard deviation is within `max_fill_sigmas` of the median of that
-/// joint's; all others keep their status. Where no term is on, points stay as they are.
+/// weights, plus the contribution of the calibration to the point. Persistent errors, as those of a calibration without
+/// covariance, do not average out over time. The covariance therefore keeps a part of the single point's covariance
+/// (`shared_error`): the smallest with which the left-out detections lie no farther, in sigmas, than expected or than
+/// before.
 ///
+/// A bridged joint becomes kOk only if its largest standard deviation is within `max_fill_sigmas` of the median of that
+/// joint's; all others keep their status. Without any term, points stay unchanged.
+///
+/// `bones`: pairs of joint indices. `solve`: the solver that triangulated the take. Throws UsageError for options out of
+/// range.
 /// `bones`: pairs of joint indices. `solve`: what triangulated the take. Throws UsageError for options out of range.
 SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& take,
                                     const std::vector<std::pair<int, int>>& bones, const PointSolver& solve,

@@ -40,7 +40,7 @@ struct Terms {
   bool Any() const { return robust || smoothness > 0 || bone_lengths > 0; }
 };
 
-/// A length known beforehand, metres.
+/// A known length, metres.
 struct KnownLength {
   double length_m = 0, sigma_m = 0;
 };
@@ -50,7 +50,7 @@ struct WindowSolution {
   std::vector<KnownLength> lengths;  // (bones); sigma 0 where the term is off or the bone never seen
 };
 
-/// `known`: (bones) lengths to start from and to hold on to; sigma 0: the bone is not seen and has no term.
+/// `known`: (bones) initial lengths, which are also priors; sigma 0: the bone is never seen and has no term.
 WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const Bones& bones,
                            const std::vector<KnownLength>& known, const Terms& terms, int max_iterations);
 
@@ -65,15 +65,15 @@ std::vector<double> BoneLengths(const std::vector<Point>& points, size_t num_joi
 /// Median and robust spread of each bone; sigma 0 where it is seen in fewer than 5 frames.
 std::vector<KnownLength> MeasureLengths(const Window& window, const Bones& bones);
 
-/// Decides which terms are on and how strongly; `terms` holds what the take itself gives. Fills all of the report but its
-/// bones.
+/// Decides which terms are used and with what weights; `terms` holds the values that the take itself gives. Fills the
+/// report except its bones.
 Terms ChooseTerms(const PreparedRig& rig, const std::vector<Window>& persons, const Bones& bones, const PointSolver& solve,
                   const SkeletonRefineOptions& options, Terms terms, const RunContext& run, SkeletonRefineReport* report);
 
 constexpr int kMinLengthFrames = 5;
 
-/// Entries of the inverse of a symmetric positive definite matrix where its Cholesky factor has entries: in particular its
-/// diagonal and every block that the matrix itself has (Takahashi, Fagan, Chin, 1973; Erisman and Tinney, 1975).
+/// Entries of the inverse of a symmetric positive definite matrix at the nonzeros of its Cholesky factor. These include
+/// its diagonal and every block of the matrix itself (Takahashi, Fagan, Chin, 1973; Erisman and Tinney, 1975).
 class SelectedInverse {
  public:
   /// Only the lower triangle of `matrix` is read. `ok()` is false when it is not positive definite.

@@ -8,15 +8,14 @@
 #include "core/progress.h"
 #include "triangulate/people/association.h"
 
-/// When did each camera see what the others saw? Time offsets from the motion of the people in the take, for calibrated
-/// cameras.
+/// Time offsets between calibrated cameras, from the motion of the people in the take.
 namespace mvstudio::triangulate {
 
 enum class SyncStatus {
   kOk,
   kTooFewDetections,  ///< too few frames or joints in common with the other cameras
-  kNoMotion,          ///< the take does not tell offsets apart: nothing moves enough against the noise, or only for a moment
-  kAmbiguous,         ///< several offsets fit alike, as with periodic motion
+  kNoMotion,          ///< the take does not determine offsets: too little motion against the noise, or only briefly
+  kAmbiguous,         ///< several offsets fit equally well, as with periodic motion
   kInconsistent,      ///< pairs of cameras contradict each other: wrong footage or calibration
 };
 
@@ -40,21 +39,21 @@ void VisitFields(Visitor&& visit, SyncOptions& o) {
   visit("reference", o.reference, "camera whose clock counts; empty: the one that agrees best with the others");
 }
 
-/// Frame `f` of the reference and frame `f + offset_frames` of this camera show the same instant.
+/// Frame `f` of the reference and frame `f + offset_frames` of this camera show the same time step.
 struct CameraSync {
   std::string name;
-  SyncStatus status = SyncStatus::kTooFewDetections;  ///< the offset is to be used only when kOk
+  SyncStatus status = SyncStatus::kTooFewDetections;  ///< the offset is valid only when kOk
   double offset_frames = 0;
-  /// Standard deviation of the offset from how much blocks of the take disagree (0 for the reference); holds for errors of the
-  /// detections and for a constant shift of each image, not for other errors of the calibration.
+  /// Standard deviation of the offset from the disagreement between blocks of the take (0 for the reference). Covers
+  /// errors of the detections and a constant shift of each image, but no other errors of the calibration.
   double sigma_frames = 0;
   int coarse_frames = 0;        ///< best whole offset
-  double contrast = 0;          ///< how far the typical offset fits worse than the best: median cost / best cost - 1
-  double agreement = 0;         ///< part of 200 resampled takes whose best whole offset lies within 1 frame of this one
-  double runner_up_frames = 0;  ///< the next best offset beyond a barrier; NaN: none
-  double peak_ratio = 0;        ///< its depth below the median cost over that of the best: 1 fits as well, 0: no runner-up
-  int num_pairs = 0;            ///< cameras it has enough in common with
-  int num_pairs_disagree = 0;   ///< of these, whose own best offset differs by more than 2 frames
+  double contrast = 0;          ///< cost of the typical offset over the best: median cost / best cost - 1
+  double agreement = 0;         ///< fraction of 200 resampled takes whose best whole offset lies within 1 frame of this one
+  double runner_up_frames = 0;  ///< the next local minimum; NaN: none
+  double peak_ratio = 0;        ///< its depth below the median cost over that of the best; 1: fits as well, 0: no runner-up
+  int num_pairs = 0;            ///< cameras with enough common data
+  int num_pairs_disagree = 0;   ///< of these, those whose own best offset differs by more than 2 frames
   std::string message;          ///< one line, when not kOk
 };
 
@@ -62,30 +61,33 @@ struct SyncResult {
   SyncStatus status = SyncStatus::kTooFewDetections;  ///< kOk when all cameras are, else the status of the first that is not
   int reference_idx = 0;
   std::vector<CameraSync> cameras;  ///< in the rig's order
-  double residual_before_px = 0;    ///< median distance of detection and triangulated point with all offsets zero; NaN: none
-  double residual_after_px = 0;     ///< with the offsets found; both over the same joints, with the images shifted as found
-  int num_points = 0;               ///< triangulated for it
+  double residual_before_px = 0;    ///< median distance between detection and triangulated point with all offsets zero; NaN:
+                                    ///< none
+  double residual_after_px = 0;     ///< with the estimated offsets; both over the same joints, with the images shifted as
+                                    ///< estimated
+  int num_points = 0;               ///< points triangulated for these residuals
 };
 
-/// Offsets of all cameras that have detections.
+/// Estimates the offsets of all cameras that have detections.
 ///
-/// Coarse: for each pair of cameras and every whole offset, the mean truncated epipolar distance (Sampson's, in px, on rays
-/// through the full lens) about its median, which takes out a constant error of the calibration; people are matched by that
-/// distance alone. Then one whole offset a camera that minimises the sum over pairs, by coordinate descent from the spanning
-/// tree of the clearest pairs. Decided on resampled blocks of the take: whether the minimum is real, and unique.
+/// Coarse: for each pair of cameras and every whole offset, the mean truncated epipolar distance (Sampson's, in px, on
+/// rays through the full lens) about its median, which removes a constant error of the calibration. People are matched by
+/// that distance alone. Then one whole offset per camera minimises the sum over pairs, by coordinate descent from the
+/// spanning tree of the clearest pairs. Resampled blocks of the take decide whether the minimum is significant and unique.
 ///
 /// Fine: offsets and a constant shift of each camera's image (free within twice the noise) by robust Gauss-Newton on the
-/// reprojection residuals, the points eliminated at each step; tracks of the joints are sampled in time by a local quadratic
-/// fit, whose noise does not depend on the fraction of a frame (linear interpolation prefers half frames).
+/// reprojection residuals, with the points eliminated at each step. Tracks of the joints are sampled in time by a local
+/// quadratic fit, whose noise does not depend on the fraction of a frame (linear interpolation prefers half frames).
 ///
-/// `frames`: by each camera's own frame numbers, ascending. Throws UsageError for options out of range or an unknown reference.
+/// `frames`: by each camera's own frame numbers, ascending. Throws UsageError for options out of range or an unknown
+/// reference.
 SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, const SyncOptions& options,
                               const RunContext& run = {});
 
-/// The take as the reference would have numbered it: detections of camera c at frame f + offset_frames[c]. Whole offsets (to
-/// 1e-6) renumber; others interpolate the joints of a person between the frames before and after (by a cubic through four where
-/// they are there, else linearly; scores: the lower one). Gaps stay gaps: a joint or a person missing on either side is
-/// missing, and only frames that follow each other are interpolated. NaN offsets leave the camera out.
+/// The take with the reference's frame numbers: detections of camera c at frame f + offset_frames[c]. Whole offsets (to
+/// 1e-6) renumber. Others interpolate the joints of a person between the frames before and after, by a cubic through four
+/// where they exist, else linearly; of the scores, the lower one is taken. Gaps remain: a joint or person missing on
+/// either side is missing, and only consecutive frames are interpolated. NaN offsets leave the camera out.
 std::vector<DetectedFrame> ApplyOffsets(const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames);
 
 }  // namespace mvstudio::triangulate

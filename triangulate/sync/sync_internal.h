@@ -12,7 +12,8 @@ namespace mvstudio::triangulate::internal {
 
 constexpr int kSyncBlocks = 16;
 
-/// Cost of every whole offset of two cameras: frame f of `a` with frame f + d of `b`. Blocks divide the frames of `a`.
+/// Cost of every whole offset of two cameras: frame f of `a` with frame f + d of `b`. The frames of `a` are divided into
+/// blocks.
 struct PairCurve {
   int a = 0, b = 0;
   int first = 0;  ///< d of the first entry
@@ -25,9 +26,9 @@ struct PairCurve {
   double typical = 0;  ///< median over admissible offsets of the mean cost; 0: the pair cannot be used
 
   bool usable() const { return typical > 0; }
-  /// Mean cost over `typical`, blocks weighted; 1 (nothing known) where not admissible.
+  /// Mean cost over `typical`, blocks weighted; 1 (no information) where not admissible.
   double Cost(int d, const int* block_weights = nullptr) const;
-  /// The best admissible offset.
+  /// The admissible offset of lowest cost.
   int Best() const;
 };
 
@@ -41,8 +42,8 @@ using JointTrack = std::vector<std::pair<int, Eigen::Vector2d>>;
 /// [camera][person][joint]
 using Tracks = std::vector<std::vector<std::vector<JointTrack>>>;
 
-/// Tracks of the people that association finds once whole offsets are applied, without single jumps. `common_frames` receives
-/// the frames of the reference's clock that any camera has.
+/// Tracks of the people that association finds after whole offsets are applied, without isolated jumps. `common_frames`
+/// receives the frames on the reference's clock that any camera has.
 Tracks MakeTracks(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                   const std::vector<std::optional<int>>& start_frames, double min_score, const RunContext& run,
                   std::vector<int>* common_frames);
@@ -51,8 +52,8 @@ struct TrackSample {
   Eigen::Vector2d px, px_per_frame;
 };
 
-/// Value and slope of the quadratic fitted to the samples within 4.5 frames, with triweight weights (1 - (t / 4.5)^2)^3, smooth
-/// in `frame`; nothing beyond the ends of the track or inside gaps of 4 frames and more.
+/// Value and slope of the quadratic fitted to the samples within 4.5 frames, with triweight weights (1 - (t / 4.5)^2)^3,
+/// smooth in `frame`. Empty beyond the ends of the track and inside gaps of 4 frames and more.
 std::optional<TrackSample> SampleTrack(const JointTrack& track, double frame);
 
 struct FineSync {
@@ -62,7 +63,7 @@ struct FineSync {
   int num_points = 0;
 };
 
-/// `start_frames`: whole offsets, nothing for cameras that take no part.
+/// `start_frames`: whole offsets, empty for excluded cameras.
 FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                        const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
                        const RunContext& run);

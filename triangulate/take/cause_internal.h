@@ -8,7 +8,7 @@
 /// Shared by cause.cc and cause_trials.cc.
 namespace mvstudio::triangulate::internal {
 
-/// A take as it would be if an assumption were true.
+/// A take modified under an assumption.
 struct Assumption {
   Cause cause = Cause::kNone;
   std::string text, remedy;
@@ -16,11 +16,11 @@ struct Assumption {
   std::vector<DetectedFrame> frames;
 };
 
-/// Every assumption but those about time. `frames` is a sample.
+/// All assumptions except those about time. `frames` is a sample.
 std::vector<Assumption> Assumptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
                                     const MirrorGroups& mirror);
 
-/// The offsets that the motion of the take asks for, by camera, frames; empty when there are none to speak of.
+/// Time offsets estimated from the motion of the take, by camera, frames; empty when none are significant.
 std::vector<double> OffsetsAskedFor(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
                                     const CauseOptions& options, const RunContext& run);
 /// "with cam_2 61 frames later".

@@ -12,10 +12,10 @@ struct LimbLength {
   int person = 0, limb = 0;
   int num_frames = 0;  ///< in which both joints have a point
   double mean_m = 0;
-  double std_m = 0;  ///< about the mean, divided by num_frames; what a rigid bone would not do
+  double std_m = 0;  ///< standard deviation about the mean, divided by num_frames; 0 for a rigid bone
 };
 
-/// One entry for each person and limb (a pair of joints) that at least two frames show.
+/// One entry per person and limb (a pair of joints) that at least two frames show.
 std::vector<LimbLength> MeasureLimbs(const std::vector<TakePoint>& points, const std::vector<std::pair<int, int>>& limbs);
 
 /// The lengths over both parts of a take.

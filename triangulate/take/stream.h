@@ -5,24 +5,23 @@
 
 #include "triangulate/take/take.h"
 
-/// Takes longer than memory: the same points, chunk by chunk.
+/// For takes larger than memory: the same points, chunk by chunk.
 namespace mvstudio::triangulate {
 
-/// The options with what TriangulateTake would settle from the whole take (noise, method) settled from a sample of its frames
-/// instead. `sample_result` receives the sample's own result: its held-out figures and its judgement of the cameras stand for
-/// the take.
+/// Determines from a sample of frames what TriangulateTake determines from the whole take (noise, method). `sample_result`
+/// receives the result on the sample: its held-out figures and its judgement of the cameras represent the take.
 TakeOptions SettleOptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& sample, const TakeBody& body,
                           const TakeOptions& options, const RunContext& run, TakeResult* sample_result);
 
-/// Triangulates a take in chunks of consecutive frames. Each chunk is solved together with the last frames of the one before,
-/// and persons are matched over these, so that they keep their numbers; who was out of sight at the seam for longer than
-/// AssociationOptions::max_gap_frames gets a new one.
+/// Triangulates a take in chunks of consecutive frames. Each chunk is solved together with the last frames of the previous
+/// one, and persons are matched over these, so that they keep their numbers. A person who is out of view at the boundary
+/// for longer than AssociationOptions::max_gap_frames gets a new number.
 class TakeStream {
  public:
   /// `options` from SettleOptions.
   TakeStream(geometry::Rig rig, TakeBody body, TakeOptions options);
 
-  /// Points of `frames`, which follow those pushed before. No held-out figures.
+  /// Points of `frames`, which follow the frames pushed before. No held-out figures.
   TakeResult Push(const std::vector<DetectedFrame>& frames, const RunContext& run);
 
  private:
@@ -35,8 +34,8 @@ class TakeStream {
   geometry::Rig rig_;
   TakeBody body_;
   TakeOptions options_;
-  std::vector<DetectedFrame> seam_;  ///< last frames of the chunk before
-  Skeletons seam_skeletons_;         ///< and the people in them, by their lasting numbers
+  std::vector<DetectedFrame> seam_;  ///< last frames of the previous chunk
+  Skeletons seam_skeletons_;         ///< the people in them, by their final numbers
   int next_person_ = 0;
 };
 

@@ -15,21 +15,22 @@ namespace mvstudio::triangulate {
 
 struct TakeOptions {
   std::string method = "auto";         ///< "auto", "exhaustive-dlt" or a PointMethod's name
-  bool select_views = false;           ///< choose among the views with any method, as robust does; auto always does
+  bool select_views = false;           ///< choose among the views with any method, as robust and auto always do
   double sigma_px = 0;                 ///< of a detection with score 1; 0: estimated from the take
   double min_score = 0.3;              ///< detections below are left out
-  double score_power = 0;              ///< sigma grows as score to minus this power; 0: scores are not noise levels
+  double score_power = 0;              ///< sigma grows as score^-score_power; 0: scores are not noise levels
   double max_residual_sigmas = 4;      ///< see PointOptions
   double min_parallax_sigmas = 5;      ///< see PointOptions
   double max_distance_m = 0;           ///< see PointOptions
   int min_views = 2;                   ///< views that a point needs
   double max_error_px = 15;            ///< exhaustive-dlt only: mean reprojection error accepted
-  bool ignore_distortion = false;      ///< take every lens as a pinhole
-  bool fix_sides = true;               ///< swap left and right back where a camera has them the wrong way round
-  bool calibration_covariance = true;  ///< a point's covariance holds the calibration's uncertainty, where the rig carries one
+  bool ignore_distortion = false;      ///< treat every lens as a pinhole
+  bool fix_sides = true;               ///< swap left and right back where a camera has them exchanged
+  bool calibration_covariance = true;  ///< a point's covariance includes the calibration's uncertainty, where the rig states
+                                       ///< it
   int max_persons = 1;                 ///< persons kept
   double association_error_px = 0;     ///< see AssociationOptions::max_error_px
-  int holdout_points = 2000;           ///< points on which one camera after the other is left out; 0: none
+  int holdout_points = 2000;           ///< points on which each camera in turn is left out; 0: none
 };
 
 template <class Visitor>
@@ -56,14 +57,14 @@ void VisitFields(Visitor&& visit, TakeOptions& o) {
   visit("holdout-points", o.holdout_points, "points on which one camera after the other is left out and predicted; 0: none");
 }
 
-/// What is known of the bodies in a take beforehand.
+/// Known properties of the bodies in a take.
 struct TakeBody {
-  // A number of joints alone will do; left and right are then not checked.
+  // Implicit from a number of joints; left and right are then not checked.
   TakeBody(int joints) : num_joints(joints) {}  // NOLINT(google-explicit-constructor)
   TakeBody(int joints, MirrorGroups groups) : num_joints(joints), mirror(std::move(groups)) {}
 
   int num_joints = 0;
-  MirrorGroups mirror = {};  ///< joints that change places when a detector swaps left and right
+  MirrorGroups mirror = {};  ///< joints that a detector exchanges when it swaps left and right
 };
 
 struct TakePoint {
@@ -75,19 +76,19 @@ struct TakeResult {
   std::vector<TakePoint> points;                       ///< every joint of every person in every frame: by frame, person, joint
   std::vector<std::vector<Observation>> observations;  ///< of each point, with its final sigmas
   std::vector<CameraDiagnosis> cameras;                ///< in the rig's order
-  std::string method;                                  ///< that solved the points
-  MethodChoice choice;                                 ///< how the method auto came to it; no scores for any other
-  LeftOutSummary holdout;                              ///< that method, one camera left out
+  std::string method;                                  ///< the method that solved the points
+  MethodChoice choice;                                 ///< how the method auto chose it; no scores for any other
+  LeftOutSummary holdout;                              ///< leave-one-camera-out errors of that method
   SideReport sides;                                    ///< detections whose left and right were swapped back
-  int num_ghosts = 0;                                  ///< persons made of chance matches, dropped
+  int num_ghosts = 0;                                  ///< persons made of chance matches, removed
   double solve_s = 0;                                  ///< wall time of solving the points alone
   double sigma_px = 0;                                 ///< given or estimated; 0 for exhaustive-dlt
   int num_persons = 0;
 };
 
-/// Triangulates a take. `frames` ascend and have one list of people a camera of the rig; every person has `body.num_joints`
-/// joints. The result does not depend on the number of threads. Throws UsageError for an unknown method or options out of
-/// range.
+/// Triangulates a take. `frames` ascend and hold one list of people per camera of the rig; every person has
+/// `body.num_joints` joints. The result does not depend on the number of threads. Throws UsageError for an unknown method
+/// or options out of range.
 TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                            const TakeOptions& options, const RunContext& run = {});
 
