@@ -150,6 +150,7 @@ TEST(Batch, EveryMethodIsTriangulatePoint) {
 
 TEST(Batch, EveryLens) {
   for (const geometry::LensModel model : geometry::ModelsSimplestFirst()) {
+    SCOPED_TRACE(geometry::ToString(model));
     geometry::Rig rig = MakeRing(4);
     for (geometry::RigCamera& camera : rig.cameras) {
       geometry::Camera& lens = camera.camera;

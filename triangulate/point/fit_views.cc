@@ -89,7 +89,11 @@ Refinement RunMethod(const std::vector<View>& views, const PointOptions& options
   const LinearPoint start = refine ? QuickStart(views) : Solve(solver, views);
   if (start.status != Status::kOk) return {start.status, {}, {}, 0, 0};
   if (AtACentre(views, start.x_in_local)) return {Status::kDegenerate, {}, {}, 0, 0};
-  return refine ? Refine(views, start.x_in_local) : Evaluate(views, start.x_in_local);
+  if (!refine) return Evaluate(views, start.x_in_local);
+  Refinement refined = Refine(views, start.x_in_local);
+  // Whether a singular matrix passes for a positive one is a matter of rounding: the depth is not determined either way.
+  if (refined.status == Status::kDegenerate && !AtACentre(views, refined.x_in_local)) refined.status = Status::kLowParallax;
+  return refined;
 }
 
 }  // namespace
