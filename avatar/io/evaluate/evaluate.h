@@ -84,8 +84,8 @@ struct Evaluation {
   /// 95 %, of the primary scores: "ssim", "psnr_db", "full.ssim", "masked.psnr_db", "mask_iou", "boundary_f", "lpips", …
   std::map<std::string, metrics::Interval> intervals;
   Scored mean_image, nearest_pose;                    ///< baselines, on the same pictures
-  std::optional<Scored> template_alone;               ///< textured avatars with the template as prior: the result without the
-                                                      ///< network
+  std::optional<Scored> template_alone;               ///< textured avatars with a template: its textures on the template,
+                                                      ///< without the network
   std::map<std::string, std::string> nearest_camera;  ///< held-out camera -> camera whose images the baselines show
   std::vector<GroupScore> per_camera, per_motion;
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (metrics/masks.h)

@@ -76,9 +76,8 @@ struct RenderJob {
 
 struct RenderPlan {
   PoseTrack track;
-  std::vector<FullPose>
-      joints;  ///< of each pose of the track, as the network wants them; hands and face of its own dataset only
-  std::vector<RenderJob> jobs;  ///< view by view, each in temporal order
+  std::vector<FullPose> joints;  ///< of each pose of the track, in the network's list; hands and face only from its own dataset
+  std::vector<RenderJob> jobs;   ///< view by view, each in temporal order
   std::vector<std::string> skipped;
   std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: none
   bool foreign = false;                            ///< poses that are not from the training's dataset
