@@ -30,9 +30,9 @@ inline constexpr std::array<std::pair<int, int>, 18> kBones = {{{0, 1},
                                                                 {13, 14}}};
 inline constexpr int64_t kNumBones = 18;
 
-/// Joints are given as one of four lists, identified by their number: 19 (Panoptic), 25 (OpenPose's BODY_25), or either
-/// followed by the 70 points of the face, the 21 of the left hand and the 21 of the right hand (OpenPose's orders): 131
-/// and 137.
+/// Joints are given as one of four lists, identified by their number: 19 (Panoptic), 25 (OpenPose's BODY_25), 131 and 137.
+/// The last two are the first two followed by the 70 points of the face, the 21 of the left hand and the 21 of the right
+/// hand (OpenPose's orders).
 inline constexpr int kFaceJoints = 70, kHandJoints = 21, kExtraJoints = kFaceJoints + 2 * kHandJoints;
 constexpr bool IsJointList(int64_t num_joints) {
   return num_joints == 19 || num_joints == 25 || num_joints == 19 + kExtraJoints || num_joints == 25 + kExtraJoints;

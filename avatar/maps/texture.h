@@ -22,9 +22,9 @@ TextureSums ZeroTextureSums(int64_t size_px);
 void AddPixels(TextureSums& sums, const at::Tensor& part, const at::Tensor& uv, const at::Tensor& rgb,
                const at::Tensor& weight);
 /// Means where the weight is above `min_weight`. Texels farther than an eighth of the chart from any seen texel take most
-/// of their colour from the seen texels of their row, in their own chart and in similar ones (both sides of the trunk, all
-/// thighs). The rest comes from the nearest coarser level that has colours (pull-push). A part without any colour in it
-/// and in similar ones gets the mean of all parts.
+/// of their colour from seen texels of the same row. These are in their own chart and in similar ones (both sides of the
+/// trunk, all thighs). The rest comes from the nearest coarser level that has colours (pull-push). A part without any
+/// colour in it and in similar ones gets the mean of all parts.
 at::Tensor FillTextures(const TextureSums& sums, double min_weight = 0.05);
 
 }  // namespace mvstudio::avatar

@@ -179,8 +179,8 @@ extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(co
 extern template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 extern template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
-/// Number of initialisation steps: the option if set; else a third of `steps`, or none when the network is `transferred`
-/// from another avatar or sees the template, because both already determine the parts.
+/// Number of initialisation steps: the option if set; else a third of `steps`. None when the network is `transferred` from
+/// another avatar or sees the template, because both already determine the parts.
 int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred);
 
 /// Weight of the initialisation terms after the initialisation: the option if set, else a value for the network.

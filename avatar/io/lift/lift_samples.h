@@ -69,7 +69,7 @@ struct LiftSample {
   std::array<bool, kLiftJoints> valid{};
 };
 
-/// A random pose of the sequences seen by a random level camera, mirrored half of the time, with every frame or every
+/// A random pose of the sequences seen by a random level camera. Mirrored half of the time, with every frame or every
 /// second one, forwards or backwards; noise and missing joints as in the options. Every sample has status kOk.
 LiftSample RandomSample(const std::vector<LiftSequence>& sequences, const LiftSampleOptions& options, Rng& rng);
 

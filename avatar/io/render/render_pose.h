@@ -46,7 +46,7 @@ SkeletonSize MeasureSkeleton(const std::vector<dataset::Coco19Pose>& poses);
 double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source);
 
 /// Gives a pose the trained person's bone lengths. Every bone keeps its direction and its length times `ratio`, limited to
-/// the 5th and 95th percentile of training, so that rigid bones get their one length and a bent neck stays bent.
+/// the 5th and 95th percentile of training. Rigid bones thus get their one length, and a bent neck stays bent.
 ///
 /// The root's position is multiplied by `ratio` (about the world's origin, which lies on the floor), and so are joints
 /// whose parent is missing, about the nearest existing ancestor. A joint at the end of a bone more than three times too
