@@ -8,7 +8,7 @@
 #include "avatar/train/adam.h"
 #include "avatar/train/train.h"
 
-/// State of a Trainer, shared only by train*.cc.
+/// State of a Trainer, shared only by the .cc files of this folder.
 namespace mvstudio::avatar {
 
 /// Evenly spaced rows, at most `count`.

@@ -10,7 +10,7 @@
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rigid/rigid3.h"
 
-/// Adjusts board poses and the poses of some cameras, with everything else fixed. For rig_check*.cc.
+/// Adjusts board poses and the poses of some cameras, with everything else fixed. For the .cc files of this folder.
 namespace mvstudio::calib::internal {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
