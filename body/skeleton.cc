@@ -94,7 +94,7 @@ Skeleton MakeCoco133() {
   return WithHands(WithFace(std::move(skeleton), 68));
 }
 
-/// An OpenPose body with its other lists of key points.
+/// An OpenPose body with its other lists of keypoints.
 Skeleton WithParts(const Skeleton& body, bool face, bool hands, const std::string& name) {
   using Kind = SkeletonPart::Kind;
   Skeleton skeleton = body;
@@ -110,7 +110,7 @@ Skeleton WithParts(const Skeleton& body, bool face, bool hands, const std::strin
   return skeleton;
 }
 
-// Orders: OpenPose's poseParameters.cpp (BODY_25, BODY_25B, BODY_135, COCO), COCO's and COCO-WholeBody's key-point order, the
+// Orders: OpenPose's poseParameters.cpp (BODY_25, BODY_25B, BODY_135, COCO), COCO's and COCO-WholeBody's keypoint order, the
 // tables of Halpe-FullBody and MediaPipe, CMU Panoptic's joints19.
 std::vector<Skeleton> MakeAll() {
   const Skeleton body25 =

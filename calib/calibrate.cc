@@ -95,7 +95,7 @@ bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, C
   // Boards that no frame links to the first one have no place of their own to be found.
   work->bundle.fix_board.assign(input.boards.size(), false);
   for (const std::vector<int>& group : start.board_components) work->bundle.fix_board[group[0]] = true;
-  // All corners of the boards that have a pose get their say again.
+  // Restore the initial weights of all corners on placed boards.
   for (size_t v = 0; v < work->views.size(); ++v) {
     if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
   }

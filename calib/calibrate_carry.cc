@@ -28,7 +28,8 @@ void KeepGiven(const HeldCovariance& held, size_t camera, geometry::StatedCovari
   if (held.pose[camera]) keep(pose, held.stated.PoseRow(camera), 6);
 }
 
-/// Frame `f + offset` of a camera that is late by d shows what the others' frame f does: its picture f is of instant f + d.
+/// Frame `f + offset` of a camera that is late by d shows the same as the others' frame f: its image f is of time step f +
+/// d.
 void StoreTimeOffsets(const RigCovariance& covariance, const Work& work, geometry::Rig* rig) {
   for (size_t c = 0; c < work.state.time_offset_frames.size(); ++c) {
     const int column = covariance.columns.time[c];

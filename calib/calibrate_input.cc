@@ -13,7 +13,7 @@ namespace mvstudio::calib::internal {
 namespace {
 
 struct HoldoutRule {
-  int step = 0, first = 0;  // of instants; step 0: none
+  int step = 0, first = 0;  // of time steps; step 0: none
 };
 
 /// `holdout`: every:N or every:N:K.

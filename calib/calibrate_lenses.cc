@@ -226,7 +226,7 @@ void FitAssumed(const Work& work, const BoardShape& shape, BundleOptions bundle,
   kind->choice.reason = ToString(step, kind->pool.state.cameras[0]);
 }
 
-/// What is worth another look with bent boards.
+/// Configurations worth testing again with warped boards.
 std::vector<LensConfig> Promising(const LensChoice& choice) {
   constexpr double kWorthwhile = 1.3;
   double best = std::numeric_limits<double>::infinity();
@@ -392,7 +392,7 @@ bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& option
       Stop(kind.pool.status, "camera " + kind.pool.state.cameras[0].name + ": " + kind.pool.message, report);
       return false;
     }
-    // A bent or stretched board looks like a stranger lens: lenses are judged again when it is.
+    // A warped or stretched board mimics a more complex lens: lenses are chosen again when a board is one.
     if (round == 0 && (shape = JudgeBoards(options, run, &kinds, report)).plain()) break;
   }
   for (const Kind& kind : kinds) ReportKind(kind, report);

@@ -12,7 +12,7 @@
 #include "calib/lens/simpler_lens.h"
 #include "calib/rig/frame_offset.h"
 
-/// The steps of Calibrate and their shared state. Included by calibrate*.cc only.
+/// The steps of Calibrate and their shared state. Included by the .cc files of Calibrate only.
 namespace mvstudio::calib::internal {
 
 /// `world`, parsed.

@@ -141,7 +141,7 @@ bool JudgeTimeOffsets(const std::vector<std::pair<double, double>>& scores, std:
 
 namespace {
 
-/// The camera from whose instants the others' are off least in sum: the first of those in step where most are.
+/// The camera with the smallest sum of time differences to the others: the first of the synchronous ones where most are.
 int MostInStep(const Work& work) {
   const std::vector<double>& late = work.state.time_offset_frames;
   std::set<int> seen;
@@ -158,7 +158,7 @@ int MostInStep(const Work& work) {
   return best;
 }
 
-/// The frames' instants become those of another camera.
+/// Changes the camera that defines the time of the frames.
 void ChangeTimeReference(int reference, Work* work) {
   RigState& state = work->state;
   const double late = state.time_offset_frames[reference];

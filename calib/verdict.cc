@@ -124,7 +124,7 @@ const char* UnsolvedHint(Status status) {
   }
 }
 
-/// Figures that are no numbers pass no comparison, so they are looked for.
+/// NaN figures pass no comparison, so they are checked explicitly.
 bool HasFigures(const CalibrateReport& report) {
   bool finite = std::isfinite(report.rms_px) && std::isfinite(report.sigma_px) && report.num_corners > 0;
   for (const CameraReport& camera : report.cameras)

@@ -23,7 +23,7 @@ struct JsonLimits {
 struct JsonProblem {
   enum class Kind { kNone, kSyntax, kNumber, kDepth, kTwice };
   Kind kind = Kind::kNone;
-  size_t byte = 0;         ///< of kSyntax and kNumber (beyond the range of doubles); at the text's end if it is truncated
+  size_t byte = 0;         ///< of kSyntax and kNumber (beyond the range of doubles); beyond the text if it is truncated
   std::string where, key;  ///< of kTwice: the object, as in `cameras[3].K`, and the key
 };
 

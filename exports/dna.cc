@@ -5,14 +5,14 @@
 #include "dataset/pack/hdf5_internal.h"
 #include "exports/joint_files.h"
 
-/// The SMC files of DNA-Rendering (HDF5), as its SMCReader asks for them: main/SEQ.smc with the encoded pictures,
-/// annotations/SEQ_annots.smc with cameras (RT is camera to world), masks and key points.
+/// The SMC files of DNA-Rendering (HDF5), as read by its SMCReader: main/SEQ.smc with the encoded pictures,
+/// annotations/SEQ_annots.smc with cameras (RT is camera to world), masks and keypoints.
 namespace mvstudio::exports {
 namespace {
 
 using dataset::internal::Hdf5Writer;
 
-/// The reader pads a camera's number for parameters and key points and does not for pictures and masks.
+/// The reader pads a camera's number for parameters and keypoints but not for pictures and masks.
 std::string Padded(size_t camera) { return Numbered("", static_cast<int>(camera), 2, ""); }
 
 void AddCameras(const Take& take, Hdf5Writer* file) {

@@ -61,7 +61,7 @@ VisualHull Carve(const MaskJob& job, int instant, const std::vector<Image>& mask
   return dataset::CarveHull(views, box, job.hull);
 }
 
-/// Masks of every camera at one instant, from the files; empty pictures where a file is missing.
+/// Masks of every camera at one time step, from the files; empty pictures where a file is missing.
 std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int instant) {
   std::vector<Image> masks;
   for (const MaskCamera& camera : job.cameras) {
@@ -88,7 +88,7 @@ dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& fold
   return summary;
 }
 
-/// Writes where the other cameras' masks leave room for people, in the masks' own layout.
+/// Writes where the other cameras' masks allow people, in the masks' own layout.
 void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& room, const std::vector<int>& instants,
                const RunContext& run) {
   constexpr double kMarginPx = 2.5;

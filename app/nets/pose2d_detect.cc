@@ -17,7 +17,7 @@ using dataset::Person2d;
 
 namespace {
 
-/// Frame number of the footage -> instants that show it.
+/// Frame number of the footage -> time steps that show it.
 class Instants {
  public:
   explicit Instants(const dataset::CameraFootage& footage) {

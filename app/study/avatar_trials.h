@@ -17,7 +17,7 @@ struct AvatarGrid {
 
 /// One point of the grid.
 struct AvatarTrial {
-  int width = 0, size_px = 0, steps = 0;  ///< no steps: the posed template in averaged colours, without a network
+  int width = 0, size_px = 0, steps = 0;  ///< 0 steps: the posed template in averaged colours, without a network
   std::string loss;
   std::vector<std::string> cameras;  ///< used for training
   /// Results; NaN before it has run.

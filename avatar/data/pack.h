@@ -13,8 +13,8 @@ namespace mvstudio::avatar {
 inline constexpr int64_t kNumJoints = 19;  ///< CMU Panoptic's joints
 inline constexpr int64_t kNumBodyParts = kNumBodyCharts;
 
-/// The training set of an avatar as dense tensors on the CPU: N square pictures of one person, undistorted (pinhole), cropped
-/// around the person. Row i of every tensor belongs to picture i.
+/// The training set of an avatar as dense tensors on the CPU: N square images of one person, undistorted (pinhole),
+/// cropped around the person. Row i of every tensor belongs to image i.
 struct AvatarPack {
   int size_px = 0;           ///< H = W
   at::Tensor images;         ///< (N, 3, H, W) uint8, RGB
@@ -22,9 +22,9 @@ struct AvatarPack {
   at::Tensor joints_in_cam;  ///< (N, J, 3) float32, metres, in cam; anything finite where joint_valid is false
   at::Tensor joint_valid;    ///< (N, J) bool; J = 19, 25, 131 or 137, see bone_lists.h
   at::Tensor intrinsics;     ///< (N, 4) float32: fx, fy, cx, cy px of the crop; (0, 0) is the centre of the top-left pixel
-  at::Tensor part;           ///< (N, H, W) uint8, 0 background, 1..24: first guess from the posed template
-  at::Tensor uv;             ///< (N, 2, H, W) float32 in [0, 1], first guess, 0 on background
-  /// (N, 4, P, P) float32, for networks with the template as their prior (template_maps.h), P their picture size; undefined:
+  at::Tensor part;           ///< (N, H, W) uint8, 0 background, 1..24: initial value from the posed template
+  at::Tensor uv;             ///< (N, 2, H, W) float32 in [0, 1], initial value, 0 on background
+  /// (N, 4, P, P) float32, for networks with the template as their prior (template_maps.h), P their image size; undefined:
   /// none
   at::Tensor template_maps;
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
@@ -34,7 +34,7 @@ struct AvatarPack {
   int64_t size() const { return images.defined() ? images.size(0) : 0; }
 };
 
-/// What a network is told of B pictures to make.
+/// Network input for B images.
 struct PoseBatch {
   at::Tensor joints_in_cam;  ///< (B, J, 3), as in AvatarPack
   at::Tensor joint_valid;    ///< (B, J) bool
@@ -48,8 +48,8 @@ PoseBatch PosesOf(const AvatarPack& pack);
 /// "camera 00_03, frame 17" of picture i, for messages.
 std::string PictureName(const AvatarPack& pack, int64_t i);
 
-/// Throws ContractViolation for wrong shapes, types, sizes or indices, and for values that are not finite or out of range; such
-/// messages name the camera and the frame.
+/// Throws ContractViolation for wrong shapes, types, sizes or indices, and for values that are not finite or out of range.
+/// Messages about values name the camera and the frame.
 void Validate(const AvatarPack& pack);
 
 /// The pictures at `indices`, in that order; keeps the list of cameras.

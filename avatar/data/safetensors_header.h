@@ -23,23 +23,23 @@ struct TensorHeader {
   std::map<std::string, std::string> metadata;  ///< __metadata__, digests included
 };
 
-/// Bytes of an element; 0 for types that the format does not have.
+/// Bytes per element; 0 for types that the format lacks.
 uint64_t ElementSize(const std::string& type);
 
 /// Digest of everything but the tensors' bytes.
 std::string DigestOfHeader(const TensorHeader& header);
 
-/// The JSON text, filled up with blanks to a multiple of 8 bytes.
+/// The JSON text, padded with blanks to a multiple of 8 bytes.
 std::string HeaderText(const TensorHeader& header);
 
 struct TensorLayout {
   TensorHeader header;
-  size_t data_at = 0;                          ///< where the data begin in the file
-  std::map<std::string, std::string> digests;  ///< tensor -> SHA-256, as far as the file has them
+  size_t data_at = 0;                          ///< offset of the data in the file
+  std::map<std::string, std::string> digests;  ///< tensor -> SHA-256, for tensors that have one
 };
 
-/// Reads the header of a whole file: at most 100 MB, every tensor's range is what its shape needs, ranges follow each other
-/// without gaps and end where the file does. With digests, that of the header must match; `require_digests` refuses files
+/// Parses the header of a whole file: at most 100 MB; every tensor's range matches its shape; ranges are contiguous and
+/// end at the end of the file. If there are digests, that of the header must match; `require_digests` rejects files
 /// without. Throws FormatError naming the tensor.
 TensorLayout ParseTensorLayout(std::string_view content, bool require_digests, const std::string& path);
 

@@ -16,8 +16,9 @@
 
 namespace mvstudio::avatar {
 
-inline constexpr int64_t kLiftFrames = 5;  ///< neighbouring frames that the network sees; it answers for the middle one
-/// x, y and confidence of each joint in each frame, then log of the person's angular size, and sine and presence of the pitch.
+inline constexpr int64_t kLiftFrames = 5;  ///< neighbouring frames that the network sees; its output is for the middle one
+/// x, y and confidence of each joint in each frame, then log of the person's angular size, then sine and presence of the
+/// pitch.
 inline constexpr int64_t kLiftInputs = kLiftFrames * kNumJoints * 3 + 3;
 
 /// The lifting network and its training.
@@ -43,36 +44,36 @@ void VisitFields(Visitor&& visit, LiftOptions& o) {
 /// Throws UsageError naming the option.
 void Validate(const LiftOptions& options);
 
-/// A multi-layer perceptron from 2D joints of five frames to 3D joints of the middle one, as Shysheya et al., CVPR 2019, use
-/// for video of a single camera (theirs answers for the last frame); residual as in Martinez et al., ICCV 2017. Its coordinates
-/// are those of avatar/io/lift/lift_input.h.
+/// A multi-layer perceptron from 2D joints of five frames to 3D joints of the middle one, as used by Shysheya et al., CVPR
+/// 2019, for video of a single camera (theirs predicts the last frame). Residual as in Martinez et al., ICCV 2017. Its
+/// coordinates are those of avatar/io/lift/lift_input.h.
 struct Lifter {
   LiftOptions options;
   std::map<std::string, at::Tensor> weights;  ///< float32, "layer0.weight" …
   double size_m = 0;                          ///< of the people it was trained on: trunk + thigh + shank, metres
-  double sigma_m = 0;  ///< root mean square error of a coordinate on held-out frames, metres; 0: not known
+  double sigma_m = 0;                         ///< root mean square error of a coordinate on held-out frames, metres; 0: unknown
 };
 
-/// Fresh weights, normal with variance 2 / inputs (He et al. 2015), the last layer a tenth of it.
+/// New weights, normal with variance 2 / inputs (He et al. 2015), the last layer a tenth of it.
 Lifter MakeLifter(const LiftOptions& options, uint64_t seed);
 
 /// inputs (N, kLiftInputs) float32 -> (N, 19, 3) joints relative to the middle of the hips, in units of the person's size.
 at::Tensor Lift(const Lifter& lifter, const at::Tensor& inputs);
 
-/// Writes training sample `index`: kLiftInputs inputs, 19 x 3 targets, 19 weights (0: joint not known). Must depend on nothing
-/// but `index`.
+/// Writes training sample `index`: kLiftInputs inputs, 19 x 3 targets, 19 weights (0: joint unknown). Must depend only on
+/// `index`.
 using LiftSampler = std::function<void(uint64_t index, float* input, float* target, float* weight)>;
 
 struct LiftReport {
-  Status status = Status::kOk;  ///< kNonFiniteInput when a loss was not finite; the weights are those of the step before
+  Status status = Status::kOk;  ///< kNonFiniteInput when a loss was not finite; the weights are those of the previous step
   int steps_done = 0;
-  std::vector<std::pair<int, double>> losses;  ///< step, mean distance of the joints since the row before, in sizes
+  std::vector<std::pair<int, double>> losses;  ///< step, mean distance of the joints since the previous row, in sizes
 };
 
 /// Adam on the mean distance of the joints; samples are functions of (seed, step) alone. Sets the number of threads of ATen.
 LiftReport TrainLifter(const LiftSampler& sampler, const RunContext& run, Lifter* lifter);
 
-/// A safetensors file with a digest for each tensor. LoadLifter throws IoError, or FormatError naming what does not fit.
+/// A safetensors file with a digest for each tensor. LoadLifter throws IoError, or FormatError naming the invalid part.
 void SaveLifter(const Lifter& lifter, const std::string& path);
 Lifter LoadLifter(const std::string& path);
 

@@ -8,7 +8,7 @@
 
 namespace mvstudio::avatar {
 
-/// Depths that map to the two ends of a bone's value. Nearer and farther ones saturate.
+/// Depths that map to the two ends of a bone's value. Values outside saturate.
 struct DepthRange {
   double near_m = 0;
   double far_m = 1;
@@ -17,8 +17,8 @@ struct DepthRange {
 /// Values of drawn bones; the background is strictly below the nearest depth.
 inline constexpr float kBoneNear = -0.8f, kBoneFar = 1.0f, kBoneBackground = -1.0f;
 
-/// Which depth a bone shows: distance along the optical axis, or that minus the depth of the body's centre (joint 2; the mean
-/// of the body's valid joints where that one is missing; BODY_25: joint 8). joints_in_cam (B, J, 3), valid (B, J) -> (B, J)
+/// Depth shown by a bone: distance along the optical axis, or that minus the depth of the body's centre (joint 2; BODY_25:
+/// joint 8; the mean of the body's valid joints where it is missing). joints_in_cam (B, J, 3), valid (B, J) -> (B, J)
 /// metres, J as in bone_lists.h.
 at::Tensor BoneDepth(const at::Tensor& joints_in_cam, const at::Tensor& valid, bool relative);
 
@@ -26,11 +26,13 @@ at::Tensor BoneDepth(const at::Tensor& joints_in_cam, const at::Tensor& valid, b
 /// valid (B, J).
 DepthRange ChooseDepthRange(const at::Tensor& depth, const at::Tensor& valid);
 
-/// Draws each line of a map as a capsule with a 1 px linear ramp outside, thin maps half as wide; the depth is interpolated
-/// linearly along the line. Where lines of one map meet, the larger value stays. A line with an invalid joint is left out;
-/// joints outside the image do not matter, and lines to joints beyond the list (no hands, no face) are left out. joints_px
-/// (B, J, 2), depth (B, J) metres, valid (B, J) bool -> (B, number of maps, H, W) float32. Throws ContractViolation for valid
-/// joints that are not finite.
+/// Draws each line of a map as a capsule with a 1 px linear ramp outside, thin maps half as wide; the depth is
+/// interpolated linearly along the line. Where lines of one map overlap, the larger value is kept. A line with an invalid
+/// joint is omitted, and so are lines to joints beyond the list (no hands, no face). Joints may be outside the image.
+///
+/// joints_px (B, J, 2), depth (B, J) metres, valid (B, J) bool -> (B, number of maps, H, W) float32. Throws
+/// ContractViolation for valid joints that are not finite.
+///
 /// Two implementations of one definition: whole-tensor operations for any device, and loops over each line's bounding box.
 at::Tensor RasterizeMapsTensor(const std::vector<InputMap>& maps, const at::Tensor& joints_px, const at::Tensor& depth,
                                const at::Tensor& valid, int64_t height, int64_t width, double half_width_px,
@@ -44,13 +46,13 @@ at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& d
 at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
                           int64_t width, double half_width_px, const DepthRange& range);
 
-/// Second set of channels: the same capsules, with the share of the bone that points away from the camera, (z_b - z_a) /
-/// length, in
-/// [-1, 1]; background 0. Shows which way the body faces, where depths differ little. x_in_cam (B, 19, 3) -> (B, 18, H, W).
+/// Second set of channels: the same capsules, with the fraction of the bone that points away from the camera, (z_b - z_a)
+/// / length, in [-1, 1]; background 0. Shows the direction the body faces where depths differ little. x_in_cam (B, 19, 3)
+/// -> (B, 18, H, W).
 at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height,
                            int64_t width, double half_width_px);
 
-/// Half-width of a bone in a picture of `size_px`: `at_512_px` scaled, at least 1 px.
+/// Half-width of a bone in an image of `size_px`: `at_512_px` scaled, at least 1 px.
 double BoneHalfWidth(double at_512_px, int64_t size_px);
 
 }  // namespace mvstudio::avatar

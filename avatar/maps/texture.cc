@@ -37,7 +37,7 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
   return weight * colour + (1 - weight) * fine;
 }
 
-/// (24, 24): how much a chart's row tells of another chart's; its own most.
+/// (24, 24): similarity of the rows of two charts; largest for a chart itself.
 at::Tensor Likeness() {
   constexpr float kAlikeShare = 0.1f;
   at::Tensor likeness = at::eye(kParts, at::kFloat);

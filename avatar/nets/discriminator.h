@@ -11,10 +11,10 @@ namespace mvstudio::avatar {
 /// Layers of each scale, full size first; the last layer of a scale is the score of each patch (B, 1, h, w).
 using PatchFeatures = std::vector<std::vector<at::Tensor>>;
 
-/// Patch discriminators of several scales (Isola et al., "Image-to-image translation with conditional adversarial networks",
-/// CVPR 2017; Wang et al., "High-resolution image synthesis with conditional GANs", CVPR 2018): `layers` strided 4x4
-/// convolutions from `width` channels on, doubling up to 8 times as many, instance normalisation and leaky ReLU; each further
-/// scale sees the picture halved once more by 3x3 means.
+/// Patch discriminators at several scales (Isola et al., "Image-to-image translation with conditional adversarial
+/// networks", CVPR 2017; Wang et al., "High-resolution image synthesis with conditional GANs", CVPR 2018). `layers`
+/// strided 4x4 convolutions start at `width` channels and double up to 8 times as many, with instance normalisation and
+/// leaky ReLU. Each further scale sees the image halved once more by 3x3 means.
 class DiscriminatorImpl : public torch::nn::Module {
  public:
   DiscriminatorImpl(int inputs, int width, int layers, int scales, uint64_t seed);

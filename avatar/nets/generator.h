@@ -11,15 +11,19 @@
 namespace mvstudio::avatar {
 
 inline constexpr int kNumPrevious = 2;
-/// Input channels beside the bone maps.
+/// Number of input channels beside the bone maps.
 int NumPreviousChannels(const ModelOptions& options);
 
-/// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders; `skips` adds the encoder's
-/// features to the decoders', which the paper's network does not. From bone maps (B, inputs, H, W), and the template's channels
-/// where it is the prior (template_maps.h; the heads that it is added to then begin at 0), it gives for `tna` part logits
-/// (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24 u then 24 v; for `direct` a
-/// foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W); for `v2v`, whose input also holds the kNumPrevious
-/// pictures before, a foreground logit and (B, 6, H, W): colours before tanh, flow, weight logit.
+/// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders. `skips` adds the encoder's features
+/// to the decoders', which the paper's network does not.
+///
+/// Input: bone maps (B, inputs, H, W), and the template's channels where it is the prior (template_maps.h); the heads that
+/// it is added to are then initialised to 0. Outputs:
+///   `tna`: part logits (B, 25, H, W), channel 0 the background, and texture coordinates before tanh (B, 48, H, W), 24
+///     u then 24 v.
+///   `direct`: a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
+///   `v2v`, whose input also holds the kNumPrevious previous images: a foreground logit and (B, 6, H, W), colours
+///     before tanh, flow, weight logit.
 class GeneratorImpl : public torch::nn::Module {
  public:
   GeneratorImpl(const ModelOptions& options, uint64_t seed);
@@ -33,7 +37,7 @@ class GeneratorImpl : public torch::nn::Module {
 };
 TORCH_MODULE(Generator);
 
-/// Trainable numbers of the network alone (no textures), computed by building it.
+/// Number of trainable parameters of the network alone (no textures), computed by building it.
 int64_t NumParameters(const ModelOptions& options);
 
 }  // namespace mvstudio::avatar

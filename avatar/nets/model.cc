@@ -65,9 +65,9 @@ void CheckPoses(const at::Tensor& joints_in_cam, const at::Tensor& valid, const 
                 << joints_in_cam.sizes() << ", " << valid.sizes() << ", " << intrinsics.sizes());
 }
 
-/// A picture whose faint haze is gone: where the person's probability is below 5 % it is the background itself, above 95 % the
-/// person alone, in between both bend to meet. A trace of a per mille over a flat background would otherwise cost all
-/// structural scores.
+/// Removes faint haze: where the person's probability is below 5 % the image is the background, above 95 % the person
+/// alone, with a continuous transition. Otherwise a trace of a per mille over a flat background would ruin all structural
+/// scores.
 at::Tensor CleanMatte(const at::Tensor& image, const at::Tensor& mask_prob, const at::Tensor& background) {
   const at::Tensor alpha = mask_prob.unsqueeze(1), base = background.view({1, 3, 1, 1});
   return base + (image - base) * (CleanAlpha(alpha) / alpha.clamp_min(1e-6));

@@ -14,40 +14,40 @@
 
 namespace mvstudio::avatar {
 
-/// A trained (or fresh) avatar: everything that rendering needs.
+/// A trained (or new) avatar: everything that rendering needs.
 struct AvatarModel {
   ModelOptions options;
   DepthRange depth;
-  int size_px = 0;   ///< picture size it was trained at
+  int size_px = 0;   ///< image size it was trained at
   int64_t step = 0;  ///< training steps done, initialisation included
   Generator generator{nullptr};
   at::Tensor textures;  ///< (24, 3, S, S) float32, about [-1, 1]; undefined for `direct`
   at::Tensor seen;  ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
 };
 
-/// Fresh weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where options leave it open).
+/// New weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where the options do not set it).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
-/// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H, W),
-/// followed by the channels of `template_maps` (B, 4, H, W) where the template is the prior: there they must be given,
-/// elsewhere they must not. J: with the body that the inputs need (bone_lists.h); where J has no hands and face their maps are
-/// background.
+/// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H,
+/// W). Where the template is the prior, the channels of `template_maps` (B, 4, H, W) follow; the argument must be given
+/// then, and only then. J includes the body that the inputs need (bone_lists.h); where J has no hands and face, their maps
+/// are background.
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps = {});
 
-/// The network's two outputs (see Generator) for such input, corrections to the template where that is the prior. `previous`:
-/// as for ComposeImage.
+/// The network's two outputs (see Generator) for such input; corrections to the template where that is the prior.
+/// `previous`: as in ComposeImage.
 std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous = {});
 
-/// The network's two outputs blended into a picture (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
-/// pictures before, for `v2v` alone (B, 3 kNumPrevious, H, W), the latest first, on black.
+/// Blends the network's two outputs into an image (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
+/// previous images, only for `v2v` (B, 3 kNumPrevious, H, W), the latest first, on black.
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
                         const at::Tensor& background, const at::Tensor& previous = {});
 
-/// Pictures sampled where the flow points (B, 2, H, W), x then y, px; borders repeat outwards.
+/// Samples images at the positions of the flow (B, 2, H, W), x then y, px; borders are repeated outwards.
 at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px);
 
-/// The flow of a `v2v` head, px: 20 times the network's numbers, as in vid2vid.
+/// The flow of a `v2v` head, px: 20 times the network's output, as in vid2vid.
 at::Tensor FlowOf(const at::Tensor& second_head);
 
 struct Rendering {
@@ -57,20 +57,20 @@ struct Rendering {
   at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
 };
 
-/// Opacity of the person in a rendered picture: below a probability of 5 % it is 0, above 95 % it is 1, linear in between.
+/// Opacity of the person in a rendered image: 0 below a probability of 5 %, 1 above 95 %, linear in between.
 at::Tensor CleanAlpha(const at::Tensor& mask_prob);
 
-/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0, 1]
-/// and a haze of less than 5 % person is background. H and W must be multiples of 2^downs. Throws ContractViolation for shapes
-/// and for poses that are not finite. `previous`: as in ComposeImage, of the same cameras' frames before; undefined: there were
-/// none.
+/// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0,
+/// 1], and pixels with less than 5 % person are background. H and W must be multiples of 2^downs. `previous`: as in
+/// ComposeImage, of the same cameras' previous frames; undefined: none. Throws ContractViolation for shapes and for poses
+/// that are not finite.
 Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background = {},
                  const at::Tensor& previous = {});
 
-/// A model as named tensors and metadata, and back. `path` is for messages.
+/// Converts a model to named tensors and metadata, and back. `path` is for messages.
 TensorFile ModelToTensors(const AvatarModel& model);
 AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path);
-/// Options of the network alone.
+/// Only the network's options.
 ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path);
 
 /// Loads checkpoint.safetensors (or RUN/avatar's) for rendering. Throws IoError / FormatError.

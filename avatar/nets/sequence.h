@@ -8,15 +8,15 @@
 #include "avatar/data/pack.h"
 #include "avatar/nets/model.h"
 
-/// Pictures of one camera in the order of time, for methods that look at what they rendered before.
+/// Images of one camera in temporal order, for methods that use their previous renderings.
 namespace mvstudio::avatar {
 
-/// For each row of the pack the row of the same camera's frame before; -1 where there is none. Frames follow one another when
-/// their numbers differ by the pack's usual step (the median).
+/// For each row of the pack, the row of the same camera's previous frame; -1 where there is none. Frames are consecutive
+/// when their numbers differ by the pack's usual step (the median).
 std::vector<int64_t> PreviousRows(const AvatarPack& pack);
 
 /// Renders every row of the pack, `batch` at a time: (N, 3, H, W) and (N, H, W) float32. Methods without memory take the
-/// rows as they come; `v2v` goes from frame to frame, several cameras at a time, each beginning without a past.
+/// rows in order; `v2v` goes from frame to frame, several cameras at a time, each starting without previous images.
 struct RenderedPack {
   at::Tensor images, masks;
 };

@@ -8,10 +8,10 @@ inline constexpr char kGaborFeatureName[] = "gabor-stats-v1";
 inline constexpr int kGaborFeatureSize = 240;
 inline constexpr int kGaborFeatureMinPx = 32;
 
-/// Hand-made description of a picture for the Fréchet and kernel distances; nothing is learned, so the numbers are the same on
-/// every machine (to float32 rounding of the filters) and are NOT comparable with FID. On three opponent channels (Y, R - G, (R
-/// + G) / 2 - B), 4 octaves and 6 orientations, the magnitude m of a complex Gabor filter (9x9, wavelength 4 px) gives, in this
-/// order:
+/// Fixed description of an image for the Fréchet and kernel distances. Nothing is learned, so the values are the same on
+/// every machine (to float32 rounding of the filters) and are NOT comparable with FID. On three opponent channels (Y, R -
+/// G, (R + G) / 2 - B), 4 octaves and 6 orientations, the magnitude m of a complex Gabor filter (9x9, wavelength 4 px)
+/// gives, in this order:
 ///   144  log(mean m + 1e-3) and log(std m + 1e-3) for each channel, octave, orientation
 ///    60  correlations of m between the 15 pairs of orientations, luma, each octave
 ///    18  correlations of m between neighbouring octaves at the same orientation, luma

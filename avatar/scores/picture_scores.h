@@ -6,10 +6,10 @@
 
 #include "metrics/scores.h"
 
-/// Between tensors and metrics/.
+/// Converts between tensors and metrics/.
 namespace mvstudio::avatar {
 
-/// A float picture in [0, 1] as an 8-bit file would give it back: float64 multiples of 1/255.
+/// A float image in [0, 1], rounded as in an 8-bit file: float64 multiples of 1/255.
 at::Tensor EightBit(const at::Tensor& pictures);
 
 /// (C, H, W) in [0, 1].

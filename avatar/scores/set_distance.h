@@ -9,23 +9,25 @@
 
 #include "avatar/nets/feature_net.h"
 
-/// Distances between two sets of pictures by features of each picture, in float64. Every function throws ContractViolation on
-/// NaN, infinity, sizes that do not fit, and on fewer samples than its definition needs. docs/metrics.md gives the conventions.
+/// Distances between two sets of images by features of each image, in float64. Every function throws ContractViolation on
+/// NaN, infinity, inconsistent sizes, and on fewer samples than its definition needs. docs/metrics.md gives the
+/// conventions.
 namespace mvstudio::avatar {
 
 enum class FrechetForm {
   kAuto,     ///< kNuclear up to d samples, kQr above
   kNuclear,  ///< || X~ Y~^T ||_* of the centred samples, n1 x n2: exact also for singular covariances
   kQr,       ///< the same after X~ = Q R: || R1 R2^T ||_*, d x d
-  kEigen,    ///< sum of sqrt of the eigenvalues of S1^(1/2) S2 S1^(1/2), clamped at 0: for comparison; loses half of the digits
+  kEigen,    ///< sum of sqrt of the eigenvalues of S1^(1/2) S2 S1^(1/2), clamped at 0: for comparison; loses half of the
+             ///< digits
 };
 
 /// Fréchet distance (squared, as is usual) between the Gaussians fitted to two sets of features, covariances with n - 1:
 /// |m1 - m2|^2 + tr S1 + tr S2 - 2 tr (S1 S2)^(1/2). x: (n1, d), y: (n2, d), at least 2 samples each.
 double FrechetDistance(const at::Tensor& x, const at::Tensor& y, FrechetForm form = FrechetForm::kAuto);
 
-/// What the distance is between two halves of one set, i.e. by sampling alone: mean over `repeats` seeded random halvings of
-/// (n, d), n at least 4. Both halves have n / 2 samples, so compare it with distances of sets of that size.
+/// Distance due to sampling alone: mean over `repeats` seeded random halvings of (n, d), n at least 4. Both halves have n
+/// / 2 samples, so compare it with distances of sets of that size.
 double FrechetSplitHalfFloor(const at::Tensor& x, uint64_t seed = 1, int repeats = 10);
 
 /// Kernel distance: unbiased squared MMD with k(x, y) = (x.y / d + 1)^3. Binkowski et al., "Demystifying MMD GANs", ICLR 2018.
@@ -42,19 +44,19 @@ struct SetDistance {
   double floor = 0;  ///< mean Fréchet distance of random halves of the first set (n / 2 pictures each)
   KernelDistance kid;
   int64_t n = 0, n_other = 0, d = 0;
-  std::string features;  ///< name of the net; equal names alone can be compared
+  std::string features;  ///< name of the net; only equal names are comparable
 };
 
 /// features (n, d) and (n_other, d) of one net, at least 4 rows each.
 SetDistance CompareFeatures(const at::Tensor& reference, const at::Tensor& other, const std::string& name, uint64_t seed);
 
-/// Of two sets of pictures (N, 3, H, W); nothing below 4 pictures or for pictures under 32 px.
+/// For two sets of images (N, 3, H, W); empty below 4 images or for images under 32 px.
 std::optional<SetDistance> CompareSets(const at::Tensor& truth, const at::Tensor& images, const FeatureNet& net, uint64_t seed);
 
-/// Rows of `net` for (N, 3, H, W), a few pictures at a time: (N, d) float64.
+/// Rows of `net` for (N, 3, H, W), a few images at a time: (N, d) float64.
 at::Tensor FeatureRows(const FeatureNet& net, const at::Tensor& pictures);
 
-/// The hand-made statistics of avatar/scores/features.h as a net: there on every machine.
+/// The fixed statistics of avatar/scores/features.h as a net, available on every machine.
 std::shared_ptr<const FeatureNet> GaborNet();
 
 }  // namespace mvstudio::avatar

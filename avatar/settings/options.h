@@ -68,7 +68,7 @@ inline ModelOptions PaperModel() {
   return o;
 }
 
-/// How long and how to train.
+/// Duration and parameters of the training.
 struct TrainOptions {
   int steps = 600;
   int init_steps = -1;
@@ -170,7 +170,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
 /// Name -> text of every field, for checkpoints and provenance.
 template <class Options>
 std::vector<std::pair<std::string, std::string>> FieldsAsText(const Options& options);
-/// Sets the field `name` from text; false when there is none. Throws UsageError when the text does not fit the type.
+/// Sets the field `name` from text; false when there is none. Throws UsageError when the text is invalid for the type.
 template <class Options>
 bool SetFieldFromText(Options& options, const std::string& name, const std::string& text);
 
@@ -179,11 +179,11 @@ extern template std::vector<std::pair<std::string, std::string>> FieldsAsText(co
 extern template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 extern template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
-/// Initialisation steps: those asked for; else a third of `steps`, or none when the network is `transferred` from another
-/// avatar or sees the template, which both tell it the parts.
+/// Number of initialisation steps: the option if set; else a third of `steps`. None when the network is `transferred` from
+/// another avatar or sees the template, because both already determine the parts.
 int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred);
 
-/// Share of the initialisation terms after the initialisation: that asked for, or what suits the network.
+/// Weight of the initialisation terms after the initialisation: the option if set, else a value for the network.
 double KeepInit(const TrainOptions& options, const ModelOptions& model);
 
 /// Throws UsageError naming the field that is out of range.

@@ -8,8 +8,8 @@
 
 namespace mvstudio::avatar {
 
-/// Adam (Kingma and Ba, ICLR 2015) over named tensors, beta 0.9 and 0.999, epsilon 1e-8. Its whole state is public: it is part
-/// of checkpoints.
+/// Adam (Kingma and Ba, ICLR 2015) over named tensors, beta 0.9 and 0.999, epsilon 1e-8. Its whole state is public,
+/// because it is part of checkpoints.
 struct Adam {
   struct Slot {
     std::string name;

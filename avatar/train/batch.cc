@@ -55,7 +55,7 @@ at::Tensor MoveTemplate(const at::Tensor& maps, const at::Tensor& grid) {
                  1);
 }
 
-/// Moves the batch, its key points and its template by one random motion each.
+/// Applies one random motion each to the batch, its keypoints and its template.
 void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, int64_t first, TrainBatch& batch,
                  at::Tensor& joints_px, at::Tensor& template_maps) {
   const auto count = static_cast<int64_t>(batch.pictures.size());

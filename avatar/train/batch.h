@@ -10,7 +10,7 @@
 
 namespace mvstudio::avatar {
 
-/// What one training step sees.
+/// Input of one training step.
 struct TrainBatch {
   std::vector<int64_t> pictures;  ///< rows of the pack
   at::Tensor maps;                ///< (B, C, H, W) network input
@@ -23,13 +23,14 @@ struct TrainBatch {
 /// Rows of the pack for a step: a fresh permutation each epoch; a function of (seed, step) alone.
 std::vector<int64_t> PicturesOfStep(int64_t num_pictures, int64_t batch, uint64_t seed, int64_t step);
 
-/// Gathers pictures; when `jitter` is set each is scaled, turned and shifted at random (a function of (seed, step)), key points
-/// and pictures alike. Depths stay as they are. `first`: how many pictures of the step come before these, in other processes.
+/// Gathers images. When `jitter` is set, each is scaled, rotated and shifted at random (a function of (seed, step)),
+/// keypoints and images alike; depths are unchanged. `first`: number of images of the step before these, in other
+/// processes.
 TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options,
                      const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step, int64_t first = 0);
 
-/// Labels that agree with the masks: template pixels outside the mask become background, pixels of the person that the template
-/// misses take the label and coordinates of the nearest labelled pixel. Changes part and uv of the pack.
+/// Adapts labels to the masks: template pixels outside the mask become background; pixels of the person that the template
+/// misses get the label and coordinates of the nearest labelled pixel. Changes part and uv of the pack.
 void FitLabelsToMasks(AvatarPack& pack, int num_threads);
 
 }  // namespace mvstudio::avatar

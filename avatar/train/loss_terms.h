@@ -24,9 +24,9 @@ size_t LossColumn(std::string_view name);
 class LossTerms {
  public:
   void Add(std::string_view name, double weight, const at::Tensor& value);
-  /// A term of another network's loss: kept, not summed.
+  /// A term of another network's loss: recorded, not summed.
   void Keep(std::string_view name, const at::Tensor& value);
-  /// Total NaN: nothing can be computed from such outputs.
+  /// Sets the total to NaN for outputs that are not finite.
   void SetNotFinite(const at::Tensor& like);
 
   const at::Tensor& total() const { return total_; }
@@ -38,14 +38,14 @@ class LossTerms {
   std::array<at::Tensor, kLossColumns.size()> values_;
 };
 
-/// The parts of a loss that are not the model: all may be absent.
+/// Inputs of a loss beside the model; all are optional.
 struct LossContext {
   const FeatureNet* perceptual = nullptr;
   Discriminator* discriminator = nullptr;
   bool half_precision = false;  ///< of the generator's convolutions, on a GPU
 };
 
-/// What the generator's output is compared with: a batch, and for `v2v` what came before it.
+/// Target of the generator's output: a batch, and for `v2v` the previous images.
 struct StepInput {
   TrainBatch batch;
   at::Tensor previous;        ///< (B, 3 kNumPrevious, H, W) rendered before; undefined without memory
@@ -54,14 +54,14 @@ struct StepInput {
   at::Tensor totals;          ///< of several processes, see LossTotals; undefined: those of this batch
 };
 
-/// What the losses' weighted sums over pixels are divided by, (5) float32: picture, SSIM, person, rest, moving pixels.
+/// Divisors of the losses' weighted sums over pixels, (5) float32: picture, SSIM, person, rest, moving pixels.
 at::Tensor LossTotals(const StepInput& input, double foreground_weight);
 
-/// The loss of one step. `init`: the initialisation terms alone.
+/// The loss of one step. `init`: only the initialisation terms.
 LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& options, const StepInput& input, bool init,
                       const LossContext& context);
 
-/// The discriminator's own loss on the truth and on a picture made without it.
+/// The discriminator's own loss on the truth and on an image generated without it.
 at::Tensor DiscriminatorLoss(Discriminator& discriminator, const TrainBatch& batch, const at::Tensor& image);
 
 }  // namespace mvstudio::avatar

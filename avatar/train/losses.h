@@ -4,26 +4,27 @@
 
 namespace mvstudio::avatar {
 
-/// Where a function takes `total`, it is what the weighted sum over pixels is divided by; undefined: the weights of this batch.
-/// Several processes divide by the mean of theirs, so that the mean of their losses is the loss of their joint batch.
+/// `total` divides the weighted sum over pixels; undefined: the weights of this batch. Several processes divide by the
+/// mean of their totals, so that the mean of their losses is the loss of their joint batch.
 
 /// Mean |a - b| over pixels, those of `mask` (B, H, W, 0..1) counted `foreground_weight` times. a, b (B, 3, H, W).
 at::Tensor WeightedL1(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight,
                       const at::Tensor& total = {});
 
-/// Mean of 1 - SSIM with a 7x7 box window, values in [0, 1], zero padding left out; same weights as above. Wang et al., 2004.
+/// Mean of 1 - SSIM with a 7x7 box window, values in [0, 1], without zero padding; same weights as above. Wang et al.,
+/// 2004.
 at::Tensor SsimLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight,
                     const at::Tensor& total = {});
 
 /// Mean |grad a - grad b| at full, half and quarter size.
 at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b);
 
-/// Silhouette: -log of the probability that each pixel is what the mask says. From part logits (B, 25, H, W) by log-softmax, or
-/// from a single foreground logit (B, 1, H, W) by log-sigmoid: the gradient does not vanish at large logits.
+/// Silhouette: negative log-likelihood of the mask. From part logits (B, 25, H, W) by log-softmax, or from a single
+/// foreground logit (B, 1, H, W) by log-sigmoid, so the gradient does not vanish at large logits.
 at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask);
 
-/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background count the same,
-/// however small the person is.
+/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background have equal
+/// total weight, however small the person is.
 at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& person_total = {},
                     const at::Tensor& rest_total = {});
 
@@ -31,7 +32,7 @@ at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::
 /// 1].
 at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part, const at::Tensor& total = {});
 
-/// Weights of the pixels of a batch together, as WeightedL1 (and within SSIM's windows SsimLoss) divides by them.
+/// Total pixel weight of a batch, the divisor of WeightedL1 (and, within SSIM's windows, of SsimLoss).
 at::Tensor PixelTotal(const at::Tensor& mask, double foreground_weight);
 at::Tensor SsimPixelTotal(const at::Tensor& mask, double foreground_weight);
 

@@ -6,18 +6,18 @@
 #include <memory>
 #include <string>
 
-/// Several processes that train one avatar on a part of each step's pictures each.
+/// Several processes that train one avatar, each on part of each step's images.
 namespace mvstudio::avatar {
 
 struct RankPlace {
   int rank = 0;
   int size = 1;
-  std::string rendezvous;               ///< a file that all ranks can see; it must not be there before the first of them begins
-  bool one_machine = true;              ///< they talk over the loopback address; else over that of the machine's name
-  std::function<void()> while_waiting;  ///< called several times a second until all are there; may throw to give up
+  std::string rendezvous;               ///< a file visible to all ranks; it must not exist before the first of them starts
+  bool one_machine = true;              ///< they communicate over the loopback address; else over that of the machine's name
+  std::function<void()> while_waiting;  ///< called several times a second until all have joined; may throw to give up
 };
 
-/// The processes as one of them sees them. All of them must make the same calls in the same order.
+/// The group of processes, seen from one of them. All must make the same calls in the same order.
 class Ranks {
  public:
   virtual ~Ranks() = default;
@@ -26,12 +26,12 @@ class Ranks {
   /// Sums over the ranks in place, on the CPU, contiguous, float32 or float64; the same bytes on each. Throws IoError when
   /// another process has ended.
   virtual void Sum(at::Tensor& values) const = 0;
-  /// Everyone's values become those of rank 0; any device. Throws as above.
+  /// Replaces the values on every rank by those of rank 0; any device. Throws as above.
   virtual void Broadcast(at::Tensor& values) const = 0;
 };
 
-/// Waits up to five minutes for the others. Throws UsageError for a place that cannot be, IoError when they do not come, and
-/// MissingToolError when libtorch's Gloo was not there when this program was built.
+/// Waits up to five minutes for the others. Throws UsageError for an invalid place, IoError when they do not join, and
+/// MissingToolError when libtorch's Gloo was not available when this program was built.
 std::shared_ptr<const Ranks> JoinRanks(const RankPlace& place);
 
 }  // namespace mvstudio::avatar

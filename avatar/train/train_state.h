@@ -8,10 +8,10 @@
 #include "avatar/train/adam.h"
 #include "avatar/train/train.h"
 
-/// What a Trainer holds, shared by train*.cc alone.
+/// State of a Trainer, shared only by the .cc files of this folder.
 namespace mvstudio::avatar {
 
-/// Evenly spread rows, at most `count`.
+/// Evenly spaced rows, at most `count`.
 std::vector<int64_t> SpreadRows(int64_t total, int64_t count);
 
 /// Sums of rows between two reports.
@@ -65,7 +65,7 @@ struct Trainer::State {
   bool Exhausted() const { return options.patience > 0 && idle_checks >= options.patience; }
   LossContext Context() { return {perceptual.get(), v2v() ? &critic : nullptr, options.amp}; }
 
-  /// Checks options against the pictures, moves everything to the device, makes the optimisers.
+  /// Checks options against the images, moves everything to the device, creates the optimisers.
   void Prepare(const AvatarPack& source, const RunContext& run, bool transferred = false);
   void PrepareVideo(const at::Device& device);
 
@@ -77,22 +77,22 @@ struct Trainer::State {
   double RateFactor() const;
   /// Gradients of the discriminator's own loss; returns their norm, NaN when the loss is not finite.
   double CriticGradients(const StepInput& input, LossTerms* terms);
-  /// Norms of all gradients together for the batch; NaN when the loss or one of them is not finite.
+  /// Norm of all gradients for the batch; NaN when the loss or one of them is not finite.
   double Gradients(const StepInput& input, LossTerms* terms);
-  /// Throws UsageError when the steps to come would take other pictures than those before.
+  /// Throws UsageError when the remaining steps would use other images than the previous ones.
   void RequireSameBatches() const;
   int64_t world() const { return ranks ? ranks->size() : 1; }
   /// The rows of this rank in a step; `all`: of every rank.
   std::vector<int64_t> RowsOfStep(int64_t step, bool all) const;
-  /// Gradients become their means over the ranks; false on every rank when one had none that is finite.
+  /// Replaces gradients by their means over the ranks; false on every rank when one had gradients that are not finite.
   bool ShareGradients(const std::vector<Adam*>& adams, bool finite);
   HistoryRow MeanOverRanks(HistoryRow row) const;
-  /// Gradients of texels that no picture showed become 0.
+  /// Sets the gradients of texels that no image showed to 0.
   void FreezeUnseen();
-  /// One step. Returns false, with nothing changed, when the loss or a gradient is not finite.
+  /// One step. Returns false, without any change, when the loss or a gradient is not finite.
   bool Step(const StepInput& input, LossTerms* terms);
   bool CheckDue() const;
-  /// Scores the weights that would be handed out if they were the best, on rank 0 for all ranks, and remembers whether they
+  /// Scores the weights that would be returned if they were the best, on rank 0 for all ranks, and records whether they
   /// are.
   HistoryRow Check(const AvatarPack& validation);
   std::string WhyEndedEarly() const;
@@ -100,19 +100,19 @@ struct Trainer::State {
 
   /// The model's own tensors by their names in a checkpoint: weights, running statistics, textures.
   NamedTensors Tensors() const;
-  /// What a checkpoint hands out instead of the last weights; empty: nothing else.
+  /// The weights that a checkpoint returns instead of the last ones; empty: none.
   const NamedTensors& Handed() const { return best.empty() ? average : best; }
   void UpdateAverage();
   void Judge(const HistoryRow& row);
 
-  /// Moments, discriminator and flags of a checkpoint; the model is there already.
+  /// Restores moments, discriminator and flags of a checkpoint, after the model.
   void TakeUp(const TensorFile& file, const std::string& path);
   void SaveHanded(TensorFile* file) const;
   void TakeUpHanded(const TensorFile& file, const std::string& path);
   void LoadCritic(const TensorFile& file, const std::string& path);
 };
 
-/// While this lives, the model holds `values` in place of its own.
+/// Replaces the model's weights by `values` during its lifetime.
 class BorrowedWeights {
  public:
   BorrowedWeights(const NamedTensors& model, const NamedTensors& values);

@@ -34,7 +34,7 @@ struct Board {
   double marker_m = 0;  ///< charuco: side of a marker, metres
   std::string dictionary = "4x4_1000";  ///< charuco: OpenCV's predefined dictionary, lower case without DICT_; aprilgrid and
                                         ///< tag: the AprilTag family without "tag", e.g. 36h11
-  bool legacy = false;      ///< charuco: the layout of OpenCV before 4.6 (differs when the number of squares per column is even)
+  bool legacy = false;      ///< charuco: layout of OpenCV before 4.6 (differs for an even number of squares per column)
   bool inverted = false;    ///< charuco: black and white exchanged
   double tag_spacing = 0;   ///< aprilgrid: gap between tags over the side of a tag
   int first_tag = 0;        ///< aprilgrid and tag: id of the first tag

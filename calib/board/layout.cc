@@ -32,8 +32,8 @@ std::vector<const Detection*> ViewsOf(int board, const std::vector<Detection>& d
 
 double Extent(const Detection& d) { return (d.points_px.rowwise().maxCoeff() - d.points_px.rowwise().minCoeff()).norm(); }
 
-/// Root mean square distance of the corners from the image of a plane when `cols` of them make a row; with `mirrored_cols` the
-/// corners were numbered the other way round within rows of so many.
+/// Root mean square distance of the corners from the image of a plane with `cols` corners per row. With `mirrored_cols`
+/// the corners were numbered in the opposite direction within rows of this length.
 double DistancePx(const Detection& d, int cols, int mirrored_cols) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   Eigen::Matrix2Xd grid(2, d.points_px.cols());

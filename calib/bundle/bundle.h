@@ -30,7 +30,7 @@ struct BundleOptions {
   bool refine_warp = false;    ///< board_warp_m
   bool refine_stretch = false;  ///< board_stretch
   bool refine_time = false;    ///< time_offset_frames of all cameras but `time_reference`
-  int time_reference = 0;      ///< the camera whose exposure times are those of the frames
+  int time_reference = 0;      ///< the camera whose capture times are those of the frames
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
   std::vector<LensPrior> lens_prior;       ///< per camera; empty, or with empty vectors: none

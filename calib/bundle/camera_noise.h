@@ -6,7 +6,8 @@
 #include "calib/bundle/view.h"
 
 /// Noise of each camera's corners, estimated from all residuals. Variance components by Helmert's method as in Koch,
-/// "Parameter estimation and hypothesis testing in linear models", 1999, section 3.6. For bundle.cc.
+/// "Parameter estimation and hypothesis testing in linear models", 1999, section 3.6. For bundle.cc and
+/// model_selection.cc.
 namespace mvstudio::calib {
 
 /// Per view: the initial weights of its corners, before any rejection, relative to each other.

@@ -185,9 +185,9 @@ namespace {
 constexpr int kMaxRest = 10;
 using RestRows = Eigen::Matrix<double, 2, kMaxRest>;
 
-/// Derivatives of one view by its lens (dense part only) and by the rest: the pose of its board in the camera (6) and, where
-/// wanted, the bend (2) and the stretch (2). Splined lenses are summed up corner by corner, since a corner meets 18 of their
-/// hundreds of numbers.
+/// Derivatives of one view with respect to its lens (dense part only) and the rest: the pose of its board in the camera
+/// (6) and, where wanted, the warp (2) and the stretch (2). Splined lenses are summed up corner by corner, since a corner
+/// depends on 18 of their hundreds of parameters.
 struct ViewSums {
   const geometry::Camera& camera;
   int first_param, num_lens, lens_column, num_rest;

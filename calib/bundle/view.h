@@ -36,7 +36,7 @@ struct RigState {
   std::vector<Eigen::Vector2d> board_warp_m = {Eigen::Vector2d::Zero()};  // per board, see WarpBasis
   std::vector<Eigen::Vector2d> board_stretch;  // per board: shear s and aspect a, x' = (1 + a) x + s y, y' = s x + (1 - a) y;
                                                // empty: none
-  std::vector<double> time_offset_frames;             // per camera: its exposure time minus that of the frame; empty: none
+  std::vector<double> time_offset_frames;             // per camera: its capture time minus that of the frame; empty: none
   std::vector<geometry::Vector6d> board_velocity;     // per frame, needed with time offsets: perturbation per frame
   std::vector<geometry::Vector6d> board_acceleration; // per frame: perturbation per frame^2; empty: none
   std::vector<int> lens_group;  // per camera: cameras of one group share all parameters; empty: each its own

@@ -8,8 +8,8 @@
 namespace mvstudio::calib {
 
 /// Cluster index of each view, numbered by first appearance. Two views of one camera and board share a cluster if the
-/// median motion of their common corners is below a twentieth of the board's size in the image, at whatever time they were
-/// taken.
+/// median motion of their common corners is below a twentieth of the board's size in the image. The time between them does
+/// not matter.
 std::vector<int> ClusterViews(const std::vector<View>& views);
 
 /// Cluster index of each frame from the views' clusters (ClusterViews); -1 for frames without a weighted view. Two frames

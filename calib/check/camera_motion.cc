@@ -19,12 +19,12 @@ using internal::PoseState;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMinSignificance = 5, kMinShiftPx = 0.3;
-constexpr double kTie = 0.8;  // a rival that explains so much of what the best one does
+constexpr double kTie = 0.8;  // a rival reaches this fraction of the best one's gain
 constexpr int kMaxStretches = 12, kBoardsOfStretch = 3;
 constexpr size_t kMaxStarts = 4, kMinSteady = 5;
 constexpr double kSteadier = 1.5;  // a cut is what a user can act on
 
-/// The pose of one camera in one stretch of time.
+/// The pose of one camera in one interval of time.
 struct StretchPose {
   std::vector<int> boards;
   Rigid3 cam_from_world;
@@ -44,7 +44,7 @@ int64_t FrameOf(const CheckWork& work, int board) {
   return work.problem.views[static_cast<size_t>(work.all_views_of_board[static_cast<size_t>(board)][0])].frame;
 }
 
-/// Cameras that were found to have moved have no vote, but for `camera`.
+/// Ignores cameras that were found to have moved, except `camera`.
 void HearVoters(int camera, CheckWork* work) {
   work->problem.views_of_board = work->all_views_of_board;
   for (auto& views : work->problem.views_of_board) {
@@ -76,7 +76,7 @@ void PlaceBoards(CheckWork* work) {
   }
 }
 
-/// The camera's pose by some boards, from where it is or from where one of its own views puts it.
+/// The camera's pose from some boards, starting at its current pose or at that of one of its own views.
 std::optional<StretchPose> PoseBy(const CheckWork& work, int camera, const std::vector<int>& boards) {
   PoseState state = work.state, best = work.state;
   double best_cost = internal::BoardsCost(work.problem, state, boards);

@@ -33,8 +33,8 @@ struct CameraMotion {
 /// before and after differ most relative to their own scatter.
 ///
 /// The camera whose motion explains most comes first; its observations then no longer count when the others are tested
-/// again. `rig` is the calibration from the same corners. Ignored are motions below 5 standard deviations, or below 0.3 px
-/// and one standard deviation of the camera's corners in the image.
+/// again. `rig` is the calibration from the same corners. Ignored are motions below 5 standard deviations, or with an
+/// image shift below the larger of 0.3 px and one standard deviation of the camera's corners.
 std::vector<CameraMotion> FindMotions(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

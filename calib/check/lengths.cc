@@ -24,7 +24,7 @@ triangulate::PreparedRig Prepared(const CheckWork& work) {
   return triangulate::Prepare(rig);
 }
 
-/// Triangulated corners of one board at one instant; those that were dropped take no part.
+/// Triangulated corners of one board at one time step, without dropped ones.
 CornerCloud Corners(const CheckWork& work, const std::vector<int>& views, const triangulate::PreparedRig& rig) {
   CornerSights sights;
   for (const int v : views) {

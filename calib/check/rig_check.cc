@@ -25,7 +25,7 @@ using internal::PoseState;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kTie = 0.8;  // a rival that explains so much of what the best one does
+constexpr double kTie = 0.8;  // a rival reaches this fraction of the best one's gain
 
 void RequireKnown(const geometry::Rig& rig, const CalibrateInput& input) {
   for (const CameraInput& camera : input.cameras) {
@@ -64,7 +64,8 @@ struct Trial {
   double gain = 0;  ///< how much lower the cost of its boards is
 };
 
-/// Leaves boards to the cameras that stayed, and to `camera`: one that was set free has no vote on the others.
+/// Boards are placed only by the cameras that have not moved, and by `camera`: a freed camera does not influence the
+/// others.
 void HearVoters(int camera, CheckWork* work) {
   work->problem.views_of_board = work->all_views_of_board;
   for (auto& views : work->problem.views_of_board) {
@@ -201,7 +202,7 @@ bool FindNextMoved(CheckWork* work, RigCheck* result) {
     if (best < 0 || trial.gain > trials[best].gain) best = camera;
   }
   if (best < 0) return false;
-  // A rival is another explanation of the same when nothing is left of it beside the best one.
+  // A camera is a rival if its motion becomes insignificant once the best candidate is freed.
   const PoseState before = work->state;
   for (const auto& [camera, trial] : trials) {
     CameraCheck& check = work->checks[static_cast<size_t>(camera)];

@@ -10,7 +10,7 @@
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rigid/rigid3.h"
 
-/// Adjusts board poses and the poses of some cameras, with everything else fixed. For rig_check*.cc.
+/// Adjusts board poses and the poses of some cameras, with everything else fixed. For the .cc files of this folder.
 namespace mvstudio::calib::internal {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -82,8 +82,8 @@ Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera
 BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);
 
 /// Lengths by the calibration over lengths on the board. For each pair of cameras: the median over time steps of the scale
-/// of the similarity that maps the board to its triangulated corners. Over the pairs, the lower third by |scale - 1| is
-/// used, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
+/// of the similarity that maps the board to its triangulated corners. Of the pairs, sorted by |scale - 1|, the one at a
+/// third is taken, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
 double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
 
 /// Sets check->verdict from the other fields.

@@ -33,7 +33,7 @@ struct Columns {
   bool has_points() const { return board_x >= 0 && board_y >= 0; }
 };
 
-/// The columns that give the instant of a row: sync_index, or frame_index when there is only one camera.
+/// The column with the time step of a row: sync_index, or frame_index when there is only one camera.
 int InstantColumn(const CsvTable& table, const Columns& columns) {
   if (columns.sync >= 0) return columns.sync;
   std::set<int64_t> cameras;
@@ -42,7 +42,7 @@ int InstantColumn(const CsvTable& table, const Columns& columns) {
   throw FormatError(table.path(), "header", std::string("no column 'sync_index'; ") + kSyncHint);
 }
 
-/// A camera has one frame at an instant, and its frames keep their order.
+/// A camera has one frame per time step, and its frames keep their order.
 void CheckFrameOrder(const CsvTable& table, const Columns& columns) {
   if (columns.sync < 0 || columns.frame < 0) return;
   std::map<int64_t, std::map<int64_t, std::pair<int64_t, size_t>>> frames;  // camera -> instant -> frame, row

@@ -105,7 +105,7 @@ std::optional<ImageName> MatchPattern(const CameraPattern& pattern, const std::s
   return frame ? std::optional<ImageName>(ImageName{pattern.camera, *frame}) : std::nullopt;
 }
 
-/// Nothing when the image belongs to no camera that was asked for.
+/// Empty when the image belongs to no requested camera.
 std::optional<ImageName> Resolve(const std::vector<CameraPattern>& patterns, const std::string& name, const Place& place) {
   if (patterns.empty()) {
     if (auto parsed = ParseImageName(name)) return parsed;

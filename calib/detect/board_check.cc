@@ -21,8 +21,8 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr int kChessboardLooks = 5;   // images in which the size of a chessboard is looked for
-constexpr int kFewTags = 100;         // families with so few tags see some in any clutter: they count only when asked for
+constexpr int kChessboardLooks = 5;   // images in which the size of a chessboard is searched
+constexpr int kFewTags = 100;         // families with so few tags match clutter: they count only on request
 constexpr int kLeastMarkersSeen = 3;  // in all images together, for a dictionary to count as seen
 
 /// The dictionaries that hold all others as their beginning.
@@ -58,7 +58,7 @@ Pictures Prepare(const std::vector<Image>& images) {
   return pictures;
 }
 
-/// A board whose markers FindMarkers is asked for.
+/// A board to pass to FindMarkers.
 Board AnyCharuco(const std::string& dictionary) {
   Board board;
   board.kind = Board::Kind::kCharuco;

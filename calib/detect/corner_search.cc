@@ -212,8 +212,8 @@ std::vector<bool> OnPlaneOf(const std::vector<Marker>& of, const std::vector<Mar
   return on_plane;
 }
 
-/// Drops markers that are not where the others put them (a wrong id, or a marker that is not on this board). A homography finds
-/// the core of those that agree; lenses that bend the board more are followed from there.
+/// Drops markers that are not where the others predict them (a wrong id, or a marker that is not on this board). A
+/// homography finds a core of markers that agree; stronger lens distortion is followed from there.
 std::vector<Marker> AgreeingMarkers(const std::vector<Marker>& markers) {
   constexpr int kGrowRounds = 5;
   if (markers.empty()) return markers;

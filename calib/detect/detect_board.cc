@@ -17,7 +17,7 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses bend a board by less
+constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses distort a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
 constexpr double kMaxMisplaced =
     0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
@@ -80,8 +80,8 @@ void Erase(const std::vector<bool>& loose, Located* located) {
   *located = std::move(kept);
 }
 
-/// The corners of the outermost row (axis 1) or column (axis 0) on one side that lie where the others do not expect them. Up to
-/// three there bend the smooth image of the plane to themselves and fit it wherever they are.
+/// The corners of the outermost row (axis 1) or column (axis 0) on one side that lie away from the others' prediction.
+/// Three or fewer corners at an edge can be fitted exactly and so hide their own error.
 std::vector<bool> LooseOutside(const Located& located, int axis, bool high) {
   constexpr int kFewInLine = 3, kEnoughOthers = 8;
   constexpr double kMaxOffSquares = 0.25;

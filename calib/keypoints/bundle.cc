@@ -78,7 +78,7 @@ KeypointSolution SolveRounds(const geometry::Rig& start, const std::vector<Keypo
                              const KeypointFreedom& freedom, double cauchy_px, double scale, int num_threads,
                              const std::vector<KeypointFit>* start_fits) {
   constexpr int kMaxRounds = 12;
-  constexpr double kSmallestScalePx = 1e-6, kNear = 0.03;  // of the cost: the cameras hardly moved
+  constexpr double kSmallestScalePx = 1e-6, kNear = 0.03;  // of the cost: the cameras barely moved
   KeypointSolution solution;
   solution.rig = start;
   double before = INFINITY;

@@ -19,7 +19,7 @@ using Distortion = KeypointPlan::Distortion;
 struct Candidate {
   std::string name;
   KeypointPlan plan;
-  std::vector<double> block_cost;  // mean cost of a residual in each stretch of time
+  std::vector<double> block_cost;  // mean cost of a residual in each interval of time
   double mean = 0;
 };
 

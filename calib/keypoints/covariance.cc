@@ -23,7 +23,7 @@ std::vector<KeypointJoint> Without(const std::vector<KeypointFit>& fits, const s
   return rest;
 }
 
-/// Solutions without one of the stretches of time, in the frame of the whole solution.
+/// Solutions without one of the intervals of time, in the frame of the whole solution.
 std::vector<geometry::Rig> LeaveOutStretches(const KeypointProfile& profile, const KeypointFreedom& freedom, int num_threads) {
   const bool held = std::any_of(freedom.fix_pose.begin(), freedom.fix_pose.end(), [](bool fixed) { return fixed; });
   std::vector<geometry::Rig> rigs(profile.h.size());
@@ -112,7 +112,7 @@ WithGiven AddGiven(const geometry::Rig& rig, const KeypointLayout& own, const ge
   return all;
 }
 
-/// The stretch of time, of `count`, that each fit lies in.
+/// The interval of time, of `count`, that contains each fit.
 std::vector<int> StretchOf(const std::vector<KeypointFit>& fits, const std::vector<int>& frames, size_t count) {
   std::map<int, size_t> rank;
   for (const int frame : frames) rank.emplace(frame, rank.size());

@@ -97,7 +97,7 @@ double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& moti
 std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geometry::Rig& refined,
                                           const std::vector<KeypointJoint>& all_joints, double cauchy_px,
                                           const RunContext& run) {
-  constexpr size_t kMaxObservations = 6000;  // a hundred for each of the few numbers that are asked for
+  constexpr size_t kMaxObservations = 6000;  // a hundred for each of the few parameters
   const int num_threads = ResolveThreads(run.num_threads);
   const std::vector<KeypointJoint> joints = ThinnedTo(all_joints, kMaxObservations);
   const std::vector<KeypointFit> at_given = FitKeypoints(given, joints, cauchy_px, 2, num_threads);

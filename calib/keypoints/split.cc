@@ -73,7 +73,7 @@ std::vector<int> CutWithGaps(const std::vector<int>& frames, int num_parts, int 
   for (size_t i = 0; i < n; ++i) part[i] = static_cast<int>(i * parts / n);
   for (size_t cut = 1; cut < n; ++cut) {
     if (part[cut] <= 0 || part[cut] == part[cut - 1] || part[cut - 1] < 0) continue;
-    size_t left = cut, right = cut;  // instants [left, right) are left out
+    size_t left = cut, right = cut;  // time steps [left, right) are left out
     while (right - left < most && (right - left < kMinGap || frames[right] - frames[left - 1] <= gap_frames))
       right - left == 2 * (cut - left) ? --left : ++right;
     std::fill(part.begin() + static_cast<std::ptrdiff_t>(left), part.begin() + static_cast<std::ptrdiff_t>(right), -1);

@@ -20,7 +20,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Eigen::Index kMinHalved = 8;
 constexpr double kMaxLeverage = 1;     // variance of a corner's place by the pose, over that of its detection
 constexpr double kMinLeft = 0.05;      // of a corner's variance that a fit leaves: less says nothing
-constexpr double kClearlyBetter = 0.7; // ratio of rms at which the other pose of the plane is believed
+constexpr double kClearlyBetter = 0.7; // ratio of rms below which the other pose of the plane is accepted
 
 bool Usable(const Resection& pose) { return pose.status == Status::kOk || pose.status == Status::kNotConverged; }
 

@@ -24,7 +24,8 @@ constexpr double kStartFocals[] = {0.6, 0.9, 1.3, 2.0, 3.5, 10, 40, 150};  // of
 constexpr double kStartFieldsDeg[] = {100, 140, 180, 220, 260};            // horizontal fields of view of fisheye starts
 constexpr double kFlatDeg = 10;                      // boards tilted less than this count as parallel to the image
 constexpr double kCap = 5e-3, kGoodSolution = 5e-4;  // of the image width
-constexpr double kLongestOther = 5;                  // of the image width: longer lenses hardly have a distortion that misleads
+constexpr double kLongestOther = 5;                  // of the image width: longer lenses have almost no distortion that
+                                                     // misleads
 constexpr double kGoodStart = 2e-3;                  // median error over the image width below which wider lenses are not tried
 
 /// At most `count` views with corners, evenly spread.

@@ -31,7 +31,7 @@ Status SolvePool(const BundleOptions& options, LensPool* pool) {
   return pool->status;
 }
 
-/// Views of a camera that take part in the held-out error, evenly spread over its clusters.
+/// Views of a camera used for the held-out error, evenly spread over its clusters.
 std::vector<int> Spread(const LensPool& pool, int camera_idx, int max_views) {
   std::vector<int> usable, spread;
   for (size_t v = 0; v < pool.views.size(); ++v) {

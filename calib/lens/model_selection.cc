@@ -97,7 +97,7 @@ double SmallestSigma(const std::vector<LensCandidate>& candidates) {
   return sigma_px;
 }
 
-/// What the numbers of a lens cost: Schwarz, "Estimating the dimension of a model", 1978.
+/// The cost of a lens's parameters: Schwarz, "Estimating the dimension of a model", 1978.
 double SchwarzCost(const LensCandidate& candidate) {
   double corners = 0;
   for (const Eigen::VectorXd& weights : candidate.fit.prior) corners += static_cast<double>((weights.array() > 0).count());
@@ -122,8 +122,9 @@ int JudgeByEvidence(const std::vector<LensCandidate>& candidates, std::string* r
   return best;
 }
 
-/// Does `richer` explain the boards better than `simpler` by more than its numbers cost, and not on a board or two alone?
-/// Held-out errors hardly see a term that acts where few boards are, or that the boards' poses make up for.
+/// Tests whether `richer` explains the boards better than `simpler` by more than its parameters cost, and not only on one
+/// or two boards. Held-out errors are almost insensitive to a term that acts where few boards are, or that the boards'
+/// poses compensate.
 std::optional<double> GainOf(const LensCandidate& simpler, const LensCandidate& richer, double sigma_px) {
   std::vector<double> a = ClusterSquares(simpler.fit, sigma_px);
   const std::vector<double> b = ClusterSquares(richer.fit, sigma_px);
@@ -147,9 +148,9 @@ int BestSupported(const std::vector<LensCandidate>& candidates, int simplest) {
   return best;
 }
 
-/// Kannala and Brandt's four radial terms in place of a lens of another wide family that held-out boards hardly prefer:
-/// families are no simpler versions of each other, and a curve of one number claims to know the image where no board was. It
-/// may fold there: beyond the circle of a wide lens there is no picture.
+/// Prefers Kannala and Brandt's four radial terms to a lens of another wide family that held-out boards barely prefer.
+/// Families are not simpler versions of each other, and a curve of one parameter extrapolates to the image where no board
+/// was. It may fold there: beyond the circle of a wide lens there is no image.
 int OfRichestFamily(const std::vector<LensCandidate>& candidates, int chosen) {
   constexpr double kSmallLoss = 0.02;  // about what two more numbers cost on few boards
   const LensConfig& config = candidates[chosen].config;
@@ -260,9 +261,10 @@ double Disagreement(const LensPool& fit) {
   return chi_square / static_cast<double>(n * (fit.state.cameras.size() - 1));
 }
 
-/// Held-out errors hardly see a wrong focal length, for the boards' poses make up for it; the cameras' own lenses do. When
-/// these lie apart by more than their uncertainty, sharing is off, unless it makes the held-out error clearly smaller: with few
-/// boards a camera, one good lens for all beats a bad one for each.
+/// Held-out errors are almost insensitive to a wrong focal length, because the boards' poses compensate for it; the
+/// cameras' own lenses reveal it. When these differ by more than their uncertainty, the lens is not shared, unless sharing
+/// makes the held-out error clearly smaller. With few boards per camera, one good lens for all is better than a bad one
+/// for each.
 bool SharingMisleads(const std::vector<LensCandidate>& candidates, const LensCandidate& chosen) {
   constexpr double kMaxDisagreement = 2, kClearGain = 0.03;
   for (const LensCandidate& candidate : candidates) {

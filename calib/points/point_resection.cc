@@ -185,7 +185,7 @@ Eigen::Vector3d Extents(const ResectionProblem& problem, const std::vector<bool>
   return extents;
 }
 
-/// Frees the focal length, then k1, while leaving out points one by one shows that it pays.
+/// Frees the focal length, then k1, as long as leave-one-out errors show that it pays.
 std::string RefineLens(const std::vector<bool>& used, std::vector<double>* errors, ResectionProblem* problem, Normal* normal) {
   const Eigen::Vector3d extents = Extents(*problem, used);
   if (problem->cameras.size() > 1) return "lenses of a rigid group are kept";

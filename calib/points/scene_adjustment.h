@@ -19,7 +19,7 @@ SceneAdjustment PrepareAdjustment(const ColmapScene& scene, const std::vector<Sc
                                   const FromSceneOptions& options, bool own_lenses, int num_threads);
 
 /// True when unknown lenses are better not shared. Cameras and lenses are adjusted to every second cube of the scene, with
-/// shared and with own lenses, and tested on the points of the other cubes; then the other way round.
+/// shared and with own lenses, and tested on the points of the other cubes. Then the cubes are exchanged.
 ///
 /// Own lenses are taken when the sum of squared residuals (capped at the rejection limit) falls by three standard errors
 /// of the difference, and by a tenth in either half. The tenth is needed because feature errors depend on the viewing

@@ -14,7 +14,7 @@ namespace {
 constexpr Eigen::Index kMinCorners = 12;
 constexpr int kMinFrames = 6;
 
-/// Derivatives (2, N) of every corner's residual by one of the two bends.
+/// Derivatives (2, N) of every corner's residual with respect to one of the two warp coefficients.
 std::vector<Eigen::Matrix2Xd> ByBend(const std::vector<View>& views, const RigState& state, int axis, double probe_m) {
   RigState bent = state;
   for (Eigen::Vector2d& warp : bent.board_warp_m) warp[axis] += probe_m;
@@ -25,7 +25,7 @@ std::vector<Eigen::Matrix2Xd> ByBend(const std::vector<View>& views, const RigSt
   return after;
 }
 
-/// Normal equations of a time step's two bends.
+/// Normal equations of a time step's two warp coefficients.
 struct Normal {
   Eigen::Matrix2d h = Eigen::Matrix2d::Zero();
   Eigen::Vector2d g = Eigen::Vector2d::Zero();

@@ -23,8 +23,8 @@ using Eigen::Index;
 constexpr double kMinParallaxRad = 0.01;  // rays that meet at less say more of the noise than of lengths
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// The cameras at the instant of a frame: those with a time offset stand where the board, not having moved yet, looks as it did
-/// to them.
+/// The cameras at the time of a frame. One with a time offset is placed so that the board, before its motion, looks as it
+/// did to it.
 triangulate::PreparedRig RigAt(int frame, const RigState& state) {
   geometry::Rig rig;
   for (size_t c = 0; c < state.cameras.size(); ++c) {

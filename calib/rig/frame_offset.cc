@@ -16,7 +16,7 @@ namespace {
 
 using geometry::Rigid3;
 
-constexpr double kStill = 0.02;       // unrelated frames that agree this well: the board hardly moves
+constexpr double kStill = 0.02;       // unrelated frames that agree this well: the board is almost static
 constexpr double kClearlyOff = 0.05;  // a spread below this is no reason to refuse
 constexpr double kBetterThanGiven = 1.35;
 constexpr double kBetterThanOthers = 2;
@@ -205,7 +205,7 @@ Shifts Descend(const std::vector<Curve>& curves, Shifts shift, int64_t max_shift
   return shift;
 }
 
-/// Cameras that the sharp pairs link have the same number.
+/// Cameras linked by pairs with a sharp minimum have the same number.
 std::vector<int> Groups(const std::vector<Curve>& curves, size_t num_cameras) {
   std::vector<int> group(num_cameras);
   for (size_t c = 0; c < num_cameras; ++c) group[c] = static_cast<int>(c);
@@ -233,7 +233,7 @@ void Centre(const std::vector<int>& group, Shifts* shift) {
   }
 }
 
-/// Leaves a camera's frames as they are when moving them is hardly better.
+/// Keeps a camera's frame numbers when shifting them gains almost nothing.
 void DropIdleShifts(const std::vector<Curve>& curves, Shifts* shift) {
   for (size_t c = 0; c < shift->size(); ++c) {
     Shifts without = *shift;

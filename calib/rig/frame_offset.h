@@ -44,9 +44,9 @@ struct FrameOffsets {
 /// Tests whether frames with the same number were taken at the same time. A moving board gives every pair of cameras the
 /// same relative pose in every frame, but only if the two images were taken together.
 ///
-/// The measure is the spread of the relative pose: the median distance, divided by the board's distance, between the
-/// board's position in camera a and the one predicted from camera b by the pair's most central relative pose. It is
-/// computed for every pair and every shift up to max_shift frames; the shifts per camera minimise the product of the
+/// The measure is the spread of the relative pose. It compares the board's position in camera a with the one predicted
+/// from camera b by the pair's most central relative pose: the median of their distance, divided by the board's distance.
+/// It is computed for every pair and every shift up to max_shift frames; the shifts per camera minimise the product of the
 /// spreads.
 ///
 /// Numbers that drift along the recording (FindFrameSteps) are inconsistent. Shifts other than 0 are accepted if they make

@@ -94,7 +94,7 @@ double ConstantNats(const Distances& distances, double sigma) {
 
 struct Path {
   double nats = kNone;
-  std::vector<int> shift;  // per instant: index into the window
+  std::vector<int> shift;  // per time step: index into the window
 };
 
 /// The cheapest sequence of shifts (Viterbi).

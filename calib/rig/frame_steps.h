@@ -18,10 +18,10 @@ struct FrameStep {
 };
 
 /// Detects frame numbers of b that drift against a's along the recording, as with dropped or repeated frames or a drifting
-/// clock. Searches all sequences of shifts within 6 frames of `base_shift`, with the relative poses of the two cameras
-/// that single frames give, by dynamic programming; each change of the shift costs 8 nats. Returns the steps of the
-/// sequence that explains the board positions best, the first of them at b's first frame. Empty unless it gains 15 nats
-/// over one constant shift.
+/// clock. Searches all sequences of shifts within 6 frames of `base_shift` by dynamic programming, with all relative poses
+/// of the two cameras that single frames give. Each change of the shift costs 8 nats. Returns the steps of the sequence
+/// that explains the board positions best, the first of them at b's first frame. Empty unless it gains 15 nats over one
+/// constant shift.
 std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift);
 
 }  // namespace mvstudio::calib

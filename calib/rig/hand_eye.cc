@@ -173,7 +173,7 @@ void EstimateNoise(const std::vector<HandEyePair>& pairs, double distance, Refin
 
 /// One Gauss-Newton step with Geman and McClure's weights; its length in units of the noise, or nothing when singular.
 std::optional<double> Step(const std::vector<HandEyePair>& pairs, Refined* refined) {
-  constexpr double kReach = 4;  // noise, beyond which a pair hardly counts
+  constexpr double kReach = 4;  // noise levels, beyond which a pair has almost no weight
   const auto n = static_cast<Index>(pairs.size());
   Eigen::MatrixXd left(6 * n, 12);
   Eigen::VectorXd right(6 * n);

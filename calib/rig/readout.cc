@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kProbe = 0.25;  // frames, for the derivative by time
 
-/// Movement of every corner in the image, px per frame: minus the derivative of its residual by the instant of the picture.
+/// Motion of every corner in the image, px per frame: minus the derivative of its residual with respect to the time of the
+/// image.
 std::vector<Eigen::Matrix2Xd> CornerVelocities(const std::vector<View>& views, RigState state) {
   const std::vector<double> offsets =
       state.time_offset_frames.empty() ? std::vector<double>(state.cameras.size(), 0) : state.time_offset_frames;

@@ -8,9 +8,9 @@
 
 namespace mvstudio {
 
-/// Throws UsageError for an output folder that could hide or contain needed files: one that is, contains or is inside an
-/// input; `/`, the home folder, the current folder or a parent of them; symbolic links to any of those. Inputs that
-/// mvstudio wrote into that folder are allowed unless the folder is to be replaced as a whole.
+/// Throws UsageError for an output folder that could hide or contain needed files. These are one that is, contains or is
+/// inside an input; `/`, the home folder, the current folder or a parent of them; symbolic links to any of those. Inputs
+/// that mvstudio wrote into that folder are allowed unless the folder is to be replaced as a whole.
 void RequireSafeOutput(const std::string& out, const std::vector<std::string>& inputs, bool replaced_as_a_whole);
 
 /// Removes what killed processes left in a folder; each command does so where it writes.

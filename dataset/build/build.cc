@@ -197,7 +197,7 @@ std::vector<std::string> InputsOf(const BuildInputs& inputs) {
   return paths;
 }
 
-/// Pictures are taken whole: an offset of half a frame or more shows another instant.
+/// Pictures are used whole: an offset of half a frame or more shows another time step.
 void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildReport* report) {
   double& largest = report->calibration_offset_frames;
   for (const CameraFootage& footage : inputs.footage) {

@@ -45,7 +45,7 @@ struct Samples {
   std::vector<int> gaps;
 };
 
-/// Which instants a frame of the footage shows.
+/// The time steps of a frame of the footage.
 class Instants {
  public:
   explicit Instants(const CameraFootage& footage) {
@@ -87,7 +87,7 @@ std::string ListText(const std::set<int>& numbers) {
   return text;
 }
 
-/// Decides what becomes of instants that have joints and no picture.
+/// Handles time steps that have joints and no picture.
 void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>& lost, int count, int64_t last,
             const BuildOptions& options, Samples* samples) {
   if (!lost.empty() && !options.keep_undamaged) {
@@ -197,7 +197,7 @@ void AddToReport(const BodyMask& mask, BuiltCamera* built) {
   built->joints_supported += mask.joints_supported;
 }
 
-/// Second pass: pictures and masks of the instants that have joints.
+/// Second pass: pictures and masks of the time steps that have joints.
 void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
                  const BuildOptions& options, BuiltCamera* built) {
   const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";

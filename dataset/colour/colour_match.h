@@ -15,8 +15,8 @@
 
 /// Matches the colours of a studio's cameras. A point of a person's surface should have the same colour in all cameras
 /// that see it; systematic differences are exposure, white balance and black level. The model is the simplest that
-/// held-out points justify: none, a gain, or a gain and an offset for each channel of each camera, in linear light or on
-/// the stored sRGB values.
+/// held-out points justify: none, a gain, or a gain and an offset for each channel of each camera. These act in linear
+/// light or on the stored sRGB values.
 namespace mvstudio::dataset {
 
 enum class ColourModel { kNone, kGain, kGainOffset };

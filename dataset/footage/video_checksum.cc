@@ -8,8 +8,8 @@ extern "C" {
 namespace mvstudio::dataset::internal {
 namespace {
 
-/// Slices stand one behind the other, each with a footer: slice_size (3 bytes) and, when the stream has checksums, error_status
-/// (1) and slice_crc_parity (4), which makes the slice's CRC-32 zero (RFC 9043, 4.8 and 4.9.3).
+/// Slices follow each other, each with a footer: slice_size (3 bytes). If the stream has checksums, error_status (1) and
+/// slice_crc_parity (4) follow, which makes the slice's CRC-32 zero (RFC 9043, 4.8 and 4.9.3).
 constexpr int kFooter = 8;
 
 /// Whether the sizes in the footers lead from the packet's end to its beginning; then whether all checksums fit.

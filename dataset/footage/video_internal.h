@@ -29,7 +29,7 @@ class VideoFile {
   AVPacket* packet() const { return packet_; }
   /// Number of frames stated by the container, before edit lists; 0 when unknown.
   int64_t promised() const;
-  /// Duration that Matroska and WebM keep with the stream, seconds; 0 when absent.
+  /// Duration that Matroska and WebM store with the stream, seconds; 0 when absent.
   double tagged_duration_s() const;
   VideoInfo info() const;
   double Seconds(int64_t pts) const;  ///< NaN for AV_NOPTS_VALUE

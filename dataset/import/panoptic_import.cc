@@ -158,7 +158,7 @@ void ChooseCameras(ImportJob* job, PanopticImportReport* report) {
                                  return std::find(chosen.begin(), chosen.end(), c.camera.name) == chosen.end();
                                }),
                 cameras.end());
-  // The first one counts the instants: an HD camera, whose frames the joints are counted by.
+  // The first one counts the time steps: an HD camera, whose frames also number the joints.
   std::stable_sort(cameras.begin(), cameras.end(), [](const geometry::RigCamera& a, const geometry::RigCamera& b) {
     return KindOf(a.camera.name) < KindOf(b.camera.name);
   });
@@ -254,7 +254,7 @@ bool HasFootageWithoutHd(const ImportJob& job) {
   return any;
 }
 
-/// Joints counted by VGA frames, for takes that count their instants by them.
+/// Joints numbered by VGA frames, for takes that number their time steps by them.
 void ImportVgaJoints(ImportJob* job, const TakeMaker& takes, bool without_hd) {
   for (const auto& c : job->rig.cameras) {
     const std::string take = takes.TakeOfCamera(c.camera.name);

@@ -10,8 +10,8 @@
 namespace mvstudio::dataset {
 namespace {
 
-/// A camera that trembles by a fraction of a pixel: the colour step to the neighbours widens the noise at edges, the more so
-/// the fewer frames (`counts`) have shown how much it really varies.
+/// Accounts for a camera that shakes by a fraction of a pixel: the colour step to the neighbours widens the noise at
+/// edges. The effect is larger the fewer frames (`counts`) have shown the true variation.
 void WidenAtEdges(const std::vector<int>& counts, BackgroundModel* model) {
   const Image& c = model->colour;
   constexpr double kTremblePx = 0.35, kEnough = 6;

@@ -149,8 +149,8 @@ cv::Mat Disk(double radius) {
 
 void DecideByCoverage(const Patch& patch, const cv::Mat& bones, const MaskOptions& options, cv::Mat* mask, cv::Mat* coverage) {
   constexpr double kMost = 8.0;
-  // Nats. The background's colour is known for each pixel, the person's only beside it, so that the evidence leans to the
-  // background; this much takes as many pixels too many as too few on rendered people with exact masks.
+  // Nats. The background's colour is known for each pixel, the person's only beside it, so the evidence is biased to the
+  // background. With this value, excess and missing pixels balance on rendered people with exact masks.
   constexpr double kKnownBetter = 0.7;
   cv::Mat inner, outer, sure_background;
   const cv::Mat disk = Disk(options.outline_px);

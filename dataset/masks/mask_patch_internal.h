@@ -50,9 +50,9 @@ void FillCosts(const Patch& patch, const ProjectedBody* body, const CameraMaskMo
 
 cv::Mat LabelMat(const CutProblem& problem);
 
-/// Decides the pixels along the outline of `mask` (CV_8U, full resolution) by the fraction of each that the person covers:
-/// its colour is a mixture of the background behind it and of the person's colours beside it, in linear light. `coverage`
-/// receives the fraction, CV_8U.
+/// Decides the pixels along the outline of `mask` (CV_8U, full resolution) by the fraction of each that the person covers.
+/// The pixel's colour is a mixture of the background behind it and of the person's colours beside it, in linear light.
+/// `coverage` receives the fraction, CV_8U.
 void DecideByCoverage(const Patch& patch, const cv::Mat& bones, const MaskOptions& options, cv::Mat* mask, cv::Mat* coverage);
 
 /// `coverage` clamped to the side of one half that `mask` states.

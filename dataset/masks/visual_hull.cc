@@ -14,7 +14,7 @@ namespace {
 using geometry::Projector;
 using geometry::RigCamera;
 
-/// One silhouette, ready to be asked.
+/// One silhouette, prepared for queries.
 struct Silhouette {
   const RigCamera* camera;
   Projector projector;

@@ -127,7 +127,7 @@ struct Hdf5Limits {
 /// shuffle, deflate and fletcher32. Dimensions must multiply without overflow and fit the file. Throws IoError, or
 /// FormatError with the object.
 ///
-/// The library itself can crash or loop on a damaged file: for files from others use CheckInChild (isolate_internal.h)
+/// The library itself can crash or loop on a damaged file: for files from others use RunInChild (isolate_internal.h)
 /// first.
 class Hdf5Reader {
  public:

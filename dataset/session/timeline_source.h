@@ -40,8 +40,8 @@ struct TakeTimeline {
   std::vector<std::string> notes;  ///< assumptions of the timeline, and doubts: one line each
 };
 
-/// Timeline of a take: from time stamps on a common clock if the session names a table; else from the offsets of the
-/// take's sync file; else the first frames of all cameras are taken as simultaneous (a note says so).
+/// Timeline of a take, from time stamps on a common clock if the session names a table, else from the offsets of the
+/// take's sync file. Otherwise the first frames of all cameras are taken as simultaneous (a note says so).
 TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, const TakeTimelineOptions& options,
                                const RunContext& run = {});
 

@@ -11,7 +11,7 @@
 namespace mvstudio::dataset {
 namespace {
 
-constexpr double kLeastSpread = 0.15;  // standard deviation of log energy below which nothing is told apart
+constexpr double kLeastSpread = 0.15;  // standard deviation of log energy below which offsets cannot be distinguished
 constexpr double kClearPeak = 0.85;    // the runner-up must stay below this share of the peak
 constexpr int kPeakReach = 6;          // frames around the peak that belong to it
 constexpr int kBlocks = 8;

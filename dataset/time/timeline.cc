@@ -16,7 +16,7 @@ using internal::kNoTick;
 
 constexpr double kMaxInstants = 2e6;
 constexpr double kSameRate = 2e-3;    // relative; clocks of the same nominal rate differ by less
-constexpr double kTie = 1e-6;         // of a period: an instant halfway between two frames takes the later one
+constexpr double kTie = 1e-6;         // of a period: a time step halfway between two frames takes the later one
 constexpr double kWorstOnLine = 0.4;  // of a period
 
 /// One camera on the way to its timeline.
@@ -103,7 +103,7 @@ void PlaceClocks(TimelineClock kind, const SyncFile* sync, const std::vector<dou
   }
 }
 
-/// Frames that show an instant of their own.
+/// Frames with a time step of their own.
 void ListFrames(Clock* c) {
   const CameraTimes& t = *c->times;
   const std::set<int64_t> repeats(t.repeats.begin(), t.repeats.end());
@@ -148,7 +148,7 @@ double TimeOf(const Clock& c, size_t position) {
   return bad ? c.TickTime(static_cast<double>(c.fit.tick[position])) : c.Common(c.times->time_s[position]);
 }
 
-/// Number of the frame at tick 0 of a common clock: it is the instant's number, too.
+/// Number of the frame at tick 0 of a common clock, which is also the number of the time step.
 double FirstNumber(const Clock& c, TimelineClock kind) {
   if (kind != TimelineClock::kCommon) return 0;
   for (const auto& [tick, position] : c.by_tick) {

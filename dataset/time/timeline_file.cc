@@ -21,7 +21,7 @@ double Finite(double value) {
   return value;
 }
 
-/// Stretches in which frames and instants advance together: [first instant, its frame, how many].
+/// Intervals in which frames and time steps advance together: [first time step, its frame, how many].
 Json Runs(const std::vector<int64_t>& frame_at) {
   Json runs = Json::array();
   for (size_t i = 0; i < frame_at.size();) {

@@ -40,9 +40,9 @@ struct VerifyReport {
   int num_warnings() const;
 };
 
-/// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects: calibration, names,
-/// sizes, joints, faces, hands, sync tables, missing, damaged or repeated pictures and videos, masks, joints off the
-/// masks. Throws IoError when the folder or its calibration is missing.
+/// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects. Checked are calibration,
+/// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated pictures and videos, masks, and joints
+/// off the masks. Throws IoError when the folder or its calibration is missing.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

@@ -49,7 +49,8 @@ Cell BestCell(const View& view) {
   return best;
 }
 
-/// The mean of the votes of the best cell and its neighbours. A vote far from the best cell's is another joint's.
+/// The mean of the positions predicted by the best cell and its neighbours. A prediction far from the best cell's belongs
+/// to another joint.
 Keypoint2d MeanVote(const View& view, const Cell& best) {
   const JointMaps& maps = view.maps;
   const double x0 = view.X(best.y, best.x), y0 = view.Y(best.y, best.x);

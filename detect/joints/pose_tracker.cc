@@ -73,8 +73,8 @@ std::vector<Keypoint2d> LocateOnce(const JointNet& net, const Image& rgb, const 
   return joints;
 }
 
-/// The crop that a person's last pose asks for, near the one it was found in: a pose that goes wrong must not take the crop
-/// along, since the next frame would be worse off.
+/// The crop requested by a person's last pose, kept near the previous crop: a wrong pose must not move the crop, since the
+/// next frame would be worse.
 Crop Steady(const Crop& wanted, const Crop& before) {
   if (!(before.size_px > 0) || !(wanted.size_px > 0)) return wanted.size_px > 0 ? wanted : before;
   constexpr double kShrink = 0.98, kGrow = 1.25, kMove = 0.12, kTurnRad = 0.3;  // a frame

@@ -11,7 +11,7 @@
 
 #define MVS_INLINE [[gnu::always_inline]] inline
 
-/// Values in the lanes of a vector register, and the algebra on them that triangulation needs. Internal to batch_lanes.cc.
+/// Values in the lanes of a vector register, and the algebra on them that triangulation needs. Internal to lanes.cc.
 namespace mvstudio::triangulate::internal {
 
 template <class S>

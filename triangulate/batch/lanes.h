@@ -7,7 +7,7 @@
 #include "triangulate/batch/batch.h"
 
 /// The fast path of TriangulateBatch: several points at a time, one in each lane of a vector register. Internal to
-/// batch.cc.
+/// batch.cc and lanes.cc.
 namespace mvstudio::triangulate::internal {
 
 /// A perspective camera in scalars of type S; see PreparedCamera.

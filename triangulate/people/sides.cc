@@ -23,7 +23,7 @@ struct Sighting {
 /// Labels of a sighting's views: +1, or -1 for mirrored.
 struct Labels {
   Eigen::VectorXd label;
-  std::vector<size_t> small, large;  // the two parties, without the views whose label hardly matters
+  std::vector<size_t> small, large;  // the two groups, without the views whose label has almost no effect
   bool is_tie = false;
 };
 
@@ -46,7 +46,7 @@ std::vector<Sighting> CollectSightings(const PreparedRig& rig, const std::vector
   return sightings;
 }
 
-/// How many joints more of each view fit the others as they are labelled than the other way round.
+/// Evidence, in joints, for the current labels over the swapped ones, for each view.
 struct SideFit {
   Eigen::MatrixXd gain;  // (groups, views)
   double evidence = 0;   // of all views for the others' points
@@ -115,7 +115,7 @@ SideFit Descend(const std::vector<Candidate>& views, const MirrorGroups& groups,
 
 double Agreement(const Eigen::MatrixXd& alike, const Eigen::VectorXd& label) { return label.dot(alike * label); }
 
-/// Labels +1 and -1 that agree best with votes for and against being alike.
+/// Labels +1 and -1 that agree best with the pairwise evidence for and against equal labels.
 Eigen::VectorXd BestLabels(const Eigen::MatrixXd& alike) {
   const Eigen::Index n = alike.rows();
   Eigen::VectorXd best = Eigen::VectorXd::Ones(n);
@@ -150,7 +150,7 @@ Eigen::VectorXd PairwiseLabels(const std::vector<Candidate>& views, const Mirror
   return BestLabels(alike);
 }
 
-/// Labels for the whole body; the smaller party is the mirrored one.
+/// Labels for the whole body; the smaller group is the mirrored one.
 Labels LabelViews(const std::vector<Candidate>& views, const MirrorGroups& groups, double sigma_px, double min_gain_joints) {
   Labels labels;
   labels.label = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(views.size()));
@@ -168,12 +168,12 @@ Labels LabelViews(const std::vector<Candidate>& views, const MirrorGroups& group
   return labels;
 }
 
-/// How often each camera was found in the smaller party.
+/// How often each camera was in the smaller group.
 struct Rates {
   std::vector<double> swapped, judged;
 
   explicit Rates(size_t num_cameras) : swapped(num_cameras, 0), judged(num_cameras, 0) {}
-  /// Mean over a party.
+  /// Mean over a group.
   double Of(const std::vector<size_t>& party, const Sighting& sighting) const {
     double sum = 0;
     for (const size_t view : party) {

@@ -19,7 +19,8 @@ struct Observation {
 struct Point {
   Status status = Status::kTooFewViews;
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, from the observations' sigmas and the calibration's covariance
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, from the observations' sigmas and the calibration's
+                                                         ///< covariance
   Eigen::Matrix3d calibration_covariance = Eigen::Matrix3d::Zero();  ///< m^2, the calibration's share of `covariance`
   int num_unknown_cameras = 0;  ///< cameras used for the point whose calibration error is unknown and not in `covariance`
   int num_observations = 0;                              ///< number of observations given

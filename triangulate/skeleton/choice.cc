@@ -126,8 +126,8 @@ bool Better(const PairedDifference& d) {
          (d.p90_px <= 0 || (std::isfinite(d.p90_error_px) && d.p90_px <= d.p90_error_px));
 }
 
-/// The weakest weight (they are tried from weak to strong) that is as good as the best: better than no term, and worse than the
-/// best by no more than the standard error of their difference.
+/// The weakest weight (tried from weak to strong) that is as good as the best. It is better than no term, and worse than
+/// the best by at most the standard error of their difference.
 size_t WeakestAsGood(const std::vector<TermTrial>& trials, const std::vector<std::vector<LeftOutSample>>& samples,
                      const Choice& choice) {
   size_t best = 0;

@@ -94,7 +94,6 @@ struct SkeletonRefineResult {
 ///
 /// `bones`: pairs of joint indices. `solve`: the solver that triangulated the take. Throws UsageError for options out of
 /// range.
-/// `bones`: pairs of joint indices. `solve`: what triangulated the take. Throws UsageError for options out of range.
 SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& take,
                                     const std::vector<std::pair<int, int>>& bones, const PointSolver& solve,
                                     const SkeletonRefineOptions& options, const RunContext& run = {});

@@ -6,7 +6,7 @@
 
 #include "triangulate/skeleton/refine.h"
 
-/// Steps of RefineSkeleton; included by skeleton_refine*.cc only.
+/// Steps of RefineSkeleton; included by the .cc files of this folder and their tests only.
 namespace mvstudio::triangulate::internal {
 
 using Bones = std::vector<std::pair<int, int>>;

@@ -7,7 +7,7 @@
 
 #include "triangulate/sync/sync.h"
 
-/// Steps of SynchronizeCameras; included by sync*.cc only.
+/// Steps of SynchronizeCameras; included by the .cc files of this folder and their tests only.
 namespace mvstudio::triangulate::internal {
 
 constexpr int kSyncBlocks = 16;

@@ -12,7 +12,7 @@ struct LimbLength {
   int person = 0, limb = 0;
   int num_frames = 0;  ///< in which both joints have a point
   double mean_m = 0;
-  double std_m = 0;  ///< standard deviation about the mean, divided by num_frames; 0 for a rigid bone
+  double std_m = 0;  ///< standard deviation of the sample (over num_frames); 0 for a rigid bone
 };
 
 /// One entry per person and limb (a pair of joints) that at least two frames show.

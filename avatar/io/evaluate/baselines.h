@@ -7,15 +7,15 @@
 
 #include "avatar/io/pack/pack_builder.h"
 
-/// What an avatar must beat: pictures that need no avatar.
+/// Baselines that an avatar must outperform: images without an avatar.
 namespace mvstudio::avatar {
 
-/// For each held-out camera the training camera whose direction of view, from the middle of the person averaged over the
-/// training frames, is nearest in angle.
+/// For each held-out camera, the training camera with the nearest viewing direction, seen from the middle of the person
+/// averaged over the training frames.
 std::map<std::string, std::string> NearestTrainingCameras(const dataset::PanopticDataset& data, const DatasetSplit& split,
                                                           int person);
 
-/// Pictures to set beside a truth of N pictures.
+/// Baseline images for a truth of N images.
 struct BaselinePictures {
   at::Tensor images;  ///< (N, 3, H, W) float64 in [0, 1], on black
   at::Tensor masks;   ///< (N, H, W) float64 in [0, 1]
@@ -23,12 +23,12 @@ struct BaselinePictures {
 
 struct Baselines {
   BaselinePictures mean_image;    ///< mean of the nearest training camera's crops on black; its mask is the mean of the masks
-  BaselinePictures nearest_pose;  ///< that camera's training picture whose joints, seen from the crop's camera and relative to
-                                  ///< the middle of the body, are nearest (mean squared distance over joints known in both)
+  BaselinePictures nearest_pose;  ///< that camera's training image with the nearest joints, seen from the crop's camera and
+                                  ///< relative to the middle of the body (mean squared distance over joints known in both)
   std::map<std::string, std::string> nearest_camera;
 };
 
-/// `crop` gives size and extent; only training cameras and training frames are read.
+/// `crop` gives size and extent; reads only training cameras and training frames.
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run);
 

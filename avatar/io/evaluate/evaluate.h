@@ -54,7 +54,7 @@ void VisitFields(Visitor&& visit, EvaluateOptions& o) {
         "TorchScript file that takes two pictures in [-1, 1] and gives their LPIPS; no such score without it");
 }
 
-/// Scores of one set of pictures; `fd` is missing below 4 pictures, `lpips` (mean, of whole crops) is NaN without a net.
+/// Scores of one set of images; `fd` is missing below 4 images, `lpips` (mean, of whole crops) is NaN without a net.
 struct Scored {
   metrics::MeanScore mean;
   std::optional<SetDistance> fd;
@@ -63,7 +63,7 @@ struct Scored {
 
 /// Scores of the held-out pictures of one camera, or of one motion.
 struct GroupScore {
-  std::string name;  ///< "00_03"; "90-119" or the name that was given
+  std::string name;  ///< "00_03"; "90-119" or the given name
   metrics::MeanScore mean;
   double lpips = 0, flicker = 0;  ///< NaN where there is none
   metrics::Interval ssim_interval;
@@ -79,38 +79,39 @@ struct PictureStrip {
 struct Evaluation {
   RunConfig config;
   int size_px = 0;           ///< of the crops that were compared
-  std::string holdout_kind;  ///< which pictures `holdout` are: "held-out cameras in held-out frames", …
+  std::string holdout_kind;  ///< content of `holdout`: "held-out cameras in held-out frames", …
   Scored holdout;
   /// 95 %, of the primary scores: "ssim", "psnr_db", "full.ssim", "masked.psnr_db", "mask_iou", "boundary_f", "lpips", …
   std::map<std::string, metrics::Interval> intervals;
   Scored mean_image, nearest_pose;                    ///< baselines, on the same pictures
-  std::optional<Scored> template_alone;               ///< textured avatars on a template: what they are without the network
-  std::map<std::string, std::string> nearest_camera;  ///< held-out camera -> whose pictures the baselines show
+  std::optional<Scored> template_alone;               ///< textured avatars with a template: its textures on the template,
+                                                      ///< without the network
+  std::map<std::string, std::string> nearest_camera;  ///< held-out camera -> camera whose images the baselines show
   std::vector<GroupScore> per_camera, per_motion;
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (metrics/masks.h)
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
   std::vector<std::string> skipped;             ///< pictures that could not be used, with the reason
-  std::map<std::string, std::string> training;  ///< the checkpoint's own words: "seed", "model.width", "train.steps", …
+  std::map<std::string, std::string> training;  ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
   int64_t checkpoint_step = 0, num_parameters = 0;
   double seconds_per_picture = 0;  ///< rendering alone; NaN without a clock
-  std::string convention;          ///< what the numbers mean, in words
+  std::string convention;          ///< explanation of the numbers
   ProtocolNet features, lpips;
   std::string distance_name;  ///< "FID", or "FD (posenet)"
   EvaluationProtocol protocol;
 };
 
-/// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on pictures it never saw:
-/// held-out cameras in held-out frames; when only one of the two was held out, that one. Writes picture strips and renders to
-/// `run_folder`/eval and the protocol to `run_folder`/protocol.json. `clock_s` gives seconds for the timing. Throws IoError
-/// when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out.
+/// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on images it never saw:
+/// held-out cameras in held-out frames, or, if only one of the two was held out, that one. Writes image strips and renders
+/// to `run_folder`/eval and the protocol to `run_folder`/protocol.json. `clock_s` returns seconds for the timing. Throws
+/// IoError when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out.
 Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& options, const RunContext& run,
                     const std::function<double()>& clock_s = {});
 
 /// The metrics of an evaluation as JSON: holdout, baselines, per_camera, per_motion, other_splits, split, training,
 /// protocol_sha256, convention. One JSON object.
 std::string ToJsonText(const Evaluation& evaluation);
-/// The same as a table for people.
+/// Same as a table for the terminal.
 std::string ToTable(const Evaluation& evaluation);
 
 }  // namespace mvstudio::avatar

@@ -6,7 +6,7 @@
 #include "avatar/data/pack.h"
 #include "avatar/io/evaluate/evaluate.h"
 
-/// How the held-out pictures are divided, and the scores of the parts.
+/// Groups of the held-out images, and their scores.
 namespace mvstudio::avatar {
 
 /// Frames of one motion.
@@ -14,11 +14,11 @@ struct MotionFrames {
   std::string name;
   int first = 0, last = 0;
 };
-/// From "walk=90-104,turn=105-119", or the runs of consecutive numbers (by the usual step) of `frames` when `text` is empty.
-/// Throws UsageError for text that does not read so, and for a motion without a frame.
+/// Parses "walk=90-104,turn=105-119"; when `text` is empty, takes the runs of consecutive numbers (by the usual step) of
+/// `frames`. Throws UsageError for invalid text, and for a motion without a frame.
 std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vector<int>& frames);
 
-/// Scores of every row of a pack; `lpips` is empty without a net, `flicker` NaN in rows without a frame before.
+/// Scores of every row of a pack; `lpips` is empty without a net, `flicker` is NaN in rows without a previous frame.
 struct RowScores {
   std::vector<metrics::PictureScore> pictures;
   std::vector<double> lpips, flicker;
@@ -33,7 +33,7 @@ std::vector<GroupScore> PerMotion(const AvatarPack& pack, const RowScores& score
 /// Keys as in Evaluation::intervals.
 std::map<std::string, metrics::Interval> Intervals(const AvatarPack& pack, const RowScores& scores, uint64_t seed);
 
-/// Rows of `count` pictures of each camera (-1: all), evenly over its frames.
+/// Rows of `count` images of each camera (-1: all), evenly spaced over its frames.
 std::vector<int64_t> Examples(const AvatarPack& pack, int count);
 
 }  // namespace mvstudio::avatar

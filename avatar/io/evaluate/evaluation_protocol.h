@@ -7,8 +7,8 @@
 #include "avatar/io/pack/run_config.h"
 #include "dataset/panoptic/panoptic.h"
 
-/// What must be equal before two scores may be compared: how, with what and on which pictures they were taken. How the avatar
-/// was trained is no part of it.
+/// The conditions that must be equal for two scores to be comparable: method, nets and images of the evaluation. The
+/// training of the avatar is not part of it.
 namespace mvstudio::avatar {
 
 inline constexpr char kProtocolSchema[] = "mvstudio.avatar-protocol/1";
@@ -19,7 +19,7 @@ struct ProtocolNet {
   std::string name, sha256;
 };
 
-/// Pictures of one split as they were scored: (camera, frame) in order.
+/// Scored images of one split: (camera, frame) in order.
 struct ProtocolSplit {
   std::string kind;  ///< "held-out cameras in held-out frames", …
   std::vector<std::pair<std::string, int>> pictures;
@@ -39,9 +39,9 @@ struct EvaluationProtocol {
   std::string json_text;  ///< {"schema", "sha256", "protocol": {…}, "splits": {kind: {"pictures", "sha256"}}}
 };
 
-/// Names and contents of the scored pictures and masks, the joints of their frames and the calibration file stand for the
-/// dataset, wherever it lies. `splits` is beside the protocol: training cameras are pictures of those splits, so runs that
-/// share the protocol may differ there. Throws IoError when a picture is missing.
+/// The dataset is represented by names and contents of the scored images and masks, the joints of their frames and the
+/// calibration file, independent of its folder. `splits` is outside the protocol: training cameras are images of those
+/// splits, so runs that share the protocol may differ there. Throws IoError when an image is missing.
 EvaluationProtocol MakeProtocol(const ProtocolInput& input);
 
 }  // namespace mvstudio::avatar

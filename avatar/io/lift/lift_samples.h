@@ -11,7 +11,7 @@
 
 namespace mvstudio::avatar {
 
-/// How 3D poses become what a camera and a detector would have made of them.
+/// Simulation of camera and detector on 3D poses.
 struct LiftSampleOptions {
   double pose_jitter_deg = 20.0;
   double min_distance = 2.5;
@@ -46,21 +46,22 @@ struct LiftSequence {
   std::string name;  ///< for messages
   std::vector<dataset::Coco19Pose> frames;
   double size_m = 0;        ///< median over the frames of trunk + thigh + shank, metres
-  std::vector<int> middle;  ///< indices of frames that can be learned: the root and at least 6 joints
+  std::vector<int> middle;  ///< indices of usable frames: the root and at least 6 joints
 };
 
-/// Neck to the middle of the hips, thigh, shank: the sum of their lengths (0.779 of a person's height: Drillis and Contini,
-/// Body Segment Parameters, 1966); limbs are the mean of left and right. NaN when one of the three is missing on both sides.
+/// Sum of the lengths from neck to the middle of the hips, of thigh and of shank (0.779 of a person's height: Drillis and
+/// Contini, Body Segment Parameters, 1966); limbs are the mean of left and right. NaN when one of the three is missing on
+/// both sides.
 double SizeOf(const dataset::Coco19Pose& pose);
 inline constexpr double kSizePerHeight = 0.779;
 
 /// Median of the known sizes; 0 without any.
 double MedianSize(const std::vector<dataset::Coco19Pose>& poses);
 
-/// Every person of the dataset in the frames `keep` says yes to; people without a single frame to learn are left out.
+/// Every person of the dataset, without the frames `leave_out_frames`; people without a usable frame are left out.
 std::vector<LiftSequence> LiftSequences(const dataset::PanopticDataset& data, const std::vector<int>& leave_out_frames);
 
-/// A pose to learn: what the detector says, and the joints of the middle frame relative to the root in the view's axes, in
+/// A training pose: the detector's output, and the joints of the middle frame relative to the root in the view's axes, in
 /// sizes.
 struct LiftSample {
   LiftInput input;
@@ -68,8 +69,8 @@ struct LiftSample {
   std::array<bool, kLiftJoints> valid{};
 };
 
-/// A random pose of the sequences seen by a random level camera, mirrored half of the time, at one frame after the other or
-/// every second one, forwards or backwards; noise and missing joints as in the options. Every sample has status kOk.
+/// A random pose of the sequences seen by a random level camera. Mirrored half of the time, with every frame or every
+/// second one, forwards or backwards; noise and missing joints as in the options. Every sample has status kOk.
 LiftSample RandomSample(const std::vector<LiftSequence>& sequences, const LiftSampleOptions& options, Rng& rng);
 
 /// Joints of `pose` relative to the root, in the axes of the view, divided by `size_m`.

@@ -14,18 +14,18 @@ namespace mvstudio::avatar {
 
 using LiftJoints = Eigen::Matrix<double, 3, kLiftJoints>;
 
-/// How far lifted joints are from the true ones; root-relative. Mean over joints and frames, mm.
+/// Errors of lifted joints; root-relative. Mean over joints and frames, mm.
 struct LiftScore {
   int frames = 0;
-  double mpjpe_mm = 0;             ///< mean distance after the roots (middle of the hips) are brought together
-  double scaled_mpjpe_mm = 0;      ///< and the best size of each pose is taken
+  double mpjpe_mm = 0;             ///< mean distance after aligning the roots (middle of the hips)
+  double scaled_mpjpe_mm = 0;      ///< also with the best size of each pose
   double procrustes_mpjpe_mm = 0;  ///< after the best rotation, translation and size of each pose
-  double root_mm = 0;              ///< mean distance of the roots; NaN when places were not asked for
-  double acceleration_mm = 0;      ///< mean length of the second difference over neighbouring frames, mm a frame^2
+  double root_mm = 0;              ///< mean distance of the roots; NaN when positions were not requested
+  double acceleration_mm = 0;      ///< mean length of the second difference over neighbouring frames, mm per frame^2
   double true_acceleration_mm = 0;
 };
 
-/// A pose beside the truth, both in metres and in the same axes.
+/// A pose and its truth, both in metres and in the same axes.
 struct LiftPair {
   int frame = 0;
   LiftJoints x, truth;
@@ -35,15 +35,15 @@ struct LiftPair {
 /// Pairs with fewer than 3 valid joints or no root are left out. Frames of one camera in ascending order.
 LiftScore ScoreLift(const std::vector<std::vector<LiftPair>>& cameras, bool with_root);
 
-/// A set of known poses in their views: the two things to beat.
+/// Baselines from a set of known poses in their views.
 class LiftBaselines {
  public:
-  /// `count` samples without noise, missing joints or turned limbs.
+  /// `count` samples without noise, missing joints or rotated limbs.
   LiftBaselines(const std::vector<LiftSequence>& sequences, const LiftSampleOptions& options, int count, uint64_t seed);
 
   const LiftJoints& mean_pose() const { return mean_; }  ///< in sizes
-  /// The known pose whose middle frame looks most like this one: smallest mean squared distance of the joints seen in both, in
-  /// the coordinates of the network's input.
+  /// The known pose with the most similar middle frame: smallest mean squared distance of the joints seen in both, in the
+  /// coordinates of the network's input.
   const LiftJoints& Nearest(const LiftInput& input) const;
 
  private:
@@ -51,7 +51,7 @@ class LiftBaselines {
   LiftJoints mean_ = LiftJoints::Zero();
 };
 
-/// What the cameras of a rig would see of the dataset's poses in the given frames, `noise_px` off: frame -> view.
+/// Simulated views of the dataset's poses in the given frames, with noise of `noise_px`: frame -> view.
 std::map<int, LiftView> SimulatedViews(const dataset::PanopticDataset& data, int person, const geometry::RigCamera& camera,
                                        const std::vector<int>& frames, double noise_px, Rng& rng);
 

@@ -8,7 +8,7 @@ namespace mvstudio::avatar {
 
 enum GirthGroup { kTrunkGirth, kHeadGirth, kArmGirth, kLegGirth, kNumGirthGroups };
 
-/// How much thicker than the template a person is, around the bones: 1 keeps the template. Lengths come from the joints.
+/// Thickness of a person around the bones relative to the template: 1 keeps the template. Lengths come from the joints.
 struct BodyShape {
   std::array<double, kNumGirthGroups> girth = {1, 1, 1, 1};
 };
@@ -16,8 +16,8 @@ struct BodyShape {
 /// Group of a part of the atlas (1..24).
 GirthGroup GroupOfPart(int part);
 
-/// The template with each vertex moved away from (or towards) its bones in the rest pose. A vertex on the border of two groups
-/// takes the mean of its faces' girths, so that the surface stays closed.
+/// The template with each vertex moved away from (or towards) its bones in the rest pose. A vertex between two groups gets
+/// the mean of its faces' girths, so that the surface stays closed.
 body::BodyTemplate ScaleGirth(const body::BodyTemplate& body, const BodyShape& shape);
 
 }  // namespace mvstudio::avatar

@@ -15,21 +15,21 @@ struct FullPose {
   std::vector<bool> valid;
 };
 
-/// What 19 joints tell of a list of `num_joints`: the body, without toes, heels, hands and face. Joints that are not plausible
-/// (dataset/views/crop.h) are not there.
+/// The body joints of a list of `num_joints` from 19 joints, without toes, heels, hands and face. Joints that are not
+/// plausible (dataset/views/crop.h) are missing.
 FullPose BodyAlone(const dataset::Coco19Pose& pose, int num_joints);
 
 /// The joints that a dataset has beyond Panoptic's 19.
 class JointSource {
  public:
   /// Reads, for `frames`, the sequence's face70 and hand files (CMU's hdFace3d, hdHand3d), and `pose3d`, a folder with
-  /// points.csv (triangulated key points with toes, hands or a face; skeletons of OpenPose's names), which comes first where it
-  /// has a joint. Nothing is read that a list of `num_joints` has no place for. Throws IoError, FormatError.
+  /// points.csv (triangulated keypoints with toes, hands or a face; skeletons of OpenPose's names), which takes
+  /// precedence. Reads only joints that a list of `num_joints` contains. Throws IoError, FormatError.
   JointSource(const dataset::PanopticDataset& data, int person, int num_joints, const std::string& pose3d,
               const std::vector<int>& frames);
 
-  /// BodyAlone with what else is known of that frame. Points of a face or hand more than 35 cm from nose or wrist, and those of
-  /// CMU's whose score is 0.05 or less, are left out.
+  /// BodyAlone with the other known joints of that frame. Points of a face or hand more than 35 cm from nose or wrist, and
+  /// those of CMU's with a score of 0.05 or less, are left out.
   FullPose At(int frame, const dataset::Coco19Pose& pose) const;
   int num_joints() const { return num_joints_; }
   /// Frames with at least one joint of hands, face, toes or heels.

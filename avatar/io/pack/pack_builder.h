@@ -13,7 +13,7 @@
 
 namespace mvstudio::avatar {
 
-/// How pictures of a dataset become crops. The same options must be used for training and evaluation.
+/// Options for making crops from a dataset's images. Use the same ones for training and evaluation.
 struct PackOptions {
   int size_px = 128;
   double fill = 0.97;
@@ -21,7 +21,7 @@ struct PackOptions {
   bool template_maps = true;
   bool fit_shape = true;
   int fit_pictures = 24;
-  int template_input_px = 0;  ///< edge of the pack's template_maps: the picture size of the network they are for; 0: none
+  int template_input_px = 0;  ///< edge of the pack's template_maps: the image size of their network; 0: none
   double half_extent_m = 0;
   int num_joints = 19;  ///< the list of joints that the network's inputs need: LayoutOf(inputs).num_joints
   std::string pose3d;
@@ -51,17 +51,18 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
 struct DatasetSplit {
   std::vector<std::string> train_cameras, holdout_cameras;  ///< Panoptic names
   std::vector<int> train_frames, holdout_frames;            ///< with a pose of the person
-  std::vector<std::string> validation_cameras;              ///< that choose among weights, never the final score; may be empty
+  std::vector<std::string> validation_cameras;              ///< used to choose among weights, never for the final score; may
+                                                            ///< be empty
   std::vector<int> validation_frames;
 };
 
-/// Everything not held out is trained on, or of the cameras only `train_cameras` when they are given; the others are then used
-/// for nothing. Throws UsageError for a camera in both lists, names and frames that the dataset does not have, and when nothing
-/// is left to train on.
+/// Everything that is not held out is used for training; with `train_cameras`, of the cameras only those, and the others
+/// are not used at all. Throws UsageError for a camera in both lists, for names and frames that the dataset lacks, and
+/// when nothing is left for training.
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
                           const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras = {});
 
-/// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it is not there.
+/// The person to use: `requested`, or the id with most frames for -1. Throws UsageError when it does not exist.
 int ChoosePerson(const dataset::PanopticDataset& data, int requested);
 
 /// Joints and intrinsics of row i, seen by a crop's camera.
@@ -74,15 +75,17 @@ struct PackResult {
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
   BodyShape shape;           ///< girth used for part and uv
   double template_iou = 0;   ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
-  std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", pictures that could not be used
+  std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", unusable pictures
 };
 
-/// One crop for each camera and frame. The crop's camera is a pinhole at the place of the real one, turned by the smallest
-/// rotation to look at the middle of the person's joints; its focal length puts `half_extent_m` metres at the person's distance
-/// to the edge, so a metre has the same size in every crop. Colours are averages over each pixel's footprint in the real
-/// picture, read through its exact lens; what lies outside the picture is black and not person. Part and uv maps: body template
-/// posed by the joints, and so are template_maps. Throws IoError naming camera and frame when a picture or a mask is missing,
-/// UsageError for cameras or frames that do not exist.
+/// One crop per camera and frame. The crop's camera is a pinhole at the position of the real one, with the smallest
+/// rotation that makes it look at the middle of the person's joints. Its focal length puts `half_extent_m` metres at the
+/// person's distance to the edge, so a metre has the same size in every crop.
+///
+/// Colours are averages over each pixel's footprint in the real image, read through its exact lens; outside the image is
+/// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. Throws
+/// IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or frames that do not
+/// exist.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

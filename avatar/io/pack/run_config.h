@@ -8,10 +8,10 @@
 
 namespace mvstudio::avatar {
 
-/// What a training run was made from: RUN/config.json. Evaluation needs nothing else but the checkpoint beside it.
+/// The inputs of a training run: RUN/config.json. Evaluation needs only this and the checkpoint beside it.
 struct RunConfig {
   std::string dataset;  ///< absolute folder, Panoptic layout
-  PackOptions pack;     ///< size, crop and person; its cameras and frames are those trained on
+  PackOptions pack;     ///< size, crop and person; its cameras and frames are those used for training
   DatasetSplit split;
   BodyShape shape;           ///< as fitted on the training pictures
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person
@@ -25,8 +25,8 @@ inline constexpr char kCheckpointFile[] = "checkpoint.safetensors";
 void WriteRunConfig(const RunConfig& config, const std::string& path);
 /// Throws IoError / FormatError with the place.
 RunConfig ReadRunConfig(const std::string& path);
-/// The configuration of a run that has a checkpoint and whose dataset is there; `dataset` replaces the one it was trained on
-/// unless empty. Throws IoError / FormatError saying what is missing.
+/// The configuration of a run that has a checkpoint and whose dataset exists; `dataset`, unless empty, replaces the one
+/// used for training. Throws IoError / FormatError naming what is missing.
 RunConfig OpenRun(const std::string& folder, const std::string& dataset);
 
 }  // namespace mvstudio::avatar

@@ -9,7 +9,7 @@
 
 namespace mvstudio::avatar {
 
-/// One silhouette to fit: a pose, the camera that saw it, and the person's mask there (255 inside).
+/// One silhouette to fit: a pose, the camera, and the person's mask in its image (255 inside).
 struct ShapeView {
   body::BodyPose pose;
   geometry::RigCamera camera;
@@ -18,7 +18,7 @@ struct ShapeView {
 
 struct ShapeFit {
   BodyShape shape;
-  double iou_before = 0;  ///< mean IoU with the template as it is (or as given)
+  double iou_before = 0;  ///< mean IoU with the template unchanged (or as given)
   double iou = 0;         ///< mean IoU with the fitted girths
 };
 

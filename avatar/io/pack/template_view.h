@@ -6,15 +6,16 @@
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
-/// The posed body template as a picture's camera sees it: template_maps.h's raw maps.
+/// The posed body template in an image's camera: the raw maps of template_maps.h.
 namespace mvstudio::avatar {
 
-/// Vertices (3, V) of the template in a pose, metres, world; nothing when neck, shoulders and hips do not fix the trunk.
+/// Vertices (3, V) of the template in a pose, metres, world; empty when neck, shoulders and hips do not determine the
+/// trunk.
 std::optional<Eigen::Matrix3Xf> PosedVertices(const body::BodyTemplate& body, const dataset::Coco19Pose& pose);
 
-/// Fills `maps` (4, size_px, size_px) with what the view of `crop` (square) shows in that many pixels: rasterised four times
-/// finer; a pixel's part is the most frequent among its samples, u and v are their means. Without any sample on the template:
-/// all 0.
+/// Fills `maps` (4, size_px, size_px) with the view of `crop` (square) at that many pixels, rasterised four times finer. A
+/// pixel's part is the most frequent among its samples, u and v are their means. Without any sample on the template: all
+/// 0.
 void FillTemplateMaps(const body::BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                       const geometry::RigCamera& crop, int size_px, float* maps);
 

@@ -8,10 +8,10 @@
 
 #include "core/image.h"
 
-/// What stands behind a rendered person.
+/// The background of a rendered person.
 namespace mvstudio::avatar {
 
-/// Nothing (pictures keep their opacity), one colour, or a picture that fills the frame.
+/// Nothing (images keep their opacity), one colour, or an image that fills the frame.
 class Backdrop {
  public:
   /// "" or "none"; a colour: black, white, grey, green, #rgb, #rrggbb or r,g,b in 0..255; else the path of a PNG or JPEG.
@@ -19,9 +19,9 @@ class Backdrop {
   explicit Backdrop(const std::string& text);
 
   bool transparent() const { return transparent_; }
-  /// `premultiplied`: RGBA with colours multiplied by opacity. Returns RGB, colour + (1 - opacity) backdrop (Shysheya et al.:
-  /// sum_k P_k T_k + P_0 B); RGBA with plain colours where there is no backdrop. A picture is scaled to cover the frame and cut
-  /// at its sides.
+  /// `premultiplied`: RGBA with colours multiplied by opacity. Returns RGB, colour + (1 - opacity) backdrop (Shysheya et
+  /// al.: sum_k P_k T_k + P_0 B), or RGBA with plain colours without a backdrop. A backdrop image is scaled to cover the
+  /// frame and cropped at its sides.
   Image Under(const Image& premultiplied) const;
 
  private:

@@ -24,7 +24,7 @@ struct BvhClip {
 BvhClip ReadBvh(const std::string& path);
 BvhClip BvhFromText(const std::string& text, const std::string& path_for_messages);
 
-/// Where each joint is and how its axes are turned: x_in_file = rotation x_in_joint + place. `frame` -1: the rest pose.
+/// Position and orientation of each joint: x_in_file = rotation x_in_joint + place. `frame` -1: the rest pose.
 struct BvhPlacement {
   std::vector<Eigen::Vector3d> place;
   std::vector<Eigen::Matrix3d> rotation;

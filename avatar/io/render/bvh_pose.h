@@ -7,26 +7,27 @@
 #include "avatar/io/render/bvh_file.h"
 #include "avatar/io/render/render_pose.h"
 
-/// Animation files as Panoptic's joints.
+/// Converts animation files to Panoptic's joints.
 namespace mvstudio::avatar {
 
-/// Nose, left eye, left ear, right eye, right ear seen from the neck, in the axes of the trunk (left, up, forward) with the
-/// head straight; metres. Animation files have at most one joint in the head.
+/// Nose, left eye, left ear, right eye, right ear relative to the neck, in the axes of the trunk (left, up, forward) with
+/// the head straight; metres. Animation files have at most one joint in the head.
 struct HeadShape {
   std::array<Eigen::Vector3d, 5> offset_m;
   double trunk_m = 0.5;  ///< neck to BodyCenter of the same person
 };
-/// From the poses of a person: the median shape of the head, in its mean direction. An adult's where no pose shows the head.
+/// Measures the poses of a person: the median shape of the head, in its mean direction. An adult's where no pose shows the
+/// head.
 HeadShape MeasureHead(const std::vector<dataset::Coco19Pose>& poses);
 
-/// Index of the clip's joint for each of the 19; -1: it has none. Names are matched by side and part ("LeftForeArm",
-/// "mixamorig:LeftForeArm", "forearm.L", "lElbow", "LElbow"); a "Shoulder" is the collar bone where there is an "Arm" as well.
+/// Index of the clip's joint for each of the 19; -1: none. Names are matched by side and part ("LeftForeArm",
+/// "mixamorig:LeftForeArm", "forearm.L", "lElbow", "LElbow"); a "Shoulder" is the collar bone if there is also an "Arm".
 std::array<int, 19> MatchJoints(const BvhClip& clip);
 
-/// The clip as poses in our axes (z up; which axis is up in the file is seen from the trunk) and the file's unit, frames from
-/// 0. BodyCenter is the middle of the hips and Neck that of the shoulders where the file has none of its own; nose, eyes and
-/// ears that are missing follow the head. Throws FormatError naming the joints that a person must have: shoulders, elbows,
-/// wrists, hips, knees, ankles.
+/// The clip as poses in our axes (z up; the file's up axis follows from the trunk) and the file's unit, frames from 0.
+/// BodyCenter is the middle of the hips and Neck that of the shoulders where the file lacks them; missing nose, eyes and
+/// ears follow the head. Throws FormatError naming missing joints that are required: shoulders, elbows, wrists, hips,
+/// knees, ankles.
 PoseTrack PosesFromBvh(const BvhClip& clip, const HeadShape& head, const std::string& path);
 
 }  // namespace mvstudio::avatar

@@ -13,7 +13,7 @@
 #include "core/image.h"
 #include "core/progress.h"
 
-/// New pictures of a trained avatar: any calibrated camera, any pose, a camera that goes round.
+/// New images of a trained avatar: any calibrated camera, any pose, an orbiting camera.
 namespace mvstudio::avatar {
 
 struct RenderOptions {
@@ -65,10 +65,10 @@ void VisitFields(Visitor&& visit, RenderOptions& o) {
   visit("batch", o.batch, "pictures rendered at a time");
 }
 
-/// One picture to make.
+/// One image to render.
 struct RenderJob {
   std::string view;            ///< camera name, or "turn"
-  int frame = 0;               ///< frame of the pose, or number of the picture on the way round
+  int frame = 0;               ///< frame of the pose, or index of the image on the orbit
   size_t pose = 0;             ///< index into the plan's poses
   geometry::RigCamera camera;  ///< as calibrated
   geometry::RigCamera crop;    ///< what the network sees
@@ -76,23 +76,22 @@ struct RenderJob {
 
 struct RenderPlan {
   PoseTrack track;
-  std::vector<FullPose>
-      joints;  ///< of each pose of the track, as the network wants them; hands and face of its own dataset only
-  std::vector<RenderJob> jobs;  ///< view by view, each in the order of time
+  std::vector<FullPose> joints;  ///< of each pose of the track, in the network's list; hands and face only from its own dataset
+  std::vector<RenderJob> jobs;   ///< view by view, each in temporal order
   std::vector<std::string> skipped;
-  std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: it sees none
-  bool foreign = false;                            ///< poses that are not of the training's dataset
+  std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: none
+  bool foreign = false;                            ///< poses that are not from the training's dataset
   bool scaled = false;                             ///< bone lengths were replaced
   double ratio = 1;                                ///< trained person's size over that of the poses
-  double rate_hz = 0;                              ///< pictures a second of a view; 0: unknown
+  double rate_hz = 0;                              ///< images per second of a view; 0: unknown
 };
 
-/// Which pictures `options` ask for. Poses of the run's own dataset stay as they are, so that its cameras and frames give the
-/// pictures that `avatar eval` scores. Throws UsageError, IoError, FormatError.
+/// The images that `options` request. Poses of the run's own dataset are unchanged, so that its cameras and frames give
+/// the images that `avatar eval` scores. Throws UsageError, IoError, FormatError.
 RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options);
 
-/// Renders the plan's pictures in order: RGBA, colours multiplied by alpha (what remains on black). Methods that look at
-/// their past begin each view, and each run of frames at the usual distance, without one.
+/// Renders the plan's images in order: RGBA, colours multiplied by alpha (as seen on black). Methods with memory start
+/// without previous images at each view, and at each run of frames at the usual distance.
 void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
                     const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture);
 

@@ -8,15 +8,15 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose3d.h"
 
-/// Poses that an avatar is to take: from its own dataset, from another take or person, or from animation files.
+/// Poses for an avatar: from its own dataset, from another take or person, or from animation files.
 namespace mvstudio::avatar {
 
-/// One person in the order of time.
+/// One person in temporal order.
 struct PoseTrack {
   std::string source;       ///< file or folder, for messages
   std::vector<int> frames;  ///< ascending
   std::vector<dataset::Coco19Pose> poses;
-  double rate_hz = 0;  ///< frame numbers a second; 0: unknown
+  double rate_hz = 0;  ///< frame numbers per second; 0: unknown
 };
 
 /// The person's poses in a dataset.
@@ -26,13 +26,13 @@ PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
 /// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
 PoseTrack ReadPoseTrack(const std::string& path, int person);
 
-/// Median distance of neighbouring frame numbers; 1 for fewer than two frames.
+/// Median difference of neighbouring frame numbers; 1 for fewer than two frames.
 int UsualStep(const std::vector<int>& frames);
 
-/// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a frame that is not there.
+/// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a missing frame.
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);
 
-/// How large a person is and where the person stands.
+/// Size and position of a person.
 struct SkeletonSize {
   /// Of each of avatar::kBones over the poses: median, 5th and 95th percentile; NaN: never seen.
   std::array<double, 18> length_m{}, short_m{}, long_m{};
@@ -40,16 +40,17 @@ struct SkeletonSize {
 };
 SkeletonSize MeasureSkeleton(const std::vector<dataset::Coco19Pose>& poses);
 
-/// Sum of `trained`'s bone lengths over that of `other`'s, of the bones that both have: what takes the other's metres to the
-/// trained person's. Arms and legs alone where they are there: spine, neck and shoulders change their length with the pose.
-/// Throws FormatError naming `source` when they share no bone of any length.
+/// Scale from the other person's metres to the trained person's: sum of `trained`'s bone lengths over that of `other`'s,
+/// for the bones that both have. Uses only arms and legs if available, because spine, neck and shoulders change their
+/// length with the pose. Throws FormatError naming `source` when they share no bone of any length.
 double SizeRatio(const SkeletonSize& trained, const SkeletonSize& other, const std::string& source);
 
-/// Gives a pose the trained person's bone lengths: every bone keeps its direction and its length times `ratio`, but no shorter
-/// and no longer than the 5th and 95th percentile of training, so that stiff bones get their one length and a bent neck stays
-/// bent. The root's place is multiplied by `ratio` (about the world's origin, which lies on the floor), as are joints whose
-/// parent is missing, about the nearest ancestor that is there. A joint at the end of a bone more than three times too long is
-/// dropped. Poses that differ by a factor about the origin become the same.
+/// Gives a pose the trained person's bone lengths. Every bone keeps its direction and its length times `ratio`, limited to
+/// the 5th and 95th percentile of training. Rigid bones thus get their one length, and a bent neck stays bent.
+///
+/// The root's position is multiplied by `ratio` (about the world's origin, which lies on the floor), and so are joints
+/// whose parent is missing, about the nearest existing ancestor. A joint at the end of a bone more than three times too
+/// long is dropped. Poses that differ by a factor about the origin give the same result.
 dataset::Coco19Pose NormaliseScale(const dataset::Coco19Pose& pose, const SkeletonSize& trained, double ratio);
 
 /// Moves every joint.
