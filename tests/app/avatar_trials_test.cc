@@ -32,7 +32,9 @@ TEST(AvatarTrials, EveryCombinationOnceCheapestFirst) {
     const AvatarTrial& t = trials[i];
     different.insert({t.cameras.size(), t.size_px, t.width, t.steps, t.loss});
     templates += t.steps == 0;
-    if (i > 0) EXPECT_LE(Cost(trials[i - 1]), Cost(t));
+    if (i > 0) {
+      EXPECT_LE(Cost(trials[i - 1]), Cost(t));
+    }
     EXPECT_TRUE(std::isnan(t.ssim) && std::isnan(t.train_s) && std::isnan(t.parameters)) << "before it has run";
     EXPECT_FALSE(t.done);
     const bool three = t.cameras.size() == 3;
