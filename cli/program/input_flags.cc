@@ -4,7 +4,6 @@
 #include "core/join.h"
 
 namespace mvstudio::cli {
-namespace {}  // namespace
 
 void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddOption(sub, "--from", options.from, "format of the input: auto, " + app::CalibrationFormatNames())

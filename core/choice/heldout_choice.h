@@ -7,7 +7,7 @@
 #include "core/status.h"
 
 /// A scene gets the simplest model that data held out of the fit do not show to be worse than the best. Data are counted by
-/// independent units: a view, a cluster of views, a stretch of time, a frame. Errors within a unit hang together, so a unit is
+/// independent units: a view, a cluster of views, a stretch of time, a frame. Errors within a unit are correlated, so a unit is
 /// one value, and its values under two models are compared in pairs. docs/decisions/0011 lists who chooses by this, and how.
 namespace mvstudio {
 
@@ -24,7 +24,7 @@ UnitMean MeanOverUnits(const std::vector<double>& units);
 /// Of a - b, unit by unit, over those that both have; 0 where both are infinite.
 UnitMean DifferenceOverUnits(const std::vector<double>& a, const std::vector<double>& b);
 
-/// Of a - b, means over units that have nothing to do with each other.
+/// Of a - b, means over independent sets of units.
 UnitMean DifferenceOfMeans(const UnitMean& a, const UnitMean& b);
 
 /// mean / standard_error. Without an error: infinity where the mean is positive, else 0.
