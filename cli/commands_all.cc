@@ -24,6 +24,7 @@ void RegisterAll(CLI::App& app, Registry& registry) {
   RegisterDataset(app, registry);
   CLI::App* avatar = app.add_subcommand("avatar", "Train, score and render avatars");
   avatar->require_subcommand(1);
+  RegisterAvatarFit(*avatar, registry);
   RegisterAvatarTrain(*avatar, registry);
   RegisterAvatarEval(*avatar, registry);
   RegisterAvatarCompare(*avatar, registry);

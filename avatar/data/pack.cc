@@ -35,6 +35,7 @@ const std::vector<Field>& Fields() {
       {"part", &AvatarPack::part, at::kByte, {kSize, kSize}},
       {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
       {"template_maps", &AvatarPack::template_maps, at::kFloat, {kTemplateMaps, kNetworkSize, kNetworkSize}, true},
+      {"body_images", &AvatarPack::body_images, at::kByte, {4, kSize, kSize}, true},
       {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
       {"frame", &AvatarPack::frame, at::kLong, {}}};
   return fields;

@@ -27,6 +27,8 @@ struct AvatarPack {
   /// (N, 4, P, P) float32, for networks with the template as their prior (template_maps.h), P their image size; undefined:
   /// none
   at::Tensor template_maps;
+  /// (N, 4, H, W) uint8: the fitted body in its averaged colours, posed by the joints: RGB on black, coverage; undefined: none
+  at::Tensor body_images;
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
   at::Tensor frame;                  ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names

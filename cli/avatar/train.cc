@@ -7,11 +7,13 @@
 #include <sstream>
 #include <utility>
 
+#include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_run.h"
 #include "app/nets/avatar_train_data.h"
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/io/pack/pack_builder.h"
 #include "cli/avatar/ranks.h"
+#include "cli/avatar/split_options.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
@@ -28,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
   TrainArguments() { model.prior = "auto"; }
-  std::string dataset, out, init_from;
+  std::string dataset, out, init_from, fit = "auto";
   app::SplitArguments split;
   RankArguments ranks;
   avatar::ModelOptions model;
@@ -177,6 +179,18 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
   return model;
 }
 
+/// The person's own body, where the options ask for one. Labels of DensePose have no use for it.
+std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
+                                        const RunContext& run, RunConfig* config) {
+  const app::BodyFitMode mode = app::BodyFitModeOf(arguments.fit);
+  config->pack.fit_shape = mode == app::BodyFitMode::kGirths && config->pack.fit_shape;
+  if (mode != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
+  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, {}, run);
+  config->pack.fitted = std::make_shared<const avatar::TexturedPerson>(fit.result);
+  config->body_file = avatar::kPersonFile;
+  return fit;
+}
+
 /// Where files lie says who works where; relative to the run they can be found as well.
 RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
   for (std::string* path : {&config.dataset, &config.pack.pose3d, &config.pack.iuv}) {
@@ -211,6 +225,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
+  const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   const app::RunPacks packs = app::BuildPacks(data, model, arguments.train, context.run, &config);
   avatar::TrainOptions options = arguments.train;
   const auto net = PerceptualNet(&options);
@@ -218,10 +233,16 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
                                  : avatar::Trainer(packs.train, model, options, context.run, net);
   const auto replace_older = [&] {
     files.Clear();
+    if (fit) WritePerson(fit->result, files.Path(avatar::kPersonFile));
     WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
   };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
-  if (ranks.first()) FillCommon(config, packs, arguments.out, &result);
+  if (!ranks.first()) return result;
+  FillCommon(config, packs, arguments.out, &result);
+  if (fit) {
+    result.metrics["body"] = app::ToJson(*fit);
+    app::AddFitWarnings(*fit, &result);
+  }
   return result;
 }
 
@@ -295,18 +316,6 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
   return result;
 }
 
-void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
-  AddOption(sub, "--train-cameras", a.train_cameras,
-            "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
-  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
-            "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
-  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
-  AddOption(sub, "--split", a.split,
-            "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
-  AddOption(sub, "--validate-camera", a.validate_camera,
-            "a training camera that is not trained on but scored at each checkpoint, for --patience");
-}
-
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
@@ -316,6 +325,10 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--init-from", a->init_from,
             "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
             "initialisation unless --init-steps asks for one");
+  AddOption(sub, "--fit", a->fit,
+            "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
+            "mannequin's four girths; off takes it as it is")
+      ->check(CLI::IsMember({"auto", "girths", "off"}));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);

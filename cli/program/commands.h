@@ -25,6 +25,7 @@ void RegisterDatasetImport(CLI::App& dataset, Registry& registry);
 void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
 void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
+void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);

@@ -311,6 +311,14 @@ void ScoreTemplateAlone(const Session& session, const AvatarModel& model, const 
   result->template_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
 }
 
+/// The fitted body without a network.
+void ScoreBodyAlone(const Session& session, const AvatarPack& pack, const at::Tensor& truth, Evaluation* result) {
+  if (!pack.body_images.defined()) return;
+  const at::Tensor body = pack.body_images.to(at::kDouble) / 255;
+  const Rendered rendered{body.slice(1, 0, 3), body.select(1, 3)};
+  result->body_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+}
+
 /// The checkpoint, with what it says of its training.
 AvatarModel ReadModel(const std::string& path, Evaluation* result) {
   const TensorFile file = ReadTensorFile(path);
@@ -373,6 +381,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   crop.size_px = result.size_px;
   const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
   ScoreBaselines(session, pack, truth, baselines, &result);
+  ScoreBodyAlone(session, pack, truth, &result);
   ScoreTemplateAlone(session, model, pack, truth, &result);
   result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
   const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, model, &result);

@@ -86,6 +86,7 @@ struct Evaluation {
   Scored mean_image, nearest_pose;                    ///< baselines, on the same pictures
   std::optional<Scored> template_alone;               ///< textured avatars with a template: its textures on the template,
                                                       ///< without the network
+  std::optional<Scored> body_alone;                   ///< runs with a fitted body: that in its averaged colours
   std::map<std::string, std::string> nearest_camera;  ///< held-out camera -> camera whose images the baselines show
   std::vector<GroupScore> per_camera, per_motion;
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (metrics/masks.h)

@@ -155,7 +155,7 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   return FitShape(body, options.shape, views, run).shape;
 }
 
-AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template_px) {
+AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template_px, bool body_images) {
   const auto n = static_cast<int64_t>(plan.jobs.size());
   AvatarPack pack;
   pack.size_px = size_px;
@@ -168,6 +168,7 @@ AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template
   pack.part = at::zeros({n, size_px, size_px}, at::kByte);
   pack.uv = at::zeros({n, 2, size_px, size_px}, at::kFloat);
   if (template_px > 0) pack.template_maps = at::zeros({n, kTemplateMaps, template_px, template_px}, at::kFloat);
+  if (body_images) pack.body_images = at::zeros({n, 4, size_px, size_px}, at::kByte);
   pack.camera_idx = at::zeros({n}, at::kLong);
   pack.frame = at::zeros({n}, at::kLong);
   return pack;
@@ -180,6 +181,15 @@ void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& m
     for (int k = 0; k < 3; ++k) out[k * area + p] = image.pixels[3 * p + k];
   }
   std::copy(mask.pixels.begin(), mask.pixels.end(), pack.masks.data_ptr<uint8_t>() + area * i);
+}
+
+void FillBodyImage(AvatarPack& pack, int64_t i, const body::RenderedBody& rendered) {
+  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
+  uint8_t* out = pack.body_images.data_ptr<uint8_t>() + 4 * area * i;
+  for (int64_t p = 0; p < area; ++p) {
+    for (int k = 0; k < 3; ++k) out[k * area + p] = rendered.image.pixels[3 * p + k];
+    out[3 * area + p] = rendered.cover.pixels[p];
+  }
 }
 
 void FillTemplate(AvatarPack& pack, int64_t i, const body::PartUvMap& map) {
@@ -203,7 +213,8 @@ struct Filler {
   const Plan& plan;
   const body::BodyTemplate* body;  // nullptr: no template is posed
   JointSource joints;
-  std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world
+  std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world: posed by joints alone
+  std::map<int, Eigen::Matrix3Xf> seen;      // by frame, world: posed by images too
 
   // As Fill below.
   std::string FillIuv(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) const {
@@ -232,7 +243,11 @@ struct Filler {
     if (!problem.empty() || !body) return problem;
     const auto found = vertices.find(job.frame);
     if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
-    if (options.template_maps && !labelled) FillTemplate(pack, i, body::RasterizeBody(*body, found->second, crop));
+    const auto better = seen.find(job.frame);
+    const Eigen::Matrix3Xf& labels = better == seen.end() ? found->second : better->second;
+    if (options.template_maps && !labelled) FillTemplate(pack, i, body::RasterizeBody(*body, labels, crop));
+    if (pack.body_images.defined())
+      FillBodyImage(pack, i, body::RenderBody(*body, options.fitted->textures, found->second, crop));
     const int64_t px = options.template_input_px;
     if (px > 0)
       FillTemplateMaps(*body, found->second, crop, options.template_input_px,
@@ -240,6 +255,31 @@ struct Filler {
     return "";
   }
 };
+
+/// The body that is posed in the pictures.
+body::BodyTemplate BodyOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan,
+                          const RunContext& run, BodyShape* shape) {
+  if (options.fitted) return options.fitted->person.body;
+  if (options.fit_shape) *shape = FitGirth(data, options, plan, run);
+  return ScaleGirth(body::MakeMannequin(), *shape);
+}
+
+void PoseBody(const Plan& plan, const RunContext& run, Filler* filler) {
+  std::map<int, const dataset::Coco19Pose*> poses;
+  for (const Job& job : plan.jobs) poses.emplace(job.frame, job.pose);
+  const std::vector<std::pair<int, const dataset::Coco19Pose*>> list(poses.begin(), poses.end());
+  std::vector<std::optional<Eigen::Matrix3Xf>> vertices(list.size());
+  const TexturedPerson* fitted = filler->options.fitted.get();
+  ParallelFor(static_cast<int64_t>(list.size()), run.num_threads, [&](int64_t i) {
+    vertices[i] = fitted ? PosedVertices(fitted->person, *list[i].second) : PosedVertices(*filler->body, *list[i].second);
+  });
+  for (size_t i = 0; i < list.size(); ++i) {
+    if (vertices[i]) filler->vertices[list[i].first] = *vertices[i];
+    if (!fitted || !fitted->person.seen.count(list[i].first)) continue;
+    const body::BodyPose seen = ToBodyPose(fitted->person.body, fitted->person.seen.at(list[i].first));
+    filler->seen[list[i].first] = SkinVertices(fitted->person.body, seen);
+  }
+}
 
 double MeanTemplateIou(const AvatarPack& pack) {
   const at::Tensor a = pack.part > 0, b = pack.masks > 0;
@@ -317,15 +357,12 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
-  const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0;
-  result.shape = posed && options.fit_shape ? FitGirth(data, options, plan, run) : options.shape;
-  const body::BodyTemplate body = posed ? ScaleGirth(body::MakeMannequin(), result.shape) : body::BodyTemplate{};
-  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}};
-  for (const Job& job : plan.jobs) {
-    if (!posed || filler.vertices.count(job.frame)) continue;
-    if (const auto vertices = PosedVertices(body, *job.pose)) filler.vertices[job.frame] = *vertices;
-  }
-  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px);
+  const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0 || options.fitted;
+  result.shape = options.shape;
+  const body::BodyTemplate body = posed ? BodyOf(data, options, plan, run, &result.shape) : body::BodyTemplate{};
+  Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}, {}};
+  if (posed) PoseBody(plan, run, &filler);
+  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px, options.fitted != nullptr);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
   ProgressStage stage(run, "cropping pictures", count);

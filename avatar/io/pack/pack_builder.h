@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -7,6 +8,7 @@
 #include "avatar/data/pack.h"
 #include "avatar/io/pack/body_shape.h"
 #include "avatar/io/pack/joint_source.h"
+#include "avatar/io/pack/person_file.h"
 #include "core/fields.h"
 #include "core/progress.h"
 #include "dataset/panoptic/panoptic.h"
@@ -28,7 +30,9 @@ struct PackOptions {
   std::string iuv;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
-  BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
+  /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
+  std::shared_ptr<const TexturedPerson> fitted;
+  BodyShape shape;  ///< girth of the template: start of the fit, or the value when fit_shape is off
 };
 
 template <class Visitor>
@@ -86,6 +90,8 @@ struct PackResult {
 /// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. Throws
 /// IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or frames that do not
 /// exist.
+/// With `fitted`, maps for the network and body_images are posed by joints alone, as for images that nobody has seen; part and
+/// uv by the poses that the fit saw, where it has them.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

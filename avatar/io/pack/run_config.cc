@@ -101,7 +101,8 @@ void WriteRunConfig(const RunConfig& config, const std::string& path) {
                          {{"girth", girth},
                           {"input_px", config.pack.template_input_px},
                           {"iou", std::isfinite(config.template_iou) ? Ordered(config.template_iou) : Ordered()},
-                          {"iuv", config.pack.iuv}}}};
+                          {"iuv", config.pack.iuv},
+                          {"body", config.body_file}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
 }
 
@@ -143,6 +144,12 @@ RunConfig ReadRunConfig(const std::string& path) {
     config.pack.template_input_px = Get<int>(json, path, "/template/input_px");
     const int px = config.pack.template_input_px;
     if (px != 0 && px != config.pack.size_px) throw FormatError(path, "/template/input_px", "must be 0 or the crop's size_px");
+  }
+  if (json.contains(Json::json_pointer("/template/body"))) config.body_file = Get<std::string>(json, path, "/template/body");
+  if (!config.body_file.empty()) {
+    if (config.body_file != kPersonFile) throw FormatError(path, "/template/body", std::string("must be ") + kPersonFile);
+    config.pack.fitted =
+        std::make_shared<TexturedPerson>(ReadPerson((std::filesystem::path(path).parent_path() / kPersonFile).string()));
   }
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;

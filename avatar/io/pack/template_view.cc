@@ -39,6 +39,12 @@ std::optional<Eigen::Matrix3Xf> PosedVertices(const body::BodyTemplate& body, co
   return body::SkinVertices(body, posed);
 }
 
+std::optional<Eigen::Matrix3Xf> PosedVertices(const body::PersonBody& person, const dataset::Coco19Pose& pose) {
+  const auto posed = body::PoseByJoints(person, pose.x_in_world, dataset::PlausibleJoints(pose));
+  if (!posed) return std::nullopt;
+  return SkinVertices(person.body, ToBodyPose(person.body, *posed));
+}
+
 void FillTemplateMaps(const body::BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                       const geometry::RigCamera& crop, int size_px, float* maps) {
   const body::PartUvMap fine = body::RasterizeBody(body, vertices_in_world, dataset::ResizedCrop(crop, kFiner * size_px));

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "body/body_template.h"
+#include "body/fit/person_body.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
@@ -12,6 +13,9 @@ namespace mvstudio::avatar {
 /// Vertices (3, V) of the template in a pose, metres, world; empty when neck, shoulders and hips do not determine the
 /// trunk.
 std::optional<Eigen::Matrix3Xf> PosedVertices(const body::BodyTemplate& body, const dataset::Coco19Pose& pose);
+
+/// Same for a fitted body.
+std::optional<Eigen::Matrix3Xf> PosedVertices(const body::PersonBody& person, const dataset::Coco19Pose& pose);
 
 /// Fills `maps` (4, size_px, size_px) with the view of `crop` (square) at that many pixels, rasterised four times finer. A
 /// pixel's part is the most frequent among its samples, u and v are their means. Without any sample on the template: all

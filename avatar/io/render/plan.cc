@@ -124,7 +124,7 @@ void AddJob(const RunConfig& config, int size_px, RenderJob job, RenderPlan* pla
                             ": the person is not in front of the camera");
     return;
   }
-  if (plan->body && !PosedVertices(*plan->body, plan->track.poses[job.pose])) {
+  if (plan->HasBody() && !plan->Vertices(plan->track.poses[job.pose])) {
     plan->skipped.push_back("camera " + job.view + ", frame " + std::to_string(job.frame) +
                             ": neck, shoulders and hips do not fix the trunk of the body template that the network needs");
     return;
@@ -196,13 +196,19 @@ RigCamera OrbitCamera(const Eigen::Vector3d& middle_in_world, double azimuth_rad
   return camera;
 }
 
+std::optional<Eigen::Matrix3Xf> RenderPlan::Vertices(const dataset::Coco19Pose& pose) const {
+  return fitted ? PosedVertices(fitted->person, pose) : PosedVertices(*body, pose);
+}
+
 RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options) {
   CheckOptions(options);
   RenderPlan plan;
   TakePoses(config, data, options, &plan);
   TakeJoints(config, data, &plan);
-  if (config.pack.template_input_px > 0)
-    plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
+  if (config.pack.template_input_px > 0) {
+    plan.fitted = config.pack.fitted;
+    if (!plan.fitted) plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
+  }
   plan.rate_hz = plan.track.rate_hz / std::max(1, UsualStep(plan.track.frames));
   if (options.turntable > 0) {
     const bool moves = plan.track.poses.size() > 1;

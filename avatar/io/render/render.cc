@@ -32,14 +32,14 @@ Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOpt
 }
 
 at::Tensor TemplateMapsOf(const RenderPlan& plan, size_t begin, size_t end, int size_px, int num_threads) {
-  if (!plan.body) return {};
+  if (!plan.HasBody()) return {};
   const auto n = static_cast<int64_t>(end - begin);
   const at::Tensor maps = at::zeros({n, kTemplateMaps, size_px, size_px}, at::kFloat);
   ParallelFor(n, num_threads, [&](int64_t i) {
     const RenderJob& job = plan.jobs[begin + static_cast<size_t>(i)];
-    const auto vertices = PosedVertices(*plan.body, plan.track.poses[job.pose]);
+    const auto vertices = plan.Vertices(plan.track.poses[job.pose]);
     float* out = maps.data_ptr<float>() + i * kTemplateMaps * size_px * size_px;
-    if (vertices) FillTemplateMaps(*plan.body, *vertices, job.crop, size_px, out);
+    if (vertices) FillTemplateMaps(plan.fitted ? plan.fitted->person.body : *plan.body, *vertices, job.crop, size_px, out);
   });
   return maps;
 }

@@ -80,10 +80,14 @@ struct RenderPlan {
   std::vector<RenderJob> jobs;   ///< view by view, each in temporal order
   std::vector<std::string> skipped;
   std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: none
-  bool foreign = false;                            ///< poses that are not from the training's dataset
-  bool scaled = false;                             ///< bone lengths were replaced
-  double ratio = 1;                                ///< trained person's size over that of the poses
-  double rate_hz = 0;                              ///< images per second of a view; 0: unknown
+  std::shared_ptr<const TexturedPerson> fitted;    ///< the person's own body in its place; null: none
+  bool HasBody() const { return body || fitted; }
+  /// Vertices of the body in a pose; empty when the joints do not determine the trunk.
+  std::optional<Eigen::Matrix3Xf> Vertices(const dataset::Coco19Pose& pose) const;
+  bool foreign = false;  ///< poses that are not from the training's dataset
+  bool scaled = false;   ///< bone lengths were replaced
+  double ratio = 1;      ///< trained person's size over that of the poses
+  double rate_hz = 0;    ///< images per second of a view; 0: unknown
 };
 
 /// The images that `options` request. Poses of the run's own dataset are unchanged, so that its cameras and frames give

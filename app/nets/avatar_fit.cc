@@ -1,0 +1,139 @@
+#include "app/nets/avatar_fit.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/format.h"
+
+namespace mvstudio::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json StagesJson(const body::BodyFit& fit) {
+  Json stages = Json::array();
+  for (const body::BodyFitStage& stage : fit.stages) {
+    stages.push_back(
+        {{"name", stage.name}, {"held_out_iou", stage.held_out_iou}, {"seconds", stage.seconds}, {"kept", stage.kept}});
+  }
+  return stages;
+}
+
+Json CamerasJson(const body::BodyFit& fit) {
+  Json cameras = Json::object();
+  for (const body::CameraFit& camera : fit.cameras) {
+    cameras[camera.name] = {{"silhouettes", camera.views},
+                            {"rejected", camera.rejected},
+                            {"iou_before", camera.iou_before},
+                            {"iou", camera.iou},
+                            {"shift_px", {camera.shift_px[0], camera.shift_px[1]}},
+                            {"shift_sigma_px", camera.shift_sigma_px}};
+  }
+  return cameras;
+}
+
+/// A camera whose silhouettes lie beside the body: clearly, and by more than masks are usually off.
+bool IsShifted(const body::CameraFit& camera) {
+  constexpr double kLeastPx = 1, kSigmas = 4;
+  return camera.shift_px.norm() > std::max(kLeastPx, kSigmas * camera.shift_sigma_px);
+}
+
+bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
+
+}  // namespace
+
+BodyFitMode BodyFitModeOf(const std::string& word) {
+  if (word == "auto") return BodyFitMode::kAuto;
+  if (word == "girths") return BodyFitMode::kGirths;
+  if (word == "off") return BodyFitMode::kOff;
+  throw UsageError("option 'fit' " + word + ": must be auto, girths or off");
+}
+
+avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
+                             avatar::PersonFitOptions options, const RunContext& run) {
+  options.cameras = split.train_cameras, options.frames = split.train_frames, options.person = person;
+  return avatar::FitPerson(data, options, run);
+}
+
+Json ToJson(const avatar::PersonFit& person) {
+  const body::BodyFit& fit = person.fit;
+  int silhouettes = 0;
+  for (const body::CameraFit& camera : fit.cameras) silhouettes += camera.views;
+  Json rejected = Json::array();
+  for (const body::RejectedView& view : fit.rejected)
+    rejected.push_back({{"camera", view.camera}, {"frame", view.frame}, {"iou", view.iou}});
+  const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(); };
+  return {{"vertices", person.result.person.body.vertices.cols()},
+          {"silhouettes", silhouettes},
+          {"missing", person.missing.size()},
+          {"held_out_iou_before", number(fit.iou_before)},
+          {"held_out_iou", number(fit.iou)},
+          {"joint_error_mm", 1e3 * fit.joint_error_m},
+          {"offset_rms_mm", fit.offsets.size() > 0 ? Json(1e3 * fit.offsets.norm() / std::sqrt(fit.offsets.size())) : Json()},
+          {"texels_seen", person.texture_seen},
+          {"stages", StagesJson(fit)},
+          {"cameras", CamerasJson(fit)},
+          {"rejected", rejected}};
+}
+
+void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
+  const body::BodyFit& fit = person.fit;
+  const auto warn = [&](const char* code, const std::string& what, const char* advice) {
+    result->warnings.push_back({code, what, advice});
+  };
+  if (!fit.rejected.empty()) {
+    const body::RejectedView& first = fit.rejected.front();
+    warn("BODY-REJECTED",
+         std::to_string(fit.rejected.size()) + " silhouettes do not fit the person and were left out; the first: camera " +
+             first.camera + ", frame " + std::to_string(first.frame) + Format(" (IoU %.2f)", first.iou),
+         "look at these masks");
+  }
+  for (const body::CameraFit& camera : fit.cameras) {
+    if (!IsShifted(camera)) continue;
+    warn("BODY-CAMERA-SHIFT",
+         "the silhouettes of camera " + camera.name +
+             Format(" lie (%.1f, %.1f) px beside the fitted body, +- %.1f px", camera.shift_px[0], camera.shift_px[1],
+                    camera.shift_sigma_px),
+         "check its calibration, its time offset and its masks");
+  }
+  if (!WasJudged(fit)) {
+    warn("BODY-NOT-JUDGED", "too few time steps to hold some out: whether the fitted surface is better was not checked",
+         "give at least 10 frames");
+  } else if (!fit.stages.empty() && fit.stages.front().kept) {
+    warn("BODY-NO-GAIN",
+         "offsets of the surface did not improve held-out silhouettes: only the lengths of the bones were fitted",
+         "check masks and joints");
+  }
+  if (!person.missing.empty()) {
+    warn("BODY-MISSING",
+         std::to_string(person.missing.size()) +
+             " images or masks do not exist and were left out; the first: " + person.missing.front(),
+         "build them, or leave these cameras and frames out");
+  }
+}
+
+std::string ToTable(const avatar::PersonFit& person) {
+  std::string text = "stage                               held-out IoU   seconds\n";
+  for (const body::BodyFitStage& stage : person.fit.stages)
+    text += Format("%-36s%12.4f%10.1f%s\n", stage.name.c_str(), stage.held_out_iou, stage.seconds, stage.kept ? "  kept" : "");
+  text += "\ncamera        silhouettes  rejected  IoU before   after   shift, px\n";
+  for (const body::CameraFit& camera : person.fit.cameras) {
+    text += Format("%-14s%11d%10d%12.4f%8.4f   %.2f, %.2f\n", camera.name.c_str(), camera.views, camera.rejected,
+                   camera.iou_before, camera.iou, camera.shift_px[0], camera.shift_px[1]);
+  }
+  return text;
+}
+
+Image TextureSheet(const body::Textures& textures) {
+  constexpr int kColumns = 6;
+  const int size = textures[0].width;
+  Image sheet(kColumns * size, (body::kNumParts + kColumns - 1) / kColumns * size, 3);
+  for (int k = 0; k < body::kNumParts; ++k) {
+    for (int y = 0; y < size; ++y)
+      std::copy_n(textures[k].Pixel(0, y), 3 * size, sheet.Pixel(k % kColumns * size, k / kColumns * size + y));
+  }
+  return sheet;
+}
+
+}  // namespace mvstudio::app

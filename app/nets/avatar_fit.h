@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "app/result.h"
+#include "avatar/io/pack/person_fit.h"
+#include "avatar/io/pack/run_config.h"
+#include "core/progress.h"
+
+/// The person's own body, fitted before a network is trained.
+namespace mvstudio::app {
+
+enum class BodyFitMode {
+  kAuto,    ///< skeleton, surface and colours by joints, silhouettes and brightness
+  kGirths,  ///< the mannequin with four girths
+  kOff,     ///< the mannequin as it is
+};
+/// "auto", "girths", "off"; throws UsageError for other words.
+BodyFitMode BodyFitModeOf(const std::string& word);
+
+/// Fits to the training images of a split. Those of held-out cameras and frames are not looked at.
+avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
+                             avatar::PersonFitOptions options, const RunContext& run);
+
+/// IoU before and after, stages, cameras, rejected silhouettes; and what the user should know.
+nlohmann::ordered_json ToJson(const avatar::PersonFit& fit);
+void AddFitWarnings(const avatar::PersonFit& fit, CommandResult* result);
+std::string ToTable(const avatar::PersonFit& fit);
+
+/// All charts in one picture, 6 x 4.
+Image TextureSheet(const body::Textures& textures);
+
+}  // namespace mvstudio::app

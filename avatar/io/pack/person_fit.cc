@@ -1,0 +1,173 @@
+#include "avatar/io/pack/person_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <mutex>
+
+#include "core/check.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/views/crop.h"
+
+namespace mvstudio::avatar {
+namespace {
+
+constexpr double kFill = 0.85;  // of the crop; room for outlines that have to move outwards
+
+/// Where the images of a time step lie.
+struct Source {
+  int frame = 0;
+  const dataset::Coco19Pose* pose = nullptr;
+  std::vector<const geometry::RigCamera*> cameras;  // that have an image and a mask
+};
+
+std::vector<Source> FindSources(const dataset::PanopticDataset& data, const PersonFitOptions& options,
+                                std::vector<std::string>* missing) {
+  std::vector<Source> sources;
+  for (const int frame : options.frames) {
+    const auto poses = data.poses.find(frame);
+    if (poses == data.poses.end() || !poses->second.count(options.person)) continue;
+    Source source{frame, &poses->second.at(options.person), {}};
+    for (const std::string& name : options.cameras) {
+      const geometry::RigCamera& camera = data.rig.cameras.at(data.rig.Find(name));
+      const bool there =
+          std::filesystem::exists(data.ImagePath(name, frame)) && std::filesystem::exists(data.MaskPath(name, frame));
+      if (!there) missing->push_back("camera " + name + ", frame " + std::to_string(frame));
+      if (there && dataset::MeasurePerson(*source.pose, camera)) source.cameras.push_back(&camera);
+    }
+    if (!source.cameras.empty()) sources.push_back(source);
+  }
+  return sources;
+}
+
+/// Evenly spread time steps with at most `most` silhouettes.
+std::vector<Source> Thinned(const std::vector<Source>& sources, int most) {
+  size_t total = 0;
+  for (const Source& source : sources) total += source.cameras.size();
+  const auto count =
+      static_cast<size_t>(std::ceil(static_cast<double>(sources.size()) * std::min(1.0, most / static_cast<double>(total))));
+  std::vector<Source> some;
+  for (size_t k = 0; k < count; ++k) some.push_back(sources[(2 * k + 1) * sources.size() / (2 * count)]);
+  return some;
+}
+
+Image Read(const dataset::PanopticDataset& data, const geometry::RigCamera& camera, int frame, bool mask) {
+  const std::string& name = camera.camera.name;
+  const std::string path = mask ? data.MaskPath(name, frame) : data.ImagePath(name, frame);
+  Image image = dataset::ReadImage(path, mask);
+  if (image.width != camera.camera.width_px || image.height != camera.camera.height_px)
+    throw FormatError(path, "",
+                      "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", the calibration says " +
+                          std::to_string(camera.camera.width_px) + "x" + std::to_string(camera.camera.height_px));
+  return image;
+}
+
+Image Grey(const Image& rgb) {
+  Image grey(rgb.width, rgb.height, 1);
+  for (size_t i = 0; i < grey.pixels.size(); ++i) {
+    const uint8_t* p = rgb.pixels.data() + 3 * i;
+    grey.pixels[i] = static_cast<uint8_t>(std::lround(0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]));
+  }
+  return grey;
+}
+
+/// A pinhole view of the person, as fine as the source but not larger than `max_px`.
+geometry::RigCamera CropFor(const geometry::RigCamera& camera, const dataset::Coco19Pose& pose, int max_px) {
+  const dataset::PersonExtent extent = *dataset::MeasurePerson(pose, camera);
+  const double focal = PinholeOf(camera.camera).fx();
+  const double source_px = 2 * extent.half_extent_m / extent.middle_in_cam.norm() * focal / kFill;
+  const int size = std::clamp(static_cast<int>(std::lround(source_px)), 64, max_px);
+  return dataset::CropCamera(camera, extent.middle_in_cam, extent.half_extent_m, kFill, size);
+}
+
+struct Crop {
+  geometry::RigCamera camera;
+  Image image, mask;
+};
+
+Crop ReadCrop(const dataset::PanopticDataset& data, const Source& source, const geometry::RigCamera& camera, int max_px) {
+  Crop crop{CropFor(camera, *source.pose, max_px), {}, {}};
+  const dataset::ResampleMap map(camera, crop.camera);
+  crop.image = map.Picture(Read(data, camera, source.frame, false));
+  crop.mask = map.Picture(Read(data, camera, source.frame, true));
+  return crop;
+}
+
+/// A fifth of the time steps in four blocks, where there are enough.
+bool IsHeldOut(size_t index, size_t count) {
+  constexpr size_t kFewest = 10;
+  return count >= kFewest && (index * 20 / count) % 5 == 2;
+}
+
+std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const std::vector<Source>& sources,
+                                     const PersonFitOptions& options, const RunContext& run) {
+  std::vector<body::FitStep> steps(sources.size());
+  ProgressStage stage(run, "reading silhouettes", static_cast<int64_t>(sources.size()));
+  std::mutex mutex;
+  ParallelFor(static_cast<int64_t>(sources.size()), run.num_threads, [&](int64_t i) {
+    const Source& source = sources[i];
+    body::FitStep& step = steps[i];
+    step.frame = source.frame;
+    step.joints.x_in_world = source.pose->x_in_world, step.joints.valid = dataset::PlausibleJoints(*source.pose);
+    step.held_out = IsHeldOut(i, sources.size());
+    for (const geometry::RigCamera* camera : source.cameras) {
+      Crop crop = ReadCrop(data, source, *camera, options.max_px);
+      step.views.push_back({camera->camera.name, crop.camera, std::make_shared<body::MaskOutline>(std::move(crop.mask)),
+                            options.use_brightness ? std::make_shared<Image>(Grey(crop.image)) : nullptr});
+    }
+    const std::lock_guard<std::mutex> lock(mutex);
+    stage.Advance();
+  });
+  return steps;
+}
+
+/// Colours by images spread over time steps and cameras, without the rejected silhouettes.
+void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source>& sources, const PersonFitOptions& options,
+                  const RunContext& run, PersonFit* out) {
+  const body::PersonBody& person = out->result.person;
+  std::vector<std::pair<const Source*, const geometry::RigCamera*>> views;
+  for (const Source& source : sources) {
+    if (!person.seen.count(source.frame)) continue;
+    for (const geometry::RigCamera* camera : source.cameras) {
+      const bool bad = std::any_of(out->fit.rejected.begin(), out->fit.rejected.end(), [&](const body::RejectedView& view) {
+        return view.frame == source.frame && view.camera == camera->camera.name;
+      });
+      if (!bad) views.emplace_back(&source, camera);
+    }
+  }
+  const size_t count = std::min(views.size(), static_cast<size_t>(options.max_texture_views));
+  body::TextureBaker baker(person.body, options.texture_px);
+  ProgressStage stage(run, "baking the texture", static_cast<int64_t>(count));
+  for (size_t k = 0; k < count; ++k) {
+    const auto& [source, camera] = views[(2 * k + 1) * views.size() / (2 * count)];
+    Crop crop = ReadCrop(data, *source, *camera, options.max_px);
+    const body::BodyPose pose = ToBodyPose(person.body, person.seen.at(source->frame));
+    baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose)}, run);
+    stage.Advance();
+  }
+  out->result.textures = baker.Finish();
+  out->texture_seen = baker.SeenShare();
+}
+
+}  // namespace
+
+PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
+  MVS_CHECK(options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2, "options of the fit");
+  PersonFit out;
+  const std::vector<Source> all = FindSources(data, options, &out.missing);
+  if (all.empty())
+    throw UsageError(
+        "no training frame of person " + std::to_string(options.person) +
+        " has an image with a mask: a body cannot be fitted; build masks (`mvstudio mask`) or take option 'fit' off");
+  const std::vector<Source> sources = Thinned(all, options.max_silhouettes);
+  body::BodyFitOptions fit;
+  fit.use_brightness = options.use_brightness;
+  out.fit = body::FitBody(body::MakeMannequin(), ReadSteps(data, sources, options, run), fit, run);
+  out.result.person = std::move(out.fit.person);
+  BakeTextures(data, sources, options, run, &out);
+  return out;
+}
+
+}  // namespace mvstudio::avatar

@@ -1,0 +1,154 @@
+#include "body/fit/fit_body.h"
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "body/fit/fit_judge.h"
+#include "core/choice/heldout_choice.h"
+#include "core/format.h"
+#include "core/statistics.h"
+
+namespace mvstudio::body {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// From stiff and far to soft and near: smoothness of the offsets, reach of the outlines.
+struct Round {
+  double laplacian_sigma_m, max_px;
+};
+constexpr Round kRounds[] = {{1e-4, 40}, {2e-4, 30}, {4e-4, 24}, {6e-4, 20}, {1e-3, 16}, {1e-3, 12}};
+constexpr double kSmoothness[] = {3e-4, 1e-3, 3e-3};  // of which held-out silhouettes choose
+constexpr double kReachPx = 12;
+constexpr double kBrightnessSigmaPx[] = {4, 2};
+
+/// A body that has been fitted so far, and its losses.
+struct Candidate {
+  std::string name;
+  FitState state;
+  PersonBody person;
+  std::vector<double> loss;
+};
+
+class Fit {
+ public:
+  Fit(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options, const RunContext& run)
+      : steps_(steps), options_(options), run_(run), begin_(Clock::now()), state_(body, steps, options, run) {}
+
+  BodyFit Run() {
+    if (!state_.HasPoses() || !HasViews()) {
+      out_.status = Status::kTooFewViews;
+      out_.person = state_.Person();
+      return out_;
+    }
+    ProgressStage stage(run_, "fitting the body", static_cast<int64_t>(std::size(kRounds) + std::size(kSmoothness) + 3));
+    before_ = ViewIous(state_, steps_, run_);
+    Reject(before_);
+    std::vector<Candidate> candidates = {Judge("lengths of the bones alone", state_)};
+    out_.iou_before = 1 - Mean(FiniteValues(candidates[0].loss));
+    FitOutlines(&stage);
+    for (const double smoothness : kSmoothness) {
+      FitState softer = state_;
+      for (int k = 0; k < 2; ++k) softer.FitShape(smoothness, kReachPx), softer.FitPoses(kReachPx);
+      candidates.push_back(Judge(Format("offsets, smooth to %.1f mm", 1e3 * smoothness), softer));
+      stage.Advance();
+    }
+    Candidate best = Choose(&candidates);
+    stage.Advance();
+    if (best.name != candidates[0].name && options_.use_brightness) best = WithBrightness(std::move(best));
+    stage.Advance();
+    Finish(best);
+    stage.Advance();
+    return out_;
+  }
+
+ private:
+  bool HasViews() const {
+    for (size_t i = 0; i < steps_.size(); ++i) {
+      if (state_.IsFitted(static_cast<int>(i)) && !steps_[i].views.empty()) return true;
+    }
+    return false;
+  }
+
+  void Reject(const std::vector<std::vector<double>>& ious) {
+    const std::vector<RejectedView> rejected = RejectViews(steps_, ious, &state_);
+    out_.rejected.insert(out_.rejected.end(), rejected.begin(), rejected.end());
+  }
+
+  void FitOutlines(ProgressStage* stage) {
+    bool first = true;
+    for (const Round& round : kRounds) {
+      state_.FitShape(round.laplacian_sigma_m, round.max_px);
+      if (!first) state_.FitPoses(round.max_px);
+      first = false;
+      stage->Advance();
+    }
+    Reject(ViewIous(state_, steps_, run_));
+  }
+
+  Candidate Judge(const std::string& name, const FitState& state) {
+    Candidate candidate{name, state, state.Person(), {}};
+    candidate.loss = OutlineLoss(candidate.person, steps_, run_);
+    const double seconds = std::chrono::duration<double>(Clock::now() - begin_).count();
+    out_.stages.push_back({name, 1 - Mean(FiniteValues(candidate.loss)), seconds, false});
+    return candidate;
+  }
+
+  /// The simplest body that held-out silhouettes do not show to be worse. Without any: the stiffest offsets.
+  Candidate Choose(std::vector<Candidate>* candidates) {
+    std::vector<HeldOutCandidate> losses;
+    for (const Candidate& candidate : *candidates) losses.push_back({candidate.name, candidate.loss});
+    const HeldOutChoice choice = ChooseHeldOut(losses, {});
+    const int index = choice.status == Status::kOk ? choice.index : 1;
+    out_.stages[index].kept = true;
+    return (*candidates)[index];
+  }
+
+  /// Poses by brightness too, where the surface of held-out images then fits the others better.
+  Candidate WithBrightness(Candidate outlines) {
+    FitState state = outlines.state;
+    for (const double sigma_px : kBrightnessSigmaPx) {
+      state.FitBrightness(sigma_px, kReachPx);
+      state.FitShape(kSmoothness[1], kReachPx);
+    }
+    Candidate brighter = Judge("poses by brightness", state);
+    const UnitMean worse = DifferenceOverUnits(BrightnessLoss(brighter.person, steps_, kBrightnessSigmaPx[1], run_),
+                                               BrightnessLoss(outlines.person, steps_, kBrightnessSigmaPx[1], run_));
+    out_.stages.back().kept = worse.mean < 0;
+    return worse.mean < 0 ? brighter : outlines;
+  }
+
+  /// Held-out time steps join the others: they have done their work.
+  void Finish(const Candidate& best) {
+    out_.iou = 1 - Mean(FiniteValues(best.loss));
+    FitState state = best.state;
+    state.UseAll();
+    if (!out_.stages[0].kept) {
+      for (int k = 0; k < 2; ++k) state.FitPoses(kReachPx);
+      if (out_.stages.back().name == "poses by brightness" && out_.stages.back().kept)
+        state.FitBrightness(kBrightnessSigmaPx[1], kReachPx);
+    }
+    out_.person = state.Person();
+    out_.offsets = state.offsets();
+    out_.joint_error_m = state.joint_error_m();
+    out_.cameras = CompareCameras(out_.person, state, steps_, before_, run_);
+  }
+
+  const std::vector<FitStep>& steps_;
+  BodyFitOptions options_;
+  RunContext run_;
+  Clock::time_point begin_;
+  FitState state_;
+  BodyFit out_;
+  std::vector<std::vector<double>> before_;
+};
+
+}  // namespace
+
+BodyFit FitBody(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options,
+                const RunContext& run) {
+  return Fit(body, steps, options, run).Run();
+}
+
+}  // namespace mvstudio::body

@@ -1,0 +1,190 @@
+#include "body/fit/fit_judge.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "core/parallel.h"
+#include "core/statistics.h"
+
+namespace mvstudio::body {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// `loss(step, vertices)` of each held-out time step whose trunk the joints determine.
+template <class Loss>
+std::vector<double> HeldOutLosses(const PersonBody& person, const std::vector<FitStep>& steps, const RunContext& run,
+                                  const Loss& loss) {
+  std::vector<double> losses(steps.size(), kNan);
+  ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
+    const FitStep& step = steps[i];
+    if (!step.held_out || step.views.empty()) return;
+    const auto pose = PoseByJoints(person, step.joints.x_in_world, step.joints.valid);
+    if (pose) losses[i] = loss(step, SkinVertices(person.body, ToBodyPose(person.body, *pose)));
+  });
+  return losses;
+}
+
+/// What all vertices of one time step show, by vertex.
+std::vector<SeenVertex> SeenIn(const PersonBody& person, const FitStep& step, const Eigen::Matrix3Xf& vertices,
+                               double sigma_px) {
+  std::vector<SeenVertex> all;
+  for (const FitView& view : step.views) {
+    if (!view.grey) continue;
+    const auto seen =
+        SeeVertices(person.body, vertices, view.camera, SmoothBrightness(*view.grey, view.outline->mask(), sigma_px));
+    all.insert(all.end(), seen.begin(), seen.end());
+  }
+  return all;
+}
+
+struct ShiftSums {
+  Eigen::Matrix2d h = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d g = Eigen::Vector2d::Zero();
+};
+
+ShiftSums ShiftOf(const PersonBody& person, const Eigen::Matrix3Xf& vertices, const FitView& view) {
+  constexpr double kReachPx = 12;
+  ShiftSums sums;
+  for (const RimPoint& rim : FindRim(person.body.faces, vertices, view.camera)) {
+    const auto gap = view.outline->Distance(rim.px, rim.outward, kReachPx);
+    if (!gap) continue;
+    sums.h += rim.outward * rim.outward.transpose(), sums.g += rim.outward * *gap;
+  }
+  return sums;
+}
+
+struct CameraSums {
+  CameraFit fit;
+  std::vector<double> before, after;
+  std::vector<Eigen::Vector2d> shifts;  // one a time step
+};
+
+void Summarise(CameraSums* sums) {
+  CameraFit& fit = sums->fit;
+  fit.iou_before = Mean(FiniteValues(sums->before)), fit.iou = Mean(FiniteValues(sums->after));
+  std::vector<double> x, y;
+  for (const Eigen::Vector2d& shift : sums->shifts) x.push_back(shift[0]), y.push_back(shift[1]);
+  if (x.size() < 2) return;
+  fit.shift_px = {LinearQuantile(x, 0.5), LinearQuantile(y, 0.5)};
+  fit.shift_sigma_px = std::hypot(SampleDeviation(x), SampleDeviation(y)) / std::sqrt(static_cast<double>(x.size()));
+}
+
+}  // namespace
+
+double SilhouetteIou(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const FitView& view) {
+  const Image cover = RasterizeCover(body.faces, vertices_in_world, view.camera);
+  const Image& mask = view.outline->mask();
+  int64_t both = 0, any = 0;
+  for (size_t i = 0; i < cover.pixels.size(); ++i) {
+    const bool a = cover.pixels[i] > 0, b = mask.pixels[i] >= 128;
+    both += a && b, any += a || b;
+  }
+  return any > 0 ? static_cast<double>(both) / static_cast<double>(any) : 0;
+}
+
+std::vector<double> OutlineLoss(const PersonBody& person, const std::vector<FitStep>& steps, const RunContext& run) {
+  return HeldOutLosses(person, steps, run, [&](const FitStep& step, const Eigen::Matrix3Xf& vertices) {
+    double sum = 0;
+    for (const FitView& view : step.views) sum += SilhouetteIou(person.body, vertices, view);
+    return 1 - sum / static_cast<double>(step.views.size());
+  });
+}
+
+std::vector<double> BrightnessLoss(const PersonBody& person, const std::vector<FitStep>& steps, double sigma_px,
+                                   const RunContext& run) {
+  std::vector<std::vector<SeenVertex>> seen(steps.size());
+  ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
+    const auto pose = person.seen.find(steps[i].frame);
+    if (steps[i].held_out || pose == person.seen.end()) return;
+    seen[i] = SeenIn(person, steps[i], SkinVertices(person.body, ToBodyPose(person.body, pose->second)), sigma_px);
+  });
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(person.body.vertices.cols()), weight = sum;
+  for (const auto& step : seen) {
+    for (const SeenVertex& one : step) sum[one.vertex] += one.weight * one.value, weight[one.vertex] += one.weight;
+  }
+  return HeldOutLosses(person, steps, run, [&](const FitStep& step, const Eigen::Matrix3Xf& vertices) {
+    double deviations = 0, total = 0;
+    for (const SeenVertex& one : SeenIn(person, step, vertices, sigma_px)) {
+      if (!(weight[one.vertex] > 1)) continue;
+      deviations += one.weight * std::abs(one.value - sum[one.vertex] / weight[one.vertex]), total += one.weight;
+    }
+    return total > 0 ? deviations / total : kNan;
+  });
+}
+
+std::vector<std::vector<double>> ViewIous(const FitState& state, const std::vector<FitStep>& steps, const RunContext& run) {
+  const BodyTemplate body = state.Shaped();
+  std::vector<std::vector<double>> ious(steps.size());
+  ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
+    const auto step = static_cast<int>(i);
+    ious[i].assign(steps[i].views.size(), kNan);
+    if (!state.IsPosed(step)) return;
+    const Eigen::Matrix3Xf vertices = SkinVertices(body, ToBodyPose(body, state.pose(step)));
+    for (size_t k = 0; k < ious[i].size(); ++k) ious[i][k] = SilhouetteIou(body, vertices, steps[i].views[k]);
+  });
+  return ious;
+}
+
+std::vector<RejectedView> RejectViews(const std::vector<FitStep>& steps, const std::vector<std::vector<double>>& ious,
+                                      FitState* state) {
+  constexpr double kTimesMedian = 4, kFine = 0.15;  // of what does not overlap
+  std::vector<double> values;
+  const auto for_each = [&](const auto& use) {
+    for (int i = 0; i < static_cast<int>(steps.size()); ++i) {
+      for (int k = 0; k < static_cast<int>(ious[i].size()); ++k) {
+        if (state->IsUsed(i, k) && std::isfinite(ious[i][k])) use(i, k, ious[i][k]);
+      }
+    }
+  };
+  for_each([&](int, int, double iou) { values.push_back(iou); });
+  const double least = 1 - std::max(kFine, kTimesMedian * (1 - LinearQuantile(values, 0.5)));
+  std::vector<RejectedView> rejected;
+  for_each([&](int i, int k, double iou) {
+    if (iou >= least) return;
+    state->Reject(i, k);
+    rejected.push_back({steps[i].frame, steps[i].views[k].camera_name, iou});
+  });
+  return rejected;
+}
+
+std::vector<CameraFit> CompareCameras(const PersonBody& person, const FitState& state, const std::vector<FitStep>& steps,
+                                      const std::vector<std::vector<double>>& before, const RunContext& run) {
+  const std::vector<std::vector<double>> after = ViewIous(state, steps, run);
+  std::vector<std::vector<ShiftSums>> shifts(steps.size());
+  ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
+    const auto step = static_cast<int>(i);
+    shifts[i].resize(steps[i].views.size());
+    if (!state.IsPosed(step)) return;
+    const Eigen::Matrix3Xf vertices = SkinVertices(person.body, ToBodyPose(person.body, state.pose(step)));
+    for (size_t k = 0; k < shifts[i].size(); ++k) {
+      if (state.IsUsed(step, static_cast<int>(k))) shifts[i][k] = ShiftOf(person, vertices, steps[i].views[k]);
+    }
+  });
+  std::map<std::string, CameraSums> cameras;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    for (size_t k = 0; k < steps[i].views.size(); ++k) {
+      CameraSums& sums = cameras[steps[i].views[k].camera_name];
+      sums.fit.name = steps[i].views[k].camera_name;
+      ++sums.fit.views;
+      if (!state.IsUsed(static_cast<int>(i), static_cast<int>(k))) {
+        ++sums.fit.rejected;
+        continue;
+      }
+      sums.before.push_back(before[i][k]), sums.after.push_back(after[i][k]);
+      const ShiftSums& shift = shifts[i][k];
+      if (shift.h.determinant() > 1) sums.shifts.push_back(shift.h.inverse() * shift.g);
+    }
+  }
+  std::vector<CameraFit> out;
+  for (auto& [name, sums] : cameras) {
+    Summarise(&sums);
+    out.push_back(sums.fit);
+  }
+  return out;
+}
+
+}  // namespace mvstudio::body

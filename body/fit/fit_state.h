@@ -1,0 +1,77 @@
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <optional>
+#include <vector>
+
+#include "body/fit/fit_body.h"
+#include "body/fit/offsets.h"
+#include "body/fit/photometric.h"
+
+namespace mvstudio::body {
+
+/// A fit under way: the person's skeleton, offsets of its surface, a pose a time step.
+class FitState {
+ public:
+  /// Lengths and joints of the skeleton by the joints of all time steps; poses by joints alone.
+  FitState(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options, const RunContext& run);
+
+  /// The template with the offsets.
+  BodyTemplate Shaped() const;
+  /// One step of the offsets towards the outlines.
+  Status FitShape(double laplacian_sigma_m, double max_px);
+  /// Poses by joints and outlines.
+  void FitPoses(double max_px);
+  /// Poses by joints, outlines, and the brightness that a vertex has in the mean over all images. Gaussian of `sigma_px`.
+  void FitBrightness(double sigma_px, double max_px);
+
+  /// The body as it is, with habits learned from the poses of the time steps in use.
+  PersonBody Person() const;
+  /// A silhouette that the fit must not use.
+  void Reject(int step, int view) { used_[step][view] = 0; }
+  bool IsUsed(int step, int view) const { return used_[step][view] != 0; }
+  /// Held-out time steps join in.
+  void UseAll() { use_all_ = true; }
+
+  bool IsFitted(int step) const { return posed_[step] && (use_all_ || !(*steps_)[step].held_out); }
+  bool IsPosed(int step) const { return posed_[step] != 0; }
+  const ArticulatedPose& pose(int step) const { return poses_[step]; }
+  const Eigen::VectorXd& offsets() const { return offsets_; }
+  double joint_sigma_m() const { return joint_sigma_m_; }
+  double joint_error_m() const { return joint_error_m_; }
+  bool HasPoses() const;
+
+ private:
+  struct Seen {
+    std::vector<OffsetObservation> shape;
+    std::vector<SurfaceResidual> pose;
+  };
+  using SeenStep = std::vector<std::vector<SeenVertex>>;  // a view each
+  struct MeanBrightness {
+    Eigen::VectorXd value, weight;  // (V)
+    double sigma = 0;
+  };
+
+  void FitSkeleton();
+  void PoseAllByJoints();
+  Seen LookAtOutlines(const BodyTemplate& shaped, int step, double max_px) const;
+  SeenStep LookAtBrightness(const BodyTemplate& shaped, int step, double sigma_px) const;
+  MeanBrightness MeanOf(const std::vector<SeenStep>& seen) const;
+  void AddBrightness(const BodyTemplate& shaped, int step, const SeenStep& seen, const MeanBrightness& mean,
+                     std::vector<SurfaceResidual>* residuals) const;
+
+  const std::vector<FitStep>* steps_;
+  RunContext run_;
+  BodyTemplate base_;  // the person's lengths, the template's surface
+  RotationPrior prior_;
+  double joint_sigma_m_, joint_error_m_ = 0;
+  std::vector<ArticulatedPose> poses_;
+  std::vector<uint8_t> posed_;              // the trunk is determined
+  std::vector<std::vector<uint8_t>> used_;  // (steps, views)
+  bool use_all_ = false;
+  Eigen::Matrix3Xf normals_;  // (3, V) of the rest pose
+  Eigen::VectorXd offsets_;
+  Eigen::SparseMatrix<double> laplacian_;
+};
+
+}  // namespace mvstudio::body

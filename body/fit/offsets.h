@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+#include <vector>
+
+#include "core/status.h"
+
+namespace mvstudio::body {
+
+/// One row a vertex: its value minus the mean of its neighbours', weighted by the inverse lengths of the edges (Fujiwara's
+/// Laplacian: "Eigenvalues of Laplacians on a closed Riemannian manifold and its nets", 1995).
+Eigen::SparseMatrix<double> UmbrellaLaplacian(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces);
+
+/// An outline seen at a vertex: `scale` px per metre of offset, to move by `gap_px` from the present offset.
+struct OffsetObservation {
+  int vertex = 0;
+  double scale = 0, gap_px = 0;
+  double weight = 0;  ///< 1 / px
+};
+
+struct OffsetSmoothness {
+  double laplacian_sigma_m = 1e-3;  ///< of an offset against the mean of its neighbours'
+  double offset_sigma_m = 0.1;      ///< of an offset itself
+};
+
+/// Offsets (V) along the rest normals, metres: one Gauss-Newton step from `offsets`, Cauchy loss at 3 / weight, sparse
+/// Cholesky.
+Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
+                   const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets);
+
+}  // namespace mvstudio::body

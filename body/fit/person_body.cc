@@ -1,0 +1,19 @@
+#include "body/fit/person_body.h"
+
+namespace mvstudio::body {
+
+std::optional<ArticulatedPose> PoseByJoints(const PersonBody& person, const Eigen::Matrix3Xd& coco19_in_world,
+                                            const std::array<bool, 19>& valid) {
+  constexpr int kMaxIterations = 30;
+  BodyPose start;
+  if (!PoseFromJoints(person.body, coco19_in_world, valid, &start)) return std::nullopt;
+  PoseProblemInput input{{coco19_in_world, valid, {}}, {AnatomicalPrior(person.body)}, {}};
+  input.joints.sigma_m.fill(person.joint_sigma_m);
+  ArticulatedPose pose = SolvePose(person.body, input, FromBodyPose(person.body, start), kMaxIterations).pose;
+  if (person.habits.bones.empty()) return pose;
+  input.priors = {person.habits.Expect(person.body, pose)};
+  pose.local_rotations = input.priors[0].mean;
+  return SolvePose(person.body, input, pose, kMaxIterations).pose;
+}
+
+}  // namespace mvstudio::body

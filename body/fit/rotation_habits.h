@@ -1,0 +1,28 @@
+#pragma once
+
+#include <vector>
+
+#include "body/fit/articulated_pose.h"
+#include "body/fit/pose_solver.h"
+
+namespace mvstudio::body {
+
+/// How one person's bones turn beyond what joints show (hands, feet, the bend of the trunk): linear in the rotations of the
+/// bone and its neighbours, and in the direction of up. Ridge regression, a bone at a time; its strength, or the mean alone, or
+/// nothing, by cross validation over contiguous blocks of time steps.
+struct RotationHabits {
+  struct Bone {
+    Eigen::Matrix3Xd weights;  ///< (3, features); empty: as the joints say
+    double sigma_rad = 0;      ///< rms of what was predicted for time steps left out
+  };
+  std::vector<Bone> bones;  ///< (B); empty: too few time steps were seen
+
+  /// `by_joints` and `seen` are poses of the same time steps in order of time: by joints alone, and by images too.
+  static RotationHabits Learn(const BodyTemplate& body, const std::vector<ArticulatedPose>& by_joints,
+                              const std::vector<ArticulatedPose>& seen);
+
+  /// Expected local rotations for a pose by joints alone, each within its sigma.
+  RotationPrior Expect(const BodyTemplate& body, const ArticulatedPose& by_joints) const;
+};
+
+}  // namespace mvstudio::body

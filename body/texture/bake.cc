@@ -1,0 +1,197 @@
+#include "body/texture/bake.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "body/mesh_raster.h"
+#include "core/parallel.h"
+#include "core/statistics.h"
+#include "geometry/lens/camera.h"
+
+namespace mvstudio::body {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+/// Four masks around the pixel say person: no background is mixed in.
+bool InsideMask(const Image& mask, const Vector2d& px) {
+  constexpr double kReach = 1.5;
+  for (const Vector2d& by : {Vector2d(kReach, 0), Vector2d(-kReach, 0), Vector2d(0, kReach), Vector2d(0, -kReach)}) {
+    const int x = static_cast<int>(std::lround(px[0] + by[0])), y = static_cast<int>(std::lround(px[1] + by[1]));
+    if (x < 0 || y < 0 || x >= mask.width || y >= mask.height || *mask.Pixel(x, y) < 128) return false;
+  }
+  return true;
+}
+
+/// Nothing of the body lies before `z`, and no edge of depth is near.
+bool Visible(const std::vector<float>& depth, int width, int height, const Vector2d& px, double z) {
+  constexpr double kTolerance = 0.02;  // m
+  const int cx = static_cast<int>(std::lround(px[0])), cy = static_cast<int>(std::lround(px[1]));
+  for (int y = cy - 1; y <= cy + 1; ++y) {
+    for (int x = cx - 1; x <= cx + 1; ++x) {
+      if (x < 0 || y < 0 || x >= width || y >= height) return false;
+      if (depth[static_cast<size_t>(y) * width + x] < z - kTolerance) return false;
+    }
+  }
+  return true;
+}
+
+std::array<uint8_t, 3> Bilinear(const Image& image, const Vector2d& px) {
+  const int x = std::clamp(static_cast<int>(px[0]), 0, image.width - 2),
+            y = std::clamp(static_cast<int>(px[1]), 0, image.height - 2);
+  const double fx = std::clamp(px[0] - x, 0.0, 1.0), fy = std::clamp(px[1] - y, 0.0, 1.0);
+  std::array<uint8_t, 3> out;
+  for (int c = 0; c < 3; ++c) {
+    const double top = (1 - fx) * image.Pixel(x, y)[c] + fx * image.Pixel(x + 1, y)[c];
+    const double bottom = (1 - fx) * image.Pixel(x, y + 1)[c] + fx * image.Pixel(x + 1, y + 1)[c];
+    out[c] = static_cast<uint8_t>(std::lround((1 - fy) * top + fy * bottom));
+  }
+  return out;
+}
+
+/// Unseen texels take the mean of their seen neighbours, from the seams inwards.
+void Fill(std::vector<uint8_t>* seen, Image* texture) {
+  const int size = texture->width;
+  for (bool changed = true; changed;) {
+    changed = false;
+    const std::vector<uint8_t> before = *seen;
+    for (int y = 0; y < size; ++y) {
+      for (int x = 0; x < size; ++x) {
+        if (before[static_cast<size_t>(y) * size + x]) continue;
+        int sum[3] = {0, 0, 0}, count = 0;
+        for (int dy = -1; dy <= 1; ++dy) {
+          for (int dx = -1; dx <= 1; ++dx) {
+            const int nx = x + dx, ny = y + dy;
+            if (nx < 0 || ny < 0 || nx >= size || ny >= size || !before[static_cast<size_t>(ny) * size + nx]) continue;
+            for (int c = 0; c < 3; ++c) sum[c] += texture->Pixel(nx, ny)[c];
+            ++count;
+          }
+        }
+        if (count == 0) continue;
+        for (int c = 0; c < 3; ++c) texture->Pixel(x, y)[c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
+        (*seen)[static_cast<size_t>(y) * size + x] = 1, changed = true;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+TextureBaker::TextureBaker(const BodyTemplate& body, int size_px)
+    : body_(body), map_(MapTexels(body, size_px)), samples_(map_.face.size() * kSamples) {}
+
+void TextureBaker::AddTexel(const TextureView& view, const std::vector<Vector3f>& in_cam, const std::vector<float>& depth,
+                            size_t texel) {
+  const int face = map_.face[texel];
+  if (face < 0) return;
+  const Vector3f corner[3] = {in_cam[body_.faces(0, face)], in_cam[body_.faces(1, face)], in_cam[body_.faces(2, face)]};
+  const Vector3f& b = map_.barycentric[texel];
+  const Vector3f x = b[0] * corner[0] + b[1] * corner[1] + b[2] * corner[2];
+  if (!(x[2] > 0.01f)) return;
+  const Vector3f normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+  const float cosine = -normal.dot(x.normalized());
+  if (!(cosine > 0.25f)) return;
+  const geometry::Projector projector(view.camera.camera);
+  const geometry::Projection at = projector.Project(x.cast<double>());
+  if (at.status != Status::kOk || !InsideMask(view.mask, at.px)) return;
+  if (!Visible(depth, view.image.width, view.image.height, at.px, x[2])) return;
+  const float near = static_cast<float>(view.camera.camera.fx()) / x[2];
+  const Sample sample{cosine * cosine * near * near, Bilinear(view.image, at.px)};
+  Sample* list = samples_.data() + texel * kSamples;
+  Sample* least =
+      std::min_element(list, list + kSamples, [](const Sample& a, const Sample& b2) { return a.weight < b2.weight; });
+  if (sample.weight > least->weight) *least = sample;
+}
+
+void TextureBaker::Add(const TextureView& view, const RunContext& run) {
+  const PartUvMap map = RasterizeBody(body_, view.vertices_in_world, view.camera);
+  std::vector<Vector3f> in_cam(view.vertices_in_world.cols());
+  for (size_t i = 0; i < in_cam.size(); ++i)
+    in_cam[i] = (view.camera.cam_from_world * Vector3d(view.vertices_in_world.col(i).cast<double>())).cast<float>();
+  const size_t chart = static_cast<size_t>(map_.size_px) * map_.size_px;
+  ParallelFor(kNumParts, run.num_threads, [&](int64_t part) {
+    for (size_t t = 0; t < chart; ++t) AddTexel(view, in_cam, map.depth_m, static_cast<size_t>(part) * chart + t);
+  });
+}
+
+Textures TextureBaker::Finish() const {
+  Textures out;
+  const int size = map_.size_px;
+  const size_t chart = static_cast<size_t>(size) * size;
+  for (int part = 0; part < kNumParts; ++part) {
+    out[part] = Image(size, size, 3, 128);
+    std::vector<uint8_t> seen(chart, 0);
+    for (size_t t = 0; t < chart; ++t) {
+      const Sample* list = samples_.data() + (part * chart + t) * kSamples;
+      std::array<std::vector<double>, 3> values;
+      for (int k = 0; k < kSamples; ++k) {
+        if (list[k].weight > 0)
+          for (int c = 0; c < 3; ++c) values[c].push_back(list[k].colour[c]);
+      }
+      if (values[0].empty()) continue;
+      double median[3], sum[3] = {0, 0, 0}, total = 0;
+      for (int c = 0; c < 3; ++c) median[c] = LinearQuantile(values[c], 0.5);
+      for (int k = 0; k < kSamples; ++k) {
+        if (!(list[k].weight > 0)) continue;
+        double square = 0;
+        for (int c = 0; c < 3; ++c) square += (list[k].colour[c] - median[c]) * (list[k].colour[c] - median[c]);
+        const double weight = list[k].weight / (1 + square / (3 * 15 * 15));
+        for (int c = 0; c < 3; ++c) sum[c] += weight * list[k].colour[c];
+        total += weight;
+      }
+      for (int c = 0; c < 3; ++c) out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(sum[c] / total));
+      seen[t] = 1;
+    }
+    Fill(&seen, &out[part]);
+  }
+  return out;
+}
+
+double TextureBaker::SeenShare() const {
+  int64_t seen = 0, all = 0;
+  for (size_t t = 0; t < map_.face.size(); ++t) {
+    if (map_.face[t] < 0) continue;
+    ++all;
+    for (int k = 0; k < kSamples; ++k)
+      if (samples_[t * kSamples + k].weight > 0) {
+        ++seen;
+        break;
+      }
+  }
+  return all > 0 ? static_cast<double>(seen) / static_cast<double>(all) : 0;
+}
+
+RenderedBody RenderBody(const BodyTemplate& body, const Textures& textures, const Eigen::Matrix3Xf& vertices_in_world,
+                        const geometry::RigCamera& camera) {
+  constexpr int kFiner = 4;
+  geometry::RigCamera fine = camera;
+  fine.camera.width_px *= kFiner, fine.camera.height_px *= kFiner;
+  fine.camera.params[0] *= kFiner, fine.camera.params[1] *= kFiner;
+  for (int k = 2; k < 4; ++k) fine.camera.params[k] = kFiner * (camera.camera.params[k] + 0.5) - 0.5;
+  const PartUvMap map = RasterizeBody(body, vertices_in_world, fine);
+  RenderedBody out{Image(camera.camera.width_px, camera.camera.height_px, 3),
+                   Image(camera.camera.width_px, camera.camera.height_px, 1)};
+  for (int y = 0; y < out.image.height; ++y) {
+    for (int x = 0; x < out.image.width; ++x) {
+      double sum[3] = {0, 0, 0};
+      int count = 0;
+      for (int k = 0; k < kFiner * kFiner; ++k) {
+        const size_t at = static_cast<size_t>(y * kFiner + k / kFiner) * map.width + x * kFiner + k % kFiner;
+        if (map.part[at] == 0) continue;
+        const Image& texture = textures[map.part[at] - 1];
+        const auto colour =
+            Bilinear(texture, Vector2d(map.u[at] * texture.width - 0.5, map.v[at] * texture.height - 0.5).cwiseMax(0));
+        for (int c = 0; c < 3; ++c) sum[c] += colour[c];
+        ++count;
+      }
+      for (int c = 0; c < 3; ++c) out.image.Pixel(x, y)[c] = static_cast<uint8_t>(std::lround(sum[c] / (kFiner * kFiner)));
+      *out.cover.Pixel(x, y) = static_cast<uint8_t>(std::lround(255.0 * count / (kFiner * kFiner)));
+    }
+  }
+  return out;
+}
+
+}  // namespace mvstudio::body

@@ -1,0 +1,70 @@
+#include <filesystem>
+#include <memory>
+
+#include "app/nets/avatar_fit.h"
+#include "app/nets/avatar_train_data.h"
+#include "cli/avatar/split_options.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+constexpr char kTextureFile[] = "body_texture.png";
+
+struct FitArguments {
+  std::string dataset, out;
+  app::SplitArguments split;
+  avatar::PersonFitOptions options;
+  bool overwrite = false;
+};
+
+CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
+  const int person = avatar::ChoosePerson(data, arguments.options.person);
+  const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
+  const std::vector<std::string> names = {avatar::kPersonFile, kTextureFile};
+  const OutputFolder place(arguments.out, {arguments.dataset}, names);
+  const std::string body_path = arguments.out + "/" + avatar::kPersonFile, texture_path = arguments.out + "/" + kTextureFile;
+  if (std::filesystem::exists(body_path) && !arguments.overwrite)
+    throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
+  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.options, context.run);
+  RemoveOurs({body_path, texture_path});
+  MakeFolder(arguments.out);
+  WritePerson(fit.result, body_path);
+  dataset::WriteImage(app::TextureSheet(fit.result.textures), texture_path);
+  CommandResult result;
+  result.folder = arguments.out, result.inputs = {arguments.dataset};
+  result.metrics = app::ToJson(fit);
+  result.outputs = {{body_path, "body"}, {texture_path, "texture"}};
+  result.text = app::ToTable(fit);
+  app::AddFitWarnings(fit, &result);
+  return result;
+}
+
+}  // namespace
+
+void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
+  auto a = std::make_shared<FitArguments>();
+  CLI::App* sub = avatar.add_subcommand("fit", "Fit a body to a person's joints and silhouettes, and average its colours");
+  AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
+  AddOption(sub, "--out", a->out, "folder for the body")->required();
+  AddSplitOptions(sub, a->split);
+  AddOption(sub, "--person", a->options.person, "person id in the dataset; -1: the one with most frames");
+  AddOption(sub, "--max-silhouettes", a->options.max_silhouettes, "time steps are thinned until no more are used")
+      ->check(CLI::Range(1, 100000));
+  AddOption(sub, "--max-px", a->options.max_px, "longest edge of the person in the images that are fitted to")
+      ->check(CLI::Range(64, 4096));
+  AddOption(sub, "--texture-px", a->options.texture_px, "edge of each of the 24 charts of the texture")
+      ->check(CLI::Range(8, 1024));
+  AddOption(sub, "--brightness", a->options.use_brightness,
+            "align poses by the surface's brightness as well; kept only where held-out images agree");
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
+  registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "app/nets/avatar_train_data.h"
+
+namespace CLI {
+class App;
+}
+
+namespace mvstudio::cli {
+
+/// Which cameras and frames are trained on, and which are held out.
+void AddSplitOptions(CLI::App* sub, app::SplitArguments& arguments);
+
+}  // namespace mvstudio::cli

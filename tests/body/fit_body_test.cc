@@ -1,0 +1,160 @@
+#include "body/fit/fit_body.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "body/fit/rim.h"
+#include "body/surface_nets.h"
+#include "body/texture/bake.h"
+#include "core/random.h"
+
+namespace mvstudio::body {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kSizePx = 200;
+
+geometry::RigCamera CameraAt(double angle_rad, double height_m) {
+  const Vector3d target(0, 0, 0.9), place(3 * std::sin(angle_rad), -3 * std::cos(angle_rad), height_m);
+  const Vector3d forward = (target - place).normalized(), right = forward.cross(Vector3d::UnitZ()).normalized();
+  Eigen::Matrix3d axes;
+  axes << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+  geometry::RigCamera camera;
+  camera.camera = geometry::MakePinhole("cam", kSizePx, kSizePx, 1.2 * kSizePx);
+  camera.cam_from_world.rotation = geometry::NearestRotation(axes);
+  camera.cam_from_world.translation = -(axes * place);
+  return camera;
+}
+
+/// A person who is not the mannequin: taller, with a belly and thick legs.
+struct Studio {
+  BodyTemplate rest = MakeMannequin(1.75, 0.5);
+  BodyTemplate person = MakeMannequin(1.82, 0.5);
+  std::vector<FitStep> steps;
+
+  explicit Studio(int num_steps, int num_cameras = 5) {
+    const Eigen::Matrix3Xf normals = VertexNormals(person.vertices, person.faces);
+    for (Eigen::Index v = 0; v < person.vertices.cols(); ++v) {
+      const double z = person.vertices(2, v) / 1.82;
+      const double belly = 0.035 * std::exp(-std::pow((z - 0.6) / 0.08, 2)), leg = z < 0.45 ? 0.012 : 0;
+      person.vertices.col(v) += static_cast<float>(belly + leg) * normals.col(v);
+    }
+    Rng rng(11);
+    for (int i = 0; i < num_steps; ++i) {
+      ArticulatedPose pose;
+      for (size_t b = 0; b < person.bone_names.size(); ++b) {
+        const double spread = b == 0 ? 0.15 : person.bone_names[b].find("hand") != std::string::npos ? 0.02 : 0.15;
+        pose.local_rotations.push_back(geometry::RotationExp(spread * Vector3d(rng.Normal(), rng.Normal(), rng.Normal())));
+      }
+      AddStep(i, pose, num_cameras, num_steps);
+    }
+  }
+
+  void AddStep(int i, const ArticulatedPose& pose, int num_cameras, int num_steps) {
+    FitStep step;
+    step.frame = i, step.held_out = num_steps >= 10 && i % 5 == 2;
+    step.joints.x_in_world = PosedCoco19(person, ToBodyPose(person, pose)), step.joints.valid.fill(true);
+    const Eigen::Matrix3Xf vertices = SkinVertices(person, ToBodyPose(person, pose));
+    for (int c = 0; c < num_cameras; ++c) {
+      const geometry::RigCamera camera = CameraAt(2 * M_PI * c / num_cameras, c % 2 ? 1.8 : 0.8);
+      auto outline = std::make_shared<MaskOutline>(RasterizeCover(person.faces, vertices, camera));
+      step.views.push_back({"cam" + std::to_string(c), camera, outline, nullptr});
+    }
+    steps.push_back(step);
+    poses.push_back(pose);
+  }
+  std::vector<ArticulatedPose> poses;
+};
+
+double MeanSurfaceError(const Studio& studio, const BodyFit& fit) {
+  double sum = 0;
+  int count = 0;
+  for (const auto& [frame, pose] : fit.person.seen) {
+    const Eigen::Matrix3Xf truth = SkinVertices(studio.person, ToBodyPose(studio.person, studio.poses[frame]));
+    const Eigen::Matrix3Xf found = SkinVertices(fit.person.body, ToBodyPose(fit.person.body, pose));
+    // To the nearest vertex of the truth: a fit says nothing of where on the surface a vertex lies.
+    for (Eigen::Index v = 0; v < found.cols(); v += 23)
+      sum += std::sqrt((truth.colwise() - found.col(v)).colwise().squaredNorm().minCoeff()), ++count;
+  }
+  return sum / count;
+}
+
+TEST(FitBody, FindsTheSurfaceOfAnotherPerson) {
+  const Studio studio(20);
+  const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
+  ASSERT_EQ(fit.status, Status::kOk);
+  EXPECT_GT(fit.iou, 0.94) << "by joints alone";
+  EXPECT_GT(fit.iou, fit.iou_before + 0.02);
+  EXPECT_LT(MeanSurfaceError(studio, fit), 0.012) << "vertices lie 20 mm apart";
+  EXPECT_FALSE(fit.stages.front().kept);
+  EXPECT_TRUE(fit.rejected.empty());
+  for (const CameraFit& camera : fit.cameras) EXPECT_LT(camera.shift_px.norm(), 0.5) << camera.name;
+}
+
+TEST(FitBody, WrongSilhouettesAreNamedAndDoNotDeform) {
+  Studio studio(20);
+  const BodyFit right = FitBody(studio.rest, studio.steps, {}, {});
+  for (const int step : {3, 8, 13})
+    studio.steps[step].views[1].outline = std::make_shared<MaskOutline>(Image(kSizePx, kSizePx, 1, 255));
+  studio.steps[6].views[2].outline = std::make_shared<MaskOutline>(Image(kSizePx, kSizePx, 1));
+  const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
+  ASSERT_EQ(fit.rejected.size(), 4u);
+  for (const RejectedView& view : fit.rejected) EXPECT_EQ(view.camera, view.frame == 6 ? "cam2" : "cam1");
+  EXPECT_LT((fit.person.body.vertices - right.person.body.vertices).colwise().norm().mean(), 0.003);
+}
+
+TEST(FitBody, AShiftedCameraIsSeen) {
+  Studio studio(15, 6);
+  for (FitStep& step : studio.steps) step.views[4].camera.camera.params[2] += 3;
+  const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
+  for (const CameraFit& camera : fit.cameras) {
+    if (camera.name == "cam4") {
+      EXPECT_NEAR(camera.shift_px[0], -3, 1);
+      EXPECT_GT(camera.shift_px.norm(), 4 * camera.shift_sigma_px);
+    } else {
+      EXPECT_LT(camera.shift_px.norm(), 1) << camera.name;
+    }
+  }
+}
+
+TEST(FitBody, FewStepsAreNotJudgedAndNoneIsAStatus) {
+  const Studio three(3);
+  const BodyFit fit = FitBody(three.rest, three.steps, {}, {});
+  EXPECT_EQ(fit.status, Status::kOk);
+  EXPECT_TRUE(std::isnan(fit.iou));
+  EXPECT_TRUE(fit.person.body.vertices.allFinite());
+  std::vector<FitStep> none = three.steps;
+  for (FitStep& step : none) step.joints.valid.fill(false);
+  EXPECT_EQ(FitBody(three.rest, none, {}, {}).status, Status::kTooFewViews);
+  EXPECT_EQ(FitBody(three.rest, {}, {}, {}).status, Status::kTooFewViews);
+}
+
+TEST(TextureBaker, BringsTheColoursBack) {
+  const BodyTemplate body = MakeMannequin(1.75, 0.6);
+  const Textures truth = MannequinTextures(32, 5);
+  TextureBaker baker(body, 32);
+  for (int c = 0; c < 12; ++c) {
+    geometry::RigCamera camera = CameraAt(2 * M_PI * c / 12, c % 3 == 0 ? 2.4 : 1.0);
+    camera.camera.width_px = camera.camera.height_px = 500;
+    camera.camera.params << 600, 600, 249.5, 249.5;
+    const RenderedBody rendered = RenderBody(body, truth, body.vertices, camera);
+    baker.Add({camera, rendered.image, rendered.cover, body.vertices}, {});
+  }
+  EXPECT_GT(baker.SeenShare(), 0.7);
+  const Textures found = baker.Finish();
+  const geometry::RigCamera camera = CameraAt(0.3, 1.4);
+  const Image a = RenderBody(body, truth, body.vertices, camera).image,
+              b = RenderBody(body, found, body.vertices, camera).image;
+  double sum = 0;
+  int count = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i) {
+    if (a.pixels[i] == 0) continue;
+    sum += std::abs(a.pixels[i] - b.pixels[i]), ++count;
+  }
+  EXPECT_LT(sum / count, 12) << "grey levels of " << count;
+}
+
+}  // namespace
+}  // namespace mvstudio::body

@@ -1,0 +1,238 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "body/fit/articulated_pose.h"
+#include "body/fit/mask_outline.h"
+#include "body/fit/offsets.h"
+#include "body/fit/photometric.h"
+#include "body/fit/pose_solver.h"
+#include "body/fit/rim.h"
+#include "body/fit/rotation_habits.h"
+#include "core/random.h"
+
+namespace mvstudio::body {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+const BodyTemplate& Small() {
+  static const BodyTemplate body = MakeMannequin(1.75, 0.5);
+  return body;
+}
+
+/// A person's camera: looks along world y from 3 m before it, at hip height.
+geometry::RigCamera FrontCamera(int size_px) {
+  geometry::RigCamera camera;
+  camera.camera = geometry::MakePinhole("front", size_px, size_px, 1.3 * size_px);
+  Eigen::Matrix3d axes;
+  axes << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  camera.cam_from_world.rotation = Eigen::Quaterniond(axes);
+  camera.cam_from_world.translation = -(axes * Vector3d(0, -3, 0.9));
+  return camera;
+}
+
+ArticulatedPose RandomPose(const BodyTemplate& body, double spread_rad, Rng& rng) {
+  ArticulatedPose pose;
+  for (size_t b = 0; b < body.bone_names.size(); ++b)
+    pose.local_rotations.push_back(geometry::RotationExp(spread_rad * Vector3d(rng.Normal(), rng.Normal(), rng.Normal())));
+  pose.shift = 0.2 * Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+  return pose;
+}
+
+/// A disc with grey rim pixels, as shares of the pixels.
+Image Disc(int size_px, const Vector2d& centre, double radius) {
+  Image disc(size_px, size_px, 1);
+  for (int y = 0; y < size_px; ++y) {
+    for (int x = 0; x < size_px; ++x) {
+      const double inside = radius - (Vector2d(x, y) - centre).norm() + 0.5;
+      *disc.Pixel(x, y) = static_cast<uint8_t>(std::lround(255 * std::clamp(inside, 0.0, 1.0)));
+    }
+  }
+  return disc;
+}
+
+TEST(MaskOutline, DistanceToADiscIsRightWithinATenthOfAPixel) {
+  const Vector2d centre(50.3, 47.8);
+  const MaskOutline outline(Disc(100, centre, 30));
+  for (int k = 0; k < 360; k += 7) {
+    const Vector2d out(std::cos(k * M_PI / 180), std::sin(k * M_PI / 180));
+    for (const double radius : {22.0, 28.7, 30.0, 33.3, 38.0}) {
+      const auto distance = outline.Distance(centre + radius * out, out, 12);
+      ASSERT_TRUE(distance.has_value()) << k << " " << radius;
+      EXPECT_NEAR(*distance, 30 - radius, 0.1) << k << " " << radius;
+    }
+  }
+}
+
+TEST(MaskOutline, NothingFarAwayOutsideOrAcross) {
+  const MaskOutline outline(Disc(100, {50, 50}, 30));
+  EXPECT_FALSE(outline.Distance({50, 50}, {1, 0}, 20).has_value()) << "too far";
+  EXPECT_FALSE(outline.Distance({79, 50}, {0, 1}, 20).has_value()) << "the outline runs along the direction";
+  EXPECT_FALSE(outline.Distance({150, 50}, {1, 0}, 20).has_value()) << "outside the image";
+  EXPECT_FALSE(outline.Distance({std::nan(""), 50}, {1, 0}, 20).has_value());
+  EXPECT_FALSE(MaskOutline(Image(100, 100, 1, 255)).Distance({95, 50}, {1, 0}, 20).has_value()) << "cut by the image's edge";
+}
+
+TEST(FindRim, RunsAlongTheBodysOwnSilhouette) {
+  const geometry::RigCamera camera = FrontCamera(300);
+  const Eigen::Matrix3Xf vertices = Small().vertices;
+  const MaskOutline outline(RasterizeCover(Small().faces, vertices, camera));
+  const std::vector<RimPoint> rim = FindRim(Small().faces, vertices, camera);
+  ASSERT_GT(rim.size(), 100u);
+  int far = 0;
+  for (const RimPoint& point : rim) {
+    const auto gap = outline.Distance(point.px, point.outward, 5);
+    far += !gap || std::abs(*gap) > 1;
+  }
+  EXPECT_LT(far, static_cast<int>(rim.size()) / 10);
+}
+
+TEST(FindRim, TheDerivativeIsThatOfTheProjection) {
+  const geometry::RigCamera camera = FrontCamera(300);
+  const geometry::Projector projector(camera.camera);
+  for (const RimPoint& point : FindRim(Small().faces, Small().vertices, camera)) {
+    const Vector3d x = Small().vertices.col(point.vertex).cast<double>();
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d step = 1e-5 * Vector3d::Unit(k);
+      const Vector2d change =
+          projector.Project(camera.cam_from_world * (x + step)).px - projector.Project(camera.cam_from_world * (x - step)).px;
+      ASSERT_NEAR(point.d_out_d_x[k], point.outward.dot(change) / 2e-5, 1e-4);
+    }
+  }
+}
+
+TEST(ArticulatedPose, GoesThroughBodyPoseUnchanged) {
+  Rng rng(3);
+  const ArticulatedPose pose = RandomPose(Small(), 0.4, rng);
+  const ArticulatedPose back = FromBodyPose(Small(), ToBodyPose(Small(), pose));
+  EXPECT_LT((back.shift - pose.shift).norm(), 1e-12);
+  for (size_t b = 0; b < pose.local_rotations.size(); ++b)
+    EXPECT_LT(geometry::RotationAngle(back.local_rotations[b], pose.local_rotations[b]), 1e-7);
+}
+
+TEST(PosedBones, VerticesAreThoseOfSkinning) {
+  Rng rng(4);
+  const ArticulatedPose pose = RandomPose(Small(), 0.4, rng);
+  const PosedBones bones(Small(), pose);
+  const Eigen::Matrix3Xf skinned = SkinVertices(Small(), bones.pose());
+  for (int v = 0; v < skinned.cols(); v += 17) EXPECT_LT((bones.Vertex(v) - skinned.col(v).cast<double>()).norm(), 1e-6);
+}
+
+TEST(PosedBones, DerivativesAgreeWithDifferences) {
+  Rng rng(5);
+  const BodyTemplate& body = Small();
+  const ArticulatedPose pose = RandomPose(body, 0.5, rng);
+  const PosedBones bones(body, pose);
+  const auto size = static_cast<Eigen::Index>(3 * body.bone_names.size() + 3);
+  for (int v = 5; v < body.vertices.cols(); v += 301) {
+    const Vector3d direction(rng.Normal(), rng.Normal(), rng.Normal());
+    const Eigen::VectorXd gradient = bones.VertexDerivative(v, direction);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      constexpr double kStep = 1e-6;
+      const PoseStep step = kStep * Eigen::VectorXd::Unit(size, k);
+      const double up = direction.dot(PosedBones(body, Retract(body, pose, step)).Vertex(v));
+      const double down = direction.dot(PosedBones(body, Retract(body, pose, -step)).Vertex(v));
+      ASSERT_NEAR(gradient[k], (up - down) / (2 * kStep), 1e-7) << "vertex " << v << ", unknown " << k;
+    }
+  }
+}
+
+JointObservation Observed(const BodyTemplate& body, const ArticulatedPose& pose, double sigma_m) {
+  JointObservation joints;
+  joints.x_in_world = PosedCoco19(body, ToBodyPose(body, pose));
+  joints.valid.fill(true), joints.sigma_m.fill(sigma_m);
+  return joints;
+}
+
+TEST(SolvePose, FindsTheJointsOfABody) {
+  Rng rng(6);
+  for (int k = 0; k < 20; ++k) {
+    const ArticulatedPose truth = RandomPose(Small(), 0.25, rng);
+    PoseProblemInput input{Observed(Small(), truth, 0.003), {AnatomicalPrior(Small())}, {}};
+    const PoseSolution found = SolvePose(Small(), input, RandomPose(Small(), 0, rng), 60);
+    const double error =
+        (PosedCoco19(Small(), ToBodyPose(Small(), found.pose)) - input.joints.x_in_world).colwise().norm().maxCoeff();
+    EXPECT_LT(error, 0.01) << k;
+  }
+}
+
+TEST(SolvePose, AJointFarAwayIsDoubted) {
+  Rng rng(7);
+  const ArticulatedPose truth = RandomPose(Small(), 0.1, rng);
+  PoseProblemInput input{Observed(Small(), truth, 0.005), {AnatomicalPrior(Small())}, {}};
+  const Eigen::Matrix3Xd right = input.joints.x_in_world;
+  input.joints.x_in_world.col(5) += Vector3d(0.8, 0.5, 0.3);
+  const PoseSolution found = SolvePose(Small(), input, RandomPose(Small(), 0, rng), 60);
+  Eigen::Matrix3Xd posed = PosedCoco19(Small(), ToBodyPose(Small(), found.pose));
+  posed.col(5) = right.col(5);
+  EXPECT_LT((posed - right).colwise().norm().maxCoeff(), 0.02);
+}
+
+TEST(UmbrellaLaplacian, IsZeroForConstantsAndNotForSpikes) {
+  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  EXPECT_LT((laplacian * Eigen::VectorXd::Ones(laplacian.cols())).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_NEAR((laplacian * Eigen::VectorXd::Unit(laplacian.cols(), 7))[7], 1, 1e-12);
+}
+
+TEST(StepOffsets, FollowsWhatIsSeenAndDoubtsOneThatDisagrees) {
+  const Eigen::Index count = Small().vertices.cols();
+  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  std::vector<OffsetObservation> seen;
+  for (int v = 0; v < count; v += 3) seen.push_back({v, 200, 2, 0.5});
+  seen.push_back({30, 200, 400, 0.5});
+  Eigen::VectorXd offsets = Eigen::VectorXd::Zero(count);
+  ASSERT_EQ(StepOffsets(laplacian, seen, {1e-3, 1}, &offsets), Status::kOk);
+  EXPECT_NEAR(offsets.mean(), 0.01, 1e-3);
+  EXPECT_LT(offsets.cwiseAbs().maxCoeff(), 0.03);
+  seen.push_back({3, std::nan(""), 1, 1});
+  const Eigen::VectorXd before = offsets;
+  EXPECT_EQ(StepOffsets(laplacian, seen, {1e-3, 1}, &offsets), Status::kNonFiniteInput);
+  EXPECT_EQ(offsets, before);
+}
+
+TEST(SmoothBrightness, IsNotDarkenedByTheBackgroundAndHasARightGradient) {
+  Image grey(60, 60, 1), mask = Disc(60, {30, 30}, 18);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 60; ++x) *grey.Pixel(x, y) = static_cast<uint8_t>(100 + x + y / 2);
+  }
+  const SmoothBrightness smooth(grey, mask, 2);
+  double value = 0;
+  Eigen::RowVector2d gradient;
+  ASSERT_TRUE(smooth.At({30, 30}, &value, &gradient));
+  EXPECT_NEAR(value, 145.0 / 255, 0.003);
+  EXPECT_NEAR(gradient[0], 1.0 / 255, 3e-4);
+  EXPECT_NEAR(gradient[1], 0.5 / 255, 3e-4);
+  ASSERT_TRUE(smooth.At({45, 30}, &value, &gradient));
+  EXPECT_NEAR(value, 160.0 / 255, 0.01) << "near the outline";
+  EXPECT_FALSE(smooth.At({55, 30}, &value, &gradient)) << "outside the mask";
+  EXPECT_FALSE(smooth.At({std::nan(""), 30}, &value, &gradient));
+}
+
+TEST(RotationHabits, LearnsWhatFollowsTheJointsAndNothingElse) {
+  Rng rng(8);
+  std::vector<ArticulatedPose> by_joints, seen;
+  const int hand = 8, forearm = 7, head = 4;
+  for (int i = 0; i < 80; ++i) {
+    ArticulatedPose pose = RandomPose(Small(), 0.3, rng);
+    by_joints.push_back(pose);
+    const Vector3d bend = geometry::RotationLog(pose.local_rotations[forearm]);
+    pose.local_rotations[hand] = pose.local_rotations[hand] * geometry::RotationExp(0.5 * bend + Vector3d(0.2, 0, 0));
+    pose.local_rotations[head] =
+        pose.local_rotations[head] * geometry::RotationExp(0.1 * Vector3d(rng.Normal(), rng.Normal(), rng.Normal()));
+    seen.push_back(pose);
+  }
+  const RotationHabits habits = RotationHabits::Learn(Small(), by_joints, seen);
+  ASSERT_EQ(habits.bones.size(), Small().bone_names.size());
+  EXPECT_LT(habits.bones[hand].sigma_rad, 0.05);
+  EXPECT_EQ(habits.bones[head].weights.size(), 0) << "noise is no habit";
+  const RotationPrior expected = habits.Expect(Small(), by_joints[3]);
+  EXPECT_LT(geometry::RotationAngle(expected.mean[hand], seen[3].local_rotations[hand]), 0.05);
+  EXPECT_TRUE(RotationHabits::Learn(Small(), {by_joints.begin(), by_joints.begin() + 5}, {seen.begin(), seen.begin() + 5})
+                  .bones.empty());
+}
+
+}  // namespace
+}  // namespace mvstudio::body
