@@ -140,7 +140,10 @@ FlatChart HandChart(const RegionAxis& axis, const std::vector<Vector3d>& points)
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread);  // smallest: along the hand, then its normal
   chart.across = solver.eigenvectors().col(2);
+  if (chart.across[1] > 0) chart.across *= -1;  // forwards
   chart.normal = chart.along.cross(chart.across);
+  const double inwards = axis.begin[0] > 0 ? -0.5 : 0.5;
+  if (chart.normal.dot(Vector3d(inwards, -0.2, -1)) < 0) chart.normal *= -1;  // as the palm
   chart.half_width = 1e-3;
   for (const Vector3d& x : points)
     chart.half_width = std::max(chart.half_width, std::abs((x - chart.origin).dot(chart.across)));
