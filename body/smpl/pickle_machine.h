@@ -67,6 +67,7 @@ class PickleMachine {
   void PushGlobal(std::string_view module, std::string_view name);
   void Reduce();
   PickleValue* Call(const PickleValue& function, const std::vector<PickleValue*>& arguments);
+  PickleValue* FromBuffer(const std::vector<PickleValue*>& arguments);
   PickleValue* Encode(const std::vector<PickleValue*>& arguments);
 
   const std::string& bytes_;

@@ -10,6 +10,7 @@ using namespace std::string_view_literals;
 
 // Everything that a pickle may name.
 constexpr std::array kReconstruct = {"numpy.core.multiarray _reconstruct"sv, "numpy._core.multiarray _reconstruct"sv};
+constexpr std::array kFromBuffer = {"numpy.core.numeric _frombuffer"sv, "numpy._core.numeric _frombuffer"sv};
 constexpr std::array kNewObject = {"copy_reg _reconstructor"sv, "copyreg _reconstructor"sv};
 constexpr std::array kEncode = {"_codecs encode"sv};
 constexpr std::array kDtypes = {"numpy dtype"sv};
@@ -23,8 +24,8 @@ bool Has(const Names& names, std::string_view name) {
 }
 
 bool IsKnown(std::string_view name) {
-  return Has(kReconstruct, name) || Has(kNewObject, name) || Has(kEncode, name) || Has(kDtypes, name) || Has(kBases, name) ||
-         Has(kScalars, name) || Has(kClasses, name);
+  return Has(kReconstruct, name) || Has(kFromBuffer, name) || Has(kNewObject, name) || Has(kEncode, name) ||
+         Has(kDtypes, name) || Has(kBases, name) || Has(kScalars, name) || Has(kClasses, name);
 }
 
 /// A name for a message: printable, not long.
@@ -91,6 +92,7 @@ void PickleMachine::Reduce() {
 
 PickleValue* PickleMachine::Call(const PickleValue& function, const std::vector<PickleValue*>& arguments) {
   if (Has(kReconstruct, function.text)) return Make(Kind::kArray);
+  if (Has(kFromBuffer, function.text)) return FromBuffer(arguments);
   if (Has(kScalars, function.text)) return Make(Kind::kNone);
   if (Has(kEncode, function.text)) return Encode(arguments);
   if (Has(kDtypes, function.text)) {
@@ -105,6 +107,16 @@ PickleValue* PickleMachine::Call(const PickleValue& function, const std::vector<
   PickleValue* const object = Make(Kind::kObject);
   object->text = class_of->text;
   return object;
+}
+
+/// (bytes, type, shape, "C" or "F"): the array that _reconstruct makes of a state.
+PickleValue* PickleMachine::FromBuffer(const std::vector<PickleValue*>& arguments) {
+  if (arguments.size() != 4 || arguments[3]->kind != Kind::kText) Fail("makes an array that is not read");
+  PickleValue* const state = Make(Kind::kTuple);
+  state->items = {MakeNumber(1), arguments[2], arguments[1], MakeNumber(arguments[3]->text == "F"), arguments[0]};
+  PickleValue* const array = Make(Kind::kArray);
+  array->state = state;
+  return array;
 }
 
 /// Python 3 writes bytes for Python 2 as UTF-8 text to be encoded in Latin-1.
