@@ -71,21 +71,24 @@ RegionAxis TrunkAxis(const BodyTemplate& body, const std::vector<Vector3d>& poin
                     points);
 }
 
+/// Middle of the bounds of the points between two heights, or of all where there are none: densely meshed faces do not count
+/// more.
+Vector3d MiddleBetween(const std::vector<Vector3d>& points, double bottom, double top) {
+  Vector3d low = Vector3d::Constant(1e9), high = -low;
+  for (const Vector3d& x : points) {
+    if (x[2] >= bottom && x[2] <= top) low = low.cwiseMin(x), high = high.cwiseMax(x);
+  }
+  return low[0] <= high[0] ? Vector3d(0.5 * (low + high)) : Mean(points);
+}
+
 /// Through the middle of the neck and of the skull, ending where its top begins to close.
 RegionAxis HeadAxis(const BodyTemplate& body, const RoleBones& bones, const std::vector<Vector3d>& points) {
   const double low = body.bone_heads(2, bones.neck.front()), mid = body.bone_heads(2, bones.head);
   double top = mid;
-  std::vector<Vector3d> neck, skull;
-  for (const Vector3d& x : points) {
-    top = std::max(top, x[2]);
-    (x[2] < mid - 0.3 * (mid - low) ? neck : skull).push_back(x);
-  }
-  std::vector<Vector3d> upper;
-  for (const Vector3d& x : skull) {
-    if (x[2] > mid + 0.4 * (top - mid)) upper.push_back(x);
-  }
-  const Vector3d begin = Mean(neck.empty() ? points : neck), end = Mean(upper.empty() ? points : upper);
-  const double x = 0.5 * (begin[0] + end[0]);
+  for (const Vector3d& x : points) top = std::max(top, x[2]);
+  const Vector3d begin = MiddleBetween(points, low - 1, low + 0.2 * (mid - low));
+  const Vector3d end = MiddleBetween(points, mid + 0.4 * (top - mid), top);
+  const double x = body.bone_heads(0, bones.head);
   return WithRadius({{x, begin[1], low}, {x, end[1], mid + 0.57 * (top - mid)}, {1, 0, 0}, 24, 23, 0}, points);
 }
 

@@ -38,8 +38,10 @@ std::string Gunzip(const std::string& bytes, const std::string& path, size_t max
   if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK)
     throw FormatError(path, "", "is no gzipped file");
   const int status = archive_read_next_header(reader.get(), &entry);
-  if (bytes.compare(0, 2, "\x1f\x8b") != 0 || (status != ARCHIVE_OK && status != ARCHIVE_EOF))
-    throw FormatError(path, "", "is no gzipped file");
+  const bool gzipped =
+      bytes.compare(0, 2, "\x1f\x8b") == 0 &&
+      (status == ARCHIVE_EOF || (status == ARCHIVE_OK && archive_filter_code(reader.get(), 0) == ARCHIVE_FILTER_GZIP));
+  if (!gzipped) throw FormatError(path, "", "is no gzipped file");
   if (status == ARCHIVE_EOF) return "";  // of nothing
   std::string text;
   std::string piece(1 << 16, '\0');
