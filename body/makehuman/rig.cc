@@ -49,6 +49,7 @@ std::vector<std::string> OrderBones(const RigView& bones) {
   std::vector<std::string> order;
   std::map<std::string, std::vector<std::string>> children;
   for (const auto& [name, value] : bones.value().items()) {
+    if (name.empty()) bones.Fail("a bone has no name");  // such is the parent of the root
     const std::string parent = bones.Entry(name, value)["parent"].Text();
     if (!parent.empty() && !bones.Has(parent.c_str())) bones.Entry(name, value)["parent"].Fail("there is no such bone");
     children[parent].push_back(name);

@@ -58,7 +58,7 @@ NpyArray MemberArray(const PickleValue& object, const char* name, const std::str
 
 /// Compressed sparse columns made dense.
 NpyArray DenseOf(const PickleValue& sparse, const std::string& path, const std::string& where) {
-  constexpr int64_t kMostValues = 1 << 24;
+  constexpr int64_t kMostValues = 1 << 22;  // SMPL-X has half a million
   const PickleValue* shape = sparse.state ? sparse.state->Find("_shape") : nullptr;
   if (!shape) shape = &Member(sparse, "shape", path, where);
   if (shape->kind != Kind::kTuple || shape->items.size() != 2) throw FormatError(path, where, "must have two dimensions");
@@ -110,7 +110,7 @@ std::map<std::string, NpyArray> ArraysFromPickle(const std::string& bytes, const
     if (key.size() > 200) throw FormatError(path, "", "has a key of more than 200 bytes");
     std::optional<NpyArray> array = Convert(*root.items[i + 1], path, key);
     if (!array) continue;
-    constexpr size_t kMostDense = 1 << 25;  // beside what the file itself holds
+    constexpr size_t kMostDense = 1 << 23;  // beside what the file itself holds
     total += array->values.size();
     if (total > 2 * bytes.size() + kMostDense) throw FormatError(path, key, "the same numbers are there too often");
     arrays[key] = std::move(*array);

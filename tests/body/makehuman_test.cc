@@ -178,6 +178,7 @@ TEST(Rig, RefusesWithThePlace) {
            {R"({"a": 1})", "a"},
            {R"({"a": )" + bone("b", cube) + "}", "a.parent"},
            {R"({"a": )" + bone("a", cube) + "}", "ancestor"},
+           {R"({"": )" + bone("a", cube) + R"(, "a": )" + bone("", cube) + "}", "no name"},
            {R"({"a": )" + bone("", R"({"strategy": "FOO"})") + "}", "a.head.strategy"},
            {R"({"a": )" + bone("", R"({"strategy": "CUBE", "cube_name": "x"})") + "}", "a.head.cube_name"},
            {R"({"a": )" + bone("", R"({"strategy": "MEAN", "vertex_indices": []})") + "}", "a.head.vertex_indices"},
