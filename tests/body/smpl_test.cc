@@ -2,12 +2,13 @@
 
 #include <Eigen/Geometry>
 
-#include "body/mesh_raster.h"
 #include "body/smpl/read.h"
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/body/surface_checks.h"
 #include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio::body {
 namespace {
@@ -166,6 +167,16 @@ TEST(Smpl, IsATemplateLikeOthers) {
     ASSERT_TRUE(PoseFromJoints(body, truth, all, &pose));
     EXPECT_LT((PosedCoco19(body, pose) - truth).colwise().norm().maxCoeff(), 1e-6);
   }
+}
+
+TEST(Smpl, OtherFilesAreRefused) {
+  const testing::TempDir folder;
+  for (const char* name : {"a.npz", "a.pkl", "a.txt"}) {
+    const std::string path = folder / name;
+    WriteFileAtomic(path, "no body");
+    EXPECT_THROW(ReadSmpl(path), FormatError) << name;
+  }
+  EXPECT_THROW(ReadSmpl(folder / "none.npz"), IoError);
 }
 
 TEST(Smpl, WorksWithoutShapes) {
