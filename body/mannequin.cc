@@ -42,6 +42,11 @@ void AddBones(BodyTemplate* body) {
   add_chain(leg, 3, false);
   add_chain(leg, 3, true);
   body->bone_names = names;
+  using Role = BoneRole;
+  body->bone_roles = {Role::kPelvis,        Role::kSpine,        Role::kChest,       Role::kNeck,      Role::kHead,
+                      Role::kLeftClavicle,  Role::kLeftUpperArm, Role::kLeftForearm, Role::kLeftHand,  Role::kRightClavicle,
+                      Role::kRightUpperArm, Role::kRightForearm, Role::kRightHand,   Role::kLeftThigh, Role::kLeftShin,
+                      Role::kLeftFoot,      Role::kRightThigh,   Role::kRightShin,   Role::kRightFoot};
   body->bone_heads.resize(3, rows.size());
   body->bone_tails.resize(3, rows.size());
   for (size_t b = 0; b < rows.size(); ++b) {

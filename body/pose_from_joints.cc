@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "body/body_template.h"
+#include "body/role_bones.h"
 #include "core/check.h"
 #include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
@@ -89,7 +90,8 @@ bool CompleteTrunk(const BodyTemplate& body, Joints* joints) {
   const int l = has[kShoulderL] ? kShoulderL : kHipL, r = has[kShoulderL] ? kShoulderR : kHipR;
   const Vector3d side = joints->x.col(l) - joints->x.col(r);
   if (!(up.norm() > 1e-6) || !(side.cross(up).norm() > 1e-9)) return false;
-  const Matrix3d frame = FrameFromZ(up, side);
+  const auto rest = [&body](int a, int b) { return Vector3d(body.coco19.col(a) - body.coco19.col(b)); };
+  const Matrix3d frame = FrameFromZ(up, side) * FrameFromZ(rest(kNeckJ, kCenter), rest(l, r)).transpose();
   const double scale = MedianScale(body, *joints);
   for (int j : {kShoulderL, kShoulderR}) {
     joints->Set(j, joints->x.col(kNeckJ) + scale * frame * (body.coco19.col(j) - body.coco19.col(kNeckJ)));
@@ -105,7 +107,7 @@ bool CompleteTrunk(const BodyTemplate& body, Joints* joints) {
 class Poser {
  public:
   Poser(const BodyTemplate& body, const Joints& joints, BodyPose* pose)
-      : body_(body), joints_(joints), pose_(*pose), girth_(MedianScale(body, joints)) {
+      : body_(body), bones_(FindRoleBones(body)), joints_(joints), pose_(*pose), girth_(MedianScale(body, joints)) {
     pose_.bone_transforms.assign(body.bone_names.size(), {});
     pose_.bone_stretch.assign(body.bone_names.size(), girth_);
     pose_.girth = girth_;
@@ -118,22 +120,22 @@ class Poser {
       Arm(left);
       Leg(left);
     }
+    Followers();
   }
 
  private:
-  int Bone(const std::string& name) const {
-    const auto it = std::find(body_.bone_names.begin(), body_.bone_names.end(), name);
-    MVS_CHECK(it != body_.bone_names.end(), "the template has no bone called " << name);
-    return static_cast<int>(it - body_.bone_names.begin());
-  }
   Vector3d RestVector(int bone) const { return body_.bone_tails.col(bone) - body_.bone_heads.col(bone); }
   Quaterniond Rotation(int bone) const { return pose_.bone_transforms[bone].rotation; }
 
+  Vector3d Scaled(int bone, const Vector3d& d) const {
+    const Vector3d dir = RestVector(bone).normalized();
+    return girth_ * d + (pose_.bone_stretch[bone] - girth_) * dir * dir.dot(d);
+  }
+
   /// Where a rest point that follows `bone` alone ends up.
   Vector3d Posed(int bone, const Vector3d& x_in_body) const {
-    const Vector3d d = x_in_body - body_.bone_heads.col(bone), dir = RestVector(bone).normalized();
-    const Vector3d scaled = girth_ * d + (pose_.bone_stretch[bone] - girth_) * dir * dir.dot(d);
-    return pose_.bone_transforms[bone] * (body_.bone_heads.col(bone) + scaled);
+    const Vector3d head = body_.bone_heads.col(bone);
+    return pose_.bone_transforms[bone] * (head + Scaled(bone, x_in_body - head));
   }
 
   void Place(int bone, const Quaterniond& rotation, const Vector3d& head_in_world, double stretch) {
@@ -152,21 +154,51 @@ class Poser {
     Place(bone, Swing(bone, from, tail - head), head, (tail - head).norm() / RestVector(bone).norm());
   }
 
-  void Trunk() {
-    const int pelvis = Bone("pelvis"), spine = Bone("spine"), chest = Bone("chest");
-    const auto& x = joints_.x;
-    const Vector3d center = x.col(kCenter), neck = x.col(kNeckJ), hips = x.col(kHipL) - x.col(kHipR);
-    Matrix3d frame;  // x exactly along the hips
+  /// Bones one after the other from `start` to `end`, in the shape of their rest chain turned by `turn` and stretched to fit.
+  /// They share the turn from one rotation to the other in `shares` steps; a bone that takes the last one has it exactly.
+  void PlaceChain(const std::vector<int>& bones, const Vector3d& start, const Vector3d& end, const Quaterniond& turn,
+                  const Quaterniond& from, const Quaterniond& to, size_t shares) {
+    const Vector3d along = end - start;
+    const Vector3d chord = (body_.bone_tails.col(bones.back()) - body_.bone_heads.col(bones[0])).normalized();
+    double length = 0;
+    for (const int b : bones) length += RestVector(b).dot(chord);
+    Vector3d head = start;
+    for (size_t i = 0; i < bones.size(); ++i) {
+      const int b = bones[i];
+      const bool on_chord = (RestVector(b) - chord * chord.dot(RestVector(b))).isZero(0);
+      const double share = static_cast<double>(i + 1) / static_cast<double>(shares);
+      const Quaterniond rotation =
+          i + 1 == shares ? to : Swing(b, from.slerp(share, to), on_chord ? along : turn * RestVector(b));
+      Place(b, rotation, head, along.norm() / length);
+      head = Posed(b, body_.bone_tails.col(b));
+    }
+  }
+
+  /// Frame of the hips: x exactly along them, z towards the neck.
+  static Matrix3d HipFrame(const Vector3d& hips, const Vector3d& up) {
+    Matrix3d frame;
     frame.col(0) = hips.normalized();
-    frame.col(2) = (neck - center - frame.col(0) * frame.col(0).dot(neck - center)).normalized();
+    frame.col(2) = (up - frame.col(0) * frame.col(0).dot(up)).normalized();
     frame.col(1) = frame.col(2).cross(frame.col(0));
-    const double width = (body_.coco19.col(kHipL) - body_.coco19.col(kHipR)).norm();
-    Place(pelvis, Quaterniond(frame), center, hips.norm() / width);
-    const Vector3d spine_head = Posed(pelvis, body_.bone_heads.col(spine)), along = neck - spine_head;
-    const double stretch = along.norm() / (RestVector(spine).norm() + RestVector(chest).norm());
-    const Quaterniond chest_rotation(FrameFromZ(along, x.col(kShoulderL) - x.col(kShoulderR)));
-    Place(spine, Swing(spine, Rotation(pelvis).slerp(0.5, chest_rotation), along), spine_head, stretch);
-    Place(chest, chest_rotation, Posed(spine, body_.bone_tails.col(spine)), stretch);
+    return frame;
+  }
+
+  void Trunk() {
+    const auto& x = joints_.x;
+    const auto& rest = body_.coco19;
+    const int pelvis = bones_.pelvis;
+    const Vector3d center = x.col(kCenter), neck = x.col(kNeckJ), hips = x.col(kHipL) - x.col(kHipR);
+    const Vector3d rest_hips = rest.col(kHipL) - rest.col(kHipR);
+    const Matrix3d frame =
+        HipFrame(hips, neck - center) * HipFrame(rest_hips, rest.col(kNeckJ) - rest.col(kCenter)).transpose();
+    Place(pelvis, Quaterniond(frame), center, hips.norm() / rest_hips.norm());
+    pose_.bone_transforms[pelvis].translation -=
+        Rotation(pelvis) * Scaled(pelvis, rest.col(kCenter) - body_.bone_heads.col(pelvis));
+    const Vector3d rest_head = body_.bone_heads.col(bones_.spine[0]), spine_head = Posed(pelvis, rest_head);
+    const Matrix3d rest_frame = FrameFromZ(rest.col(kNeckJ) - rest_head, rest.col(kShoulderL) - rest.col(kShoulderR));
+    const Matrix3d chest_frame = FrameFromZ(neck - spine_head, x.col(kShoulderL) - x.col(kShoulderR)) * rest_frame.transpose();
+    const Quaterniond chest(chest_frame);
+    PlaceChain(bones_.spine, spine_head, neck, chest, Rotation(pelvis), chest, bones_.spine.size());
   }
 
   /// Rotation of the head that best fits the face points, or nothing when they do not fix one.
@@ -189,9 +221,12 @@ class Poser {
   }
 
   void Head() {
-    const int neck = Bone("neck"), head = Bone("head"), chest = Bone("chest");
-    const Vector3d neck_in_world = joints_.x.col(kNeckJ);
+    const int head = bones_.head, first = bones_.neck.front(), chest = bones_.spine.back();
+    const Vector3d rest_neck = body_.bone_heads.col(first);
+    const Vector3d neck_in_world =
+        joints_.x.col(kNeckJ) + Rotation(chest) * Scaled(chest, rest_neck - body_.coco19.col(kNeckJ));
     const Quaterniond rotation = FaceRotation(Rotation(chest)).value_or(Rotation(chest));
+    const Vector3d rest_chord = body_.bone_tails.col(bones_.neck.back()) - rest_neck;
     Vector3d sum = Vector3d::Zero();
     int count = 0;
     for (int j : kFace) {
@@ -199,8 +234,12 @@ class Poser {
       sum += joints_.x.col(j) - girth_ * (rotation * (body_.coco19.col(j) - body_.bone_heads.col(head)));
       ++count;
     }
-    const Vector3d head_in_world = count > 0 ? Vector3d(sum / count) : neck_in_world + girth_ * (rotation * RestVector(neck));
-    Point(neck, Rotation(chest).slerp(0.5, rotation), neck_in_world, head_in_world);
+    const Vector3d head_in_world = count > 0 ? Vector3d(sum / count) : neck_in_world + girth_ * (rotation * rest_chord);
+    const Quaterniond half = Rotation(chest).slerp(0.5, rotation);
+    Quaterniond turn = half;
+    if ((head_in_world - neck_in_world).norm() > 1e-9)
+      turn = Quaterniond::FromTwoVectors(half * rest_chord, head_in_world - neck_in_world) * half;
+    PlaceChain(bones_.neck, neck_in_world, head_in_world, turn, Rotation(chest), rotation, bones_.neck.size() + 1);
     Place(head, rotation, head_in_world, girth_);
   }
 
@@ -215,13 +254,11 @@ class Poser {
   }
 
   void Arm(bool left) {
-    const std::string side = left ? "l_" : "r_";
-    const int clavicle = Bone(side + "clavicle"), upper = Bone(side + "upper_arm"), fore = Bone(side + "forearm"),
-              hand = Bone(side + "hand");
+    const auto [clavicle, upper, fore, hand] = bones_.arms[left ? 0 : 1];
     const int offset = left ? 0 : kShoulderR - kShoulderL;
-    const Quaterniond chest = Rotation(Bone("chest"));
+    const Quaterniond chest = Rotation(bones_.spine.back());
     const Vector3d shoulder = joints_.x.col(kShoulderL + offset);
-    Point(clavicle, chest, Posed(Bone("chest"), body_.bone_heads.col(clavicle)), shoulder);
+    Point(clavicle, chest, Posed(bones_.spine.back(), body_.bone_heads.col(clavicle)), shoulder);
     const Vector3d elbow = LimbJoint(upper, chest, shoulder, kElbowL + offset, kWristL + offset);
     Point(upper, chest, shoulder, elbow);
     const Vector3d wrist = LimbJoint(fore, Rotation(upper), elbow, kWristL + offset, -1);
@@ -242,10 +279,9 @@ class Poser {
   }
 
   void Leg(bool left) {
-    const std::string side = left ? "l_" : "r_";
-    const int thigh = Bone(side + "thigh"), shin = Bone(side + "shin"), foot = Bone(side + "foot");
+    const auto [thigh, shin, foot] = bones_.legs[left ? 0 : 1];
     const int offset = left ? 0 : kHipR - kHipL;
-    const Quaterniond pelvis = Rotation(Bone("pelvis"));
+    const Quaterniond pelvis = Rotation(bones_.pelvis);
     const Vector3d hip = joints_.x.col(kHipL + offset);
     const Vector3d knee = LimbJoint(thigh, pelvis, hip, kKneeL + offset, kAnkleL + offset);
     Point(thigh, pelvis, hip, knee);
@@ -256,7 +292,17 @@ class Poser {
     Place(foot, Rotation(shin), ankle, girth_);
   }
 
+  /// The bones without a role.
+  void Followers() {
+    for (size_t b = 0; b < body_.bone_roles.size(); ++b) {
+      if (body_.bone_roles[b] != BoneRole::kOther) continue;
+      const int leader = body_.bone_parents[b] < 0 ? bones_.pelvis : body_.bone_parents[b];
+      Place(static_cast<int>(b), Rotation(leader), Posed(leader, body_.bone_heads.col(b)), girth_);
+    }
+  }
+
   const BodyTemplate& body_;
+  const RoleBones bones_;
   const Joints& joints_;
   BodyPose& pose_;
   double girth_;

@@ -28,6 +28,26 @@ std::vector<BoneAffine> BoneAffines(const BodyTemplate& body, const BodyPose& po
   return affines;
 }
 
+/// Rest vertices displaced by the pose blend shapes. (3, V) in body
+Eigen::Matrix3Xf PosedShape(const BodyTemplate& body, const BodyPose& pose) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const size_t count = body.bone_names.size();
+  MVS_CHECK(body.pose_directions.rows() == 3 * body.vertices.cols() &&
+                body.pose_directions.cols() == 9 * (static_cast<Eigen::Index>(count) - 1),
+            "pose directions of " << body.pose_directions.rows() << " x " << body.pose_directions.cols());
+  Eigen::VectorXf turns(body.pose_directions.cols());
+  for (size_t b = 1; b < count; ++b) {
+    const int parent = body.bone_parents[b];
+    Eigen::Quaterniond local = pose.bone_transforms[b].rotation;
+    if (parent >= 0) local = pose.bone_transforms[parent].rotation.conjugate() * local;
+    const RowMajor turn = local.toRotationMatrix() - Eigen::Matrix3d::Identity();
+    turns.segment<9>(9 * static_cast<Eigen::Index>(b - 1)) = turn.reshaped<Eigen::RowMajor>().cast<float>();
+  }
+  Eigen::Matrix3Xf vertices = body.vertices;
+  vertices.reshaped() += body.pose_directions * turns;
+  return vertices;
+}
+
 }  // namespace
 
 BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_from_body,
@@ -48,9 +68,12 @@ BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_
 
 Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose) {
   const std::vector<BoneAffine> affines = BoneAffines(body, pose);
-  Eigen::Matrix3Xf vertices(3, body.vertices.cols());
+  const bool corrected = body.pose_directions.size() > 0;
+  const Eigen::Matrix3Xf displaced = corrected ? PosedShape(body, pose) : Eigen::Matrix3Xf();
+  const Eigen::Matrix3Xf& rest = corrected ? displaced : body.vertices;
+  Eigen::Matrix3Xf vertices(3, rest.cols());
   for (int i = 0; i < vertices.cols(); ++i) {
-    const Eigen::Vector3d x = body.vertices.col(i).cast<double>();
+    const Eigen::Vector3d x = rest.col(i).cast<double>();
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int k = 0; k < 4; ++k) {
       const BoneAffine& affine = affines[body.skin_bones(k, i)];

@@ -19,6 +19,7 @@ struct Round {
   double laplacian_sigma_m, max_px;
 };
 constexpr Round kRounds[] = {{1e-4, 40}, {2e-4, 30}, {4e-4, 24}, {6e-4, 20}, {1e-3, 16}, {1e-3, 12}};
+constexpr double kShapeReachPx[] = {40, 30, 24};
 constexpr double kSmoothness[] = {3e-4, 1e-3, 3e-3};  // of which held-out silhouettes choose
 constexpr double kReachPx = 12;
 constexpr double kBrightnessSigmaPx[] = {4, 2};
@@ -77,7 +78,10 @@ class Fit {
   }
 
   void FitOutlines(ProgressStage* stage) {
-    bool first = true;
+    for (const double max_px : kShapeReachPx) {
+      if (state_.HasShapes()) state_.FitShapes(max_px), state_.FitPoses(max_px);
+    }
+    bool first = !state_.HasShapes();
     for (const Round& round : kRounds) {
       state_.FitShape(round.laplacian_sigma_m, round.max_px);
       if (!first) state_.FitPoses(round.max_px);
@@ -130,7 +134,8 @@ class Fit {
         state.FitBrightness(kBrightnessSigmaPx[1], kReachPx);
     }
     out_.person = state.Person();
-    out_.offsets = state.offsets();
+    out_.offsets = state.Offsets();
+    out_.coefficients = state.coefficients();
     out_.joint_error_m = state.joint_error_m();
     out_.cameras = CompareCameras(out_.person, state, steps_, before_, run_);
   }

@@ -45,6 +45,7 @@ struct BodyFitStage {
 struct CameraFit {
   std::string name;
   int views = 0, rejected = 0;
+  Eigen::VectorXd coefficients;                        ///< (S) of the template's shapes
   double iou_before = 0, iou = 0;                      ///< means over its silhouettes
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();  ///< of its silhouettes against the fitted body
   double shift_sigma_px = 0;

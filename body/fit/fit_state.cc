@@ -39,6 +39,8 @@ FitState::FitState(const BodyTemplate& body, const std::vector<FitStep>& steps, 
   }
   normals_ = VertexNormals(base_.vertices, base_.faces);
   offsets_ = Eigen::VectorXd::Zero(base_.vertices.cols());
+  shape_offsets_ = ShapeOffsets(base_, normals_);
+  coefficients_ = Eigen::VectorXd::Zero(shape_offsets_.cols());
   laplacian_ = UmbrellaLaplacian(base_.vertices, base_.faces);
 }
 
@@ -72,8 +74,7 @@ bool FitState::HasPoses() const {
 
 BodyTemplate FitState::Shaped() const {
   BodyTemplate shaped = base_;
-  for (Eigen::Index v = 0; v < offsets_.size(); ++v)
-    shaped.vertices.col(v) += static_cast<float>(offsets_[v]) * normals_.col(v);
+  shaped.vertices += normals_ * Offsets().cast<float>().asDiagonal();
   return shaped;
 }
 
@@ -89,14 +90,13 @@ FitState::Seen FitState::LookAtOutlines(const BodyTemplate& shaped, int step, do
       if (!gap) continue;
       const Vector3d normal = bones.VertexRotation(rim.vertex) * normals_.col(rim.vertex).cast<double>();
       seen.shape.push_back({rim.vertex, rim.d_out_d_x * normal, *gap, 1 / kOutlineSigmaPx});
-      seen.pose.push_back(
-          {rim.vertex, rim.d_out_d_x.transpose(), vertices.col(rim.vertex).cast<double>(), *gap, 1 / kOutlineSigmaOfPosePx});
+      seen.pose.push_back({rim.vertex, rim.d_out_d_x.transpose(), bones.Vertex(rim.vertex), *gap, 1 / kOutlineSigmaOfPosePx});
     }
   }
   return seen;
 }
 
-Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
+std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
   const BodyTemplate shaped = Shaped();
   std::vector<std::vector<OffsetObservation>> seen(steps_->size());
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
@@ -104,7 +104,16 @@ Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
   });
   std::vector<OffsetObservation> all;
   for (const auto& some : seen) all.insert(all.end(), some.begin(), some.end());
-  return StepOffsets(laplacian_, all, {laplacian_sigma_m, 0.1}, &offsets_);
+  return all;
+}
+
+Status FitState::FitShapes(double max_px) {
+  return StepCoefficients(shape_offsets_, LookAtShape(max_px), base_.shapes.sigma, &coefficients_);
+}
+
+Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
+  constexpr double kOffsetSigmaM = 0.1;
+  return StepOffsets(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
 }
 
 void FitState::FitPoses(double max_px) {
@@ -154,11 +163,11 @@ FitState::MeanBrightness FitState::MeanOf(const std::vector<SeenStep>& seen) con
 void FitState::AddBrightness(const BodyTemplate& shaped, int step, const SeenStep& seen, const MeanBrightness& mean,
                              std::vector<SurfaceResidual>* residuals) const {
   constexpr double kFewest = 3;  // views that a mean needs
-  const Eigen::Matrix3Xf vertices = SkinVertices(shaped, ToBodyPose(shaped, poses_[step]));
+  const PosedBones bones(shaped, poses_[step]);
   for (const auto& view : seen) {
     for (const SeenVertex& one : view) {
       if (mean.weight[one.vertex] < kFewest) continue;
-      residuals->push_back({one.vertex, one.d_value_d_x.transpose(), vertices.col(one.vertex).cast<double>(),
+      residuals->push_back({one.vertex, one.d_value_d_x.transpose(), bones.Vertex(one.vertex),
                             mean.value[one.vertex] - one.value, kBrightnessShare * one.weight / mean.sigma});
     }
   }

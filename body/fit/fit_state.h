@@ -20,6 +20,9 @@ class FitState {
   BodyTemplate Shaped() const;
   /// One step of the offsets towards the outlines.
   Status FitShape(double laplacian_sigma_m, double max_px);
+  /// One step of the template's shapes, where it has any.
+  Status FitShapes(double max_px);
+  bool HasShapes() const { return coefficients_.size() > 0; }
   /// Poses by joints and outlines.
   void FitPoses(double max_px);
   /// Poses by joints, outlines, and the brightness that a vertex has in the mean over all images. Gaussian of `sigma_px`.
@@ -36,7 +39,9 @@ class FitState {
   bool IsFitted(int step) const { return posed_[step] && (use_all_ || !(*steps_)[step].held_out); }
   bool IsPosed(int step) const { return posed_[step] != 0; }
   const ArticulatedPose& pose(int step) const { return poses_[step]; }
-  const Eigen::VectorXd& offsets() const { return offsets_; }
+  /// Of the surface along the rest normals, those of the shapes included.
+  Eigen::VectorXd Offsets() const { return offsets_ + shape_offsets_ * coefficients_; }
+  const Eigen::VectorXd& coefficients() const { return coefficients_; }
   double joint_sigma_m() const { return joint_sigma_m_; }
   double joint_error_m() const { return joint_error_m_; }
   bool HasPoses() const;
@@ -54,6 +59,7 @@ class FitState {
 
   void FitSkeleton();
   void PoseAllByJoints();
+  std::vector<OffsetObservation> LookAtShape(double max_px) const;
   Seen LookAtOutlines(const BodyTemplate& shaped, int step, double max_px) const;
   SeenStep LookAtBrightness(const BodyTemplate& shaped, int step, double sigma_px) const;
   MeanBrightness MeanOf(const std::vector<SeenStep>& seen) const;
@@ -69,8 +75,10 @@ class FitState {
   std::vector<uint8_t> posed_;              // the trunk is determined
   std::vector<std::vector<uint8_t>> used_;  // (steps, views)
   bool use_all_ = false;
-  Eigen::Matrix3Xf normals_;  // (3, V) of the rest pose
-  Eigen::VectorXd offsets_;
+  Eigen::Matrix3Xf normals_;       // (3, V) of the rest pose
+  Eigen::MatrixXd shape_offsets_;  // (V, S)
+  Eigen::VectorXd coefficients_;   // (S)
+  Eigen::VectorXd offsets_;        // (V) beyond the shapes
   Eigen::SparseMatrix<double> laplacian_;
 };
 

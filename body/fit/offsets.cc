@@ -1,12 +1,24 @@
 #include "body/fit/offsets.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
 
 #include "core/check.h"
 
 namespace mvstudio::body {
 
+namespace {
+
 using Triplets = std::vector<Eigen::Triplet<double>>;
+
+/// Of a Cauchy loss at three standard deviations.
+double RobustWeight(const OffsetObservation& seen) {
+  constexpr double kCauchy = 3;
+  const double square = seen.weight * seen.weight;
+  return square / (1 + square * seen.gap_px * seen.gap_px / (kCauchy * kCauchy));
+}
+
+}  // namespace
 
 Eigen::SparseMatrix<double> UmbrellaLaplacian(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces) {
   const Eigen::Index count = vertices.cols();
@@ -35,15 +47,13 @@ Eigen::SparseMatrix<double> UmbrellaLaplacian(const Eigen::Matrix3Xf& vertices, 
 
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets) {
-  constexpr double kCauchy2 = 9;
   MVS_CHECK(offsets->size() == laplacian.cols(), offsets->size() << " offsets for " << laplacian.cols() << " vertices");
   const double lap = 1 / (smoothness.laplacian_sigma_m * smoothness.laplacian_sigma_m);
   const double own = 1 / (smoothness.offset_sigma_m * smoothness.offset_sigma_m);
   Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(offsets->size(), own);
   Eigen::VectorXd gradient = lap * (laplacian.transpose() * (laplacian * *offsets)) + own * *offsets;
   for (const OffsetObservation& seen : observations) {
-    const double square = seen.weight * seen.weight, r2 = square * seen.gap_px * seen.gap_px;
-    const double weight = square / (1 + r2 / kCauchy2);
+    const double weight = RobustWeight(seen);
     diagonal[seen.vertex] += weight * seen.scale * seen.scale;
     gradient[seen.vertex] -= weight * seen.scale * seen.gap_px;
   }
@@ -55,6 +65,37 @@ Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vect
   const Eigen::VectorXd step = solver.solve(-gradient);
   if (!step.allFinite()) return Status::kDegenerate;
   *offsets += step;
+  return Status::kOk;
+}
+
+Eigen::MatrixXd ShapeOffsets(const BodyTemplate& body, const Eigen::Matrix3Xf& normals) {
+  const auto shapes = static_cast<Eigen::Index>(body.shapes.names.size());
+  Eigen::MatrixXd offsets(body.vertices.cols(), shapes);
+  for (Eigen::Index s = 0; s < shapes; ++s) {
+    for (Eigen::Index v = 0; v < body.vertices.cols(); ++v) {
+      Eigen::Vector3d moved = body.shapes.vertices.col(s).segment<3>(3 * v).cast<double>();
+      for (int k = 0; k < 4; ++k)
+        moved -= body.skin_weights(k, v) * body.shapes.heads.col(s).segment<3>(3 * body.skin_bones(k, v));
+      offsets(v, s) = moved.dot(normals.col(v).cast<double>());
+    }
+  }
+  return offsets;
+}
+
+Status StepCoefficients(const Eigen::MatrixXd& shape_offsets, const std::vector<OffsetObservation>& observations,
+                        const Eigen::VectorXd& sigma, Eigen::VectorXd* coefficients) {
+  Eigen::MatrixXd h = sigma.cwiseAbs2().cwiseInverse().asDiagonal();
+  Eigen::VectorXd gradient = h * *coefficients;
+  for (const OffsetObservation& seen : observations) {
+    const Eigen::VectorXd row = seen.scale * shape_offsets.row(seen.vertex).transpose();
+    const double weight = RobustWeight(seen);
+    h.noalias() += weight * row * row.transpose();
+    gradient -= weight * seen.gap_px * row;
+  }
+  if (!h.allFinite() || !gradient.allFinite()) return Status::kNonFiniteInput;
+  const Eigen::VectorXd step = h.ldlt().solve(-gradient);
+  if (!step.allFinite()) return Status::kDegenerate;
+  *coefficients += step;
   return Status::kOk;
 }
 

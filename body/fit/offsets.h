@@ -4,6 +4,7 @@
 #include <Eigen/SparseCore>
 #include <vector>
 
+#include "body/body_template.h"
 #include "core/status.h"
 
 namespace mvstudio::body {
@@ -28,5 +29,12 @@ struct OffsetSmoothness {
 /// Cholesky.
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets);
+
+/// How far each shape of a body moves its vertices along the rest normals, its skeleton held: (V, S), metres per unit.
+Eigen::MatrixXd ShapeOffsets(const BodyTemplate& body, const Eigen::Matrix3Xf& normals);
+
+/// One Gauss-Newton step of the shapes' coefficients (S) with the standard deviations `sigma`, Cauchy loss as above.
+Status StepCoefficients(const Eigen::MatrixXd& shape_offsets, const std::vector<OffsetObservation>& observations,
+                        const Eigen::VectorXd& sigma, Eigen::VectorXd* coefficients);
 
 }  // namespace mvstudio::body

@@ -7,7 +7,9 @@ std::optional<ArticulatedPose> PoseByJoints(const PersonBody& person, const Eige
   constexpr int kMaxIterations = 30;
   BodyPose start;
   if (!PoseFromJoints(person.body, coco19_in_world, valid, &start)) return std::nullopt;
-  PoseProblemInput input{{coco19_in_world, valid, {}}, {AnatomicalPrior(person.body)}, {}};
+  PoseProblemInput input;
+  input.joints.x_in_world = coco19_in_world, input.joints.valid = valid;
+  input.priors.push_back(AnatomicalPrior(person.body));
   input.joints.sigma_m.fill(person.joint_sigma_m);
   ArticulatedPose pose = SolvePose(person.body, input, FromBodyPose(person.body, start), kMaxIterations).pose;
   if (person.habits.bones.empty()) return pose;

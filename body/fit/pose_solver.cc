@@ -104,31 +104,55 @@ Matrix3d AxisWeight(const Vector3d& axis, double along, double across) {
   return project / along + (Matrix3d::Identity() - project) / across;
 }
 
+/// Weight of a bone that lies along `axis` in the rest pose.
+Matrix3d RoleWeight(BoneRole role, const Vector3d& axis) {
+  constexpr double kFree = 3;  // rad
+  switch (role) {
+    case BoneRole::kPelvis:
+      return Matrix3d::Zero();
+    case BoneRole::kSpine:
+    case BoneRole::kChest:
+      return Matrix3d::Identity() / 0.25;
+    case BoneRole::kNeck:
+      return Matrix3d::Identity() / 0.3;
+    case BoneRole::kHead:
+      return Matrix3d::Identity() / 0.4;
+    case BoneRole::kLeftClavicle:
+    case BoneRole::kRightClavicle:
+      return AxisWeight(axis, 0.2, 0.3);
+    case BoneRole::kLeftUpperArm:
+    case BoneRole::kRightUpperArm:
+      return AxisWeight(axis, 0.5, kFree);
+    case BoneRole::kLeftForearm:
+    case BoneRole::kRightForearm:
+      return AxisWeight(axis, 0.4, kFree);
+    case BoneRole::kLeftThigh:
+    case BoneRole::kRightThigh:
+      return AxisWeight(axis, 0.35, kFree);
+    case BoneRole::kLeftShin:
+    case BoneRole::kRightShin:
+      return AxisWeight(Vector3d::UnitX(), kFree, 0.15);  // a hinge
+    case BoneRole::kLeftHand:
+    case BoneRole::kRightHand:
+    case BoneRole::kLeftFoot:
+    case BoneRole::kRightFoot:
+      return AxisWeight(axis, 0.2, 0.25);
+    case BoneRole::kOther:
+      break;
+  }
+  return Matrix3d::Identity() / 0.02;  // follows its parent
+}
+
 }  // namespace
 
 RotationPrior AnatomicalPrior(const BodyTemplate& body) {
   RotationPrior prior;
-  const size_t count = body.bone_names.size();
-  prior.mean.assign(count, Eigen::Quaterniond::Identity());
-  prior.weight.assign(count, Matrix3d::Zero());
-  for (size_t b = 0; b < count; ++b) {
-    const std::string& name = body.bone_names[b];
-    const std::string role = name.size() > 2 && name[1] == '_' ? name.substr(2) : name;
-    const Vector3d axis = body.bone_tails.col(b) - body.bone_heads.col(b);
-    const auto set = [&](double along, double across) { prior.weight[b] = AxisWeight(axis, along, across); };
-    if (role == "spine" || role == "chest") set(0.25, 0.25);
-    if (role == "neck") set(0.3, 0.3);
-    if (role == "head") set(0.4, 0.4);
-    if (role == "clavicle") set(0.2, 0.3);
-    if (role == "upper_arm") set(0.5, 3);
-    if (role == "forearm") set(0.4, 3);
-    if (role == "hand" || role == "foot") set(0.2, 0.25);
-    if (role == "thigh") set(0.35, 3);
-    if (role == "shin") {  // a knee is a hinge about the body's x axis
-      const Matrix3d hinge = AxisWeight(Vector3d::UnitX(), 3, 0.15);
-      prior.weight[b] = hinge;
-    }
+  prior.mean.assign(body.bone_names.size(), Eigen::Quaterniond::Identity());
+  for (size_t b = 0; b < body.bone_names.size(); ++b) {
+    const auto at = static_cast<Eigen::Index>(b);
+    prior.weight.push_back(RoleWeight(body.bone_roles[b], body.bone_tails.col(at) - body.bone_heads.col(at)));
   }
+  prior.weight[0].setZero();  // people stand and turn anyhow
   return prior;
 }
 

@@ -7,6 +7,7 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/files.h"
+#include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
@@ -55,6 +56,10 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--out", a->out, "folder for the body")->required();
   AddSplitOptions(sub, a->split);
   AddOption(sub, "--person", a->options.person, "person id in the dataset; -1: the one with most frames");
+  AddOption(
+      sub, "--template", a->options.body_template,
+      "body that is fitted: a folder of MakeHuman's base mesh, rigs and targets, or a .npz or .pkl file in SMPL's layout; "
+      "without it the mannequin");
   AddOption(sub, "--max-silhouettes", a->options.max_silhouettes, "time steps are thinned until no more are used")
       ->check(CLI::Range(1, 100000));
   AddOption(sub, "--max-px", a->options.max_px, "longest edge of the person in the images that are fitted to")

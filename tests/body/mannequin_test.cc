@@ -4,6 +4,7 @@
 #include <set>
 
 #include "body/body_template.h"
+#include "body/role_bones.h"
 #include "core/error.h"
 
 namespace mvstudio::body {
@@ -66,6 +67,37 @@ TEST(Mannequin, SkinWeightsSumToOneAndFollowTheJoints) {
     EXPECT_LT(body.skin_bones.col(i).maxCoeff(), static_cast<int>(body.bone_names.size()));
   }
   for (size_t b = 0; b < body.bone_parents.size(); ++b) EXPECT_LT(body.bone_parents[b], static_cast<int>(b));
+}
+
+TEST(Mannequin, RolesAreThoseOfTheNames) {
+  const BodyTemplate& body = Mannequin();
+  const RoleBones bones = FindRoleBones(body);
+  const auto name = [&](int bone) { return body.bone_names[bone]; };
+  EXPECT_EQ(name(bones.pelvis), "pelvis");
+  EXPECT_EQ(name(bones.head), "head");
+  EXPECT_EQ(bones.spine.size(), 2u);
+  EXPECT_EQ(name(bones.spine.back()), "chest");
+  EXPECT_EQ(name(bones.neck.back()), "neck");
+  for (int side = 0; side < 2; ++side) {
+    const std::string prefix = side == 0 ? "l_" : "r_";
+    const char* const arm[] = {"clavicle", "upper_arm", "forearm", "hand"};
+    const char* const leg[] = {"thigh", "shin", "foot"};
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(name(bones.arms[side][i]), prefix + arm[i]);
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(name(bones.legs[side][i]), prefix + leg[i]);
+  }
+}
+
+TEST(Mannequin, IncompleteRolesAreRefused) {
+  for (const auto& [bone, role] : {std::pair(0, BoneRole::kOther), {3, BoneRole::kHead}, {5, BoneRole::kOther}}) {
+    BodyTemplate body = Mannequin();
+    body.bone_roles[bone] = role;
+    EXPECT_THROW(FindRoleBones(body), ContractViolation);
+  }
+}
+
+TEST(Mannequin, HasOneShapeOnly) {
+  EXPECT_EQ(WithShape(Mannequin(), Eigen::VectorXd()).vertices, Mannequin().vertices);
+  EXPECT_THROW(WithShape(Mannequin(), Eigen::VectorXd::Ones(1)), ContractViolation);
 }
 
 /// A left limb's vertex never follows a right limb's bone.

@@ -120,6 +120,8 @@ void ReadSkeleton(const Reader& in, body::BodyTemplate* body) {
     if (body->bone_parents[b] >= b || (body->bone_parents[b] < 0) != (b == 0))
       in.Fail("bone_parents", "parents must come first");
   }
+  for (const int role : in.Ints("bone_roles", bones, 0, body::kNumBoneRoles - 1))
+    body->bone_roles.push_back(static_cast<body::BoneRole>(role));
   body->bone_heads = in.Read<Eigen::Matrix3Xd>("bone_heads", bones, 3);
   body->bone_tails = in.Read<Eigen::Matrix3Xd>("bone_tails", bones, 3);
   body->coco19 = in.Read<Eigen::Matrix3Xd>("coco19", 19, 3);
@@ -198,6 +200,9 @@ void WritePerson(const TexturedPerson& person, const std::string& path) {
   t["vertices"] = FromMatrix(body.vertices), t["faces"] = FromMatrix(body.faces);
   t["face_part"] = FromInts(body.face_part), t["face_uv"] = FromMatrix(body.face_uv);
   t["bone_parents"] = FromInts(body.bone_parents);
+  std::vector<int> roles;
+  for (const body::BoneRole role : body.bone_roles) roles.push_back(static_cast<int>(role));
+  t["bone_roles"] = FromInts(roles);
   t["bone_heads"] = FromMatrix(body.bone_heads), t["bone_tails"] = FromMatrix(body.bone_tails);
   t["skin_bones"] = FromMatrix(body.skin_bones), t["skin_weights"] = FromMatrix(body.skin_weights);
   t["coco19"] = FromMatrix(body.coco19);

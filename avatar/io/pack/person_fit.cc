@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <mutex>
 
+#include "body/makehuman/read.h"
+#include "body/smpl/read.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -151,6 +153,11 @@ void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source
   out->texture_seen = baker.SeenShare();
 }
 
+body::BodyTemplate TemplateOf(const std::string& path) {
+  if (path.empty()) return body::MakeMannequin();
+  return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
+}
+
 }  // namespace
 
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
@@ -164,7 +171,7 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   const std::vector<Source> sources = Thinned(all, options.max_silhouettes);
   body::BodyFitOptions fit;
   fit.use_brightness = options.use_brightness;
-  out.fit = body::FitBody(body::MakeMannequin(), ReadSteps(data, sources, options, run), fit, run);
+  out.fit = body::FitBody(TemplateOf(options.body_template), ReadSteps(data, sources, options, run), fit, run);
   out.result.person = std::move(out.fit.person);
   BakeTextures(data, sources, options, run, &out);
   return out;

@@ -1,0 +1,215 @@
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "body/smpl/read.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "core/random.h"
+#include "tests/body/surface_checks.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::body {
+namespace {
+
+constexpr int kBones = 24, kShapes = 3;
+constexpr int kParents[kBones] = {-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21};
+
+using Arrays = std::map<std::string, NpyArray>;
+
+/// Joints in SMPL's frame: y up, the person faces z, arms spread.
+Eigen::Matrix3Xd Joints() {
+  Eigen::Matrix3Xd x(3, kBones);
+  x << 0, 0.07, -0.07, 0, 0.1, -0.1, 0, 0.09, -0.09, 0, 0.1, -0.1, 0, 0.08, -0.08, 0, 0.18, -0.18, 0.44, -0.44, 0.7, -0.7, 0.78,
+      -0.78,  //
+      0, -0.09, -0.09, 0.11, -0.48, -0.48, 0.25, -0.88, -0.88, 0.3, -0.94, -0.94, 0.51, 0.42, 0.42, 0.58, 0.45, 0.45, 0.44,
+      0.44, 0.44, 0.44, 0.43, 0.43,  //
+      0, 0, 0, -0.02, 0, 0, 0, -0.04, -0.04, 0.02, 0.1, 0.1, -0.02, 0, 0, 0.02, -0.01, -0.01, -0.03, -0.03, -0.03, -0.03, -0.03,
+      -0.03;
+  return x;
+}
+
+NpyArray Filled(std::vector<int64_t> shape, double scale, Rng* rng) {
+  int64_t count = 1;
+  for (const int64_t size : shape) count *= size;
+  NpyArray array{std::move(shape), std::vector<double>(static_cast<size_t>(count))};
+  for (double& value : array.values) value = scale * rng->Normal();
+  return array;
+}
+
+/// A closed octahedron about each joint, moved by its bone and a little by another; each joint is the mean of its octahedron.
+Arrays Model() {
+  static constexpr int kFaces[8][3] = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  const int64_t num_vertices = 6 * kBones;
+  const Eigen::Matrix3Xd joints = Joints();
+  Rng rng(4);
+  Arrays arrays;
+  NpyArray x{{num_vertices, 3}, {}}, faces{{8 * kBones, 3}, {}}, table{{2, kBones}, {}};
+  NpyArray weights{{num_vertices, kBones}, std::vector<double>(static_cast<size_t>(num_vertices * kBones))};
+  NpyArray regressor{{kBones, num_vertices}, std::vector<double>(static_cast<size_t>(num_vertices * kBones))};
+  for (int b = 0; b < kBones; ++b) {
+    for (int i = 0; i < 6; ++i) {
+      Eigen::Vector3d corner = joints.col(b);
+      corner[i / 2] += i % 2 == 0 ? 0.06 : -0.06;
+      x.values.insert(x.values.end(), corner.data(), corner.data() + 3);
+      const int v = 6 * b + i;
+      weights.values[static_cast<size_t>(v * kBones + b)] += 0.8;
+      weights.values[static_cast<size_t>(v * kBones + std::max(0, kParents[b]))] += 0.2;
+      regressor.values[static_cast<size_t>(b * num_vertices + v)] = 1.0 / 6;
+    }
+    for (const auto& face : kFaces) {
+      for (const int corner : face) faces.values.push_back(6 * b + corner);
+    }
+    table.values.push_back(b == 0 ? 4294967295.0 : kParents[b]);
+  }
+  for (int b = 0; b < kBones; ++b) table.values.push_back(b);
+  return {{"v_template", x},
+          {"f", faces},
+          {"kintree_table", table},
+          {"weights", weights},
+          {"J_regressor", regressor},
+          {"shapedirs", Filled({num_vertices, 3, kShapes}, 0.005, &rng)},
+          {"posedirs", Filled({num_vertices, 3, 9 * (kBones - 1)}, 0.002, &rng)}};
+}
+
+/// SMPL as its paper writes it, in its own frame: vertices, then joints, (V + 24, 3).
+Eigen::MatrixX3d ClosedForm(const Arrays& arrays, const Eigen::VectorXd& shape, const std::vector<Eigen::Matrix3d>& turns) {
+  const int count = 6 * kBones;
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto map = [&arrays](const char* name, int rows, int cols) {
+    return Eigen::Map<const RowMajor>(arrays.at(name).values.data(), rows, cols);
+  };
+  const Eigen::VectorXd flat = map("v_template", 3 * count, 1) + map("shapedirs", 3 * count, kShapes) * shape;
+  const RowMajor shaped = Eigen::Map<const RowMajor>(flat.data(), count, 3);
+  const RowMajor joints = map("J_regressor", kBones, count) * shaped;
+  Eigen::VectorXd entries(9 * (kBones - 1));
+  for (int b = 1; b < kBones; ++b) {
+    for (int i = 0; i < 9; ++i) entries[9 * (b - 1) + i] = turns[b](i / 3, i % 3) - (i / 3 == i % 3);
+  }
+  const Eigen::VectorXd posed = flat + map("posedirs", 3 * count, 9 * (kBones - 1)) * entries;
+  std::vector<Eigen::Matrix4d> world(kBones);
+  Eigen::MatrixX3d result = Eigen::MatrixX3d::Zero(count + kBones, 3);
+  for (int b = 0; b < kBones; ++b) {
+    Eigen::Matrix4d local = Eigen::Matrix4d::Identity();
+    local.topLeftCorner<3, 3>() = turns[b];
+    local.topRightCorner<3, 1>() = joints.row(b).transpose();
+    if (b > 0) local.topRightCorner<3, 1>() -= joints.row(kParents[b]).transpose();
+    world[b] = b == 0 ? local : Eigen::Matrix4d(world[kParents[b]] * local);
+    result.row(count + b) = world[b].topRightCorner<3, 1>().transpose();
+  }
+  for (int v = 0; v < count; ++v) {
+    for (int b = 0; b < kBones; ++b) {
+      const double weight = arrays.at("weights").values[static_cast<size_t>(v * kBones + b)];
+      const Eigen::Vector3d from_joint = posed.segment<3>(3 * v) - joints.row(b).transpose();
+      result.row(v) += weight * (world[b] * from_joint.homogeneous()).head<3>().transpose();
+    }
+  }
+  return result;
+}
+
+Eigen::Matrix3d BodyFromSmpl() {
+  Eigen::Matrix3d turn;
+  turn << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  return turn;
+}
+
+TEST(Smpl, SkinsLikeItsClosedForm) {
+  const Arrays arrays = Model();
+  const BodyTemplate body = SmplFromArrays(arrays, "model");
+  const Eigen::Matrix3d turn = BodyFromSmpl();
+  Rng rng(5);
+  for (int trial = 0; trial < 5; ++trial) {
+    const Eigen::Vector3d shape(rng.Normal(), rng.Normal(), rng.Normal());
+    std::vector<Eigen::Matrix3d> turns;
+    std::vector<Eigen::Quaterniond> local;
+    for (int b = 0; b < kBones; ++b) {
+      const Eigen::Quaterniond q = geometry::RotationExp(0.4 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal()));
+      turns.push_back(q.toRotationMatrix());
+      local.emplace_back(turn * turns.back() * turn.transpose());
+    }
+    const Eigen::MatrixX3d truth = ClosedForm(arrays, shape, turns);
+    const BodyTemplate shaped = WithShape(body, shape);
+    const BodyPose pose = PoseFromAngles(shaped, {}, local);
+    const Eigen::Matrix3Xd vertices = SkinVertices(shaped, pose).cast<double>();
+    const Eigen::Vector3d offset = pose.bone_transforms[0] * Eigen::Vector3d(shaped.bone_heads.col(0)) -
+                                   turn * truth.row(6 * kBones).transpose();  // the floor
+    EXPECT_LT(offset.head<2>().norm(), 1e-6);
+    for (Eigen::Index v = 0; v < vertices.cols(); ++v)
+      ASSERT_LT((vertices.col(v) - turn * truth.row(v).transpose() - offset).norm(), 2e-6) << "vertex " << v;
+    for (int b = 0; b < kBones; ++b) {
+      const Eigen::Vector3d head = pose.bone_transforms[b] * Eigen::Vector3d(shaped.bone_heads.col(b));
+      ASSERT_LT((head - turn * truth.row(6 * kBones + b).transpose() - offset).norm(), 2e-6) << "joint " << b;
+    }
+  }
+}
+
+TEST(Smpl, IsATemplateLikeOthers) {
+  const BodyTemplate body = SmplFromArrays(Model(), "model");
+  ExpectClosedSurface(body);
+  ExpectSoundSkin(body);
+  EXPECT_NEAR(body.vertices.row(2).minCoeff(), 0, 1e-7);
+  for (int j = 3; j < 9; ++j) EXPECT_GT(body.coco19(0, j), 0.05) << j;
+  for (int j = 9; j < 15; ++j) EXPECT_LT(body.coco19(0, j), -0.05) << j;
+  EXPECT_LT(body.coco19(1, 1), body.coco19(1, 0));  // the nose is before the neck
+  for (const int part : body.face_part) EXPECT_TRUE(part >= 1 && part <= kNumParts);
+  EXPECT_GE(body.face_uv.minCoeff(), 0);
+  EXPECT_LE(body.face_uv.maxCoeff(), 1);
+  std::array<bool, 19> all;
+  all.fill(true);
+  Rng rng(6);
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<Eigen::Quaterniond> turns;
+    for (int b = 0; b < kBones; ++b)
+      turns.push_back(geometry::RotationExp(0.25 * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal())));
+    const Eigen::Matrix3Xd truth = PosedCoco19(body, PoseFromAngles(body, {}, turns));
+    BodyPose pose;
+    ASSERT_TRUE(PoseFromJoints(body, truth, all, &pose));
+    EXPECT_LT((PosedCoco19(body, pose) - truth).colwise().norm().maxCoeff(), 1e-6);
+  }
+}
+
+TEST(Smpl, OtherFilesAreRefused) {
+  const testing::TempDir folder;
+  for (const char* name : {"a.npz", "a.pkl", "a.txt"}) {
+    const std::string path = folder / name;
+    WriteFileAtomic(path, "no body");
+    EXPECT_THROW(ReadSmpl(path), FormatError) << name;
+  }
+  EXPECT_THROW(ReadSmpl(folder / "none.npz"), IoError);
+}
+
+TEST(Smpl, WorksWithoutShapes) {
+  Arrays arrays = Model();
+  arrays.erase("shapedirs");
+  arrays.erase("posedirs");
+  const BodyTemplate body = SmplFromArrays(arrays, "model");
+  EXPECT_TRUE(body.shapes.names.empty());
+  EXPECT_EQ(body.pose_directions.size(), 0);
+  EXPECT_EQ(WithShape(body, Eigen::VectorXd()).vertices, body.vertices);
+}
+
+TEST(Smpl, NamesTheArrayThatDoesNotFit) {
+  const auto refusal = [](const std::string& name, const auto& change) {
+    Arrays arrays = Model();
+    change(&arrays.at(name));
+    return testing::MessageOf<FormatError>([&] { SmplFromArrays(arrays, "model.npz"); });
+  };
+  const auto expect = [&](const std::string& name, const auto& change) {
+    EXPECT_NE(refusal(name, change).find("model.npz: " + name), std::string::npos) << refusal(name, change);
+  };
+  for (const char* name : {"v_template", "f", "weights", "J_regressor", "kintree_table", "shapedirs", "posedirs"}) {
+    expect(name, [](NpyArray* array) { array->shape.push_back(1); });
+    expect(name, [](NpyArray* array) { array->values.pop_back(); });
+    expect(name, [](NpyArray* array) { array->values[1] = std::nan(""); });
+  }
+  expect("f", [](NpyArray* array) { array->values[5] = 1e6; });
+  expect("f", [](NpyArray* array) { array->values[5] = -1; });
+  expect("kintree_table", [](NpyArray* array) { array->values[3] = 3; });
+  expect("kintree_table", [](NpyArray* array) { array->values[23] = 24; });
+  Arrays none;
+  EXPECT_THROW(SmplFromArrays(none, "model"), FormatError);
+}
+
+}  // namespace
+}  // namespace mvstudio::body
