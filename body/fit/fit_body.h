@@ -45,7 +45,6 @@ struct BodyFitStage {
 struct CameraFit {
   std::string name;
   int views = 0, rejected = 0;
-  Eigen::VectorXd coefficients;                        ///< (S) of the template's shapes
   double iou_before = 0, iou = 0;                      ///< means over its silhouettes
   Eigen::Vector2d shift_px = Eigen::Vector2d::Zero();  ///< of its silhouettes against the fitted body
   double shift_sigma_px = 0;
@@ -60,6 +59,7 @@ struct RejectedView {
 struct BodyFit {
   Status status = Status::kOk;  ///< kTooFewViews: no time step with a trunk and a silhouette; then `person` is the template
   PersonBody person;
+  Eigen::VectorXd coefficients;    ///< (S) of the template's shapes
   Eigen::VectorXd offsets;         ///< (V) metres along the rest normals
   double iou_before = 0, iou = 0;  ///< held-out silhouettes, posed by joints alone: the template, the fitted body
   double joint_error_m = 0;        ///< median distance of joints from the posed skeleton
