@@ -23,6 +23,7 @@ MAY_INCLUDE = {
     "geometry/lens": {"core", "geometry/rigid", "geometry/lens/models"},
     "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens/models", "geometry/lens"},
     "body": CORE | GEOMETRY,
+    "body/files": CORE | GEOMETRY | {"body"},
     "triangulate/point": CORE | GEOMETRY,
     "triangulate/batch": CORE | GEOMETRY | {"triangulate/point"},
     "triangulate/people": CORE | GEOMETRY | {"triangulate/point"},
