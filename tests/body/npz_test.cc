@@ -14,11 +14,11 @@
 namespace mvstudio::body {
 namespace {
 
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::MessageOf;
 using ::testing::Not;
-using testing::TempDir;
 
 struct Member {
   std::string name, content;
