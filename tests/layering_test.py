@@ -61,7 +61,7 @@ MAY_INCLUDE = {
     "detect/models": CORE | {"detect/tfjs"},
     "detect/joints": CORE | GEOMETRY | {"body", "dataset/pose", "detect/tfjs", "detect/models"},
     "detect/segment": CORE | GEOMETRY | {"detect/tfjs", "detect/models"},
-    "exports": CORE | GEOMETRY | {"body", "calib/board", "calib/formats", "dataset/footage", "dataset/pose", "dataset/panoptic",
+    "exports": CORE | GEOMETRY | {"body", "body/files", "calib/board", "calib/formats", "dataset/footage", "dataset/pose", "dataset/panoptic",
                                   "dataset/views", "dataset/colour", "dataset/pack"},
     "synth": CORE | GEOMETRY | {"body", "calib/board", "dataset/footage", "dataset/pose", "dataset/session"},
     "metrics": {"core"},
