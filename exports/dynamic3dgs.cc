@@ -1,8 +1,8 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/board/pixel_origin.h"
+#include "core/disk/npy_write.h"
 #include "core/error.h"
-#include "exports/npy.h"
 #include "exports/writers.h"
 
 /// Dynamic 3D Gaussians (Luiten et al., 3DV 2024): train_meta.json, test_meta.json, ims/, seg/ (0 and 1) and init_pt_cld.npz.

@@ -1,8 +1,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
+#include "body/files/glb_internal.h"
 #include "body/skeleton.h"
 #include "exports/frustum.h"
 #include "exports/joint_files.h"
@@ -11,124 +11,53 @@
 namespace mvstudio::exports {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using body::internal::AppendTurn;
+using body::internal::AppendVector;
+using body::internal::GlbBuilder;
+using body::internal::kArrayBuffer;
+using body::internal::kElementBuffer;
+using Json = body::internal::GlbJson;
 
-constexpr int kFloat = 5126, kUnsignedShort = 5123, kArrayBuffer = 34962, kElementBuffer = 34963, kLines = 1;
+constexpr int kLines = 1;
 constexpr double kJointRadiusM = 0.025, kBoneRadiusM = 0.02;
-
-/// The document and its one buffer.
-class Builder {
- public:
-  Builder() {
-    for (const char* key : {"nodes", "meshes", "materials", "cameras", "accessors", "bufferViews"}) json_[key] = Json::array();
-  }
-
-  int Add(const char* list, Json item) {
-    json_[list].push_back(std::move(item));
-    return static_cast<int>(json_[list].size()) - 1;
-  }
-  Json& Node(int index) { return json_["nodes"][static_cast<size_t>(index)]; }
-  void Set(const char* key, Json value) { json_[key] = std::move(value); }
-
-  /// `components` numbers an element; bounds are written for every accessor.
-  int Floats(const std::vector<float>& values, size_t components, int target = 0) {
-    Json low = Json::array(), high = Json::array();
-    for (size_t c = 0; c < components; ++c) {
-      float least = values[c], most = values[c];
-      for (size_t i = c; i < values.size(); i += components)
-        least = std::min(least, values[i]), most = std::max(most, values[i]);
-      low.push_back(least), high.push_back(most);
-    }
-    const char* types[] = {"", "SCALAR", "", "VEC3", "VEC4"};
-    return Add("accessors", {{"bufferView", View(values.data(), values.size() * sizeof(float), target)},
-                             {"componentType", kFloat},
-                             {"count", values.size() / components},
-                             {"type", types[components]},
-                             {"min", low},
-                             {"max", high}});
-  }
-  int Indices(const std::vector<uint16_t>& values) {
-    return Add("accessors", {{"bufferView", View(values.data(), values.size() * sizeof(uint16_t), kElementBuffer)},
-                             {"componentType", kUnsignedShort},
-                             {"count", values.size()},
-                             {"type", "SCALAR"}});
-  }
-
-  std::string Glb() const {
-    Json json = {{"asset", {{"version", "2.0"}, {"generator", "mvstudio"}}}};
-    if (!bytes_.empty()) json["buffers"] = Json::array({{{"byteLength", bytes_.size()}}});
-    for (const auto& [key, value] : json_.items()) {
-      if (!value.is_array() || !value.empty()) json[key] = value;
-    }
-    std::string text = json.dump();
-    text.append((4 - text.size() % 4) % 4, ' ');
-    std::string glb = "glTF";
-    const size_t total = 12 + 8 + text.size() + (bytes_.empty() ? 0 : 8 + bytes_.size());
-    for (const size_t word : {size_t{2}, total, text.size()}) AppendWord(word, &glb);
-    glb += "JSON" + text;
-    if (bytes_.empty()) return glb;
-    AppendWord(bytes_.size(), &glb);
-    return glb + std::string("BIN\0", 4) + bytes_;
-  }
-
- private:
-  static void AppendWord(size_t value, std::string* bytes) {
-    const auto word = static_cast<uint32_t>(value);
-    char raw[4];
-    std::memcpy(raw, &word, 4);
-    bytes->append(raw, 4);
-  }
-  int View(const void* data, size_t size, int target) {
-    Json view = {{"buffer", 0}, {"byteOffset", bytes_.size()}, {"byteLength", size}};
-    if (target != 0) view["target"] = target;
-    bytes_.append(static_cast<const char*>(data), size);
-    bytes_.append((4 - bytes_.size() % 4) % 4, '\0');
-    return Add("bufferViews", view);
-  }
-
-  Json json_ = Json::object();
-  std::string bytes_;
-};
 
 Json List3(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 std::vector<float> Packed(const std::vector<Eigen::Vector3d>& points) {
   std::vector<float> values;
-  for (const Eigen::Vector3d& p : points) {
-    for (int k = 0; k < 3; ++k) values.push_back(static_cast<float>(p[k]));
-  }
+  for (const Eigen::Vector3d& p : points) AppendVector(&values, p);
   return values;
 }
 
-int Material(Builder* builder, const std::string& name, const std::vector<double>& rgba) {
+int Material(GlbBuilder* builder, const std::string& name, const std::vector<double>& rgba) {
   return builder->Add("materials",
                       {{"name", name},
                        {"pbrMetallicRoughness", {{"baseColorFactor", rgba}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.9}}},
                        {"doubleSided", true}});
 }
 
-int TriangleMesh(Builder* builder, const std::string& name, const std::vector<Eigen::Vector3d>& points,
+int TriangleMesh(GlbBuilder* builder, const std::string& name, const std::vector<Eigen::Vector3d>& points,
                  const std::vector<uint16_t>& triangles, int material) {
   Json primitive = {{"attributes", {{"POSITION", builder->Floats(Packed(points), 3, kArrayBuffer)}}},
-                    {"indices", builder->Indices(triangles)},
+                    {"indices", builder->Shorts(triangles, 1, kElementBuffer)},
                     {"material", material}};
   return builder->Add("meshes", {{"name", name}, {"primitives", Json::array({primitive})}});
 }
 
 /// An octahedron about the origin.
-int JointMesh(Builder* builder, int material) {
+int JointMesh(GlbBuilder* builder, int material) {
   return TriangleMesh(builder, "joint", {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
                       {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4, 2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5}, material);
 }
 
 /// Two pyramids base to base, from the origin to (0, 0, 1).
-int BoneMesh(Builder* builder, int material) {
+int BoneMesh(GlbBuilder* builder, int material) {
   constexpr double kWaist = 0.2;
   return TriangleMesh(builder, "bone", {{0, 0, 0}, {1, 0, kWaist}, {0, 1, kWaist}, {-1, 0, kWaist}, {0, -1, kWaist}, {0, 0, 1}},
                       {0, 2, 1, 0, 3, 2, 0, 4, 3, 0, 1, 4, 5, 1, 2, 5, 2, 3, 5, 3, 4, 5, 4, 1}, material);
 }
 
-int FrustumMesh(Builder* builder, const View& view, int material) {
+int FrustumMesh(GlbBuilder* builder, const View& view, int material) {
   std::vector<Eigen::Vector3d> points;
   for (const Eigen::Vector3d& x : FrustumInCam(view.camera.camera)) points.emplace_back(x.x(), -x.y(), -x.z());
   std::vector<uint16_t> lines;
@@ -136,14 +65,14 @@ int FrustumMesh(Builder* builder, const View& view, int material) {
     lines.insert(lines.end(), {static_cast<uint16_t>(edge[0]), static_cast<uint16_t>(edge[1])});
   }
   Json primitive = {{"attributes", {{"POSITION", builder->Floats(Packed(points), 3, kArrayBuffer)}}},
-                    {"indices", builder->Indices(lines)},
+                    {"indices", builder->Shorts(lines, 1, kElementBuffer)},
                     {"mode", kLines},
                     {"material", material}};
   return builder->Add("meshes", {{"name", "frustum " + view.info.name}, {"primitives", Json::array({primitive})}});
 }
 
 /// The camera as glTF has it (no principal point, no distortion), with all of the lens beside it in `extras`.
-int CameraNode(Builder* builder, const View& view, int material) {
+int CameraNode(GlbBuilder* builder, const View& view, int material) {
   const geometry::Camera& lens = view.camera.camera;
   const double half_height = lens.height_px / (2 * lens.fy()), half_width = lens.width_px / (2 * lens.fx());
   const int camera = builder->Add(
@@ -173,19 +102,6 @@ struct Track {
   std::vector<float> translation, rotation, scale;
 };
 
-void AppendTo(std::vector<float>* values, const Eigen::Vector3d& v) {
-  for (int k = 0; k < 3; ++k) values->push_back(static_cast<float>(v[k]));
-}
-
-void AppendTurn(std::vector<float>* values, Eigen::Quaterniond q) {
-  const size_t n = values->size();
-  if (n >= 4) {  // the shorter way from the last one
-    const Eigen::Quaterniond last((*values)[n - 1], (*values)[n - 4], (*values)[n - 3], (*values)[n - 2]);
-    if (q.dot(last) < 0) q.coeffs() = -q.coeffs();
-  }
-  for (const double value : {q.x(), q.y(), q.z(), q.w()}) values->push_back(static_cast<float>(value));
-}
-
 Track JointTrack(const Take& take, int person, int joint, const Eigen::Vector3d& centre) {
   Track track;
   Eigen::Vector3d place = Eigen::Vector3d::Zero();
@@ -193,8 +109,8 @@ Track JointTrack(const Take& take, int person, int joint, const Eigen::Vector3d&
     const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
     const bool valid = pose && pose->valid[joint];
     if (valid) place = pose->x_in_world.col(joint) - centre;
-    AppendTo(&track.translation, place);
-    AppendTo(&track.scale, Eigen::Vector3d::Constant(valid ? kJointRadiusM : 0));
+    AppendVector(&track.translation, place);
+    AppendVector(&track.scale, Eigen::Vector3d::Constant(valid ? kJointRadiusM : 0));
   }
   return track;
 }
@@ -213,15 +129,15 @@ Track BoneTrack(const Take& take, int person, int from, int to, const Eigen::Vec
       length = along.norm();
       if (length > 0) turn = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along);
     }
-    AppendTo(&track.translation, place);
+    AppendVector(&track.translation, place);
     AppendTurn(&track.rotation, turn);
-    AppendTo(&track.scale, valid ? Eigen::Vector3d(kBoneRadiusM, kBoneRadiusM, length) : Eigen::Vector3d::Zero());
+    AppendVector(&track.scale, valid ? Eigen::Vector3d(kBoneRadiusM, kBoneRadiusM, length) : Eigen::Vector3d::Zero());
   }
   return track;
 }
 
 /// A node that follows the track; its channels join `animation`.
-int AnimatedNode(Builder* builder, Json node, const Track& track, int times, Json* animation) {
+int AnimatedNode(GlbBuilder* builder, Json node, const Track& track, int times, Json* animation) {
   for (const auto& [key, values] : {std::pair<const char*, const std::vector<float>*>{"translation", &track.translation},
                                     {"rotation", &track.rotation},
                                     {"scale", &track.scale}}) {
@@ -255,7 +171,7 @@ Eigen::Vector3d Centre(const Take& take) {
   return box.isEmpty() ? Eigen::Vector3d(0, 0, 0) : Eigen::Vector3d(box.center());
 }
 
-Json PersonNodes(Builder* builder, const Take& take, int person, const Eigen::Vector3d& centre, int times, int material,
+Json PersonNodes(GlbBuilder* builder, const Take& take, int person, const Eigen::Vector3d& centre, int times, int material,
                  Json* animation) {
   const int joint_mesh = JointMesh(builder, material), bone_mesh = BoneMesh(builder, material);
   const std::string prefix = "person" + std::to_string(person) + " ";
@@ -273,7 +189,7 @@ Json PersonNodes(Builder* builder, const Take& take, int person, const Eigen::Ve
   return children;
 }
 
-void AddPeople(Builder* builder, const Take& take, Json* world_children) {
+void AddPeople(GlbBuilder* builder, const Take& take, Json* world_children) {
   const std::vector<int> people = take.PersonIds();
   if (people.empty()) return;
   const std::vector<std::vector<double>> colours = {
@@ -299,7 +215,7 @@ void AddPeople(Builder* builder, const Take& take, Json* world_children) {
 }  // namespace
 
 void WriteGltf(const Job& job) {
-  Builder builder;
+  GlbBuilder builder;
   Json children = Json::array();
   const int material = Material(&builder, "cameras", {0.15, 0.15, 0.15, 1});
   for (const View& view : job.take.views) children.push_back(CameraNode(&builder, view, material));

@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "body/skeleton.h"
+#include "core/disk/npy_write.h"
 #include "core/error.h"
-#include "exports/npy.h"
 
 namespace mvstudio::exports {
 namespace {

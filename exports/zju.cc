@@ -1,5 +1,5 @@
 #include "core/error.h"
-#include "exports/npy.h"
+#include "exports/pickle.h"
 #include "exports/writers.h"
 
 /// ZJU-MoCap as Neural Body reads it: annots.npy with the cameras (T in millimetres, world to camera) and, for every frame, the

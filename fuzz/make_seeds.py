@@ -11,6 +11,7 @@ import re
 import struct
 import sys
 import tarfile
+import zipfile
 import zlib
 
 ROOT = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), "seeds")
@@ -328,16 +329,50 @@ def seed_pack():
                                               "shards": [shard(0), shard(1)]}, indent=1))
 
 
+def npy(version, descr, fortran, shape, data):
+    header = f"{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}"
+    size = 2 if version == 1 else 4
+    header = header.ljust(-(8 + size + len(header) + 1) % 64 + len(header)) + "\n"
+    return b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(size, "little") + header.encode() + data
+
+
+def npz(compression, arrays):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as archive:
+        for name, content in arrays:
+            archive.writestr(zipfile.ZipInfo(name + ".npy"), content, compression)
+    return file.getvalue()
+
+
+def seed_body():
+    """Two triangles on two bones, as arrays and as archives."""
+    def numbers(descr, letter, shape, values):
+        return npy(1, descr, False, shape, struct.pack(f"<{len(values)}{letter}", *values))
+
+    def texts(values):
+        longest = max(len(value) for value in values)
+        data = b"".join(value.ljust(longest, "\0").encode("utf-32-le") for value in values)
+        return npy(1, f"<U{longest}", False, f"({len(values)},)", data)
+    body = [("schema", texts(["mvstudio.body/1"])),
+            ("vertices", numbers("<f4", "f", "(4, 3)", [0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1])),
+            ("faces", numbers("<i8", "q", "(2, 3)", [0, 1, 2, 0, 2, 3])), ("face_part", numbers("<i8", "q", "(2,)", [1, 2])),
+            ("face_uv", numbers("<f4", "f", "(2, 3, 2)", [0, 0, 1, 0, 1, 1, 0, 0, 1, 1, 0, 1])),
+            ("bone_names", texts(["pole", "\u00e4"])), ("bone_parents", numbers("<i8", "q", "(2,)", [-1, 0])),
+            ("bone_heads", numbers("<f8", "d", "(2, 3)", [0, 0, 0, 0.5, 0, 0.25])),
+            ("bone_tails", numbers("<f8", "d", "(2, 3)", [0, 0, 1, 0.5, 0, 0.5])),
+            ("skin_bones", numbers("<i8", "q", "(4, 4)", [0, 1, 0, 0] * 4)),
+            ("skin_weights", numbers("<f4", "f", "(4, 4)", [0.5, 0.5, 0, 0] * 4)),
+            ("coco19", numbers("<f8", "d", "(19, 3)", [0.1] * 57)), ("coco19_bone", numbers("<i8", "q", "(19,)", [1] * 19)),
+            ("extra.a", numbers("<f8", "d", "(1, 2)", [1, 2]))]
+    put("body_npz", "flag.bin", CUT.encode().join(content for _, content in body))
+    put("npz", "body.npz", npz(zipfile.ZIP_STORED, body))
+    put("npz", "deflated.npz", npz(zipfile.ZIP_DEFLATED, body[1:4]))
+
+
 def seed_motion():
     joint = "JOINT Spine\n  {\n    OFFSET 0 10 0\n    CHANNELS 3 Zrotation Xrotation Yrotation\n    End Site\n    {\n      OFFSET 0 5 0\n    }\n  }\n"
     put("bvh", "two.bvh", "HIERARCHY\nROOT Hips\n{\n  OFFSET 0.0 0.0 0.0\n  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n  " +
         joint + "}\nMOTION\nFrames: 2\nFrame Time: 0.0333333\n0 90 0 1 2 3 4 5 6\n0.5 90.5 -1e1 1 2 3 4 5 6\n")
-
-    def npy(version, descr, fortran, shape, data):
-        header = f"{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}"
-        size = 2 if version == 1 else 4
-        header = header.ljust(-(8 + size + len(header) + 1) % 64 + len(header)) + "\n"
-        return b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(size, "little") + header.encode() + data
 
     put("npy", "doubles.npy", npy(1, "<f8", False, "(2, 3)", struct.pack("<6d", 1, 2.5, -3, 1e300, 5, 6)))
     put("npy", "fortran.npy", npy(2, "<i4", True, "(3, 1, 2)", struct.pack("<6i", *range(6))))
@@ -448,7 +483,7 @@ def write_dictionaries():
         for name in sorted(os.listdir(os.path.join(ROOT, target))):
             with open(os.path.join(ROOT, target, name), "rb") as file:
                 text = file.read()
-            if not name.startswith("crash") and target not in ("picture", "video", "model_archive", "shard_bytes"):
+            if not name.startswith("crash") and target not in ("picture", "video", "model_archive", "shard_bytes", "npz"):
                 words.update(word.decode() for word in re.findall(rb"[A-Za-z_!%#<][A-Za-z0-9_!:.-]{2,31}", text))
         lines = [json.dumps(word) for word in HOSTILE + sorted(words)[:150]]
         with open(os.path.join(folder, target + ".dict"), "w", encoding="ascii") as file:
@@ -457,7 +492,7 @@ def write_dictionaries():
 
 def main():
     for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
-                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion,
+                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body,
                  seed_runs, seed_scenes, seed_report, seed_manifest, seed_shard]:
         seed()
     write_dictionaries()

@@ -2,7 +2,7 @@
 
 #include "avatar/io/render/bvh_file.h"
 #include "core/disk/npy.h"
-#include "exports/npy.h"
+#include "core/disk/npy_write.h"
 #include "fuzz/fuzz.h"
 
 /// Motion files and numpy's arrays.
@@ -37,8 +37,7 @@ MVS_FUZZ_TARGET(npy, bytes) {
   }
   Require(count == array.values.size(), "values of another number than the shape");
   NpyArray back;
-  Require(Accepts([&] { back = ParseNpy(exports::NpyOfDoubles(shape, array.values), "b.npy"); }),
-          "what was written cannot be read");
+  Require(Accepts([&] { back = ParseNpy(NpyOfDoubles(shape, array.values), "b.npy"); }), "what was written cannot be read");
   Require(back.shape == array.shape, "the shape changes when it is written and read");
   for (size_t i = 0; i < array.values.size(); ++i) Require(Near(back.values[i], array.values[i], 0), "a value changes");
 }

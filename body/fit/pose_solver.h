@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "body/fit/articulated_pose.h"
+#include "body/fit/posed_bones.h"
 #include "body/fit/rim.h"
 #include "core/status.h"
 

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "body/fit/articulated_pose.h"
+#include "body/fit/posed_bones.h"
 #include "body/fit/pose_solver.h"
 
 namespace mvstudio::body {

@@ -17,4 +17,7 @@ struct NpyArray {
 NpyArray ReadNpy(const std::string& path);
 NpyArray ParseNpy(const std::string& bytes, const std::string& path);
 
+/// A 1-D array of text, dtype `<U…`, as UTF-8. Throws FormatError for other types and shapes, and for what is no character.
+std::vector<std::string> ParseNpyTexts(const std::string& bytes, const std::string& path);
+
 }  // namespace mvstudio

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "body/fit/articulated_pose.h"
+#include "body/fit/posed_bones.h"
 #include "body/fit/mask_outline.h"
 #include "body/fit/offsets.h"
 #include "body/fit/photometric.h"

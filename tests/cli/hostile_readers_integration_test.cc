@@ -1,5 +1,7 @@
 #include <filesystem>
 
+#include "body/files/npz.h"
+#include "body/files/person_file.h"
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detection_cache.h"
 #include "calib/formats/formats.h"
@@ -98,6 +100,8 @@ std::vector<Reader> Readers() {
           {"marks", "scene_points/one.csv", "a.csv", false, [](const std::string& path) { calib::ReadScenePoints({path}); }},
           {"detections", "detection_cache/one.bin", "a.bin", false, ReadDetections},
           {"npy", "npy/doubles.npy", "a.npy", false, [](const std::string& path) { ReadNpy(path); }},
+          {"npz", "npz/deflated.npz", "a.npz", false, [](const std::string& path) { body::ReadNpz(path); }},
+          {"body", "npz/body.npz", "body.npz", false, [](const std::string& path) { body::ReadPersonFile(path); }},
           {"manifest", "manifest/three.json", "a.json", true,
            [](const std::string& path) { ManifestFromJsonText(ReadFile(path), path); }}};
 }

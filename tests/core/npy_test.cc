@@ -1,10 +1,12 @@
 #include "core/disk/npy.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstring>
 
+#include "core/disk/npy_write.h"
 #include "core/error.h"
 
 namespace mvstudio {
@@ -72,6 +74,42 @@ TEST(Npy, RefusesWhatItCannotRead) {
   EXPECT_THROW(ParseNpy(Npy("<f8", "(-1,)", Bytes<double>({1})), "x"), FormatError);
   EXPECT_THROW(ParseNpy(Npy("<f8", "[1]", Bytes<double>({1})), "x"), FormatError);
   EXPECT_THROW(ReadNpy("/does/not/exist.npy"), IoError);
+}
+
+TEST(NpyWrite, HeaderIsPaddedTo64) {
+  using ::testing::HasSubstr;
+  const std::string bytes = NpyOfDoubles({2, 3}, {1, 2, 3, 4, 5, 6});
+  EXPECT_EQ(bytes.substr(0, 8), std::string("\x93NUMPY\x01\x00", 8));
+  EXPECT_EQ(bytes.size() % 64, 48u);  // whole 64 and six doubles
+  EXPECT_THAT(bytes, HasSubstr("'shape': (2, 3)"));
+  EXPECT_THAT(NpyOfDoubles({1}, {4}), HasSubstr("'shape': (1,)"));
+  EXPECT_THROW(NpyOfDoubles({2}, {1}), ContractViolation);
+  EXPECT_THROW(NpyOfTexts({"\xff"}), UsageError);
+}
+
+TEST(NpyWrite, NumbersComeBack) {
+  EXPECT_EQ(ParseNpy(NpyOfFloats({2}, {0.1f, -3e38f}), "x").values, (std::vector<double>{0.1f, -3e38f}));
+  EXPECT_EQ(ParseNpy(NpyOfInts({1, 2}, {-1, int64_t{1} << 50}), "x").values, (std::vector<double>{-1, 1125899906842624.0}));
+}
+
+TEST(NpyWrite, TextsComeBack) {
+  const std::vector<std::string> texts = {"a", "", "ähnlich", "\xf0\x9f\x93\xb7 \xe2\x82\xac"};
+  EXPECT_EQ(ParseNpyTexts(NpyOfTexts(texts), "x"), texts);
+  EXPECT_TRUE(ParseNpyTexts(NpyOfTexts({}), "x").empty());
+}
+
+TEST(Npy, RefusesTextsThatItCannotRead) {
+  const std::string good = NpyOfTexts({"ab", "c"}), data(8, '\0');
+  EXPECT_EQ(ParseNpyTexts(Npy("<U2", "(1,)", data), "x"), (std::vector<std::string>{""}));
+  for (size_t cut = 0; cut < good.size(); ++cut) EXPECT_THROW(ParseNpyTexts(good.substr(0, cut), "x"), FormatError) << cut;
+  for (const char* descr : {"<U", ">U2", "|S8", "<f8", "<U99999999999999999999", "<U65537"})
+    EXPECT_THROW(ParseNpyTexts(Npy(descr, "(1,)", data), "x"), FormatError) << descr;
+  EXPECT_THROW(ParseNpyTexts(Npy("<U2", "(2,)", data), "x"), FormatError);
+  EXPECT_THROW(ParseNpyTexts(Npy("<U1", "(1, 2)", data), "x"), FormatError);
+  EXPECT_THROW(ParseNpyTexts(Npy("<U0", "(1000000000,)", data), "x"), FormatError);
+  EXPECT_THROW(ParseNpyTexts(Npy("<U1", "(1,)", Bytes<uint32_t>({0xd800})), "x"), FormatError);
+  EXPECT_THROW(ParseNpyTexts(Npy("<U1", "(1,)", Bytes<uint32_t>({0x110000})), "x"), FormatError);
+  EXPECT_THROW(ParseNpy(good, "x"), FormatError);
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 #include "core/error.h"
 #include "dataset/pose/pose3d_trc.h"
 #include "exports/bvh.h"
-#include "exports/npy.h"
 #include "exports/ply.h"
 #include "exports/take.h"
 #include "tests/exports/fixture.h"
@@ -42,16 +41,6 @@ TEST(Num, ReadsBackAsTheSameDouble) {
   for (const double value : {0.0, -0.0, 1.0 / 3, 1e-300, 12345678.90123, -1e17}) {
     EXPECT_EQ(std::strtod(Num(value).c_str(), nullptr), value);
   }
-}
-
-TEST(Npy, HeaderIsPaddedTo64) {
-  const std::string bytes = NpyOfDoubles({2, 3}, {1, 2, 3, 4, 5, 6});
-  EXPECT_EQ(bytes.substr(0, 8), std::string("\x93NUMPY\x01\x00", 8));
-  EXPECT_EQ(bytes.size() % 64, 48u);  // whole 64 and six doubles
-  EXPECT_THAT(bytes, HasSubstr("'shape': (2, 3)"));
-  EXPECT_THAT(NpyOfDoubles({1}, {4}), HasSubstr("'shape': (1,)"));
-  EXPECT_THROW(NpyOfDoubles({2}, {1}), ContractViolation);
-  EXPECT_THROW(NpyOfTexts({"\xff"}), UsageError);
 }
 
 TEST(Bvh, AnglesRebuildTheRotation) {

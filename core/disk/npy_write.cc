@@ -1,4 +1,4 @@
-#include "exports/npy.h"
+#include "core/disk/npy_write.h"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,10 @@
 #include "core/error.h"
 #include "core/join.h"
 
-namespace mvstudio::exports {
+namespace mvstudio {
 namespace {
+
+constexpr size_t kMaxMembers = 0xffff;
 
 template <class T>
 void Append(T value, std::string* bytes) {
@@ -27,17 +29,6 @@ size_t Product(const std::vector<size_t>& shape) {
 /// `(3,)`, `(2, 3)`, `()`.
 std::string ShapeText(const std::vector<size_t>& shape) {
   return "(" + Join(shape, ", ", [](size_t size) { return std::to_string(size); }) + (shape.size() == 1 ? ",)" : ")");
-}
-
-/// Magic, version and the header padded so that the data start at a multiple of 64.
-std::string NpyHeader(const std::string& descr, const std::vector<size_t>& shape) {
-  std::string header = "{'descr': '" + descr + "', 'fortran_order': False, 'shape': " + ShapeText(shape) + ", }";
-  constexpr size_t kPrefix = 10;
-  header.append(63 - (kPrefix + header.size()) % 64, ' ');
-  header += '\n';
-  std::string bytes("\x93NUMPY\x01\x00", 8);
-  Append<uint16_t>(static_cast<uint16_t>(header.size()), &bytes);
-  return bytes + header;
 }
 
 template <class T>
@@ -99,45 +90,24 @@ std::string ZipCommon(const std::string& name, const std::string& content) {
   return bytes;
 }
 
-// Pickle opcodes (Python's pickletools), protocol 3.
-
-std::string Unicode(const std::string& utf8) {
-  std::string bytes = "X";
-  Append<uint32_t>(static_cast<uint32_t>(utf8.size()), &bytes);
-  return bytes + utf8;
-}
-
-std::string Int(int value) {
-  std::string bytes = "J";
-  Append<int32_t>(value, &bytes);
-  return bytes;
-}
-
-std::string Global(const std::string& module, const std::string& name) { return "c" + module + "\n" + name + "\n"; }
-
-const char kFalse = '\x89', kTrue = '\x88', kTuple1 = '\x85', kTuple3 = '\x87';
-
-/// numpy.dtype(kind) with the state that numpy gives it.
-std::string Dtype(const std::string& kind, const std::string& order, int flags) {
-  std::string bytes = Global("numpy", "dtype") + Unicode(kind) + kFalse + kTrue + kTuple3 + "R";
-  bytes += "(" + Int(3) + Unicode(order) + "NNN" + Int(-1) + Int(-1) + Int(flags) + "tb";
-  return bytes;
-}
-
-/// _reconstruct(ndarray, (0,), b'b') followed by its state (1, shape, dtype, False, data).
-std::string Ndarray(const std::vector<size_t>& shape, const std::string& dtype, const std::string& data) {
-  std::string bytes = Global("numpy.core.multiarray", "_reconstruct") + Global("numpy", "ndarray") + Int(0) + kTuple1 +
-                      std::string("C\x01", 2) + "b" + kTuple3 + "R";
-  bytes += "(" + Int(1) + "(";
-  for (const size_t n : shape) bytes += Int(static_cast<int>(n));
-  bytes += "t" + dtype + kFalse + data + "tb";
-  return bytes;
-}
-
 }  // namespace
+
+std::string NpyHeader(const std::string& descr, const std::vector<size_t>& shape) {
+  std::string header = "{'descr': '" + descr + "', 'fortran_order': False, 'shape': " + ShapeText(shape) + ", }";
+  constexpr size_t kPrefix = 10;
+  header.append(63 - (kPrefix + header.size()) % 64, ' ');
+  header += '\n';
+  std::string bytes("\x93NUMPY\x01\x00", 8);
+  Append<uint16_t>(static_cast<uint16_t>(header.size()), &bytes);
+  return bytes + header;
+}
 
 std::string NpyOfDoubles(const std::vector<size_t>& shape, const std::vector<double>& values) {
   return NpyOf("<f8", shape, values);
+}
+
+std::string NpyOfFloats(const std::vector<size_t>& shape, const std::vector<float>& values) {
+  return NpyOf("<f4", shape, values);
 }
 
 std::string NpyOfInts(const std::vector<size_t>& shape, const std::vector<int64_t>& values) {
@@ -159,9 +129,10 @@ std::string NpyOfTexts(const std::vector<std::string>& texts) {
 }
 
 std::string NpzOf(const std::vector<std::pair<std::string, std::string>>& members) {
+  if (members.size() > kMaxMembers) throw UsageError(".npz: more than 65,535 arrays");
   std::string bytes, directory;
   for (const auto& [stem, content] : members) {
-    if (bytes.size() + content.size() > 0xfff00000u) throw UsageError(".npz: more than 4 GiB; choose fewer option 'frames'");
+    if (bytes.size() + content.size() > 0xfff00000u) throw UsageError(".npz: more than 4 GiB; choose fewer frames");
     const std::string name = stem + ".npy", common = ZipCommon(name, content);
     directory += "PK\x01\x02";
     Append<uint16_t>(20, &directory);
@@ -184,42 +155,4 @@ std::string NpzOf(const std::vector<std::pair<std::string, std::string>>& member
   return bytes + directory + end;
 }
 
-PyValue PyValue::Text(const std::string& utf8) {
-  PyValue value;
-  value.opcodes_ = Unicode(utf8);
-  return value;
-}
-
-PyValue PyValue::List(const std::vector<PyValue>& items) {
-  PyValue value;
-  value.opcodes_ = "](";
-  for (const PyValue& item : items) value.opcodes_ += item.opcodes_;
-  value.opcodes_ += "e";
-  return value;
-}
-
-PyValue PyValue::Dict(const std::vector<std::pair<std::string, PyValue>>& items) {
-  PyValue value;
-  value.opcodes_ = "}(";
-  for (const auto& [key, item] : items) value.opcodes_ += Unicode(key) + item.opcodes_;
-  value.opcodes_ += "u";
-  return value;
-}
-
-PyValue PyValue::Array(const std::vector<size_t>& shape, const std::vector<double>& values) {
-  MVS_CHECK(Product(shape) == values.size(), values.size() << " values for the shape " << ShapeText(shape));
-  std::string data = "B";
-  Append<uint32_t>(static_cast<uint32_t>(values.size() * sizeof(double)), &data);
-  data.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(double));
-  PyValue value;
-  value.opcodes_ = Ndarray(shape, Dtype("f8", "<", 0), data);
-  return value;
-}
-
-std::string PyValue::ToNpy() const {
-  constexpr int kObjectFlags = 63;  // what numpy's object dtype carries
-  const std::string objects = "](" + opcodes_ + "e";
-  return NpyHeader("|O", {}) + std::string("\x80\x03", 2) + Ndarray({}, Dtype("O8", "|", kObjectFlags), objects) + ".";
-}
-
-}  // namespace mvstudio::exports
+}  // namespace mvstudio

@@ -1,4 +1,4 @@
-#include "body/fit/articulated_pose.h"
+#include "body/fit/posed_bones.h"
 
 #include "core/check.h"
 
@@ -7,10 +7,6 @@ namespace mvstudio::body {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-BodyPose ToBodyPose(const BodyTemplate& body, const ArticulatedPose& pose) {
-  return PoseFromAngles(body, {Quaterniond::Identity(), pose.shift}, pose.local_rotations);
-}
 
 ArticulatedPose FromBodyPose(const BodyTemplate& body, const BodyPose& pose) {
   ArticulatedPose out;

@@ -3,18 +3,11 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "body/articulated_pose.h"
 #include "body/body_template.h"
 
 namespace mvstudio::body {
 
-/// Pose of a body whose bones keep their lengths. Rotations act about the bones' heads, in axes of the rest pose.
-struct ArticulatedPose {
-  Eigen::Vector3d shift = Eigen::Vector3d::Zero();  ///< head of the root in world minus its rest position, metres
-  std::vector<Eigen::Quaterniond> local_rotations;  ///< (B) parent_from_bone; the root's is world_from_root
-};
-
-/// Bones' transforms without stretch.
-BodyPose ToBodyPose(const BodyTemplate& body, const ArticulatedPose& pose);
 /// The rotations of `pose`, its lengths left out; the root's head stays where it is.
 ArticulatedPose FromBodyPose(const BodyTemplate& body, const BodyPose& pose);
 
