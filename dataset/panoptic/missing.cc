@@ -75,13 +75,8 @@ MissingPictures FindMissing(const PanopticDataset& dataset, const std::vector<st
   return missing;
 }
 
-std::string MissingText(const MissingPictures& missing) {
-  const int masks = Count(missing, &MissingOfCamera::no_mask);
-  std::string text = std::to_string(missing.missing()) + " of " + std::to_string(missing.asked()) + " pictures ";
-  if (masks == 0) text += "are not in the dataset";
-  if (masks > 0 && masks == missing.missing()) text += "have no mask";
-  if (masks > 0 && masks < missing.missing())
-    text += "are not in the dataset or, " + std::to_string(masks) + " of them, have no mask";
+std::string MissingCamerasText(const MissingPictures& missing) {
+  std::string text;
   int told = 0, more = 0;
   for (const auto& [camera, of] : missing.by_camera) {
     if (of.missing() == 0) continue;
@@ -89,10 +84,18 @@ std::string MissingText(const MissingPictures& missing) {
       ++more;
       continue;
     }
-    text += (told++ ? ", " : " (") + camera + ": " + std::to_string(of.missing()) + " of " + std::to_string(of.asked);
+    text += (told++ ? ", " : "") + camera + ": " + std::to_string(of.missing()) + " of " + std::to_string(of.asked);
   }
-  if (more > 0) text += " and " + std::to_string(more) + " more cameras";
-  return text + (told > 0 ? ")" : "");
+  return text + (more > 0 ? " and " + std::to_string(more) + " more cameras" : "");
+}
+
+std::string MissingText(const MissingPictures& missing) {
+  const int masks = Count(missing, &MissingOfCamera::no_mask), all = missing.missing();
+  const std::string why = masks == 0     ? "are not in the dataset"
+                          : masks == all ? "have no mask"
+                                         : "are not in the dataset or, " + std::to_string(masks) + " of them, have no mask";
+  return std::to_string(all) + " of " + std::to_string(missing.asked()) + " pictures " + why +
+         (all > 0 ? " (" + MissingCamerasText(missing) + ")" : "");
 }
 
 std::string MissingHint(const MissingPictures& missing) {

@@ -36,6 +36,8 @@ MissingPictures FindMissing(const PanopticDataset& dataset, const std::vector<st
 
 /// "285 of 300 pictures are not in the dataset (00_01: 95 of 100, 00_02: 95 of 100, …)".
 std::string MissingText(const MissingPictures& missing);
+/// "00_01: 95 of 100, 00_02: 95 of 100": those that miss some, at most six.
+std::string MissingCamerasText(const MissingPictures& missing);
 /// The likely cause, and what can be done.
 std::string MissingHint(const MissingPictures& missing);
 /// {"asked", "missing", "pictures", "masks", "cameras": {"00_01": {"asked", "pictures", "masks"}}, "names": […]}: cameras
