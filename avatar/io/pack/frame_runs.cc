@@ -1,5 +1,8 @@
 #include "avatar/io/pack/frame_runs.h"
 
+#include <algorithm>
+
+#include "avatar/data/pack.h"
 #include "core/statistics.h"
 #include "dataset/pose/cuts.h"
 
@@ -30,6 +33,13 @@ std::vector<int> CutsOf(const dataset::PanopticDataset& data, int person) {
     if (found != people.end()) poses[frame] = found->second;
   }
   return dataset::FindCuts(poses);
+}
+
+void SetTime(const dataset::PanopticDataset& data, int person, std::vector<int> frames, int frame_step, AvatarPack* pack) {
+  std::sort(frames.begin(), frames.end());
+  pack->frame_step = frame_step > 0 ? frame_step : std::max(1, UsualStep(frames));
+  const std::vector<int> cuts = CutsOf(data, person);
+  pack->cuts.assign(cuts.begin(), cuts.end());
 }
 
 }  // namespace mvstudio::avatar

@@ -239,15 +239,6 @@ struct Filler {
   }
 };
 
-/// What PreviousRows needs: rows alone do not say that frames between them are missing, nor where another clip begins.
-void SetTime(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan, AvatarPack* pack) {
-  std::vector<int> frames = plan.frames;
-  std::sort(frames.begin(), frames.end());
-  pack->frame_step = options.frame_step > 0 ? options.frame_step : std::max(1, UsualStep(frames));
-  const std::vector<int> cuts = CutsOf(data, plan.person);
-  pack->cuts.assign(cuts.begin(), cuts.end());
-}
-
 double MeanTemplateIou(const AvatarPack& pack) {
   const at::Tensor a = pack.part > 0, b = pack.masks > 0;
   const at::Tensor both = a.logical_and(b).sum({1, 2}).to(at::kDouble), any = a.logical_or(b).sum({1, 2}).to(at::kDouble);
@@ -338,7 +329,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
     if (const auto vertices = PosedVertices(body, *job.pose)) filler.vertices[job.frame] = *vertices;
   }
   AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px);
-  SetTime(data, options, plan, &pack);
+  SetTime(data, plan.person, plan.frames, options.frame_step, &pack);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
   ProgressStage stage(run, "cropping pictures", count);
