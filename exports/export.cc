@@ -101,11 +101,22 @@ std::string ManifestText(const Take& take, const ExportReport& report) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
+void RequireAny(const std::string& root, const dataset::MissingPictures& missing) {
+  int without = 0;
+  for (const auto& [camera, of] : missing.by_camera) without += static_cast<int>(of.no_picture.size());
+  if (without > 0 && without == missing.asked())
+    throw FormatError(root, "hdImgs", "holds none of the " + std::to_string(without) + " pictures of these cameras and frames");
+}
+
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
   if (!format.has_pictures || options.pictures == "none") return;
   if (report->missing_pictures > 0) {
-    report->notes.push_back({"EXP-NO-PICTURE", std::to_string(report->missing_pictures) + " pictures are not in the dataset",
-                             "`mvstudio dataset verify` lists them; option 'frames' and option 'cameras' leave them out"});
+    dataset::MissingPictures pictures = report->missing;
+    for (auto& [camera, of] : pictures.by_camera) of.no_mask.clear();
+    report->notes.push_back({"EXP-NO-PICTURE",
+                             std::to_string(report->missing_pictures) + " pictures are not in the dataset (" +
+                                 dataset::MissingCamerasText(pictures) + ")",
+                             "`mvstudio dataset verify` counts them; option 'frames' and option 'cameras' leave them out"});
   }
   if (report->missing_masks > 0) {
     report->notes.push_back({"EXP-NO-MASK", std::to_string(report->missing_masks) + " masks are not in the dataset",
@@ -137,6 +148,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   const Job job{take, pictures, options, run, folder.work_path(), &report};
   writer.write(job);
   pictures.Run(run, &report);
+  RequireAny(dataset.root, report.missing);
   NoteMissing(writer.info, options, &report);
   for (const View& view : take.views) report.cameras.push_back(view.info);
   report.frames = take.frames;

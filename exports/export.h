@@ -6,6 +6,7 @@
 
 #include "core/fields.h"
 #include "core/progress.h"
+#include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/rig.h"
 
@@ -66,6 +67,7 @@ struct ExportReport {
   int people = 0;  ///< different ids
   int pictures = 0, masks = 0;
   int missing_pictures = 0, missing_masks = 0;
+  dataset::MissingPictures missing;                     ///< the same by camera of the dataset
   int linked = 0;                                       ///< of the pictures and masks, those that use no disk space
   std::vector<std::string> files;                       ///< relative to the folder; without pictures and masks
   std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
@@ -88,7 +90,8 @@ const std::vector<FormatInfo>& Formats();
 const FormatInfo& FormatByName(const std::string& name);
 
 /// Writes the folder `out`, completely or not at all, with `export.json` beside the format's own files. Throws UsageError
-/// for options and lenses that do not fit the format, FormatError / IoError for damaged pictures, ResourceError.
+/// for options and lenses that do not fit the format, FormatError / IoError for damaged pictures and when the dataset has
+/// none of the pictures, ResourceError. Some that it does not have are counted and left out.
 ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
                            const ExportOptions& options, const RunContext& run = {});
 

@@ -67,12 +67,25 @@ std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
   return fs::is_regular_file(path) ? path : "";
 }
 
+void Pictures::CountPicture(size_t view, int frame, bool is_missing) {
+  if (options_.pictures == "none") return;
+  dataset::MissingOfCamera& of = missing_.by_camera[take_.views.at(view).info.source];
+  ++of.asked;
+  if (!is_missing) return;
+  ++missing_pictures_;
+  of.no_picture.insert(frame);
+}
+
+void Pictures::CountMissingMask(size_t view, int frame) {
+  if (options_.pictures == "none") return;
+  ++missing_masks_;
+  if (!SourceOf(view, frame, false).empty()) missing_.by_camera[take_.views.at(view).info.source].no_mask.insert(frame);
+}
+
 std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension) {
   const std::string from = SourceOf(view, frame, false);
-  if (from.empty()) {
-    missing_pictures_ += options_.pictures != "none";
-    return "";
-  }
+  CountPicture(view, frame, from.empty());
+  if (from.empty()) return "";
   const std::string name = stem + (extension.empty() ? fs::path(from).extension().string() : extension);
   tasks_.push_back({view, from, folder_ + "/" + name, false, MaskValues::k255});
   return name;
@@ -81,7 +94,7 @@ std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem
 bool Pictures::AddMask(size_t view, int frame, const std::string& path, MaskValues values) {
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
-    missing_masks_ += options_.pictures != "none";
+    CountMissingMask(view, frame);
     return false;
   }
   tasks_.push_back({view, from, folder_ + "/" + path, true, values});
@@ -108,10 +121,8 @@ Image Pictures::LoadMask(size_t view, int frame) const {
 
 std::string Pictures::EncodedPicture(size_t view, int frame) {
   const std::string from = SourceOf(view, frame, false);
-  if (from.empty()) {
-    missing_pictures_ += options_.pictures != "none";
-    return "";
-  }
+  CountPicture(view, frame, from.empty());
+  if (from.empty()) return "";
   ++contained_pictures_;
   if (!take_.views[view].info.undistorted) return ReadFile(from);
   return dataset::EncodeImage(LoadPicture(view, frame), "picture.jpg", options_.jpeg_quality);
@@ -120,7 +131,7 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
 std::string Pictures::EncodedMask(size_t view, int frame) {
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
-    missing_masks_ += options_.pictures != "none";
+    CountMissingMask(view, frame);
     return "";
   }
   ++contained_masks_;
@@ -173,6 +184,7 @@ void Pictures::Run(const RunContext& run, ExportReport* report) {
   report->linked += linked;
   report->missing_pictures += missing_pictures_;
   report->missing_masks += missing_masks_;
+  report->missing = missing_;
 }
 
 }  // namespace mvstudio::exports

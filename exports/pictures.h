@@ -42,12 +42,15 @@ class Pictures {
   struct Resampling;
   std::string SourceOf(size_t view, int frame, bool mask) const;
   bool Make(const Task& task) const;
+  void CountPicture(size_t view, int frame, bool is_missing);
+  void CountMissingMask(size_t view, int frame);
 
   const Take& take_;
   const ExportOptions& options_;
   const std::string folder_;
   std::vector<Task> tasks_;
   std::unique_ptr<Resampling> resampling_;
+  dataset::MissingPictures missing_;
   int missing_pictures_ = 0, missing_masks_ = 0, contained_pictures_ = 0, contained_masks_ = 0;
 };
 

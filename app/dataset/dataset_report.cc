@@ -25,6 +25,8 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
       {"cameras", report.cameras}, {"frames", report.frames}, {"pictures", report.pictures}, {"masks", report.masks},
       {"videos", report.videos},   {"faces", report.faces},   {"hands", report.hands}};
   for (const auto& [name, count] : counts) result.metrics[name] = count;
+  result.metrics["missing_pictures"] = report.no_picture;
+  result.metrics["missing_masks"] = report.no_mask;
   result.text += std::to_string(report.cameras) + " cameras with pictures, " + std::to_string(report.frames) +
                  " frames: " + std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) +
                  " warnings\n";

@@ -4,6 +4,8 @@
 #include <sstream>
 
 #include "app/words.h"
+#include "avatar/io/pack/frame_runs.h"
+#include "avatar/io/pack/split_side.h"
 #include "avatar/nets/generator.h"
 #include "core/error.h"
 #include "core/join.h"
@@ -75,6 +77,20 @@ std::vector<int> SpreadFrames(const std::vector<int>& frames, size_t count, bool
   return some;
 }
 
+avatar::SplitSide ValidationSide(const avatar::DatasetSplit& split) {
+  return {"validation cameras in validation frames", split.validation_cameras, split.validation_frames};
+}
+
+/// Counts what is missing; throws where a side of the split has too little left.
+void RequireSides(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, RunPacks* packs) {
+  packs->missing = avatar::RequirePictures(data, avatar::TrainingSide(split), avatar::kMostMissing);
+  for (const avatar::SplitSide& side : {ValidationSide(split), avatar::HoldoutSide(split)}) {
+    if (side.cameras.empty()) continue;
+    dataset::MissingPictures missing = avatar::RequirePictures(data, side);
+    if (missing.missing() > 0) packs->missing_scored.push_back({side.kind, std::move(missing)});
+  }
+}
+
 /// At most `count` pictures, spread over cameras and frames.
 std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
                                               bool memory, const RunContext& run) {
@@ -82,12 +98,10 @@ std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& da
   const bool validation = !split.validation_cameras.empty();
   if (count == 0 || (!validation && split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
   avatar::PackOptions options = config.pack;
-  options.cameras = validation                      ? split.validation_cameras
-                    : split.holdout_cameras.empty() ? split.train_cameras
-                                                    : split.holdout_cameras;
-  const std::vector<int>& frames = validation                     ? split.validation_frames
-                                   : split.holdout_frames.empty() ? split.train_frames
-                                                                  : split.holdout_frames;
+  const avatar::SplitSide side = validation ? ValidationSide(split) : avatar::HoldoutSide(split);
+  options.cameras = side.cameras;
+  options.frame_step = std::max(1, avatar::UsualStep(side.frames));
+  const std::vector<int> frames = avatar::FramesWithPictures(data, side);
   const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
   options.frames = SpreadFrames(frames, wanted, memory);
   try {
@@ -124,16 +138,21 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
         "option 'patience' needs option 'validate-camera' or a option 'split' with validation pictures, and option "
         "'validate-pictures' above 0: pictures "
         "of the final score must not choose the weights");
+  RunPacks packs;
+  RequireSides(data, config->split, &packs);
   config->pack.cameras = config->split.train_cameras;
   config->pack.frames = config->split.train_frames;
-  const avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
+  avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
   config->shape = config->pack.shape = built.shape;
   config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;
   config->template_iou = built.template_iou;
   config->pack.person = built.person;
   config->pack.fit_shape = false;
-  return {built.pack, WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run),
-          built.skipped};
+  packs.train = std::move(built.pack);
+  packs.watched = WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run);
+  packs.skipped = std::move(built.skipped);
+  packs.frames_without_person = avatar::FramesWithout(data, built.person);
+  return packs;
 }
 
 }  // namespace mvstudio::app

@@ -2,12 +2,14 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/result.h"
 #include "avatar/io/pack/run_config.h"
 #include "avatar/settings/options.h"
 #include "core/progress.h"
+#include "dataset/panoptic/missing.h"
 
 /// Selects the images of a dataset for training and for scoring.
 namespace mvstudio::app {
@@ -24,8 +26,13 @@ struct RunPacks {
   avatar::AvatarPack train;
   std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
   std::vector<std::string> skipped;
+  dataset::MissingPictures missing;  ///< of the training images: those that the dataset does not hold
+  /// Side of the split, and what is missing of it: validation and held-out images, where some are.
+  std::vector<std::pair<std::string, dataset::MissingPictures>> missing_scored;
+  int frames_without_person = 0;  ///< of the dataset; they are in no side
 };
 
+/// Throws FormatError when a camera or a side of the split has no image left, or less than half of the training images.
 /// Sets crop and template shape in `config` from the training images.
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
                     const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config);

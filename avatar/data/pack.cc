@@ -2,6 +2,7 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "avatar/data/safetensors.h"
@@ -86,6 +87,7 @@ void Validate(const AvatarPack& pack) {
   CheckShapes(pack);
   MVS_CHECK(pack.size() > 0, "the pack holds no pictures");
   const auto num_cameras = static_cast<int64_t>(pack.cameras.size());
+  MVS_CHECK(pack.frame_step >= 0 && std::is_sorted(pack.cuts.begin(), pack.cuts.end()), "frame_step or cuts are out of order");
   RequireEach(pack, (pack.camera_idx >= 0).logical_and(pack.camera_idx < num_cameras),
               "its camera is not in the list of cameras");
   RequireEach(pack, (pack.masks == 0).logical_or(pack.masks == 255), "the mask has values other than 0 and 255");
@@ -111,6 +113,7 @@ AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices) {
   AvatarPack out;
   out.size_px = pack.size_px;
   out.cameras = pack.cameras;
+  out.frame_step = pack.frame_step, out.cuts = pack.cuts;
   const at::Tensor rows = at::tensor(indices, at::kLong);
   for (const Field& field : Fields()) {
     if ((pack.*field.tensor).defined()) out.*field.tensor = (pack.*field.tensor).index_select(0, rows);
@@ -127,6 +130,8 @@ void SavePack(const AvatarPack& pack, const std::string& path) {
   file.metadata["format"] = kFormat;
   file.metadata["size_px"] = std::to_string(pack.size_px);
   for (const std::string& camera : pack.cameras) file.metadata["cameras"] += camera + "\n";
+  if (pack.frame_step > 0) file.metadata["frame_step"] = std::to_string(pack.frame_step);
+  for (const int64_t cut : pack.cuts) file.metadata["cuts"] += std::to_string(cut) + "\n";
   WriteTensorFile(file, path);
 }
 
@@ -143,6 +148,9 @@ AvatarPack LoadPack(const std::string& path) {
   std::istringstream lines(file.metadata["cameras"]);
   for (std::string line; std::getline(lines, line);) pack.cameras.push_back(line);
   std::istringstream(file.metadata["size_px"]) >> pack.size_px;
+  std::istringstream(file.metadata["frame_step"]) >> pack.frame_step;
+  std::istringstream numbers(file.metadata["cuts"]);
+  for (int64_t cut = 0; numbers >> cut;) pack.cuts.push_back(cut);
   try {
     Validate(pack);
   } catch (const ContractViolation& error) {

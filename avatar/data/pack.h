@@ -32,6 +32,8 @@ struct AvatarPack {
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
   at::Tensor frame;                  ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names
+  int64_t frame_step = 0;            ///< difference of the numbers of consecutive frames; 0: the rows' usual one
+  std::vector<int64_t> cuts;         ///< frames at which another clip begins, ascending: none before is their past
 
   int64_t size() const { return images.defined() ? images.size(0) : 0; }
 };

@@ -75,16 +75,22 @@ at::Tensor PastOf(const std::vector<int64_t>& rows, const std::vector<int64_t>& 
   return at::stack(batch);
 }
 
+/// True when another clip begins after frame `before` and not after frame `frame`.
+bool CutBetween(const std::vector<int64_t>& cuts, int64_t before, int64_t frame) {
+  const auto next = std::upper_bound(cuts.begin(), cuts.end(), before);
+  return next != cuts.end() && *next <= frame;
+}
+
 }  // namespace
 
 std::vector<int64_t> PreviousRows(const AvatarPack& pack) {
   const auto cameras = RowsByCamera(pack);
-  const int64_t step = UsualStep(cameras);
+  const int64_t step = pack.frame_step > 0 ? pack.frame_step : UsualStep(cameras);
   std::vector<int64_t> previous(pack.size(), -1);
   for (const auto& [camera, rows] : cameras) {
     for (const auto& [frame, row] : rows) {
       const auto before = rows.find(frame - step);
-      if (before != rows.end()) previous[row] = before->second;
+      if (before != rows.end() && !CutBetween(pack.cuts, frame - step, frame)) previous[row] = before->second;
     }
   }
   return previous;

@@ -12,7 +12,8 @@
 namespace mvstudio::avatar {
 
 /// For each row of the pack, the row of the same camera's previous frame; -1 where there is none. Frames are consecutive
-/// when their numbers differ by the pack's usual step (the median).
+/// when their numbers differ by the pack's frame_step (0: by the usual step of its rows, the median) and no cut lies
+/// between them.
 std::vector<int64_t> PreviousRows(const AvatarPack& pack);
 
 /// Renders every row of the pack, `batch` at a time: (N, 3, H, W) and (N, H, W) float32. Methods without memory take the

@@ -24,6 +24,9 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
          std::to_string(e.skipped.size()) + " held-out pictures could not be scored; the first: " + e.skipped.front(),
          "check those masks and joints, or leave these cameras or frames out"});
   }
+  if (e.missing.missing() > 0)
+    result->warnings.push_back(
+        {"AVA-MISSING", "not scored: " + dataset::MissingText(e.missing), dataset::MissingHint(e.missing)});
   if (e.holdout_kind != "held-out cameras in held-out frames") {
     result->warnings.push_back({"AVA-HALF-HOLDOUT",
                                 "scored on " + e.holdout_kind + ": only one of cameras and frames was held out",

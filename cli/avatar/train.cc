@@ -121,6 +121,17 @@ CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const a
   return result;
 }
 
+/// What the dataset does not hold; missing pictures alone are no failure.
+void TellMissing(const app::RunPacks& packs, CommandResult* result) {
+  result->metrics["missing"] = nlohmann::ordered_json::parse(dataset::MissingToJsonText(packs.missing));
+  result->metrics["frames_without_person"] = packs.frames_without_person;
+  const auto warn = [&](const std::string& kind, const dataset::MissingPictures& missing) {
+    result->warnings.push_back({"AVA-MISSING", kind + ": " + dataset::MissingText(missing), dataset::MissingHint(missing)});
+  };
+  if (packs.missing.missing() > 0) warn("training", packs.missing);
+  for (const auto& [kind, missing] : packs.missing_scored) warn(kind, missing);
+}
+
 void FillCommon(const RunConfig& config, const app::RunPacks& packs, const std::string& folder, CommandResult* result) {
   result->folder = folder;
   result->inputs = {config.dataset};
@@ -128,6 +139,7 @@ void FillCommon(const RunConfig& config, const app::RunPacks& packs, const std::
                               {"frames", config.split.train_frames.size()},
                               {"images", packs.train.size()},
                               {"template_iou", config.template_iou}};
+  TellMissing(packs, result);
   if (!packs.skipped.empty()) {
     result->warnings.push_back(
         {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " pictures were left out; the first: " + packs.skipped.front(),

@@ -52,6 +52,7 @@ ordered_json Metrics(const exports::ExportReport& report) {
                           {"linked", report.linked},
                           {"missing_pictures", report.missing_pictures},
                           {"missing_masks", report.missing_masks}};
+  metrics["missing"] = ordered_json::parse(dataset::MissingToJsonText(report.missing));
   for (const auto& [name, value] : report.figures) metrics[name] = FiniteOrNull(value);
   metrics["cameras"] = ordered_json::array();
   for (const exports::ExportedCamera& camera : report.cameras) {

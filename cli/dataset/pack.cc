@@ -44,6 +44,8 @@ ordered_json Metrics(const dataset::PackBuildReport& report) {
   ordered_json metrics = {{"shards", report.num_shards}, {"built", report.built},     {"kept", report.kept},
                           {"busy", report.busy},         {"samples", report.samples}, {"bytes", report.bytes},
                           {"complete", report.complete}, {"skipped", report.skipped}};
+  metrics["missing"] = ordered_json::parse(dataset::MissingToJsonText(report.missing));
+  metrics["frames_without_person"] = report.frames_without_person;
   metrics["times"] = {{"decode_s", t.decode_s}, {"hash_s", t.hash_s},       {"resample_s", t.resample_s},
                       {"encode_s", t.encode_s}, {"write_s", t.write_s},     {"verify_s", t.verify_s},
                       {"wall_s", t.wall_s},     {"threads", report.threads}};
@@ -89,9 +91,15 @@ std::string Text(const PackArguments& arguments, const dataset::PackBuildReport&
 }
 
 void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
-  for (const std::string& skipped : report.skipped)
-    result->warnings.push_back({"PCK-SKIPPED", skipped, "left out of the pack"});
-  if (!report.skipped.empty()) result->exit = kExitPartial;
+  if (!report.skipped.empty()) {
+    const std::string text = report.missing.missing() > 0 ? dataset::MissingText(report.missing)
+                                                          : std::to_string(report.skipped.size()) + " pictures were left out";
+    result->warnings.push_back(
+        {"PCK-SKIPPED", text + "; the first: " + report.skipped.front(), dataset::MissingHint(report.missing)});
+    result->exit = kExitPartial;
+  } else if (report.missing.missing() > 0) {
+    result->warnings.push_back({"PCK-MISSING", dataset::MissingText(report.missing), dataset::MissingHint(report.missing)});
+  }
   if (report.colour_status != Status::kOk) {
     result->warnings.push_back({"PCK-COLOUR", "colours were not matched: " + report.colour_reason,
                                 "check the masks, pack more frames, or leave out --match-colours"});

@@ -121,6 +121,8 @@ class Builder {
     report_.num_shards = static_cast<int>(plan_.shards.size());
     report_.threads = ResolveThreads(run.num_threads);
     report_.undistortion = StateUndistortion(plan_);
+    report_.missing = plan_.missing;
+    report_.frames_without_person = plan_.frames_without_person;
     report_.colour_status = plan_.colour.status;
     report_.colour_reason = plan_.options.match_colours ? plan_.colour.reason : "";
   }

@@ -8,6 +8,7 @@
 #include "core/progress.h"
 #include "core/status.h"
 #include "dataset/colour/colour_match.h"
+#include "dataset/panoptic/missing.h"
 #include "dataset/views/undistort.h"
 
 /// Dataset folder -> pack: HDF5 shards that several processes can make together; each file appears complete or not at all.
@@ -76,6 +77,8 @@ struct PackBuildReport {
   std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by another process
   std::vector<std::string> notes;              ///< why a shard was made again
   std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no picture"
+  MissingPictures missing;                     ///< of the whole pack's pictures and masks; nothing after a merge
+  int frames_without_person = 0;               ///< that were asked for; nothing after a merge
   int64_t samples = 0;                         ///< in built and kept shards
   uint64_t bytes = 0;                          ///< of their files
   bool complete = false;                       ///< INDEX.json was written, or is up to date
@@ -89,8 +92,9 @@ struct PackBuildReport {
 
 /// Makes the shards of `share` in the folder `out` and, when `share` is everything and all shards exist, INDEX.json.
 /// Finished shards (file and inputs have the digests of the done-marker) are kept, damaged ones made again. The files do
-/// not depend on threads, on the share or on earlier interruptions. Throws UsageError when `out` holds a pack of other
-/// options.
+/// not depend on threads, on the share or on earlier interruptions. Pictures that are not there are left out, samples
+/// without a mask have none. Throws UsageError when `out` holds a pack of other options, FormatError when a camera has no
+/// picture.
 PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,
                           const ShardShare& share = {}, const RunContext& run = {});
 

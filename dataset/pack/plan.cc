@@ -137,6 +137,8 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
       count += static_cast<int64_t>(picture.targets.size());
       if (!picture.targets.empty()) pictures.push_back(std::move(picture));
     }
+    const auto& people = plan->dataset.poses.at(frame);
+    plan->frames_without_person += plan->options.person < 0 ? people.empty() : people.count(plan->options.person) == 0;
     if (pictures.empty()) continue;
     if (plan->shards.empty() || held + count > limit) plan->shards.emplace_back(), held = 0;
     held += count;
@@ -144,6 +146,24 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
   }
   if (plan->shards.empty())
     throw UsageError("nothing to pack: no camera sees a person in the chosen frames of " + plan->dataset.root);
+}
+
+/// What the dataset does not hold of the planned pictures. A camera without any is refused.
+void FindMissingOfPlan(PackPlan* plan) {
+  std::map<int, std::vector<int>> frames;
+  for (const auto& shard : plan->shards) {
+    for (const PackPicture& picture : shard) frames[picture.camera_idx].push_back(picture.frame);
+  }
+  for (const auto& [camera_idx, of_camera] : frames) {
+    const std::string& name = plan->dataset.rig.cameras[camera_idx].camera.name;
+    plan->missing.by_camera.merge(FindMissing(plan->dataset, {name}, of_camera, plan->masks).by_camera);
+    const MissingOfCamera& missing = plan->missing.by_camera.at(name);
+    if (missing.no_picture.size() == of_camera.size()) {
+      throw FormatError(plan->dataset.root, "hdImgs/" + name,
+                        "holds none of the " + std::to_string(of_camera.size()) +
+                            " pictures to pack; leave the camera out with option 'cameras'");
+    }
+  }
 }
 
 void FillViews(PackPlan* plan) {
@@ -263,6 +283,7 @@ PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& option
   const std::optional<Split> split = ReadSplitFor(plan);
   FillViews(&plan);
   FillShards(split, &plan);
+  FindMissingOfPlan(&plan);
   if (options.match_colours) plan.colour = MatchDatasetColours(plan.dataset, options.colour, run);
   plan.rig_json = geometry::RigToJsonText(plan.dataset.rig);
   plan.json = PlanJson(plan, split);

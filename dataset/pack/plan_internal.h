@@ -9,6 +9,7 @@
 #include "dataset/pack/build.h"
 #include "dataset/pack/codec_internal.h"
 #include "dataset/pack/pack.h"
+#include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/crop.h"
 
@@ -40,10 +41,12 @@ struct PackPlan {
   ColourMatch colour;
   std::map<int, std::string> scene_paths;        ///< body3DScene files
   std::vector<std::vector<PackPicture>> shards;  ///< in order of frame, camera
+  int frames_without_person = 0;                 ///< of the chosen frames, those without anybody (or the chosen person)
+  MissingPictures missing;                       ///< of the shards' pictures and, with masks, masks
   std::string json, sha256, rig_json;
 };
 
-/// Throws UsageError for names, frames and sizes that do not fit the dataset.
+/// Throws UsageError for names, frames and sizes that do not fit the dataset, FormatError when a camera has no picture.
 PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& options, const RunContext& run);
 
 std::string ToString(PackView view);

@@ -132,9 +132,17 @@ struct Checker {
   }
 };
 
-void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames,
+/// A dataset need not hold every picture; a camera of which it holds none is of no use.
+void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames, size_t asked,
              Findings* findings) {
-  if (!frames.empty()) findings->Error(code, folder, std::string("no ") + what + " for " + FramesText(frames));
+  if (frames.empty()) return;
+  if (frames.size() == asked) {
+    findings->Error(code, folder, std::string("no ") + what + " for any of " + std::to_string(asked) + " frames with joints");
+  } else {
+    findings->Warning(code, folder,
+                      std::string("no ") + what + " for " + std::to_string(frames.size()) + " of " + std::to_string(asked) +
+                          " frames with joints; " + FramesText(frames));
+  }
 }
 
 void Summarise(const Checker& c, const std::string& images, const std::string& masks, const VerifyOptions& options) {
@@ -190,19 +198,20 @@ FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::Ri
     const bool decode = position % options.picture_step == 0, keep = position % sample == 0;
     ++position;
     const auto picture = footage.pictures.find(frame);
-    if (picture == footage.pictures.end()) {
-      no_image.push_back(frame);
-    } else if (decode) {
-      checker.Picture(footage.path + "/" + picture->second, frame, keep);
-    }
+    const bool has_picture = picture != footage.pictures.end();
+    if (!has_picture) no_image.push_back(frame);
+    if (has_picture && decode) checker.Picture(footage.path + "/" + picture->second, frame, keep);
     const std::string mask = FrameName(name, frame);
-    if (any_masks && !mask_names.count(mask)) no_mask.push_back(frame);
+    if (any_masks && has_picture && !mask_names.count(mask)) no_mask.push_back(frame);
     if (mask_names.count(mask) && decode) checker.Mask(masks + "/" + mask + ".png", frame, joints);
   }
+  const size_t with_picture = scenes.size() - no_image.size();
   checker.counts.frames += static_cast<int64_t>(no_image.size());
-  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, findings);
-  Missing("DAT-MASK-MISSING", masks, "mask", no_mask, findings);
-  const size_t extra = footage.pictures.size() - (scenes.size() - no_image.size());
+  checker.counts.no_picture = static_cast<int>(no_image.size());
+  checker.counts.no_mask = static_cast<int>(no_mask.size());
+  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, scenes.size(), findings);
+  Missing("DAT-MASK-MISSING", masks, "mask", no_mask, with_picture, findings);
+  const size_t extra = footage.pictures.size() - with_picture;
   if (extra > 0)
     findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " pictures have no body3DScene file");
   Summarise(checker, footage.path, masks, options);

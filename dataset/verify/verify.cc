@@ -49,7 +49,12 @@ void ReportLinks(const PanopticSequence& sequence, bool followed, Findings* find
   }
 }
 
-/// Folders of masks and footage without a camera.
+bool HasOwnFolder(const PanopticSequence& sequence, const std::string& camera, const std::string& kind = "hdImgs") {
+  const fs::path folder = fs::path(sequence.root) / kind / camera;
+  return kind != "masks" && fs::is_directory(folder) && !fs::is_symlink(folder) && !fs::is_symlink(folder.parent_path());
+}
+
+/// Folders of masks and footage without a camera, and of cameras without footage.
 void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Findings* findings) {
   for (const auto& [camera, footage] : sequence.footage) {
     if (rig.Find(camera) < 0) findings->Error("DAT-NAME", footage.path, "the calibration has no such camera");
@@ -62,6 +67,8 @@ void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Fi
       const bool told = std::string(name) != "masks" && sequence.footage.count(camera);
       if (fs::is_directory(folder / camera) && !told && rig.Find(camera) < 0)
         findings->Error("DAT-NAME", (folder / camera).string(), "the calibration has no such camera");
+      if (rig.Find(camera) >= 0 && !sequence.footage.count(camera) && HasOwnFolder(sequence, camera, name))
+        findings->Error("DAT-IMAGE", (folder / camera).string(), "holds no picture of this camera");
     }
   }
 }
@@ -103,8 +110,9 @@ std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequ
   if (!cameras.empty()) {
     std::vector<std::string> without;
     for (const auto& camera : rig.cameras) {
-      if (KindOf(camera.camera.name) == PanopticKind::kHd && !sequence.footage.count(camera.camera.name))
-        without.push_back(camera.camera.name);
+      const std::string& name = camera.camera.name;
+      if (KindOf(name) == PanopticKind::kHd && !sequence.footage.count(name) && !HasOwnFolder(sequence, name))
+        without.push_back(name);
     }
     if (!without.empty()) {
       findings->Warning("DAT-IMAGE", sequence.root + "/hdImgs/" + without[0],
@@ -183,7 +191,12 @@ VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options
   CheckSidecar(root, rig, &findings);
   const auto cameras = CamerasWithFootage(sequence, rig, &findings);
   report.cameras = static_cast<int>(cameras.size());
-  for (const FootageCheck& check : CheckFootage(sequence, cameras, hd, vga, options, run, &findings)) {
+  const std::vector<FootageCheck> checks = CheckFootage(sequence, cameras, hd, vga, options, run, &findings);
+  for (size_t i = 0; i < checks.size(); ++i) {
+    const FootageCheck& check = checks[i];
+    const std::string& name = cameras[i].camera.name;
+    if (check.no_picture > 0) report.no_picture[name] = check.no_picture;
+    if (check.no_mask > 0) report.no_mask[name] = check.no_mask;
     report.pictures += static_cast<int>(check.pictures);
     report.masks += static_cast<int>(check.masks);
     report.videos += static_cast<int>(check.videos);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,8 @@ struct VerifyReport {
   int frames = 0;                           ///< body3DScene files that are readable
   int pictures = 0, masks = 0, videos = 0;  ///< decoded
   int faces = 0, hands = 0;                 ///< files that are readable
+  std::map<std::string, int> no_picture;    ///< by camera, where not 0: frames with joints without a picture
+  std::map<std::string, int> no_mask;       ///< likewise with a picture and without a mask, in datasets with masks
   std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor pictures; else empty
   std::vector<Finding> findings;
   int num_errors() const;
@@ -42,7 +45,8 @@ struct VerifyReport {
 
 /// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects. Checked are calibration,
 /// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated pictures and videos, masks, and joints
-/// off the masks. Throws IoError when the folder or its calibration is missing.
+/// off the masks. Pictures and masks that are missing are a warning, for a camera without any an error. Throws IoError when the
+/// folder or its calibration is missing.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

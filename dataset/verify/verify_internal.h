@@ -55,6 +55,7 @@ Thumbnail MakeThumbnail(const Image& picture);
 struct FootageCheck {
   int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
   int64_t frames = 0;                           ///< existing, or listed as missing
+  int no_picture = 0, no_mask = 0;              ///< frames with joints without a picture; with a picture and without a mask
   std::map<int, Thumbnail> thumbnails;          ///< of a few frames
 };
 /// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind.

@@ -176,6 +176,43 @@ TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {
   EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("never=20-30"));
 }
 
+TEST_F(EvaluateRun, ScoresThePicturesThatExistAndCountsTheOthers) {
+  EvaluateOptions options;
+  options.pictures = 1, options.other_pictures = 4, options.renders = 0, options.features = "gabor";
+  const Evaluation whole = Evaluate(run(), options, {});
+  EXPECT_EQ(whole.missing.asked(), 6);
+  EXPECT_EQ(whole.missing.missing(), 0);
+  const auto remove_picture = [&](const char* camera, int frame) {
+    ASSERT_TRUE(std::filesystem::remove(data_.ImagePath(camera, frame))) << camera << " " << frame;
+  };
+  remove_picture("00_01", 7);
+  std::filesystem::remove(data_.MaskPath("00_03", 8));
+  for (const char* camera : {"00_01", "00_03"}) {  // of the training frames only the second is left
+    for (const int frame : {0, 1, 3, 4, 5}) remove_picture(camera, frame);
+  }
+  for (int frame = 0; frame < 6; ++frame) remove_picture(whole.nearest_camera.at("00_01").c_str(), frame);
+  const Evaluation e = Evaluate(run(), options, {});
+  EXPECT_EQ(e.holdout.mean.n, 4);
+  EXPECT_TRUE(e.skipped.empty());
+  EXPECT_EQ(e.missing.asked(), 6);
+  EXPECT_EQ(e.missing.by_camera.at("00_01").no_picture, std::set<int>{7});
+  EXPECT_EQ(e.missing.by_camera.at("00_03").no_mask, std::set<int>{8});
+  EXPECT_EQ(e.per_camera.at(0).mean.n, 2);
+  EXPECT_EQ(e.other_splits.at("held-out cameras in training frames").mean.n, 2) << "frame 2 of both, chosen among what exists";
+  EXPECT_NE(e.nearest_camera.at("00_01"), whole.nearest_camera.at("00_01")) << "it has no training picture any more";
+  EXPECT_NE(e.protocol.sha256, whole.protocol.sha256) << "other pictures were scored";
+  EXPECT_THAT(ToJsonText(e),
+              AllOf(HasSubstr("\"missing\":{\"asked\":6,\"missing\":2"), HasSubstr("camera 00_01, frame 7: no picture")));
+  options.motions = "gone=7-7,rest=8-8";
+  EXPECT_EQ(Evaluate(run(), options, {}).per_motion.at(0).mean.n, 1) << "of 00_03";
+  remove_picture("00_03", 7);
+  EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("gone=7-7"));
+  remove_picture("00_03", 6);
+  EXPECT_THAT(MessageOf<FormatError>([&] { Evaluate(run(), options, {}); }), HasSubstr("of camera 00_03: leave it out"));
+  options.motions = "", options.cameras = "00_01";
+  EXPECT_EQ(Evaluate(run(), options, {}).holdout.mean.n, 2);
+}
+
 TEST_F(EvaluateRun, ScoresOfOneSizeMeetTheSameTruth) {
   EvaluateOptions options;
   options.pictures = 1, options.other_pictures = 0, options.renders = 1, options.features = "gabor";
@@ -220,6 +257,9 @@ TEST(Motions, AreNamedRangesOrRunsOfFrames) {
   ASSERT_EQ(runs.size(), 3u);
   EXPECT_EQ(runs[0].name, "0-4") << "every second frame is consecutive here";
   EXPECT_EQ(runs[2].name, "50");
+  const auto clips = ParseMotions("", {5, 6, 7, 8}, {2, 7, 30});
+  ASSERT_EQ(clips.size(), 2u) << "another clip begins at 7";
+  EXPECT_EQ(clips[0].name, "5-6");
   const auto named = ParseMotions("a=0-4,20-22", {0, 2, 4, 20, 22});
   EXPECT_EQ(named[0].name, "a");
   EXPECT_EQ(named[1].name, "20-22");

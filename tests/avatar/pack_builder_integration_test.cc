@@ -4,9 +4,12 @@
 
 #include <filesystem>
 
+#include "avatar/io/pack/frame_runs.h"
 #include "avatar/io/pack/iuv.h"
 #include "avatar/io/pack/pack_builder.h"
 #include "avatar/io/pack/run_config.h"
+#include "avatar/io/pack/split_side.h"
+#include "avatar/nets/sequence.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
@@ -131,13 +134,101 @@ TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ChoosePerson(data_, 7); }), HasSubstr("person 7"));
 }
 
-TEST_F(PackBuilder, AMissingMaskIsNamed) {
-  std::filesystem::remove(data_.MaskPath("00_01", 3));
+TEST_F(PackBuilder, MissingPicturesAndMasksAreLeftOutAndCounted) {
   PackOptions options;
   options.size_px = 64;
   options.fit_shape = false;
-  EXPECT_THAT(MessageOf<IoError>([&] { BuildPack(data_, options, {}); }),
-              AllOf(HasSubstr("camera 00_01, frame 3"), HasSubstr("mask"), HasSubstr(folder_.path())));
+  const PackResult whole = BuildPack(data_, options, {});
+  EXPECT_EQ(whole.missing.missing(), 0);
+  std::filesystem::remove(data_.MaskPath("00_01", 3));
+  for (const int frame : {1, 2, 4, 5}) std::filesystem::remove(data_.ImagePath("00_02", frame));
+  const PackResult sparse = BuildPack(data_, options, {});
+  EXPECT_TRUE(sparse.skipped.empty());
+  EXPECT_EQ(sparse.missing.asked(), 24);
+  EXPECT_THAT(sparse.missing.by_camera.at("00_01").no_mask, ElementsAre(3));
+  EXPECT_THAT(sparse.missing.by_camera.at("00_02").no_picture, ElementsAre(1, 2, 4, 5));
+  std::vector<int64_t> kept;
+  for (int64_t i = 0; i < whole.pack.size(); ++i) {
+    const std::string& camera = whole.pack.cameras[whole.pack.camera_idx[i].item<int64_t>()];
+    if (!sparse.missing.Has(camera, whole.pack.frame[i].item<int>())) kept.push_back(i);
+  }
+  const AvatarPack rest = Select(whole.pack, kept);
+  ASSERT_EQ(sparse.pack.size(), 19);
+  EXPECT_EQ(sparse.pack.cameras, rest.cameras);
+  EXPECT_EQ(sparse.half_extent_m, whole.half_extent_m);
+  for (const auto tensor : {&AvatarPack::images, &AvatarPack::masks, &AvatarPack::joints_in_cam, &AvatarPack::intrinsics,
+                            &AvatarPack::part, &AvatarPack::uv, &AvatarPack::camera_idx, &AvatarPack::frame})
+    EXPECT_TRUE(at::equal(sparse.pack.*tensor, rest.*tensor));
+}
+
+TEST_F(PackBuilder, WithoutAnyPictureItSaysWhatIsMissing) {
+  for (int frame = 0; frame < 6; ++frame) std::filesystem::remove(data_.ImagePath("00_02", frame));
+  PackOptions options;
+  options.size_px = 64, options.template_maps = false;
+  options.cameras = {"00_02"};
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), HasSubstr("00_02: 6 of 6"));
+}
+
+TEST_F(PackBuilder, RefusesSidesWithTooFewPictures) {
+  const DatasetSplit split = SplitDataset(data_, 0, {"00_03"}, {4, 5});
+  EXPECT_EQ(TrainingSide(split).frames, split.train_frames);
+  EXPECT_EQ(HoldoutSide(split).kind, "held-out cameras in held-out frames");
+  EXPECT_EQ(RequirePictures(data_, TrainingSide(split), kMostMissing).missing(), 0);
+  const auto refused = [&](const SplitSide& side) {
+    return MessageOf<FormatError>([&] { RequirePictures(data_, side, side.kind[0] == 't' ? kMostMissing : 1); });
+  };
+  std::filesystem::remove(data_.ImagePath("00_03", 4));
+  EXPECT_EQ(RequirePictures(data_, HoldoutSide(split)).missing(), 1);
+  EXPECT_EQ(FramesWithPictures(data_, HoldoutSide(split)), std::vector<int>({5}));
+  std::filesystem::remove(data_.MaskPath("00_03", 5));
+  EXPECT_THAT(refused(HoldoutSide(split)), AllOf(HasSubstr("held-out cameras"), HasSubstr("no picture with a mask is left")));
+  for (const int frame : {0, 1}) {
+    for (const char* camera : {"00_00", "00_01", "00_02"}) std::filesystem::remove(data_.ImagePath(camera, frame));
+  }
+  EXPECT_EQ(RequirePictures(data_, TrainingSide(split), kMostMissing).missing(), 6) << "half of 12";
+  std::filesystem::remove(data_.ImagePath("00_01", 2));
+  EXPECT_THAT(refused(TrainingSide(split)), AllOf(HasSubstr("more than half"), HasSubstr("00_01: 3 of 4")));
+  std::filesystem::remove(data_.ImagePath("00_01", 3));
+  EXPECT_THAT(refused(TrainingSide(split)), HasSubstr("camera 00_01: leave it out"));
+}
+
+TEST_F(PackBuilder, InstantsWithoutThePersonAreOnNeitherSide) {
+  data_.poses.at(2).clear();                           // an empty scene
+  data_.poses.at(5) = {{7, data_.poses.at(5).at(0)}};  // somebody else
+  const DatasetSplit split = SplitDataset(data_, 0, {"00_02"}, {4, 5});
+  EXPECT_THAT(split.train_frames, ElementsAre(0, 1, 3));
+  EXPECT_THAT(split.holdout_frames, ElementsAre(4));
+  EXPECT_EQ(FramesWithout(data_, 0), 2);
+  EXPECT_EQ(FramesOfPerson(data_, 0), std::vector<int>({0, 1, 3, 4}));
+  EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, 0, {"00_02"}, {2, 5}); }), HasSubstr("in none of the frames"));
+  PackOptions options;
+  options.size_px = 64, options.template_maps = false;
+  options.cameras = {"00_00"}, options.person = 0;
+  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  EXPECT_EQ(pack.size(), 4);
+  EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, 0, -1, 2})) << "frame 2 is not bridged";
+}
+
+TEST_F(PackBuilder, AHardCutAndMissingFramesAreNotBridged) {
+  for (int frame = 3; frame < 6; ++frame) data_.poses.at(frame).at(0).x_in_world.row(0).array() += 0.7;  // still in view
+  EXPECT_EQ(CutsOf(data_, 0), std::vector<int>({3}));
+  PackOptions options;
+  options.size_px = 64, options.template_maps = false;
+  options.cameras = {"00_00"};
+  for (int frame = 3; frame < 6; ++frame)  // the person of the pictures did not move: any mask will do
+    dataset::WriteImage(Image(160, 160, 1, 255), data_.MaskPath("00_00", frame));
+  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  ASSERT_EQ(pack.size(), 6);
+  EXPECT_EQ(pack.cuts, std::vector<int64_t>({3}));
+  EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, 0, 1, -1, 3, 4}));
+  for (const int frame : {1, 2, 4}) std::filesystem::remove(data_.ImagePath("00_00", frame));
+  const AvatarPack sparse = BuildPack(data_, options, {}).pack;
+  EXPECT_EQ(sparse.frame_step, 1) << "of the frames that were asked for, not of the rows 0, 3, 5";
+  EXPECT_EQ(PreviousRows(sparse), (std::vector<int64_t>{-1, -1, -1}));
+  const std::string path = folder_.path() + "/pack.safetensors";
+  SavePack(pack, path);
+  EXPECT_EQ(LoadPack(path).cuts, pack.cuts);
+  EXPECT_EQ(LoadPack(path).frame_step, 1);
 }
 
 TEST_F(PackBuilder, APictureOfAnotherSizeIsNamed) {

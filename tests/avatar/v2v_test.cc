@@ -50,6 +50,17 @@ TEST(Sequence, PreviousRowsAreOfTheSameCameraAndTheFrameBefore) {
   AvatarPack gap = FourRows();
   gap.frame = at::tensor({5, 10, 20, 10}, at::kLong);
   EXPECT_EQ(PreviousRows(gap), (std::vector<int64_t>{-1, -1, 1, -1})) << "steps of 5 and 10: the upper median";
+  gap.frame_step = 5;
+  EXPECT_EQ(PreviousRows(gap), (std::vector<int64_t>{-1, 0, -1, -1})) << "the pack says what is consecutive";
+}
+
+TEST(Sequence, ACutHasNoPast) {
+  AvatarPack pack = FourRows();
+  pack.cuts = {6};
+  EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, -1, 1, -1}));
+  EXPECT_EQ(Select(pack, {1, 2}).cuts, pack.cuts);
+  pack.cuts = {5, 8};
+  EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, 0, 1, -1}));
 }
 
 TEST(Sequence, RendersFrameByFrameWhateverTheBatch) {

@@ -165,6 +165,77 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   EXPECT_EQ(train("labels", {"--prior", "some"}).exit, 2);
 }
 
+TEST_F(AvatarTrain, TakesThePicturesThatExist) {
+  const std::string sparse = out("sparse_data");
+  fs::copy(data(), sparse, fs::copy_options::recursive);
+  const auto remove = [&](const std::string& kind, const std::string& camera, int frame) {
+    return fs::remove(sparse + "/" + kind + "/" + camera + "/" + camera + "_0000000" + std::to_string(frame) + ".png");
+  };
+  const auto train = [&](const std::vector<std::string>& more) {
+    return RunCli(Joined({"avatar",
+                          "train",
+                          sparse,
+                          "--out",
+                          out("sparse"),
+                          "--overwrite",
+                          "--json",
+                          "--threads",
+                          "2",
+                          "--size",
+                          "32",
+                          "--width",
+                          "4",
+                          "--downs",
+                          "2",
+                          "--encoder-blocks",
+                          "1",
+                          "--decoder-blocks",
+                          "1",
+                          "--no-fit-shape",
+                          "--steps",
+                          "1",
+                          "--holdout-cameras",
+                          "00_02",
+                          "--holdout-frames",
+                          "6-7"},
+                         more));
+  };
+  ASSERT_TRUE(remove("hdImgs", "00_00", 3) && remove("masks", "00_01", 0) && remove("hdImgs", "00_02", 6));
+  WriteFileAtomic(sparse + "/hdPose3d_stage1_coco19/body3DScene_00000005.json",
+                  "{\"version\": 0.7, \"univTime\": 166.7, \"fpsType\": \"hd_29_97\", \"bodies\": []}");
+  const CliRun run = train({});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const auto json = run.Json();
+  EXPECT_EQ(json["status"], "warn");
+  EXPECT_EQ(json["metrics"]["train"]["frames"], 5) << "not frame 5, in which nobody is";
+  EXPECT_EQ(json["metrics"]["train"]["images"], 13);
+  EXPECT_EQ(json["metrics"]["frames_without_person"], 1);
+  EXPECT_EQ(json["metrics"]["missing"]["asked"], 15);
+  EXPECT_EQ(json["metrics"]["missing"]["missing"], 2);
+  EXPECT_EQ(json["metrics"]["missing"]["cameras"]["00_01"]["masks"], 1);
+  EXPECT_EQ(json["metrics"]["missing"]["names"][0], "camera 00_00, frame 3: no picture");
+  ASSERT_EQ(json["warnings"].size(), 2u) << json["warnings"].dump();
+  EXPECT_EQ(json["warnings"][0]["code"], "AVA-MISSING");
+  EXPECT_THAT(json["warnings"][0]["text"].get<std::string>(), AllOf(HasSubstr("2 of 15"), HasSubstr("00_00: 1 of 5")));
+  EXPECT_THAT(json["warnings"][1]["text"].get<std::string>(), HasSubstr("held-out cameras in held-out frames: 1 of 2"));
+
+  const CliRun eval = RunCli({"avatar", "eval", out("sparse"), "--features", "gabor", "--json"});
+  ASSERT_EQ(eval.exit, 0) << eval.err;
+  EXPECT_EQ(eval.Json()["metrics"]["holdout"]["n"], 1);
+  EXPECT_EQ(eval.Json()["metrics"]["missing"]["missing"], 1);
+
+  WriteFileAtomic(sparse + "/hdImgs/00_01/00_01_00000001.png", "damaged");
+  EXPECT_EQ(train({}).exit, 3) << "what exists must be sound";
+  ASSERT_TRUE(remove("hdImgs", "00_01", 1) && remove("hdImgs", "00_02", 7));
+  const CliRun unscored = train({});
+  EXPECT_EQ(unscored.exit, 3);
+  EXPECT_THAT(unscored.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("held-out cameras in held-out frames"));
+  for (const int frame : {0, 1, 2, 4}) remove("hdImgs", "00_00", frame);
+  const CliRun without = train({});
+  EXPECT_EQ(without.exit, 3);
+  EXPECT_THAT(without.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("camera 00_00: leave it out"));
+}
+
 TEST_F(AvatarTrain, SeveralProcessesTrainOneAvatar) {
   const CliRun run = Train("ranks", {"--ranks", "2"});
   ASSERT_EQ(run.exit, 0) << run.err;

@@ -114,6 +114,25 @@ TEST_F(VerifyTest, PictureOfAnotherSize) {
 TEST_F(VerifyTest, MissingPicture) {
   fs::remove(Image0(6));
   EXPECT_EQ(Only("DAT-IMAGE-MISSING"), 1);
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 0) << "a dataset need not hold every picture";
+  EXPECT_EQ(report.findings.at(0).text, "no picture for 1 of 3 frames with joints; 1 frame: 6");
+  EXPECT_EQ(report.no_picture, (std::map<std::string, int>{{"00_00", 1}}));
+  EXPECT_TRUE(report.no_mask.empty()) << "the mask of a picture that is not there is not missed";
+}
+
+TEST_F(VerifyTest, ACameraWithoutAnyPicture) {
+  const auto later = [&](int frame) { return Path("hdImgs/00_00/00_00_0000001" + std::to_string(frame) + ".jpg"); };
+  for (int frame = 5; frame < 8; ++frame) fs::rename(Image0(frame), later(frame));
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 1);
+  EXPECT_EQ(report.no_picture.at("00_00"), 3);
+  for (int frame = 5; frame < 8; ++frame) fs::remove(later(frame));
+  EXPECT_EQ(Only("DAT-IMAGE"), 1) << "an empty folder";
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1);
+  fs::remove_all(Path("hdImgs/00_00"));
+  EXPECT_EQ(Only("DAT-IMAGE"), 1);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 0) << "calibrations often list cameras that were not fetched";
 }
 
 TEST_F(VerifyTest, DamagedPicture) {
@@ -125,6 +144,12 @@ TEST_F(VerifyTest, DamagedPicture) {
 TEST_F(VerifyTest, MissingMask) {
   fs::remove(Mask0(7));
   EXPECT_EQ(Only("DAT-MASK-MISSING"), 1);
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 0);
+  EXPECT_EQ(report.no_mask, (std::map<std::string, int>{{"00_00", 1}}));
+  fs::remove(Mask0(5)), fs::remove(Mask0(6));
+  EXPECT_EQ(Only("DAT-MASK-MISSING"), 1);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1) << "the other camera has masks";
 }
 
 TEST_F(VerifyTest, GreyMask) {

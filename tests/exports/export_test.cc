@@ -203,9 +203,24 @@ TEST(Export, MissingPicturesAreCounted) {
   const ExportReport report = ExportDataset(dataset, "dynamic3dgs", folder / "out", {});
   EXPECT_EQ(report.missing_pictures, 1);
   EXPECT_EQ(report.missing_masks, 1);
+  EXPECT_THAT(report.missing.by_camera.at("00_03").no_picture, ::testing::ElementsAre(246));
+  EXPECT_THAT(report.notes.at(report.notes.size() - 2).text, HasSubstr("(00_03: 1 of "));
   const auto meta = nlohmann::json::parse(ReadFile(folder / "out/train_meta.json"));
   EXPECT_EQ(meta["fn"][0].size(), 5u);
   EXPECT_EQ(meta["fn"][1].size(), 4u);  // a picture that is not there is not named
+}
+
+TEST(Export, NoPictureAtAllIsRefused) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  ExportOptions options;
+  options.cameras = {"00_01"}, options.frames = {246};
+  fs::remove(dataset.ImagePath("00_01", 246));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }),
+              HasSubstr("none of the 1"));
+  EXPECT_FALSE(fs::exists(folder / "out"));
+  options.pictures = "none";
+  EXPECT_EQ(ExportDataset(dataset, "zju", folder / "out", options).missing.asked(), 0);
 }
 
 TEST(WriteRig, SaysWhichLensDoesNotFitAndRenames) {

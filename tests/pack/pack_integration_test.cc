@@ -188,6 +188,9 @@ TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
   fs::remove(data.MaskPath("00_00", 6));
   const PackBuildReport report = BuildPack(folder / "data", folder / "pack", SmallPack());
   EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no picture"));
+  EXPECT_EQ(report.missing.asked(), 4);
+  EXPECT_THAT(report.missing.by_camera.at("00_01").no_picture, ElementsAre(6));
+  EXPECT_THAT(report.missing.by_camera.at("00_00").no_mask, ElementsAre(6));
   const Pack pack = OpenPack(folder / "pack", Trusting());
   ASSERT_EQ(pack.samples().size(), 3u);
   EXPECT_FALSE(pack.samples()[2].has_mask);
@@ -197,6 +200,18 @@ TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
   fs::rename(picture + ".part", picture);
   EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(folder / "data", folder / "other", SmallPack()); }), HasSubstr(picture));
   EXPECT_FALSE(fs::exists(folder / "other/shard-00000.h5"));
+}
+
+TEST(BuildPack, ACameraWithoutAnyPictureIsRefused) {
+  const TempDir folder;
+  WriteStudio(folder / "data", 2, 2);
+  const PanopticDataset data = OpenPanopticDataset(folder / "data");
+  for (const int frame : {5, 6}) fs::rename(data.ImagePath("00_01", frame), data.ImagePath("00_01", frame + 10));
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(folder / "data", folder / "pack", SmallPack()); }),
+              HasSubstr("hdImgs/00_01"));
+  PackOptions one = SmallPack();
+  one.cameras = {"00_00"};
+  EXPECT_EQ(BuildPack(folder / "data", folder / "pack", one).missing.missing(), 0);
 }
 
 TEST(BuildPack, WholePicturesKeepTheirLens) {

@@ -29,6 +29,7 @@ struct Scene {
   double outliers = 0;                   // of the detections
   int blind_first = 0, blind_last = -1;  // frames in which nobody sees joint 3
   double tremor_m = 0;                   // of every joint in every frame
+  int cut = 1 << 20;                     // from this frame on everything is 0.9 m further
   bool still = false;
   uint64_t seed = 1;
 };
@@ -59,6 +60,7 @@ void Film(const Scene& scene, Take* take) {
   for (int f = 0; f < scene.num_frames; ++f) {
     for (int j = 0; j < kJoints; ++j) {
       Eigen::Vector3d x = JointAt(scene, j, f);
+      if (f >= scene.cut) x.x() += 0.9;
       x += scene.tremor_m * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
       auto seen = Observe(take->rig, x, scene.noise_px, &rng, scene.noise_px);
       for (Observation& each : seen) {
@@ -164,6 +166,34 @@ TEST(SkeletonRefine, CovarianceIsNotTooSmall) {
   std::printf("coverage %.3f and %.3f over %d\n", double(inside68) / count, double(inside95) / count, count);
   EXPECT_GT(double(inside68) / count, 0.68 - 4 * std::sqrt(0.68 * 0.32 / count));
   EXPECT_GT(double(inside95) / count, 0.95 - 4 * std::sqrt(0.95 * 0.05 / count));
+}
+
+/// Two clips that follow each other: neither smoothed together nor filled in between.
+TEST(SkeletonRefine, AHardCutIsNotBridged) {
+  Scene scene;
+  scene.cut = 30;
+  Take take;
+  Film(scene, &take);
+  const SkeletonRefineResult refined = Refine(take);
+  EXPECT_GT(refined.report.smoothness, 0);
+  EXPECT_LT(RmsError(take, refined.points), 0.6 * RmsError(take, take.result.points));
+  double worst_m = 0;
+  for (size_t i = 0; i < refined.points.size(); ++i) {
+    if (refined.points[i].frame < 28 || refined.points[i].frame > 31) continue;
+    worst_m = std::max(worst_m, (refined.points[i].point.x_in_world - take.truth[i]).norm());
+  }
+  EXPECT_LT(worst_m, 0.03);
+
+  scene.blind_first = 29, scene.blind_last = 30;
+  Take gap;
+  Film(scene, &gap);
+  SkeletonRefineOptions options;
+  options.max_fill_sigmas = 1e6;
+  EXPECT_EQ(Refine(gap, options).report.num_filled, 0);
+  scene.cut = 1 << 20;
+  Take whole;
+  Film(scene, &whole);
+  EXPECT_EQ(Refine(whole, options).report.num_filled, 2);
 }
 
 TEST(SkeletonRefine, StretchingBonesAreNotForced) {

@@ -18,6 +18,10 @@ Window Part(const Window& window, size_t first, size_t last) {
   Window part{window.person, {}, window.num_joints, {}};
   part.frames.assign(window.frames.begin() + static_cast<std::ptrdiff_t>(first),
                      window.frames.begin() + static_cast<std::ptrdiff_t>(last));
+  if (!window.clips.empty()) {
+    part.clips.assign(window.clips.begin() + static_cast<std::ptrdiff_t>(first),
+                      window.clips.begin() + static_cast<std::ptrdiff_t>(last));
+  }
   part.cells.assign(window.cells.begin() + static_cast<std::ptrdiff_t>(first * window.num_joints),
                     window.cells.begin() + static_cast<std::ptrdiff_t>(last * window.num_joints));
   return part;
@@ -92,6 +96,19 @@ size_t NumJoints(const TakeResult& take) {
   return static_cast<size_t>(joints);
 }
 
+/// Whether another clip begins at frame `f` of the window: the joints known in it and in the frame before are displaced by
+/// more than anybody moves (median).
+bool IsCut(const Window& window, size_t f) {
+  constexpr double kStepM = 0.5, kStepPerFrameM = 0.1;  // 3 m/s at 30 Hz
+  std::vector<double> steps;
+  for (size_t j = 0; j < window.num_joints; ++j) {
+    const Point &before = window.At(f - 1, j).point, &point = window.At(f, j).point;
+    if (before.status == Status::kOk && point.status == Status::kOk)
+      steps.push_back((point.x_in_world - before.x_in_world).norm());
+  }
+  return UpperMedian(std::move(steps), 0) > kStepM + kStepPerFrameM * (window.frames[f] - window.frames[f - 1]);
+}
+
 /// The whole take, one window a person.
 std::vector<Window> MakePersons(const TakeResult& take, size_t num_joints) {
   std::map<int, std::map<int, std::vector<size_t>>> entries;  // person, frame
@@ -108,6 +125,8 @@ std::vector<Window> MakePersons(const TakeResult& take, size_t num_joints) {
       for (const size_t i : indices) {
         window.cells[first + static_cast<size_t>(take.points[i].joint_idx)] = {i, take.points[i].point, take.observations[i]};
       }
+      const size_t f = window.clips.size();
+      window.clips.push_back(f == 0 ? 0 : window.clips.back() + (IsCut(window, f) ? 1 : 0));
     }
   }
   return persons;
@@ -123,7 +142,8 @@ std::vector<double> TypicalAccelerations(const std::vector<Window>& persons, siz
       for (size_t f = 2; f < window.frames.size(); ++f) {
         const Point &p0 = window.At(f - 2, j).point, &p1 = window.At(f - 1, j).point, &p2 = window.At(f, j).point;
         const double t0 = window.frames[f - 2], t1 = window.frames[f - 1], t2 = window.frames[f];
-        if (p0.status != Status::kOk || p1.status != Status::kOk || p2.status != Status::kOk || t2 - t0 > kMaxSpan) continue;
+        if (p0.status != Status::kOk || p1.status != Status::kOk || p2.status != Status::kOk) continue;
+        if (window.FramesApart(f - 2, f) > kMaxSpan) continue;
         const Eigen::Vector3d after = (p2.x_in_world - p1.x_in_world) / (t2 - t1);
         const Eigen::Vector3d before = (p1.x_in_world - p0.x_in_world) / (t1 - t0);
         sizes.push_back((after - before).norm() * 2 / (t2 - t0));

@@ -75,7 +75,8 @@ struct SkeletonRefineResult {
 ///   - robust: all detections under a Cauchy loss at 2 sigmas, instead of those used for the point.
 ///   - smoothness: accelerations (second divided differences, in m / frame^2, so no frame rate is needed) are normal
 ///     with a sigma that is a fraction of the joint's median acceleration in the take; Cauchy at 3 sigmas, because feet
-///     hit the floor. Unseen joints are bridged between observations at most `max_fill_frames` away on both sides.
+///     hit the floor. Unseen joints are bridged between observations at most `max_fill_frames` away on both sides. A cut
+///     (the joints' median way since the frame before is above 0.5 m + 0.1 m / frame) is not bridged.
 ///   - bone-lengths: |x_a - x_b| is normal about one unknown length per bone and person, Cauchy at 3 sigmas.
 ///
 /// `auto` tries the terms in this order over a grid of weights, each together with those already chosen. Cameras are left

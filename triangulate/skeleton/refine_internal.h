@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/SparseCore>
+#include <cstdlib>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -23,10 +25,16 @@ struct Window {
   int person = 0;
   std::vector<int> frames;  // ascending
   size_t num_joints = 0;
-  std::vector<Cell> cells;  // (frames, joints)
+  std::vector<Cell> cells;      // (frames, joints)
+  std::vector<int> clips = {};  // (frames) ascending number of the clip; empty: one clip
 
   const Cell& At(size_t frame_idx, size_t joint_idx) const { return cells[frame_idx * num_joints + joint_idx]; }
   Cell& At(size_t frame_idx, size_t joint_idx) { return cells[frame_idx * num_joints + joint_idx]; }
+  /// Time between two frames, by index; without end across a cut.
+  int FramesApart(size_t a, size_t b) const {
+    const bool one_clip = clips.empty() || clips[a] == clips[b];
+    return one_clip ? std::abs(frames[a] - frames[b]) : std::numeric_limits<int>::max();
+  }
 };
 
 struct Terms {

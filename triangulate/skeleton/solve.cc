@@ -58,7 +58,7 @@ std::optional<size_t> NearestOk(const Window& window, size_t f, size_t j, int st
   for (std::ptrdiff_t k = static_cast<std::ptrdiff_t>(f) + step;
        k >= 0 && k < static_cast<std::ptrdiff_t>(window.frames.size()); k += step) {
     const size_t at = static_cast<size_t>(k);
-    if (std::abs(window.frames[at] - window.frames[f]) > max_frames) return std::nullopt;
+    if (window.FramesApart(at, f) > max_frames) return std::nullopt;
     if (IsOk(window, at, j)) return at;
   }
   return std::nullopt;
@@ -115,7 +115,7 @@ void AddAccelerations(Problem* problem) {
     }
     for (size_t k = 2; k < present.size(); ++k) {
       const double t0 = window.frames[present[k - 2]], t1 = window.frames[present[k - 1]], t2 = window.frames[present[k]];
-      if (t2 - t0 > 2 * problem->terms->max_fill_frames + 2) continue;
+      if (window.FramesApart(present[k - 2], present[k]) > 2 * problem->terms->max_fill_frames + 2) continue;
       const double scale = 2 / (t2 - t0) / sigma;
       Triple triple;
       for (int i = 0; i < 3; ++i) triple.cell[i] = present[k - 2 + static_cast<size_t>(i)] * window.num_joints + j;

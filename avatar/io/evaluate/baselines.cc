@@ -2,12 +2,14 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "avatar/maps/bone_lists.h"
 #include "core/check.h"
+#include "core/error.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -37,6 +39,18 @@ int64_t NearestPose(const AvatarPack& candidates, const AvatarPack& truth, int64
     if (distance < least) least = distance, best = k;
   }
   return best;
+}
+
+/// Training cameras of which the dataset has no picture are none to choose from, but may be scored.
+DatasetSplit WithPictures(const dataset::PanopticDataset& data, DatasetSplit split) {
+  const std::vector<std::string> without = dataset::FindMissing(data, split.train_cameras, split.train_frames).CamerasWithout();
+  if (without.size() == split.train_cameras.size())
+    throw FormatError(data.root, "", "holds no picture that the run was trained on: the baselines are made of them");
+  auto& cameras = split.train_cameras;
+  const auto gone = [&](const std::string& name) { return std::count(without.begin(), without.end(), name) > 0; };
+  split.holdout_cameras.insert(split.holdout_cameras.end(), without.begin(), without.end());
+  cameras.erase(std::remove_if(cameras.begin(), cameras.end(), gone), cameras.end());
+  return split;
 }
 
 }  // namespace
@@ -93,7 +107,7 @@ at::Tensor OnBlack(const AvatarPack& pack) {
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run) {
   Baselines baselines;
-  baselines.nearest_camera = NearestTrainingCameras(data, split, ChoosePerson(data, crop.person));
+  baselines.nearest_camera = NearestTrainingCameras(data, WithPictures(data, split), ChoosePerson(data, crop.person));
   BaselinePictures& mean = baselines.mean_image;
   BaselinePictures& pose = baselines.nearest_pose;
   mean.images = at::zeros(truth.images.sizes(), at::kDouble), mean.masks = at::zeros(truth.masks.sizes(), at::kDouble);

@@ -28,7 +28,8 @@ struct Baselines {
   std::map<std::string, std::string> nearest_camera;
 };
 
-/// `crop` gives size and extent; reads only training cameras and training frames.
+/// `crop` gives size and extent; reads only training cameras and training frames, those pictures that exist. Throws
+/// FormatError when there are none.
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run);
 

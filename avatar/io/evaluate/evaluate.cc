@@ -16,6 +16,8 @@
 #include "avatar/io/evaluate/evaluate_groups.h"
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/io/evaluate/strips.h"
+#include "avatar/io/pack/frame_runs.h"
+#include "avatar/io/pack/split_side.h"
 #include "avatar/maps/template_maps.h"
 #include "avatar/nets/generator.h"
 #include "avatar/nets/model.h"
@@ -58,22 +60,14 @@ struct Session {
   std::shared_ptr<const PictureDistance> lpips;  // may be null
 };
 
-// Which pictures are scored as held out.
-struct Selection {
-  std::string kind;
-  std::vector<std::string> cameras;
-  std::vector<int> frames;
-};
-
-Selection Holdout(const DatasetSplit& split, const std::string& folder) {
-  if (split.holdout_cameras.empty() && split.holdout_frames.empty()) {
+SplitSide Holdout(const DatasetSplit& split, const std::string& folder) {
+  SplitSide side = HoldoutSide(split);
+  if (side.cameras.empty()) {
     throw UsageError(folder +
                      ": nothing was held out in training, so nothing can be scored; train with option 'holdout-cameras' and "
                      "option 'holdout-frames'");
   }
-  if (split.holdout_frames.empty()) return {"held-out cameras in training frames", split.holdout_cameras, split.train_frames};
-  if (split.holdout_cameras.empty()) return {"training cameras in held-out frames", split.train_cameras, split.holdout_frames};
-  return {"held-out cameras in held-out frames", split.holdout_cameras, split.holdout_frames};
+  return side;
 }
 
 /// Scores `names` (commas between them) in place of the cameras that the run held out.
@@ -111,8 +105,11 @@ void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config)
   }
 }
 
-PackResult Build(const Session& session, const RunConfig& config, int size_px, const Selection& selection) {
+/// `all`: the frames that those of the selection were chosen from, for what is consecutive.
+PackResult Build(const Session& session, const RunConfig& config, int size_px, const SplitSide& selection,
+                 const std::vector<int>& all) {
   PackOptions options = config.pack;
+  options.frame_step = std::max(1, UsualStep(all));
   options.template_maps = false;
   options.size_px = size_px;
   options.cameras = selection.cameras;
@@ -222,9 +219,10 @@ std::vector<PictureStrip> WritePictures(const std::string& folder, const Evaluat
   return strips;
 }
 
-// The frames of a selection, thinned evenly so that at most `limit` pictures remain.
-Selection Thinned(Selection selection, int limit) {
+// The frames of a selection that have pictures, thinned evenly so that at most `limit` pictures remain.
+SplitSide Thinned(const dataset::PanopticDataset& data, SplitSide selection, int limit) {
   const size_t count = std::max<size_t>(1, static_cast<size_t>(limit) / selection.cameras.size());
+  selection.frames = FramesWithPictures(data, selection);
   if (selection.frames.size() <= count) return selection;
   std::vector<int> frames;
   for (size_t k = 0; k < count; ++k) frames.push_back(selection.frames[(2 * k + 1) * selection.frames.size() / (2 * count)]);
@@ -233,7 +231,7 @@ Selection Thinned(Selection selection, int limit) {
 }
 
 /// The frames of `some` and those that a method with memory has seen before each of them in `all`.
-Selection WithPast(Selection some, std::vector<int> all) {
+SplitSide WithPast(SplitSide some, std::vector<int> all) {
   std::sort(all.begin(), all.end());
   std::set<int> frames;
   for (const int frame : some.frames) {
@@ -245,10 +243,10 @@ Selection WithPast(Selection some, std::vector<int> all) {
 }
 
 /// Rendered pictures of `pack`, whose frames are a part of `all`.
-Rendered RenderSome(AvatarModel& model, const AvatarPack& pack, const Selection& thinned, const std::vector<int>& all,
+Rendered RenderSome(AvatarModel& model, const AvatarPack& pack, const SplitSide& thinned, const std::vector<int>& all,
                     const RunConfig& config, const Session& session) {
   if (NumPreviousChannels(model.options) == 0) return RenderAll(model, pack, session);
-  const AvatarPack longer = Build(session, config, pack.size_px, WithPast(thinned, all)).pack;
+  const AvatarPack longer = Build(session, config, pack.size_px, WithPast(thinned, all), all).pack;
   std::map<std::pair<int64_t, int64_t>, int64_t> row_of;
   const auto view = [](const AvatarPack& p, int64_t i) {
     return std::pair(p.camera_idx[i].item<int64_t>(), p.frame[i].item<int64_t>());
@@ -272,16 +270,17 @@ ProtocolSplit PicturesOf(const std::string& kind, const AvatarPack& pack) {
 
 std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel& model, Evaluation* result) {
   const DatasetSplit& split = result->config.split;
-  const std::vector<Selection> others = {{"training cameras in training frames", split.train_cameras, split.train_frames},
+  const std::vector<SplitSide> others = {TrainingSide(split),
                                          {"held-out cameras in training frames", split.holdout_cameras, split.train_frames},
                                          {"training cameras in held-out frames", split.train_cameras, split.holdout_frames}};
   std::vector<ProtocolSplit> scored;
-  for (const Selection& selection : others) {
+  for (const SplitSide& selection : others) {
     if (session.options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() ||
         selection.kind == result->holdout_kind)
       continue;
-    const Selection thinned = Thinned(selection, session.options.other_pictures);
-    const AvatarPack pack = Build(session, result->config, result->size_px, thinned).pack;
+    const SplitSide thinned = Thinned(session.data, selection, session.options.other_pictures);
+    if (thinned.frames.empty()) continue;  // the dataset has no picture of this split
+    const AvatarPack pack = Build(session, result->config, result->size_px, thinned, selection.frames).pack;
     const Rendered rendered = RenderSome(model, pack, thinned, selection.frames, result->config, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
     result->other_splits[selection.kind] = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
@@ -355,14 +354,18 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(result.config.dataset);
   UseCameras(data, options.cameras, &result.config);
   RequireSplit(data, result.config);
-  const Selection selection = Holdout(result.config.split, run_folder);
-  const std::vector<MotionFrames> motions = ParseMotions(options.motions, selection.frames);
+  const SplitSide selection = Holdout(result.config.split, run_folder);
+  result.missing = RequirePictures(data, selection);
+  result.frames_without_person = FramesWithout(data, result.config.pack.person);
+  const std::vector<MotionFrames> motions =
+      ParseMotions(options.motions, options.motions.empty() ? selection.frames : FramesWithPictures(data, selection),
+                   CutsOf(data, result.config.pack.person));
   result.holdout_kind = selection.kind;
   const Session session = MakeSession(data, options, run);
   DescribeNets(session, &result);
   AvatarModel model = ReadModel(run_folder + "/" + kCheckpointFile, &result);
 
-  const PackResult built = Build(session, result.config, result.size_px, selection);
+  const PackResult built = Build(session, result.config, result.size_px, selection, selection.frames);
   const AvatarPack& pack = built.pack;
   result.skipped = built.skipped;
   const double start_s = clock_s ? clock_s() : std::nan("");

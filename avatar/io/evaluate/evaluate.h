@@ -12,6 +12,7 @@
 #include "avatar/scores/set_distance.h"
 #include "core/fields.h"
 #include "core/progress.h"
+#include "dataset/panoptic/missing.h"
 #include "metrics/scores.h"
 
 namespace mvstudio::avatar {
@@ -93,6 +94,8 @@ struct Evaluation {
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
   std::vector<std::string> skipped;             ///< pictures that could not be used, with the reason
+  dataset::MissingPictures missing;             ///< of the held-out pictures: those that the dataset does not hold
+  int frames_without_person = 0;                ///< of the dataset; they are in no split
   std::map<std::string, std::string> training;  ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
   int64_t checkpoint_step = 0, num_parameters = 0;
   double seconds_per_picture = 0;  ///< rendering alone; NaN without a clock
@@ -105,7 +108,8 @@ struct Evaluation {
 /// Scores the checkpoint of a training run (a folder with config.json and checkpoint.safetensors) on images it never saw:
 /// held-out cameras in held-out frames, or, if only one of the two was held out, that one. Writes image strips and renders
 /// to `run_folder`/eval and the protocol to `run_folder`/protocol.json. `clock_s` returns seconds for the timing. Throws
-/// IoError when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out.
+/// IoError when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out, FormatError when
+/// the dataset holds no picture of a held-out camera. Held-out pictures that it does not hold are counted, and not scored.
 Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& options, const RunContext& run,
                     const std::function<double()>& clock_s = {});
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "avatar/io/pack/frame_runs.h"
 #include "core/error.h"
 #include "core/statistics.h"
 
@@ -21,14 +22,14 @@ std::string RangeText(int first, int last) {
   return first == last ? std::to_string(first) : std::to_string(first) + "-" + std::to_string(last);
 }
 
-std::vector<MotionFrames> ConsecutiveRuns(std::vector<int> frames) {
+std::vector<MotionFrames> ConsecutiveRuns(std::vector<int> frames, const std::vector<int>& cuts) {
   std::sort(frames.begin(), frames.end());
-  std::vector<int> steps;
-  for (size_t i = 1; i < frames.size(); ++i) steps.push_back(frames[i] - frames[i - 1]);
-  const int usual = UpperMedian(std::move(steps), 1);
+  const int usual = UsualStep(frames);
   std::vector<MotionFrames> motions;
   for (const int frame : frames) {
-    if (motions.empty() || frame - motions.back().last > usual) motions.push_back({"", frame, frame});
+    const auto clips = [&](int f) { return std::upper_bound(cuts.begin(), cuts.end(), f); };
+    const bool follows = !motions.empty() && frame - motions.back().last <= usual && clips(frame) == clips(motions.back().last);
+    if (!follows) motions.push_back({"", frame, frame});
     motions.back().last = frame;
   }
   for (MotionFrames& motion : motions) motion.name = RangeText(motion.first, motion.last);
@@ -65,8 +66,8 @@ GroupScore ScoreOf(const std::string& name, const std::vector<int64_t>& rows, co
 
 }  // namespace
 
-std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vector<int>& frames) {
-  if (text.empty()) return ConsecutiveRuns(frames);
+std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vector<int>& frames, const std::vector<int>& cuts) {
+  if (text.empty()) return ConsecutiveRuns(frames, cuts);
   std::vector<MotionFrames> motions;
   std::istringstream in(text);
   for (std::string one; std::getline(in, one, ',');) {

@@ -15,8 +15,10 @@ struct MotionFrames {
   int first = 0, last = 0;
 };
 /// Parses "walk=90-104,turn=105-119"; when `text` is empty, takes the runs of consecutive numbers (by the usual step) of
-/// `frames`. Throws UsageError for invalid text, and for a motion without a frame.
-std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vector<int>& frames);
+/// `frames`, which end where a frame of `cuts` (ascending) begins another clip. Throws UsageError for invalid text, and for
+/// a motion without a frame.
+std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vector<int>& frames,
+                                       const std::vector<int>& cuts = {});
 
 /// Scores of every row of a pack; `lpips` is empty without a net, `flicker` is NaN in rows without a previous frame.
 struct RowScores {

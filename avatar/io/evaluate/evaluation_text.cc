@@ -129,6 +129,8 @@ std::string ToJsonText(const Evaluation& e) {
                    {"num_train_frames", split.train_frames.size()},
                    {"holdout_frames", split.holdout_frames}};
   json["skipped"] = e.skipped;
+  json["missing"] = Json::parse(dataset::MissingToJsonText(e.missing));
+  json["frames_without_person"] = e.frames_without_person;
   json["size_px"] = e.size_px;
   json["px_per_m"] = e.config.pack.fill * e.size_px / 2 / e.config.half_extent_m;
   json["template_iou"] = Finite(e.config.template_iou);

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/statistics.h"
 #include "core/units.h"
+#include "dataset/pose/cuts.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::avatar {
@@ -175,11 +176,15 @@ std::vector<LiftSequence> LiftSequences(const dataset::PanopticDataset& data, co
     LiftSequence s;
     s.name = data.sequence + ", person " + std::to_string(person);
     int next = 0;
+    std::pair<int, const Coco19Pose*> last = {0, nullptr};
     for (const auto& [frame, poses] : data.poses) {
-      const int gap = s.frames.empty() ? 0 : std::min(frame - next, kLiftWindow * 2);  // longer ones need not be known
+      constexpr int kFar = kLiftWindow * 2;  // longer gaps need not be known; no window reaches across
+      const auto found = poses.find(person);
+      const bool cut = last.second && found != poses.end() && dataset::IsCut(*last.second, found->second, frame - last.first);
+      const int gap = s.frames.empty() ? 0 : cut ? kFar : std::min(frame - next, kFar);
       s.frames.insert(s.frames.end(), static_cast<size_t>(gap), Coco19Pose());
       next = frame + 1;
-      const auto found = poses.find(person);
+      if (found != poses.end()) last = {frame, &found->second};
       s.frames.push_back(found == poses.end() || left_out.count(frame) ? Coco19Pose() : found->second);
       if (CanBeLearned(s.frames.back())) s.middle.push_back(static_cast<int>(s.frames.size()) - 1);
     }

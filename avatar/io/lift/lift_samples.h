@@ -58,7 +58,8 @@ inline constexpr double kSizePerHeight = 0.779;
 /// Median of the known sizes; 0 without any.
 double MedianSize(const std::vector<dataset::Coco19Pose>& poses);
 
-/// Every person of the dataset, without the frames `leave_out_frames`; people without a usable frame are left out.
+/// Every person of the dataset, without the frames `leave_out_frames`; people without a usable frame are left out. No
+/// window reaches across a cut (dataset/pose/cuts.h).
 std::vector<LiftSequence> LiftSequences(const dataset::PanopticDataset& data, const std::vector<int>& leave_out_frames);
 
 /// A training pose: the detector's output, and the joints of the middle frame relative to the root in the view's axes, in

@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "avatar/io/pack/frame_runs.h"
 #include "avatar/io/pack/iuv.h"
 #include "avatar/io/pack/shape_fit.h"
 #include "avatar/io/pack/template_view.h"
@@ -29,14 +30,6 @@ constexpr int kFitSizePx = 96;
 constexpr int64_t kMinPersonPx = 16;  // a crop with less of the person is of no use
 
 std::string Name(const std::string& camera, int frame) { return "camera " + camera + ", frame " + std::to_string(frame); }
-
-std::vector<int> FramesOfPerson(const dataset::PanopticDataset& data, int person) {
-  std::vector<int> frames;
-  for (const auto& [frame, people] : data.poses) {
-    if (people.count(person)) frames.push_back(frame);
-  }
-  return frames;
-}
 
 std::string ResolveCamera(const dataset::PanopticDataset& data, const std::string& name) {
   const std::string resolved = data.Resolve(name);
@@ -65,8 +58,10 @@ struct Plan {
   int person = -1;
   double half_extent_m = 0;
   std::vector<std::string> cameras;
+  std::vector<int> frames;
   std::vector<Job> jobs;
   std::vector<std::string> skipped;
+  dataset::MissingPictures missing;
 };
 
 // Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
@@ -90,9 +85,12 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
   for (const std::string& name : options.cameras) plan.cameras.push_back(ResolveCamera(data, name));
   if (options.cameras.empty()) plan.cameras = geometry::CameraNames(data.rig);
   for (const int frame : options.frames) RequireFrame(data, plan.person, frame, known);
+  plan.frames = options.frames.empty() ? known : options.frames;
+  plan.missing = dataset::FindMissing(data, plan.cameras, plan.frames);
   for (size_t c = 0; c < plan.cameras.size(); ++c) {
     const geometry::RigCamera& camera = data.rig.cameras[data.rig.Find(plan.cameras[c])];
-    for (const int frame : options.frames.empty() ? known : options.frames) {
+    for (const int frame : plan.frames) {
+      if (plan.missing.Has(plan.cameras[c], frame)) continue;
       const dataset::Coco19Pose& pose = data.poses.at(frame).at(plan.person);
       const auto extent = dataset::MeasurePerson(pose, camera);
       if (extent) {
@@ -108,7 +106,7 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
 Image ReadFor(const Job& job, const std::string& path, const char* what, bool grey) {
   const std::string name = Name(job.camera->camera.name, job.frame);
   if (!std::filesystem::exists(path))
-    throw IoError(path, std::string("no ") + what + " of " + name + "; build it or leave that camera or frame out");
+    throw IoError(path, std::string("the ") + what + " of " + name + " was removed meanwhile");
   Image image = dataset::ReadImage(path, grey);
   if (image.width != job.camera->camera.width_px || image.height != job.camera->camera.height_px) {
     throw FormatError(path, "",
@@ -335,7 +333,9 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
     training.insert(ResolveCamera(data, name));
     if (cameras.count(ResolveCamera(data, name))) throw UsageError("camera " + name + " is to be trained on and held out");
   }
-  for (const int frame : holdout_frames) RequireFrame(data, person, frame, known);
+  for (const int frame : holdout_frames) {
+    if (!data.poses.count(frame)) RequireFrame(data, person, frame, known);
+  }
   const std::set<int> frames(holdout_frames.begin(), holdout_frames.end());
   DatasetSplit split;
   for (const auto& camera : data.rig.cameras) {
@@ -346,6 +346,8 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
   for (const int frame : known) (frames.count(frame) ? split.holdout_frames : split.train_frames).push_back(frame);
   if (split.train_cameras.empty()) throw UsageError("every camera is held out: nothing is left to train on");
   if (split.train_frames.empty()) throw UsageError("every frame is held out: nothing is left to train on");
+  if (!holdout_frames.empty() && split.holdout_frames.empty())
+    throw UsageError("person " + std::to_string(person) + " is in none of the frames that are held out");
   return split;
 }
 
@@ -356,6 +358,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
     throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
   const Plan plan = MakePlan(data, options);
   PackResult result;
+  result.missing = plan.missing;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
   const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0 || options.fitted;
   result.shape = options.shape;
@@ -363,6 +366,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}, {}};
   if (posed) PoseBody(plan, run, &filler);
   AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px, options.fitted != nullptr);
+  SetTime(data, plan.person, plan.frames, options.frame_step, &pack);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
   ProgressStage stage(run, "cropping pictures", count);
@@ -381,7 +385,8 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   }
   if (good.empty()) {
     throw FormatError(data.root, "",
-                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
+                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()) +
+                          (plan.missing.missing() > 0 ? "; " + dataset::MissingText(plan.missing) : std::string()));
   }
   result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);
   result.template_iou = options.template_maps ? MeanTemplateIou(result.pack) : std::numeric_limits<double>::quiet_NaN();

@@ -11,6 +11,7 @@
 #include "avatar/io/pack/person_file.h"
 #include "core/fields.h"
 #include "core/progress.h"
+#include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::avatar {
@@ -30,6 +31,7 @@ struct PackOptions {
   std::string iuv;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
+  int frame_step = 0;                ///< difference of the numbers of consecutive frames; 0: the usual one of `frames`
   /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
   std::shared_ptr<const TexturedPerson> fitted;
   BodyShape shape;  ///< girth of the template: start of the fit, or the value when fit_shape is off
@@ -61,8 +63,8 @@ struct DatasetSplit {
 };
 
 /// Everything that is not held out is used for training; with `train_cameras`, of the cameras only those, and the others
-/// are not used at all. Throws UsageError for a camera in both lists, for names and frames that the dataset lacks, and
-/// when nothing is left for training.
+/// are not used at all. Frames without the person are on neither side. Throws UsageError for a camera in both lists, for
+/// names and frames that the dataset lacks, and when nothing is left for training or of the held-out frames.
 DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, const std::vector<std::string>& holdout_cameras,
                           const std::vector<int>& holdout_frames, const std::vector<std::string>& train_cameras = {});
 
@@ -80,6 +82,7 @@ struct PackResult {
   BodyShape shape;           ///< girth used for part and uv
   double template_iou = 0;   ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
   std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", unusable pictures
+  dataset::MissingPictures missing;  ///< pictures and masks that the dataset does not hold; not in `skipped`
 };
 
 /// One crop per camera and frame. The crop's camera is a pinhole at the position of the real one, with the smallest
@@ -87,9 +90,9 @@ struct PackResult {
 /// person's distance to the edge, so a metre has the same size in every crop.
 ///
 /// Colours are averages over each pixel's footprint in the real image, read through its exact lens; outside the image is
-/// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. Throws
-/// IoError naming camera and frame when a picture or a mask is missing, UsageError for cameras or frames that do not
-/// exist.
+/// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. A picture or
+/// mask that is not there is left out (`missing`). Throws FormatError naming camera and frame when one is damaged or of
+/// another size, and when nothing is left; UsageError for cameras or frames that do not exist.
 /// With `fitted`, maps for the network and body_images are posed by joints alone, as for images that nobody has seen; part and
 /// uv by the poses that the fit saw, where it has them.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);

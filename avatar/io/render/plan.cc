@@ -51,12 +51,28 @@ void CheckOptions(const RenderOptions& o) {
   require(o.network_size_px >= 0 && o.network_size_px <= 8192, "option 'network-size' must be in 0..8192");
 }
 
+/// Frames of the dataset in which the person is not are left out, with a word; others that have no pose stay, to be refused.
+std::vector<int> WithPerson(const dataset::PanopticDataset& data, const PoseTrack& track, const std::vector<int>& frames,
+                            RenderPlan* plan) {
+  std::vector<int> with;
+  for (const int frame : frames) {
+    if (!data.poses.count(frame) || std::binary_search(track.frames.begin(), track.frames.end(), frame)) {
+      with.push_back(frame);
+    } else {
+      plan->skipped.push_back("frame " + std::to_string(frame) + ": the person is not in it");
+    }
+  }
+  if (with.empty() && !frames.empty()) throw UsageError("the person is in none of the frames that were asked for");
+  return with;
+}
+
 /// The poses asked for and, of other people, in the trained person's size and place.
 void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o, RenderPlan* plan) {
   plan->foreign = !o.poses.empty() || !o.bvh.empty();
   if (!plan->foreign) {
     const std::vector<int>& usual = config.split.holdout_frames;
-    plan->track = SelectFrames(TrackOf(data, config.pack.person), o.frames.empty() ? usual : o.frames, o.every);
+    const PoseTrack track = TrackOf(data, config.pack.person);
+    plan->track = SelectFrames(track, WithPerson(data, track, o.frames.empty() ? usual : o.frames, plan), o.every);
     return;
   }
   const std::vector<Coco19Pose> training = TrainingPoses(config, data);

@@ -9,6 +9,7 @@
 #include "avatar/maps/template_maps.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "dataset/pose/cuts.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -97,12 +98,15 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
   const size_t batch = memory ? 1 : static_cast<size_t>(std::max(1, options.batch));
   ProgressStage stage(run, "rendering", static_cast<int64_t>(plan.jobs.size()));
   const int step = StepOf(plan.jobs);
+  const auto starts_anew = [&](size_t i) {
+    const RenderJob &before = plan.jobs[i - 1], &job = plan.jobs[i];
+    return job.view != before.view || job.frame - before.frame != step ||
+           dataset::IsCut(plan.track.poses[before.pose], plan.track.poses[job.pose], step);
+  };
   at::Tensor past;
   for (size_t begin = 0; begin < plan.jobs.size(); begin += batch) {
     const size_t end = std::min(plan.jobs.size(), begin + batch);
-    const RenderJob& next = plan.jobs[begin];
-    if (begin > 0 && (next.view != plan.jobs[begin - 1].view || next.frame - plan.jobs[begin - 1].frame != step))
-      past = at::Tensor();
+    if (begin > 0 && starts_anew(begin)) past = at::Tensor();
     const PoseBatch poses = PosesOf(plan, begin, end, sizes.network_px, run.num_threads);
     const Rendering r = Render(model, poses, sizes.network_px, sizes.network_px, {}, past);
     if (memory) past = WithPast(r.image, past);

@@ -95,7 +95,7 @@ struct RenderPlan {
 RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options);
 
 /// Renders the plan's images in order: RGBA, colours multiplied by alpha (as seen on black). Methods with memory start
-/// without previous images at each view, and at each run of frames at the usual distance.
+/// without previous images at each view, at each run of frames at the usual distance, and at each cut (dataset/pose/cuts.h).
 void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
                     const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture);
 

@@ -120,12 +120,6 @@ PoseTrack ReadPoseTrack(const std::string& path, int person) {
   return track;
 }
 
-int UsualStep(const std::vector<int>& frames) {
-  std::vector<int> steps;
-  for (size_t i = 1; i < frames.size(); ++i) steps.push_back(frames[i] - frames[i - 1]);
-  return UpperMedian(std::move(steps), 1);
-}
-
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step) {
   if (step < 1) throw UsageError("option 'every' must be at least 1");
   const std::vector<int>& wanted = frames.empty() ? track.frames : frames;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "avatar/io/pack/frame_runs.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose3d.h"
 
@@ -25,9 +26,6 @@ PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
 /// Poses from a Panoptic sequence or its folder of body3DScene files, one such file, or a folder with points.csv (`pose3d`).
 /// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
 PoseTrack ReadPoseTrack(const std::string& path, int person);
-
-/// Median difference of neighbouring frame numbers; 1 for fewer than two frames.
-int UsualStep(const std::vector<int>& frames);
 
 /// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a missing frame.
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);
