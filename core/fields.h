@@ -7,6 +7,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "core/error.h"
+
 /// The one list of the fields of an options struct. Beside each struct `Options` stands
 ///
 ///     template <class Visitor>
@@ -52,6 +54,14 @@ std::optional<Choice> ChoiceOf(const ChoiceWords<Choice, N>& words, std::string_
     if (word == text) return value;
   }
   return std::nullopt;
+}
+
+/// The same; throws UsageError with the text `refusal` for an unknown word.
+template <class Choice, size_t N>
+Choice KnownChoice(const ChoiceWords<Choice, N>& words, std::string_view text, const std::string& refusal) {
+  const std::optional<Choice> choice = ChoiceOf(words, text);
+  if (!choice) throw UsageError(refusal);
+  return *choice;
 }
 
 /// Whether T has a FromString of its own.

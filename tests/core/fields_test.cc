@@ -12,9 +12,7 @@ enum class Wordless { kOne };
 constexpr ChoiceWords<Speed, 2> kSpeeds = {{{Speed::kSlow, "slow"}, {Speed::kFast, "fast"}}};
 
 void FromString(const std::string& text, Speed* speed) {
-  const std::optional<Speed> known = ChoiceOf(kSpeeds, text);
-  if (!known) throw UsageError("option 'speed' is slow or fast, not " + text);
-  *speed = *known;
+  *speed = KnownChoice(kSpeeds, text, "option 'speed' is slow or fast, not " + text);
 }
 
 TEST(ChoiceWords, WordsAndChoicesNameEachOther) {
