@@ -59,7 +59,7 @@ Pictures::Pictures(const Take& take, const ExportOptions& options, std::string f
 Pictures::~Pictures() = default;
 
 std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
-  if (options_.pictures == "none" || take_.root.empty()) return "";
+  if (options_.pictures == ExportPictures::kNone || take_.root.empty()) return "";
   dataset::PanopticDataset dataset;
   dataset.root = take_.root;
   const std::string& name = take_.views.at(view).info.source;
@@ -70,7 +70,7 @@ std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
 std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension) {
   const std::string from = SourceOf(view, frame, false);
   if (from.empty()) {
-    missing_pictures_ += options_.pictures != "none";
+    missing_pictures_ += options_.pictures != ExportPictures::kNone;
     return "";
   }
   const std::string name = stem + (extension.empty() ? fs::path(from).extension().string() : extension);
@@ -81,7 +81,7 @@ std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem
 bool Pictures::AddMask(size_t view, int frame, const std::string& path, MaskValues values) {
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
-    missing_masks_ += options_.pictures != "none";
+    missing_masks_ += options_.pictures != ExportPictures::kNone;
     return false;
   }
   tasks_.push_back({view, from, folder_ + "/" + path, true, values});
@@ -109,7 +109,7 @@ Image Pictures::LoadMask(size_t view, int frame) const {
 std::string Pictures::EncodedPicture(size_t view, int frame) {
   const std::string from = SourceOf(view, frame, false);
   if (from.empty()) {
-    missing_pictures_ += options_.pictures != "none";
+    missing_pictures_ += options_.pictures != ExportPictures::kNone;
     return "";
   }
   ++contained_pictures_;
@@ -120,7 +120,7 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
 std::string Pictures::EncodedMask(size_t view, int frame) {
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
-    missing_masks_ += options_.pictures != "none";
+    missing_masks_ += options_.pictures != ExportPictures::kNone;
     return "";
   }
   ++contained_masks_;
@@ -132,7 +132,7 @@ bool Pictures::Make(const Task& task) const {
   const View& view = take_.views[task.view];
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
   if (!view.info.undistorted && same_format && task.values == MaskValues::k255) {
-    return LinkOrCopy(task.from, task.to, options_.pictures == "link");
+    return LinkOrCopy(task.from, task.to, options_.pictures == ExportPictures::kLink);
   }
   Image image = dataset::ReadImage(task.from, task.mask);
   RequireSize(image, view.source.camera, task.from);

@@ -194,7 +194,13 @@ void AddView(const PackPlan& plan, Json* json) {
   }
   if (plan.view == PackView::kUndistorted) {
     VisitConstFields(
-        [&](const std::string& name, const auto& value, const std::string&) { (*json)["undistort"][name] = value; },
+        [&](const std::string& name, const auto& value, const std::string&) {
+          if constexpr (kHasWords<std::decay_t<decltype(value)>>) {
+            (*json)["undistort"][name] = ToString(value);
+          } else {
+            (*json)["undistort"][name] = value;
+          }
+        },
         plan.options.undistort_view);
   }
 }
