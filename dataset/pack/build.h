@@ -8,13 +8,14 @@
 #include "core/progress.h"
 #include "core/status.h"
 #include "dataset/colour/colour_match.h"
+#include "dataset/pack/codec.h"
 #include "dataset/views/undistort.h"
 
 /// Dataset folder -> pack: HDF5 shards that several processes can make together; each file appears complete or not at all.
 namespace mvstudio::dataset {
 
 struct PackOptions {
-  std::string codec = "png";
+  PackCodec codec;
   int crop_px = 256;
   bool full = false;
   bool undistort = false;

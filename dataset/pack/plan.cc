@@ -209,7 +209,7 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
   const std::string calibration = FindPanopticCalibration(plan.dataset.root);
   Json json = {{"schema", "mvstudio.pack-plan/1"}, {"sequence", plan.dataset.sequence}};
   AddView(plan, &json);
-  json["codec"] = ToString(plan.codec);
+  json["codec"] = ToString(plan.options.codec);
   json["mask_codec"] = plan.masks ? "png" : "none";
   json["person"] = plan.options.person;
   const std::vector<std::string> names = geometry::CameraNames(plan.dataset.rig);
@@ -259,7 +259,6 @@ PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& option
   CheckOptions(options);
   PackPlan plan;
   plan.options = options;
-  plan.codec = ParseCodec(options.codec);
   plan.view = !options.full ? PackView::kCrop : options.undistort ? PackView::kUndistorted : PackView::kFull;
   plan.dataset = OpenPanopticDataset(dataset_root);
   plan.scene_paths = ListBody3dScenes(dataset_root);
