@@ -27,7 +27,7 @@ using avatar::RunConfig;
 using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
-  TrainArguments() { model.prior = "auto"; }
+  TrainArguments() { model.prior = avatar::Prior::kAuto; }
   std::string dataset, out, init_from;
   app::SplitArguments split;
   RankArguments ranks;
@@ -78,7 +78,7 @@ CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& train
                        double wall_s) {
   CommandResult result;
   auto& m = result.metrics;
-  m["method"] = trainer.model().options.method;
+  m["method"] = ToString(trainer.model().options.method);
   m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
   if (report.best_step >= 0) m["best_step"] = report.best_step;
@@ -170,8 +170,8 @@ std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
 avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
   avatar::ModelOptions model = from ? from->options : arguments.model;
   const bool labelled = !arguments.pack.iuv.empty();
-  if (model.prior == "auto") model.prior = labelled ? "none" : "template";
-  if (model.prior == "template" && labelled)
+  if (model.prior == avatar::Prior::kAuto) model.prior = labelled ? avatar::Prior::kNone : avatar::Prior::kTemplate;
+  if (model.prior == avatar::Prior::kTemplate && labelled)
     throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
   Validate(model);
   return model;
@@ -197,7 +197,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
   config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
-  config.pack.template_input_px = model.prior == "template" ? config.pack.size_px : 0;
+  config.pack.template_input_px = model.prior == avatar::Prior::kTemplate ? config.pack.size_px : 0;
   if (!config.pack.pose3d.empty())
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
@@ -286,7 +286,7 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
     result.inputs = {run};
   }
   Validate(options);
-  const int64_t texels = options.method == "tna" ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
+  const int64_t texels = options.method == avatar::Method::kTna ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
   result.metrics["num_parameters"] = avatar::NumParameters(options);
   result.metrics["num_texels"] = texels;
   for (const auto& [name, value] : FieldsAsText(options)) result.metrics["model"][name] = value;

@@ -44,7 +44,8 @@ AvatarPack Pack(int64_t count = 8) {
 
 ModelOptions Tiny(const std::string& method) {
   ModelOptions o;
-  o.method = method, o.prior = "template";
+  FromString(method, &o.method);
+  o.prior = Prior::kTemplate;
   o.width = 4, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 16, o.bone_half_width_px = 16;
   return o;
 }
@@ -213,7 +214,7 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   without.template_maps = at::Tensor();
   small.template_maps = at::zeros({with.size(), 4, 16, 16});
   ModelOptions bones = Tiny("tna");
-  bones.prior = "none";
+  bones.prior = Prior::kNone;
   const auto message = [](const AvatarPack& pack, const ModelOptions& options) {
     return MessageOf<UsageError>([&] { Trainer(pack, options, Steps(1), OneThread()); });
   };
@@ -222,8 +223,9 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   EXPECT_THAT(message(with, bones), HasSubstr("option 'prior' none takes no"));
   AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
   EXPECT_THROW(Render(model, PosesOf(without), kSize, kSize), ContractViolation);
-  bones.prior = "all";
+  bones.prior = Prior::kAuto;
   EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("option 'prior' must be none or template"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("all", &bones.prior); }), HasSubstr("must be none or template"));
 }
 
 TEST(TemplatePrior, PacksKeepTheMapsAndRefuseBadOnes) {
