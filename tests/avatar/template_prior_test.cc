@@ -80,7 +80,7 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   at::Tensor raw = at::zeros({1, 4, 1, 1});
   raw[0][0] = 0.7, raw[0][1] = 5, raw[0][2] = 0.8, raw[0][3] = 0.1;
   at::Tensor logits = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});
-  AddTemplate("tna", TemplateChannels(raw), &logits, &uv);
+  AddTemplate(Method::kTna, TemplateChannels(raw), &logits, &uv);
   const at::Tensor prob = at::softmax(logits, 1).flatten();
   const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
   EXPECT_NEAR(prob[0].item<double>(), 1 / total, 1e-6);
@@ -89,7 +89,7 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   EXPECT_NEAR(at::tanh(uv)[0][24 + 4].item<double>(), -0.8, 1e-6);
   EXPECT_EQ(uv.count_nonzero().item<int64_t>(), 2);
   at::Tensor mask = at::zeros({1, 1, 1, 1}), colour = at::zeros({1, 3, 1, 1});
-  AddTemplate("direct", TemplateChannels(raw), &mask, &colour);
+  AddTemplate(Method::kDirect, TemplateChannels(raw), &mask, &colour);
   EXPECT_NEAR(at::sigmoid(mask).item<double>(), 0.7, 1e-6);
   EXPECT_EQ(colour.count_nonzero().item<int64_t>(), 0);
 }
