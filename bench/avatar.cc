@@ -88,8 +88,9 @@ void Start(Bench* bench, std::istringstream& words) {
   *bench = Bench();
   ModelOptions options;
   int64_t batch = 0;
-  std::string path;
-  words >> options.method >> options.width >> bench->size_px >> batch >> path;
+  std::string method, path;
+  words >> method >> options.width >> bench->size_px >> batch >> path;
+  FromString(method, &options.method);
   Rng rng(1);
   bench->model = MakeModel(options, static_cast<int>(bench->size_px), {-0.5, 0.5}, 1);
   if (bench->model.textures.defined()) {

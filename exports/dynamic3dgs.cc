@@ -84,7 +84,7 @@ void WriteDynamic3dgs(const Job& job) {
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string stem = Numbered(take.views[i].info.name + "/", frame, 6, "");
       const std::string file = job.pictures.AddPicture(i, frame, "ims/" + stem);
-      if (file.empty() && job.options.pictures != "none") continue;
+      if (file.empty() && job.options.pictures != ExportPictures::kNone) continue;
       files[{i, frame}] = file.empty() ? stem + ".jpg" : file.substr(4);
       job.pictures.AddMask(i, frame, "seg/" + stem + ".png", Pictures::MaskValues::k1);
     }

@@ -15,6 +15,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr ChoiceWords<ExportPictures, 3> kPictureWords = {
+    {{ExportPictures::kLink, "link"}, {ExportPictures::kCopy, "copy"}, {ExportPictures::kNone, "none"}}};
+constexpr ChoiceWords<ExportUndistort, 3> kUndistortWords = {
+    {{ExportUndistort::kAuto, "auto"}, {ExportUndistort::kAlways, "always"}, {ExportUndistort::kNever, "never"}}};
+constexpr ChoiceWords<ExportNames, 2> kNameWords = {{{ExportNames::kDataset, "dataset"}, {ExportNames::kStudio, "studio"}}};
+
 struct Writer {
   FormatInfo info;
   void (*write)(const Job&);
@@ -109,7 +115,7 @@ void RequireAny(const std::string& root, const dataset::MissingPictures& missing
 }
 
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
-  if (!format.has_pictures || options.pictures == "none") return;
+  if (!format.has_pictures || options.pictures == ExportPictures::kNone) return;
   if (report->missing_pictures > 0) {
     dataset::MissingPictures pictures = report->missing;
     for (auto& [camera, of] : pictures.by_camera) of.no_mask.clear();
@@ -125,6 +131,22 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
 }
 
 }  // namespace
+
+std::string_view ToString(ExportPictures pictures) { return WordOf(kPictureWords, pictures); }
+std::string_view ToString(ExportUndistort undistort) { return WordOf(kUndistortWords, undistort); }
+std::string_view ToString(ExportNames names) { return WordOf(kNameWords, names); }
+
+void FromString(const std::string& text, ExportPictures* pictures) {
+  *pictures = KnownChoice(kPictureWords, text, "option 'pictures' " + text + ": must be one of link, copy, none");
+}
+
+void FromString(const std::string& text, ExportUndistort* undistort) {
+  *undistort = KnownChoice(kUndistortWords, text, "option 'undistort' " + text + ": must be one of auto, always, never");
+}
+
+void FromString(const std::string& text, ExportNames* names) {
+  *names = KnownChoice(kNameWords, text, "option 'names' " + text + ": must be one of dataset, studio");
+}
 
 const std::vector<FormatInfo>& Formats() {
   static const std::vector<FormatInfo> formats = [] {
@@ -169,7 +191,7 @@ ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const
   ExportReport report;
   report.format = format;
   ExportOptions options;
-  options.pictures = "none";
+  options.pictures = ExportPictures::kNone;
   const Take take = TakeOfRig(rig, writer.info, path, &report);
   Pictures pictures(take, options, path);
   writer.write({take, pictures, options, {}, path, &report});

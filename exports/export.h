@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -8,16 +9,41 @@
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/views/undistort.h"
 #include "geometry/rig/rig.h"
 
 /// Exports a dataset to formats of other programs. docs/exports.md describes their content and interpretation.
 namespace mvstudio::exports {
 
+enum class ExportPictures {
+  kLink,  ///< hard links; copies where the file system has none
+  kCopy,
+  kNone,  ///< cameras and joints only
+};
+/// Which pictures are resampled to an ideal pinhole.
+enum class ExportUndistort {
+  kAuto,  ///< those of lenses that the format cannot describe
+  kAlways,
+  kNever,  ///< such lenses are refused
+};
+/// What cameras are called.
+enum class ExportNames {
+  kDataset,  ///< 00_07
+  kStudio,   ///< the name in the calibration, made safe
+};
+std::string_view ToString(ExportPictures pictures);    ///< "link", "copy", "none"
+std::string_view ToString(ExportUndistort undistort);  ///< "auto", "always", "never"
+std::string_view ToString(ExportNames names);          ///< "dataset", "studio"
+/// Throw UsageError.
+void FromString(const std::string& text, ExportPictures* pictures);
+void FromString(const std::string& text, ExportUndistort* undistort);
+void FromString(const std::string& text, ExportNames* names);
+
 struct ExportOptions {
-  std::string pictures = "copy";
-  std::string undistort = "auto";
-  std::string undistort_view = "inside";
-  std::string names = "dataset";
+  ExportPictures pictures = ExportPictures::kCopy;
+  ExportUndistort undistort = ExportUndistort::kAuto;
+  dataset::UndistortView undistort_view = dataset::UndistortView::kInside;
+  ExportNames names = ExportNames::kDataset;
   int jpeg_quality = 95;
   double frame_rate_hz = 0;
   int hull_points = 20000;

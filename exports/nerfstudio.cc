@@ -48,7 +48,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
     const std::string file = job.pictures.AddPicture(i, frame, prefix + "images/" + view.info.name);
     const std::string mask = "masks/" + view.info.name + ".png";
     const bool has_mask = job.pictures.AddMask(i, frame, prefix + mask);
-    if (file.empty() && job.options.pictures != "none") continue;
+    if (file.empty() && job.options.pictures != ExportPictures::kNone) continue;
     const std::string picture = file.empty() ? "images/" + view.info.name + ".jpg" : file.substr(prefix.size());
     frames.push_back(FrameJson(view, picture, has_mask ? mask : ""));
     parts[view.info.part].push_back(picture);

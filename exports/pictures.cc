@@ -59,7 +59,7 @@ Pictures::Pictures(const Take& take, const ExportOptions& options, std::string f
 Pictures::~Pictures() = default;
 
 std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
-  if (options_.pictures == "none" || take_.root.empty()) return "";
+  if (options_.pictures == ExportPictures::kNone || take_.root.empty()) return "";
   dataset::PanopticDataset dataset;
   dataset.root = take_.root;
   const std::string& name = take_.views.at(view).info.source;
@@ -68,7 +68,7 @@ std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
 }
 
 void Pictures::CountPicture(size_t view, int frame, bool is_missing) {
-  if (options_.pictures == "none") return;
+  if (options_.pictures == ExportPictures::kNone) return;
   dataset::MissingOfCamera& of = missing_.by_camera[take_.views.at(view).info.source];
   ++of.asked;
   if (!is_missing) return;
@@ -77,7 +77,7 @@ void Pictures::CountPicture(size_t view, int frame, bool is_missing) {
 }
 
 void Pictures::CountMissingMask(size_t view, int frame) {
-  if (options_.pictures == "none") return;
+  if (options_.pictures == ExportPictures::kNone) return;
   ++missing_masks_;
   if (!SourceOf(view, frame, false).empty()) missing_.by_camera[take_.views.at(view).info.source].no_mask.insert(frame);
 }
@@ -143,7 +143,7 @@ bool Pictures::Make(const Task& task) const {
   const View& view = take_.views[task.view];
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
   if (!view.info.undistorted && same_format && task.values == MaskValues::k255) {
-    return LinkOrCopy(task.from, task.to, options_.pictures == "link");
+    return LinkOrCopy(task.from, task.to, options_.pictures == ExportPictures::kLink);
   }
   Image image = dataset::ReadImage(task.from, task.mask);
   RequireSize(image, view.source.camera, task.from);

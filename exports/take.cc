@@ -7,7 +7,6 @@
 
 #include "core/error.h"
 #include "core/format.h"
-#include "core/join.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
@@ -91,11 +90,11 @@ void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* vi
   view->camera = view->source;
   const bool carried = Carries(format.lens, lens);
   const bool distorted = !Carries(LensNeed::kPinhole, lens);
-  if (!carried && options.undistort == "never") {
+  if (!carried && options.undistort == ExportUndistort::kNever) {
     throw UsageError("camera " + lens.name + ": " + format.name + " describes " + LensText(format.lens) + ", not a lens " +
                      std::string(ToString(lens.model)) + "; leave out option 'undistort' never to have its pictures resampled");
   }
-  if (carried && !(options.undistort == "always" && distorted)) return;
+  if (carried && !(options.undistort == ExportUndistort::kAlways && distorted)) return;
   dataset::UndistortOptions undistort;
   undistort.view = options.undistort_view;
   const dataset::UndistortedCamera ideal = dataset::IdealPinhole(view->source, undistort);
@@ -116,7 +115,7 @@ void NameViews(const dataset::PanopticDataset& dataset, const ExportOptions& opt
     view.info.source = view.source.camera.name;
     const auto found = studio.find(view.info.source);
     if (found != studio.end()) view.info.studio = found->second;
-    wanted.push_back(options.names == "studio" && !view.info.studio.empty() ? view.info.studio : view.info.source);
+    wanted.push_back(options.names == ExportNames::kStudio && !view.info.studio.empty() ? view.info.studio : view.info.source);
   }
   const std::vector<std::string> safe = SafeNames(wanted);
   int changed = 0;
@@ -140,11 +139,6 @@ void RequireOneSize(const FormatInfo& format, const std::vector<View>& views) {
                      "x" + std::to_string(first.height_px) + ", " + lens.name + " has " + std::to_string(lens.width_px) + "x" +
                      std::to_string(lens.height_px) + "; choose cameras of one size with option 'cameras'");
   }
-}
-
-void CheckChoice(const std::string& option, const std::string& value, const std::vector<std::string>& allowed) {
-  if (std::find(allowed.begin(), allowed.end(), value) != allowed.end()) return;
-  throw UsageError("option '" + option + "' " + value + ": must be one of " + Join(allowed, ", "));
 }
 
 void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
@@ -250,9 +244,6 @@ double FloatRoundingM(const Take& take) {
 
 Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                  ExportReport* report) {
-  CheckChoice("pictures", options.pictures, {"link", "copy", "none"});
-  CheckChoice("undistort", options.undistort, {"auto", "always", "never"});
-  CheckChoice("names", options.names, {"dataset", "studio"});
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be 0 to 100");
   if (!(options.frame_rate_hz >= 0) || !std::isfinite(options.frame_rate_hz))
     throw UsageError("option 'frame-rate' must be positive");

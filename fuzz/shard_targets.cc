@@ -28,7 +28,7 @@ pack::Shard SmallShard() {
   shard.joints_in_world.assign(57, 0.1), shard.confidence.assign(19, 0.5), shard.joint_valid.assign(19, 1);
   shard.blob_chunk = 4096;
   const Image image(4, 3, 3), mask(4, 3, 1);
-  pack::AddToBlob(pack::EncodeImage(image, pack::ParseCodec("raw")), pack::EncodeMask(mask), &shard);
+  pack::AddToBlob(pack::EncodeImage(image, {dataset::PackCodec::Kind::kRaw, 0}), pack::EncodeMask(mask), &shard);
   return shard;
 }
 

@@ -7,7 +7,7 @@
 namespace mvstudio::synth {
 
 Recorder::Recorder(const std::string& stem, const SynthOptions& options) {
-  if (options.format == "png") {
+  if (options.format == FootageFormat::kPng) {
     path_ = stem;
     MakeFolder(path_);
     return;

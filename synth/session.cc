@@ -42,14 +42,14 @@ struct Studio {
 
 /// The empty studio; the room with the posters is the larger one, so that it holds every ring of cameras.
 RayColor Surroundings(const SynthOptions& options, uint64_t seed) {
-  if (options.background == "posters") {
+  if (options.background == Background::kPosters) {
     TexturedRoom room;
     room.size_m.head<2>() = room.size_m.head<2>().cwiseMax(2 * static_cast<float>(options.radius_m) + 1.5f);
     room.size_m.z() = std::max(room.size_m.z(), static_cast<float>(options.height_m + options.radius_m));
     room.seed = seed;
     return [room](const auto& origin, const auto& direction) { return room.Color(origin, direction); };
   }
-  const Room room{options.background == "textured", seed};
+  const Room room{options.background == Background::kTextured, seed};
   return [room](const auto& origin, const auto& direction) { return room.Color(origin, direction); };
 }
 

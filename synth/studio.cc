@@ -15,6 +15,11 @@ namespace {
 constexpr double kSubjectHeight = 2.4;     // m, fills the picture's height at the centre
 constexpr double kRingAlternation = 0.65;  // m
 
+constexpr ChoiceWords<Arrangement, 2> kArrangements = {{{Arrangement::kRing, "ring"}, {Arrangement::kDome, "dome"}}};
+constexpr ChoiceWords<FootageFormat, 2> kFootageFormats = {{{FootageFormat::kMp4, "mp4"}, {FootageFormat::kPng, "png"}}};
+constexpr ChoiceWords<Background, 3> kBackgrounds = {
+    {{Background::kTextured, "textured"}, {Background::kPlain, "plain"}, {Background::kPosters, "posters"}}};
+
 void Require(bool condition, const std::string& option, const std::string& expected) {
   if (!condition) throw UsageError("option '" + option + "': expected " + expected);
 }
@@ -29,7 +34,7 @@ Eigen::VectorXd Distortion(geometry::LensModel model, Rng& rng) {
 
 Eigen::Vector3d CameraPlace(const SynthOptions& o, int i, Rng& rng) {
   const double jitter = DegToRad(rng.Uniform(-3, 3)), radius = o.radius_m * (1 + 0.03 * rng.Uniform(-1, 1));
-  if (o.arrangement == "dome") {
+  if (o.arrangement == Arrangement::kDome) {
     constexpr double kGoldenAngle = 2.399963229728653;
     const double elevation = DegToRad(8 + 50 * (i + 0.5) / o.cameras), azimuth = kGoldenAngle * i + jitter;
     return Eigen::Vector3d(0, 0, 0.9) + radius * Eigen::Vector3d(std::cos(elevation) * std::cos(azimuth),
@@ -51,6 +56,22 @@ geometry::Rigid3 LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& targe
 
 }  // namespace
 
+std::string_view ToString(Arrangement arrangement) { return WordOf(kArrangements, arrangement); }
+std::string_view ToString(FootageFormat format) { return WordOf(kFootageFormats, format); }
+std::string_view ToString(Background background) { return WordOf(kBackgrounds, background); }
+
+void FromString(const std::string& text, Arrangement* arrangement) {
+  *arrangement = KnownChoice(kArrangements, text, "option 'arrangement': expected ring or dome, not '" + text + "'");
+}
+
+void FromString(const std::string& text, FootageFormat* format) {
+  *format = KnownChoice(kFootageFormats, text, "option 'format': expected mp4 or png, not '" + text + "'");
+}
+
+void FromString(const std::string& text, Background* background) {
+  *background = KnownChoice(kBackgrounds, text, "option 'background': expected textured, plain or posters, not '" + text + "'");
+}
+
 std::pair<int, int> ParseSize(const std::string& size) {
   int width = 0, height = 0;
   char end = 0;
@@ -63,7 +84,6 @@ std::pair<int, int> ParseSize(const std::string& size) {
 void Validate(const SynthOptions& o) {
   Require(o.cameras >= 1 && o.cameras <= 200, "cameras", "1 to 200");
   Require(o.radius_m >= 1.2 && o.radius_m <= 5.5, "radius-m", "1.2 to 5.5 m (the room's wall stands at 6 m)");
-  Require(o.arrangement == "ring" || o.arrangement == "dome", "arrangement", "ring or dome, not '" + o.arrangement + "'");
   Require(o.height_m >= 0.7 && o.height_m <= 4, "height-m", "0.7 to 4 m");
   ParseSize(o.size);
   Require(geometry::LensModelFromString(o.lens).has_value() && o.lens != "splined", "lens",
@@ -76,10 +96,7 @@ void Validate(const SynthOptions& o) {
   Require(o.person_height_m >= 0.8 && o.person_height_m <= 2.3, "person-height-m", "0.8 to 2.3 m");
   Require(o.samples >= 1 && o.samples <= 8, "samples", "1 to 8");
   Require(o.texture_px >= 8 && o.texture_px <= 4096, "texture-px", "8 to 4096");
-  Require(o.format == "mp4" || o.format == "png", "format", "mp4 or png, not '" + o.format + "'");
   Require(o.crf >= 0 && o.crf <= 51, "crf", "0 to 51");
-  Require(o.background == "textured" || o.background == "plain" || o.background == "posters", "background",
-          "textured, plain or posters, not '" + o.background + "'");
   calib::ParseBoard(o.board);
 }
 

@@ -2,22 +2,36 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 
+#include "core/fields.h"
 #include "geometry/rig/rig.h"
 
 namespace mvstudio::synth {
 
+enum class Arrangement { kRing, kDome };
+enum class FootageFormat { kMp4, kPng };                ///< H.264, or lossless folders of pictures
+enum class Background { kTextured, kPlain, kPosters };  ///< kPosters: walls full of features
+
+std::string_view ToString(Arrangement arrangement);  ///< "ring", "dome"
+std::string_view ToString(FootageFormat format);     ///< "mp4", "png"
+std::string_view ToString(Background background);    ///< "textured", "plain", "posters"
+/// Throw UsageError.
+void FromString(const std::string& text, Arrangement* arrangement);
+void FromString(const std::string& text, FootageFormat* format);
+void FromString(const std::string& text, Background* background);
+
 /// The synthetic studio and its recordings. The seed is that of the run.
 struct SynthOptions {
-  int cameras = 8;                   ///< number of cameras
-  double radius_m = 3;               ///< m, horizontal distance of the cameras from the centre (dome: distance)
-  double height_m = 1.6;             ///< m, mean height of the cameras of a ring; they alternate 0.65 m above and below
-  std::string arrangement = "ring";  ///< ring or dome
-  std::string size = "640x480";      ///< picture size, WIDTHxHEIGHT, even numbers
-  std::string lens = "brown5";       ///< any lens model
-  double focal_px = 0;               ///< px; 0: a 2.4 m tall subject at the centre fills the picture
-  double noise_px = 0.2;             ///< px, standard deviation of the 2D joints per coordinate
+  int cameras = 8;        ///< number of cameras
+  double radius_m = 3;    ///< m, horizontal distance of the cameras from the centre (dome: distance)
+  double height_m = 1.6;  ///< m, mean height of the cameras of a ring; they alternate 0.65 m above and below
+  Arrangement arrangement = Arrangement::kRing;
+  std::string size = "640x480";                   ///< picture size, WIDTHxHEIGHT, even numbers
+  std::string lens = "brown5";                    ///< any lens model
+  double focal_px = 0;                            ///< px; 0: a 2.4 m tall subject at the centre fills the picture
+  double noise_px = 0.2;                          ///< px, standard deviation of the 2D joints per coordinate
   std::string board = "charuco:7x5:140mm:105mm";  ///< board that is waved; its markers must stay above about 15 px
   int board_frames = 60;                          ///< frames of board footage; 0: none
   int take_frames = 100;                          ///< frames of person footage; 0: none
@@ -25,9 +39,9 @@ struct SynthOptions {
   double person_height_m = 1.75;                  ///< m
   int samples = 3;                                ///< samples along a pixel's side for the person (the board gets 2 more)
   int texture_px = 256;                           ///< px, side of each chart of the person's texture
-  std::string format = "mp4";                     ///< footage as mp4 (H.264) or png (lossless picture folders)
-  int crf = 12;                                   ///< H.264 quality: 0 lossless ... 51 worst
-  std::string background = "textured";            ///< textured, plain, or posters: walls full of features
+  FootageFormat format = FootageFormat::kMp4;
+  int crf = 12;  ///< H.264 quality: 0 lossless ... 51 worst
+  Background background = Background::kTextured;
 };
 
 template <class Visitor>

@@ -179,8 +179,9 @@ CommandResult SessionInfo(const std::string& folder) {
   result.text = "session " + session.folder + ": " + std::to_string(session.cameras.size()) + " cameras, lengths in " +
                 session.units + ", " + (calibration.empty() ? "no calibration" : "calibration " + calibration) + "\n";
   for (const dataset::SessionTake& take : session.takes) {
-    ordered_json entry = {{"name", take.name}, {"kind", take.kind}, {"cameras", take.footage.size()}};
-    result.text += "  take " + take.name + " (" + take.kind + "): " + std::to_string(take.footage.size()) + " cameras";
+    const std::string filmed(ToString(take.kind));
+    ordered_json entry = {{"name", take.name}, {"kind", filmed}, {"cameras", take.footage.size()}};
+    result.text += "  take " + take.name + " (" + filmed + "): " + std::to_string(take.footage.size()) + " cameras";
     for (const char* kind : {"pose2d", "masks", "sync", "pose3d", "dataset"}) {
       const bool there = std::filesystem::is_directory(dataset::TakeFolder(session, kind, take.name));
       entry[kind] = there;

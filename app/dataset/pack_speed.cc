@@ -47,7 +47,8 @@ std::vector<int> SpreadFrames(const dataset::PanopticDataset& data, int count) {
 
 dataset::PackOptions BuildOptions(const std::string& codec, int crop_px, const std::vector<int>& frames) {
   dataset::PackOptions options;
-  options.codec = codec, options.frames = frames;
+  FromString(codec, &options.codec);
+  options.frames = frames;
   options.full = crop_px == 0;
   if (crop_px) options.crop_px = crop_px;
   return options;

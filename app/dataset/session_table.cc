@@ -85,7 +85,7 @@ ordered_json TimelineJson(const dataset::Timeline& timeline) {
   json["cameras"] = ordered_json::array();
   for (const CameraTimeline& c : timeline.cameras) {
     json["cameras"].push_back({{"name", c.name},
-                               {"status", c.status},
+                               {"status", ToString(c.status)},
                                {"frames", c.num_frames},
                                {"fps_hz", FiniteOrNull(c.fps_hz)},
                                {"instants_with_frame", WithFrame(c)},
@@ -110,10 +110,10 @@ std::string TimelineText(const dataset::Timeline& timeline) {
   text += Format("%-14s %-9s %7s %9s %8s %8s %8s %10s %9s %10s\n", "camera", "status", "frames", "instants", "dropped",
                  "doubled", "fps", "offset", "ppm", "off by ms");
   for (const CameraTimeline& c : timeline.cameras) {
-    text +=
-        Format("%-14s %-9s %7lld %9lld %8lld %8zu %8.3f %+10.3f %+9.2f %5.2f/%.2f\n", c.name.c_str(), c.status.c_str(),
-               static_cast<long long>(c.num_frames), static_cast<long long>(WithFrame(c)), static_cast<long long>(Dropped(c)),
-               c.doubled.size(), c.fps_hz, c.offset_frames, c.rate_ppm, c.residual_median_ms, c.residual_max_ms);
+    text += Format("%-14s %-9s %7lld %9lld %8lld %8zu %8.3f %+10.3f %+9.2f %5.2f/%.2f\n", c.name.c_str(),
+                   std::string(ToString(c.status)).c_str(), static_cast<long long>(c.num_frames),
+                   static_cast<long long>(WithFrame(c)), static_cast<long long>(Dropped(c)), c.doubled.size(), c.fps_hz,
+                   c.offset_frames, c.rate_ppm, c.residual_median_ms, c.residual_max_ms);
   }
   return text;
 }

@@ -16,7 +16,7 @@ const dataset::SessionTake& BoardTake(const dataset::Session& session, const std
   if (!name.empty()) return dataset::TakeOf(session, name);
   const dataset::SessionTake* board = nullptr;
   for (const dataset::SessionTake& take : session.takes) {
-    if (take.kind != "board") continue;
+    if (take.kind != dataset::TakeKind::kBoard) continue;
     if (board) throw UsageError(session.folder + " has several takes with a board: name one with option 'take'");
     board = &take;
   }

@@ -4,12 +4,16 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/fields.h"
 #include "core/format.h"
 
 namespace mvstudio::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr ChoiceWords<BodyFitMode, 3> kModes = {
+    {{BodyFitMode::kAuto, "auto"}, {BodyFitMode::kGirths, "girths"}, {BodyFitMode::kOff, "off"}}};
 
 Json StagesJson(const body::BodyFit& fit) {
   Json stages = Json::array();
@@ -43,11 +47,9 @@ bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
 }  // namespace
 
-BodyFitMode BodyFitModeOf(const std::string& word) {
-  if (word == "auto") return BodyFitMode::kAuto;
-  if (word == "girths") return BodyFitMode::kGirths;
-  if (word == "off") return BodyFitMode::kOff;
-  throw UsageError("option 'fit' " + word + ": must be auto, girths or off");
+std::string_view ToString(BodyFitMode mode) { return WordOf(kModes, mode); }
+void FromString(const std::string& text, BodyFitMode* mode) {
+  *mode = KnownChoice(kModes, text, "option 'fit' " + text + ": must be auto, girths or off");
 }
 
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "app/result.h"
 #include "avatar/io/pack/person_fit.h"
@@ -16,8 +17,8 @@ enum class BodyFitMode {
   kGirths,  ///< the mannequin with four girths
   kOff,     ///< the mannequin as it is
 };
-/// "auto", "girths", "off"; throws UsageError for other words.
-BodyFitMode BodyFitModeOf(const std::string& word);
+std::string_view ToString(BodyFitMode mode);
+void FromString(const std::string& text, BodyFitMode* mode);
 
 /// Fits to the training images of a split. Those of held-out cameras and frames are not looked at.
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,

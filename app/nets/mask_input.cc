@@ -46,7 +46,7 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
   if (rules.size() == 1) return ApplySizeRule(camera, rules[0], w, h);
   dataset::SizeRule rule = rules[0];
   for (const dataset::SizeRule& r : rules) {
-    if (r.name == arguments.run.size_rule) rule = r;
+    if (r.name == ToString(arguments.run.size_rule)) rule = r;
   }
   std::vector<Image> frames;
   std::vector<People> people;
@@ -55,7 +55,7 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
     if (found == poses.end()) continue;
     frames.push_back(taken.samples.frames[f]), people.push_back(found->second);
   }
-  if (arguments.run.size_rule == "auto" && !frames.empty())
+  if (arguments.run.size_rule == dataset::SizeRuleChoice::kAuto && !frames.empty())
     rule = dataset::DecideSizeRule(rules, camera, frames, people, 0, arguments.mask).rule;
   result->warnings.push_back({"MSK-SIZE", "camera " + taken.footage.camera + ": " + sizes + "; taken as '" + rule.name + "'",
                               "calibrate with footage of the size that is used, or name the rule with option 'size-rule'"});

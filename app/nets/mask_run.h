@@ -11,6 +11,7 @@
 #include "app/result.h"
 #include "core/progress.h"
 #include "dataset/masks/mask_take.h"
+#include "dataset/masks/size_rule.h"
 #include "dataset/masks/visual_hull.h"
 #include "detect/segment/segment.h"
 
@@ -24,7 +25,7 @@ struct MaskRunOptions {
   bool soft = false;
   bool hull = false;
   bool overwrite = false;
-  std::string size_rule = "auto";
+  dataset::SizeRuleChoice size_rule = dataset::SizeRuleChoice::kAuto;
 };
 
 template <class Visitor>

@@ -74,7 +74,7 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
 
 }  // namespace
 
-PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, const std::string& quality,
+PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, detect::PoseQuality quality,
                             const detect::OnnxOptions& onnx) {
   PoseBackend backend;
   backend.name = name;

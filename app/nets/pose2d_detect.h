@@ -24,7 +24,7 @@ struct PoseBackend {
 };
 
 /// Throws UsageError for an unknown name, and what the nets' functions throw.
-PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, const std::string& quality,
+PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, detect::PoseQuality quality,
                             const detect::OnnxOptions& onnx);
 
 /// Names of the installed nets, the preferred one (without a measurement) first. Throws MissingToolError when there is

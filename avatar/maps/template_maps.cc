@@ -17,7 +17,7 @@ constexpr double kLargestCoordinate = 0.98;  // atanh grows without bound at the
 }  // namespace
 
 int NumTemplateChannels(const ModelOptions& options) {
-  return options.prior == "template" ? static_cast<int>(kFirstPart + kParts) : 0;
+  return options.prior == Prior::kTemplate ? static_cast<int>(kFirstPart + kParts) : 0;
 }
 
 at::Tensor TemplateChannels(const at::Tensor& template_maps) {
@@ -29,9 +29,9 @@ at::Tensor TemplateChannels(const at::Tensor& template_maps) {
   return at::cat({template_maps.slice(1, 0, 1), uv, (part == numbers).to(at::kFloat)}, 1);
 }
 
-void AddTemplate(const std::string& method, const at::Tensor& channels, at::Tensor* first, at::Tensor* second) {
+void AddTemplate(Method method, const at::Tensor& channels, at::Tensor* first, at::Tensor* second) {
   const at::Tensor person = at::logit(channels.slice(1, 0, 1), 1e-6).clamp(-kSureLogit, kSureLogit);
-  if (method != "tna") {
+  if (method != Method::kTna) {
     *first = *first + person;
     return;
   }

@@ -21,6 +21,6 @@ at::Tensor TemplateChannels(const at::Tensor& template_maps);
 /// Adds the template's prediction to a network's two outputs, so that an output of 0 gives the template. Added are the
 /// logit of its coverage and, for `tna`, its part before all others and its coordinates before tanh. `channels` as from
 /// TemplateChannels; outputs as from the Generator for `method`.
-void AddTemplate(const std::string& method, const at::Tensor& channels, at::Tensor* first, at::Tensor* second);
+void AddTemplate(Method method, const at::Tensor& channels, at::Tensor* first, at::Tensor* second);
 
 }  // namespace mvstudio::avatar

@@ -18,10 +18,10 @@ namespace nn = torch::nn;
 int Channels(const ModelOptions& o, int level) { return std::min(o.width << level, 8 * o.width); }
 
 /// Instance normalisation has no parameters, so the strided convolutions before it keep a bias, as the released models do.
-bool HasBias(const ModelOptions& o) { return o.norm == "instance"; }
+bool HasBias(const ModelOptions& o) { return o.norm == NormLayer::kInstance; }
 
 void AddNormRelu(const ModelOptions& o, int channels, bool relu, nn::Sequential& out) {
-  if (o.norm == "batch") {
+  if (o.norm == NormLayer::kBatch) {
     out->push_back(nn::BatchNorm2d(channels));
   } else {
     out->push_back(nn::InstanceNorm2d(channels));
@@ -73,7 +73,7 @@ nn::Sequential MakeBlocks(const ModelOptions& o, int count) {
 nn::Sequential MakeUp(const ModelOptions& o, int level) {
   const int in = Channels(o, level + 1), out = Channels(o, level);
   nn::Sequential net;
-  if (o.upsample == "transposed") {
+  if (o.upsample == Upsampling::kTransposed) {
     net->push_back(nn::ConvTranspose2d(nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(HasBias(o))));
   } else {
     net->push_back(nn::Upsample(nn::UpsampleOptions().scale_factor(std::vector<double>{2, 2}).mode(torch::kNearest)));
@@ -124,14 +124,14 @@ struct Heads {
 };
 
 Heads HeadsOf(const ModelOptions& o) {
-  if (o.method == "tna") return {"part_decoder", 25, "uv_decoder", 48};
-  if (o.method == "v2v") return {"mask_decoder", 1, "colour_decoder", 6};
+  if (o.method == Method::kTna) return {"part_decoder", 25, "uv_decoder", 48};
+  if (o.method == Method::kV2v) return {"mask_decoder", 1, "colour_decoder", 6};
   return {"mask_decoder", 1, "colour_decoder", 3};
 }
 
 }  // namespace
 
-int NumPreviousChannels(const ModelOptions& options) { return options.method == "v2v" ? 3 * kNumPrevious : 0; }
+int NumPreviousChannels(const ModelOptions& options) { return options.method == Method::kV2v ? 3 * kNumPrevious : 0; }
 
 struct GeneratorImpl::Parts {
   nn::Sequential stem{nullptr}, blocks{nullptr};
@@ -151,9 +151,9 @@ GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
   parts_->first = register_module(heads.first_name, Decoder(options, heads.first));
   parts_->second = register_module(heads.second_name, Decoder(options, heads.second));
   InitWeights(*this, seed);
-  if (options.prior == "none") return;
+  if (options.prior == Prior::kNone) return;
   parts_->first->BeginAtZero();
-  if (options.method == "tna") parts_->second->BeginAtZero();
+  if (options.method == Method::kTna) parts_->second->BeginAtZero();
 }
 
 GeneratorImpl::~GeneratorImpl() = default;

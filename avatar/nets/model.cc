@@ -103,7 +103,7 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
   model.depth = depth;
   model.size_px = size_px;
   model.generator = Generator(options, seed);
-  if (options.method == "tna") {
+  if (options.method == Method::kTna) {
     const int64_t size = model.options.texture_px;
     model.textures = at::zeros({24, 3, size, size}, at::kFloat).requires_grad_();
     model.seen = at::zeros({24, size, size}, at::kFloat);
@@ -121,9 +121,9 @@ at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_ca
   const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
   std::vector<at::Tensor> maps = {RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth)};
   if (layout.slopes) maps.push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
-  MVS_CHECK(
-      template_maps.defined() == (NumTemplateChannels(model.options) > 0),
-      "a network with prior " << model.options.prior << (template_maps.defined() ? " takes no" : " needs") << " template maps");
+  MVS_CHECK(template_maps.defined() == (NumTemplateChannels(model.options) > 0),
+            "a network with prior " << ToString(model.options.prior) << (template_maps.defined() ? " takes no" : " needs")
+                                    << " template maps");
   if (template_maps.defined()) maps.push_back(TemplateChannels(template_maps));
   return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
 }
@@ -148,11 +148,11 @@ at::Tensor FlowOf(const at::Tensor& second_head) { return 20 * second_head.slice
 
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
                         const at::Tensor& background, const at::Tensor& previous) {
-  if (model.options.method == "tna") {
+  if (model.options.method == Method::kTna) {
     return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
   }
   at::Tensor colour = 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
-  if (model.options.method == "v2v") {
+  if (model.options.method == Method::kV2v) {
     const at::Tensor fresh = at::sigmoid(second_head.slice(1, 5, 6));
     colour = fresh * colour + (1 - fresh) * Warp(previous.slice(1, 0, 3), FlowOf(second_head));
   }
@@ -176,10 +176,10 @@ Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int
   const auto [first, second] = Predict(model, maps, before);
   const at::Tensor behind = Background(background, like);
   Rendering out;
-  out.mask_prob = model.options.method == "tna" ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);
+  out.mask_prob = model.options.method == Method::kTna ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);
   const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind, before), out.mask_prob, behind);
   out.image = image.clamp(0, 1).to(at::kCPU).contiguous();
-  if (model.options.method == "tna") {
+  if (model.options.method == Method::kTna) {
     FillParts(first, at::tanh(second), &out);
   } else {
     out.part = (out.mask_prob > 0.5).to(at::kByte);
@@ -242,7 +242,7 @@ AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
 AvatarModel LoadModel(const std::string& path) { return ModelFromTensors(ReadTensorFile(path), path); }
 
 at::Tensor TextureSheet(const AvatarModel& model) {
-  MVS_CHECK(model.textures.defined(), "method " << model.options.method << " has no textures");
+  MVS_CHECK(model.textures.defined(), "method " << ToString(model.options.method) << " has no textures");
   const int64_t size = model.options.texture_px;
   const at::Tensor colours = (model.textures.detach().to(at::kCPU) * 127.5 + 127.5).round().clamp(0, 255).to(at::kByte);
   return colours.view({4, 6, 3, size, size}).permute({2, 0, 3, 1, 4}).reshape({3, 4 * size, 6 * size}).contiguous();

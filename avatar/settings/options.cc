@@ -9,6 +9,12 @@
 namespace mvstudio::avatar {
 namespace {
 
+constexpr ChoiceWords<Method, 3> kMethods = {{{Method::kTna, "tna"}, {Method::kDirect, "direct"}, {Method::kV2v, "v2v"}}};
+constexpr ChoiceWords<NormLayer, 2> kNormLayers = {{{NormLayer::kBatch, "batch"}, {NormLayer::kInstance, "instance"}}};
+constexpr ChoiceWords<Upsampling, 2> kUpsamplings = {
+    {{Upsampling::kTransposed, "transposed"}, {Upsampling::kNearest, "nearest"}}};
+constexpr ChoiceWords<Prior, 3> kPriors = {{{Prior::kNone, "none"}, {Prior::kTemplate, "template"}, {Prior::kAuto, "auto"}}};
+
 void Require(bool ok, const std::string& field, const std::string& rule) {
   if (!ok) throw UsageError("option '" + field + "' must be " + rule);
 }
@@ -17,6 +23,8 @@ template <class T>
 std::string ToText(const T& value) {
   if constexpr (std::is_same_v<T, std::string>) {
     return value;
+  } else if constexpr (kHasWords<T>) {
+    return std::string(ToString(value));
   } else {
     std::ostringstream text;
     text.precision(17);
@@ -30,6 +38,9 @@ bool FromText(const std::string& text, T* value) {
   if constexpr (std::is_same_v<T, std::string>) {
     *value = text;
     return true;
+  } else if constexpr (kHasWords<T>) {
+    FromString(text, value);
+    return true;
   } else {
     std::istringstream in(text);
     in >> *value;
@@ -38,6 +49,27 @@ bool FromText(const std::string& text, T* value) {
 }
 
 }  // namespace
+
+std::string_view ToString(Method method) { return WordOf(kMethods, method); }
+std::string_view ToString(NormLayer norm) { return WordOf(kNormLayers, norm); }
+std::string_view ToString(Upsampling upsampling) { return WordOf(kUpsamplings, upsampling); }
+std::string_view ToString(Prior prior) { return WordOf(kPriors, prior); }
+
+void FromString(const std::string& text, Method* method) {
+  *method = KnownChoice(kMethods, text, "option 'method' must be tna, direct or v2v");
+}
+
+void FromString(const std::string& text, NormLayer* norm) {
+  *norm = KnownChoice(kNormLayers, text, "option 'norm' must be batch or instance");
+}
+
+void FromString(const std::string& text, Upsampling* upsampling) {
+  *upsampling = KnownChoice(kUpsamplings, text, "option 'upsample' must be transposed or nearest");
+}
+
+void FromString(const std::string& text, Prior* prior) {
+  *prior = KnownChoice(kPriors, text, "option 'prior' must be none or template");
+}
 
 template <class Options>
 std::vector<std::pair<std::string, std::string>> FieldsAsText(const Options& options) {
@@ -68,26 +100,23 @@ template bool SetFieldFromText(TrainOptions&, const std::string&, const std::str
 
 int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred) {
   if (options.init_steps >= 0) return options.init_steps;
-  return transferred || model.prior == "template" ? 0 : options.steps / 3;
+  return transferred || model.prior == Prior::kTemplate ? 0 : options.steps / 3;
 }
 
 double KeepInit(const TrainOptions& options, const ModelOptions& model) {
   if (options.keep_init >= 0) return options.keep_init;
-  return model.prior == "template" ? 0 : 0.2;
+  return model.prior == Prior::kTemplate ? 0 : 0.2;
 }
 
 void Validate(const ModelOptions& o) {
-  Require(o.method == "tna" || o.method == "direct" || o.method == "v2v", "method", "tna, direct or v2v");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
   Require(o.downs >= 1 && o.downs <= 6, "downs", "in 1..6");
   Require(o.encoder_blocks >= 0 && o.encoder_blocks <= 32, "encoder-blocks", "in 0..32");
   Require(o.decoder_blocks >= 0 && o.decoder_blocks <= 32, "decoder-blocks", "in 0..32");
-  Require(o.norm == "batch" || o.norm == "instance", "norm", "batch or instance");
-  Require(o.upsample == "transposed" || o.upsample == "nearest", "upsample", "transposed or nearest");
   Require(o.stem_kernel >= 1 && o.stem_kernel <= 15 && o.stem_kernel % 2 == 1, "stem-kernel", "odd and in 1..15");
   Require(o.head_kernel >= 1 && o.head_kernel <= 15 && o.head_kernel % 2 == 1, "head-kernel", "odd and in 1..15");
   Require(o.inputs >= 1 && o.inputs <= 256, "inputs", "in 1..256");
-  Require(o.prior == "none" || o.prior == "template", "prior", "none or template");
+  Require(o.prior != Prior::kAuto, "prior", "none or template");
   Require(o.texture_px == 0 || (o.texture_px >= 2 && o.texture_px <= 4096), "texture-px", "0 or in 2..4096");
   Require(o.bone_half_width_px > 0 && o.bone_half_width_px < 100, "bone-half-width-px", "above 0 and below 100");
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -9,20 +10,43 @@
 
 namespace mvstudio::avatar {
 
+enum class Method {
+  kTna,     ///< textured neural avatar
+  kDirect,  ///< the same network, which predicts colours itself
+  kV2v,     ///< that with memory, flow and discriminators
+};
+enum class NormLayer { kBatch, kInstance };
+enum class Upsampling { kTransposed, kNearest };
+/// What the network starts from.
+enum class Prior {
+  kNone,      ///< the bones alone
+  kTemplate,  ///< the body template posed by the joints
+  kAuto,      ///< to be chosen before there is a network
+};
+std::string_view ToString(Method method);          ///< "tna", "direct", "v2v"
+std::string_view ToString(NormLayer norm);         ///< "batch", "instance"
+std::string_view ToString(Upsampling upsampling);  ///< "transposed", "nearest"
+std::string_view ToString(Prior prior);            ///< "none", "template", "auto"
+/// Throw UsageError.
+void FromString(const std::string& text, Method* method);
+void FromString(const std::string& text, NormLayer* norm);
+void FromString(const std::string& text, Upsampling* upsampling);
+void FromString(const std::string& text, Prior* prior);
+
 /// Architecture of the networks and size of the textures. The defaults suit a CPU; `PaperModel` gives the published sizes.
 struct ModelOptions {
-  std::string method = "tna";
+  Method method = Method::kTna;
   int width = 16;
   int downs = 4;
   int encoder_blocks = 4;
   int decoder_blocks = 3;
-  std::string norm = "instance";
-  std::string upsample = "nearest";
+  NormLayer norm = NormLayer::kInstance;
+  Upsampling upsample = Upsampling::kNearest;
   int stem_kernel = 5;
   int head_kernel = 3;
   bool skips = true;
   int inputs = 36;
-  std::string prior = "none";
+  Prior prior = Prior::kNone;
   int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
@@ -63,7 +87,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
 /// The published network: 17,167,552 parameters with 21 inputs.
 inline ModelOptions PaperModel() {
   ModelOptions o;
-  o.width = 32, o.norm = "batch", o.upsample = "transposed", o.inputs = 21, o.texture_px = 256;
+  o.width = 32, o.norm = NormLayer::kBatch, o.upsample = Upsampling::kTransposed, o.inputs = 21, o.texture_px = 256;
   o.skips = false, o.stem_kernel = 7, o.head_kernel = 7, o.bone_half_width_px = 4;
   return o;
 }

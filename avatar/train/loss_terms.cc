@@ -122,21 +122,21 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
     return terms;
   }
   terms.Add("mask", o.weight_mask, MaskLoss(out.first, batch.mask));
-  const bool tna = model.options.method == "tna";
+  const bool tna = model.options.method == Method::kTna;
   const double share = init ? 1.0 : KeepInit(o, model.options);
   if (tna && share > 0) {
     terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson), TotalOf(input, kRest)));
     terms.Add("uv", share * o.weight_uv, UvLoss(at::tanh(out.second), batch.uv, batch.part, TotalOf(input, kPerson)));
   }
   if (o.weight_logit > 0) {
-    const at::Tensor colours = model.options.method == "v2v" ? out.second.slice(1, 0, 3) : out.second;
+    const at::Tensor colours = model.options.method == Method::kV2v ? out.second.slice(1, 0, 3) : out.second;
     terms.Add("logit", o.weight_logit, SaturationLoss(colours, 4) + SaturationLoss(out.first, 20));
   }
   if (init) return terms;
   const at::Tensor image = Picture(model, input, out);
   terms.image = image.detach();
   AddPictureTerms(o, input, image, context, &terms);
-  if (model.options.method == "v2v") AddVideoTerms(o, input, image, out.second, context, &terms);
+  if (model.options.method == Method::kV2v) AddVideoTerms(o, input, image, out.second, context, &terms);
   return terms;
 }
 

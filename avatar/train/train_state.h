@@ -58,8 +58,8 @@ struct Trainer::State {
   double loss_scale = 1;          // with `amp`
   int64_t steps_since_scale = 0;  // since it changed
 
-  bool v2v() const { return model.options.method == "v2v"; }
-  bool tna() const { return model.options.method == "tna"; }
+  bool v2v() const { return model.options.method == Method::kV2v; }
+  bool tna() const { return model.options.method == Method::kTna; }
   int64_t total_steps() const { return int64_t{options.init_steps} + options.steps; }
   bool InInit() const { return tna() && model.step < options.init_steps; }
   bool Exhausted() const { return options.patience > 0 && idle_checks >= options.patience; }

@@ -128,9 +128,9 @@ void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const avatar:
   m["scale"] = {{"normalised", plan.scaled}, {"trained_over_given", plan.ratio}};
   m["size_px"] = a.options.size_px > 0 ? a.options.size_px : model.size_px;
   m["network_size_px"] = a.options.network_size_px > 0 ? a.options.network_size_px : model.size_px;
-  m["frame"] = a.options.frame;
+  m["frame"] = ToString(a.options.frame);
   m["rate_hz"] = rate_hz;
-  m["method"] = model.options.method;
+  m["method"] = ToString(model.options.method);
   m["checkpoint_step"] = model.step;
   m["seconds_per_picture"] = FiniteOrNull(seconds / static_cast<double>(plan.jobs.size()));
 }
@@ -149,7 +149,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
         Format("the poses' bones are %.3g times the trained person's, which the network never saw", 1 / plan.ratio);
     result->warnings.push_back({"AVA-SCALE", text, "render with --scale-normalise on"});
   }
-  if (model.options.method == "v2v" && a.options.turntable > 0) {
+  if (model.options.method == avatar::Method::kV2v && a.options.turntable > 0) {
     result->warnings.push_back({"AVA-V2V-MOVING-CAMERA",
                                 "v2v carries the picture before over and learned that with cameras that stand still",
                                 "expect trails, or turn with an avatar of method tna"});

@@ -29,8 +29,9 @@ using avatar::RunConfig;
 using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
-  TrainArguments() { model.prior = "auto"; }
-  std::string dataset, out, init_from, fit = "auto";
+  TrainArguments() { model.prior = avatar::Prior::kAuto; }
+  std::string dataset, out, init_from;
+  app::BodyFitMode fit = app::BodyFitMode::kAuto;
   app::SplitArguments split;
   RankArguments ranks;
   avatar::ModelOptions model;
@@ -80,7 +81,7 @@ CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& train
                        double wall_s) {
   CommandResult result;
   auto& m = result.metrics;
-  m["method"] = trainer.model().options.method;
+  m["method"] = ToString(trainer.model().options.method);
   m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
   if (report.best_step >= 0) m["best_step"] = report.best_step;
@@ -184,8 +185,8 @@ std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
 avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
   avatar::ModelOptions model = from ? from->options : arguments.model;
   const bool labelled = !arguments.pack.iuv.empty();
-  if (model.prior == "auto") model.prior = labelled ? "none" : "template";
-  if (model.prior == "template" && labelled)
+  if (model.prior == avatar::Prior::kAuto) model.prior = labelled ? avatar::Prior::kNone : avatar::Prior::kTemplate;
+  if (model.prior == avatar::Prior::kTemplate && labelled)
     throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
   Validate(model);
   return model;
@@ -194,9 +195,8 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
 /// The person's own body, where the options ask for one. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
-  const app::BodyFitMode mode = app::BodyFitModeOf(arguments.fit);
-  config->pack.fit_shape = mode == app::BodyFitMode::kGirths && config->pack.fit_shape;
-  if (mode != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
+  config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
+  if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
   avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, {}, run);
   config->pack.fitted = std::make_shared<const avatar::TexturedPerson>(fit.result);
   config->body_file = avatar::kPersonFile;
@@ -223,7 +223,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
   config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
-  config.pack.template_input_px = model.prior == "template" ? config.pack.size_px : 0;
+  config.pack.template_input_px = model.prior == avatar::Prior::kTemplate ? config.pack.size_px : 0;
   if (!config.pack.pose3d.empty())
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
@@ -319,7 +319,7 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
     result.inputs = {run};
   }
   Validate(options);
-  const int64_t texels = options.method == "tna" ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
+  const int64_t texels = options.method == avatar::Method::kTna ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
   result.metrics["num_parameters"] = avatar::NumParameters(options);
   result.metrics["num_texels"] = texels;
   for (const auto& [name, value] : FieldsAsText(options)) result.metrics["model"][name] = value;
@@ -339,8 +339,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
             "initialisation unless --init-steps asks for one");
   AddOption(sub, "--fit", a->fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
-            "mannequin's four girths; off takes it as it is")
-      ->check(CLI::IsMember({"auto", "girths", "off"}));
+            "mannequin's four girths; off takes it as it is");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);

@@ -82,7 +82,8 @@ dataset::PanopticDataset OpenWithoutPictures(const std::string& root) {
 }
 
 dataset::PanopticDataset Open(const Arguments& arguments) {
-  const bool wants_pictures = exports::FormatByName(arguments.to).has_pictures && arguments.options.pictures != "none";
+  const bool wants_pictures =
+      exports::FormatByName(arguments.to).has_pictures && arguments.options.pictures != exports::ExportPictures::kNone;
   const bool has_pictures = std::filesystem::exists(arguments.folder + "/hdImgs");
   return wants_pictures || has_pictures ? dataset::OpenPanopticDataset(arguments.folder)
                                         : OpenWithoutPictures(arguments.folder);

@@ -182,7 +182,7 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
   for (const std::string& warning : session.warnings) result.warnings.push_back({"SES-KEY", warning, ""});
   for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
   for (const dataset::CameraTimeline& c : made.timeline.cameras) {
-    if (c.status == "NoTime" || c.status == "NoOffset") result.exit = kExitPartial;
+    if (c.status == dataset::ClockStatus::kNoTime || c.status == dataset::ClockStatus::kNoOffset) result.exit = kExitPartial;
   }
   const std::string path = arguments.out.empty() ? dataset::TimelinePath(session, take.name) : arguments.out;
   dataset::WriteTimeline(made.timeline, path);

@@ -26,4 +26,9 @@ CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const 
   return app->add_flag(name, value, help);
 }
 
+CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::function<void(const std::string&)>& set,
+                           const std::function<std::string()>& now, const std::string& help) {
+  return app->add_option_function<std::string>(name, set, help)->default_function(now);
+}
+
 }  // namespace mvstudio::cli

@@ -70,6 +70,12 @@ bool Has(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
+/// The flags of a line that the parser gave up.
+void SeeFlags(const std::vector<std::string>& words, const std::vector<std::string>& argv, GlobalOptions& global) {
+  global.json = global.json || Has(words, "--json");
+  if (Has(words, "--redact")) StartRedacting(argv);
+}
+
 void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
   NameFlags(&outcome.result);
@@ -108,10 +114,14 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   } catch (const CLI::CallForAllHelp&) {
     outcome.help = app.help("", CLI::AppFormatMode::All);
   } catch (const CLI::ParseError& e) {
-    global.json = global.json || Has(words, "--json");
-    if (Has(words, "--redact")) StartRedacting(argv);
+    SeeFlags(words, argv, global);
     outcome.result = UsageResult(ParseNotice(app, e));
   } catch (...) {
+    const Registry::Entry* entry = Chosen(registry);
+    if (outcome.command.empty() && entry) {  // a word that an option does not know ended the parsing
+      outcome.command = entry->name;
+      SeeFlags(words, argv, global);
+    }
     outcome.result = ResultOfCurrentException();
   }
   FinishOutcome(outcome, std::chrono::duration<double>(Clock::now() - start).count(), argv);

@@ -43,10 +43,6 @@ std::string PanopticName(const geometry::Rig& rig, int idx) {
 }
 
 void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
-  const std::set<std::string> rules = {"auto", "fill", "stretch", "crop-right", "crop-centre", "crop-left"};
-  if (!rules.count(options.size_rule))
-    throw UsageError("option 'size-rule' " + options.size_rule +
-                     ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
   const std::string why = WhyNotAName(options.sequence);
   if (!why.empty()) throw UsageError("option 'sequence' must be a plain name: it " + why);
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be in 0..100");

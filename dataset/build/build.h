@@ -6,6 +6,7 @@
 
 #include "core/progress.h"
 #include "dataset/masks/masks.h"
+#include "dataset/masks/size_rule.h"
 #include "dataset/time/timeline.h"
 #include "geometry/rig/rig.h"
 
@@ -31,7 +32,7 @@ struct BuildOptions {
   bool png = false;
   int jpeg_quality = 95;
   double frame_rate_hz = 30;
-  std::string size_rule = "auto";
+  SizeRuleChoice size_rule = SizeRuleChoice::kAuto;
   bool require_complete = false;
   bool keep_undamaged = false;
   bool overwrite = false;

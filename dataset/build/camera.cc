@@ -166,7 +166,8 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
                           "; calibrate at this size or give the footage that was calibrated");
   }
   if (rules.size() == 1) return {rules[0], true, {0}};
-  const auto named = std::find_if(rules.begin(), rules.end(), [&](const SizeRule& r) { return r.name == options.size_rule; });
+  const auto named =
+      std::find_if(rules.begin(), rules.end(), [&](const SizeRule& r) { return r.name == ToString(options.size_rule); });
   SizeDecision decision;
   std::string reason;
   if (named != rules.end()) {

@@ -8,6 +8,17 @@
 #include "dataset/colour/colour_match_internal.h"
 
 namespace mvstudio::dataset {
+namespace {
+
+constexpr ChoiceWords<ColourModelChoice, 4> kModelChoices = {{{ColourModelChoice::kAuto, "auto"},
+                                                              {ColourModelChoice::kNone, "none"},
+                                                              {ColourModelChoice::kGain, "gain"},
+                                                              {ColourModelChoice::kGainOffset, "gain+offset"}}};
+constexpr ChoiceWords<ColourSpaceChoice, 3> kSpaceChoices = {
+    {{ColourSpaceChoice::kAuto, "auto"}, {ColourSpaceChoice::kLinear, "linear"}, {ColourSpaceChoice::kSrgb, "srgb"}}};
+
+}  // namespace
+
 namespace internal {
 
 double LinearFromSrgb(double srgb) {
@@ -38,6 +49,17 @@ std::string ToString(ColourModel model) {
   return model == ColourModel::kNone ? "none" : model == ColourModel::kGain ? "gain" : "gain+offset";
 }
 std::string ToString(ColourSpace space) { return space == ColourSpace::kLinear ? "linear" : "srgb"; }
+
+std::string_view ToString(ColourModelChoice choice) { return WordOf(kModelChoices, choice); }
+std::string_view ToString(ColourSpaceChoice choice) { return WordOf(kSpaceChoices, choice); }
+
+void FromString(const std::string& text, ColourModelChoice* choice) {
+  *choice = KnownChoice(kModelChoices, text, "colour-model '" + text + "': auto, none, gain or gain+offset");
+}
+
+void FromString(const std::string& text, ColourSpaceChoice* choice) {
+  *choice = KnownChoice(kSpaceChoices, text, "colour-space '" + text + "': auto, linear or srgb");
+}
 
 void ApplyColour(const ColourTransform& transform, ColourSpace space, Image* rgb) {
   MVS_CHECK(rgb->channels == 3, rgb->channels << " channels; colours need three");

@@ -248,20 +248,17 @@ std::vector<int> FoldsByFrame(const std::vector<ColourPoint>& points) {
 
 /// Models and spaces to try; the plain one first.
 std::vector<std::pair<ColourModel, ColourSpace>> Wanted(const ColourMatchOptions& options) {
+  const bool any_model = options.model == ColourModelChoice::kAuto, any_space = options.space == ColourSpaceChoice::kAuto;
   std::vector<ColourModel> models;
-  for (const ColourModel model : {ColourModel::kGain, ColourModel::kGainOffset}) {
-    if (options.model == "auto" || options.model == ToString(model)) models.push_back(model);
-  }
-  if (models.empty() && options.model != "none")
-    throw UsageError("colour-model '" + options.model + "': auto, none, gain or gain+offset");
+  if (any_model || options.model == ColourModelChoice::kGain) models.push_back(ColourModel::kGain);
+  if (any_model || options.model == ColourModelChoice::kGainOffset) models.push_back(ColourModel::kGainOffset);
+  std::vector<ColourSpace> spaces;
+  if (any_space || options.space == ColourSpaceChoice::kLinear) spaces.push_back(ColourSpace::kLinear);
+  if (any_space || options.space == ColourSpaceChoice::kSrgb) spaces.push_back(ColourSpace::kSrgb);
   std::vector<std::pair<ColourModel, ColourSpace>> wanted{{ColourModel::kNone, ColourSpace::kSrgb}};
-  bool known = false;
-  for (const ColourSpace space : {ColourSpace::kLinear, ColourSpace::kSrgb}) {
-    if (options.space != "auto" && options.space != ToString(space)) continue;
-    known = true;
+  for (const ColourSpace space : spaces) {
     for (const ColourModel model : models) wanted.emplace_back(model, space);
   }
-  if (!known) throw UsageError("colour-space '" + options.space + "': auto, linear or srgb");
   return wanted;
 }
 
@@ -331,7 +328,7 @@ ColourMatch MatchColours(const std::vector<ColourPoint>& points, const std::vect
   ScoreAll(problem, &candidates);
   for (const Candidate& candidate : candidates) match.trials.push_back(candidate.trial);
   size_t chosen = Choose(candidates);
-  if (options.model != "auto" && options.model != "none") {
+  if (options.model != ColourModelChoice::kAuto && options.model != ColourModelChoice::kNone) {
     for (size_t i = chosen = 1; i < candidates.size(); ++i) {
       if (candidates[i].trial.heldout_gain > candidates[chosen].trial.heldout_gain) chosen = i;
     }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/fields.h"
@@ -24,9 +25,18 @@ enum class ColourSpace { kLinear, kSrgb };
 std::string ToString(ColourModel model);  ///< "none", "gain", "gain+offset"
 std::string ToString(ColourSpace space);  ///< "linear", "srgb"
 
+/// The model and the space that are asked for; kAuto: by points held out of the fit.
+enum class ColourModelChoice { kAuto, kNone, kGain, kGainOffset };
+enum class ColourSpaceChoice { kAuto, kLinear, kSrgb };
+std::string_view ToString(ColourModelChoice choice);
+std::string_view ToString(ColourSpaceChoice choice);
+/// Throw UsageError.
+void FromString(const std::string& text, ColourModelChoice* choice);
+void FromString(const std::string& text, ColourSpaceChoice* choice);
+
 struct ColourMatchOptions {
-  std::string model = "auto";
-  std::string space = "auto";
+  ColourModelChoice model = ColourModelChoice::kAuto;
+  ColourSpaceChoice space = ColourSpaceChoice::kAuto;
   std::string reference;
   int frames = 16;
   int points = 800;

@@ -40,7 +40,7 @@ std::string PictureName(const std::string& camera, int64_t frame) {
 void ImportPictures(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
                     ImportedFootage* imported, Findings* findings) {
   const fs::path from = footage.path, to = fs::path(job.work) / imported->path;
-  const bool link = job.options.pictures == "link";
+  const bool link = job.options.pictures == ImportPictures::kLink;
   const bool hd = from.parent_path().filename() == "hdImgs";
   bool first = true;
   if (!link) MakeFolder(to.string());
@@ -89,7 +89,7 @@ void DecodeVideo(const ImportJob& job, const geometry::Camera& camera, const Pan
 
 void ImportVideo(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
                  ImportedFootage* imported, Findings* findings) {
-  if (job.options.pictures == "decode") return DecodeVideo(job, camera, footage, imported, findings);
+  if (job.options.pictures == ImportPictures::kDecode) return DecodeVideo(job, camera, footage, imported, findings);
   imported->path += fs::path(footage.path).extension().string();
   const VideoInfo info = VideoReader(footage.path).info();
   CheckSize(camera, info.width, info.height, footage.path, findings);
@@ -97,7 +97,7 @@ void ImportVideo(const ImportJob& job, const geometry::Camera& camera, const Pan
   for (size_t i = 0; i < times.time_s.size(); ++i) imported->frames.push_back(static_cast<int>(i));
   if (!times.cut_short.empty()) findings->Error("DAT-VIDEO", footage.path, "is cut short: " + times.cut_short);
   const fs::path to = fs::path(job.work) / imported->path;
-  if (job.options.pictures == "link") return Link(footage.path, to);
+  if (job.options.pictures == ImportPictures::kLink) return Link(footage.path, to);
   MakeFolder(to.parent_path().string());
   CopyOne(footage.path, to);
 }
@@ -109,7 +109,7 @@ void ImportMasks(const ImportJob& job, const std::string& camera, const std::str
   if (!fs::is_directory(from, error) ||
       (!job.options.follow_links && (fs::is_symlink(from) || fs::is_symlink(from.parent_path()))))
     return;
-  if (job.options.pictures == "link") return Link(from, to);
+  if (job.options.pictures == ImportPictures::kLink) return Link(from, to);
   MakeFolder(to.string());
   for (const std::string& path : FilesIn(from.string())) {
     const std::string stem = fs::path(path).stem().string();

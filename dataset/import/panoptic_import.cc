@@ -206,9 +206,10 @@ void WriteSessionFile(const ImportJob& job, std::vector<SessionTake> takes) {
   WriteSession(session);
 }
 
+constexpr ChoiceWords<ImportPictures, 3> kImportPictures = {
+    {{ImportPictures::kLink, "link"}, {ImportPictures::kCopy, "copy"}, {ImportPictures::kDecode, "decode"}}};
+
 void CheckOptions(const std::string& root, const PanopticImportOptions& options) {
-  if (options.pictures != "link" && options.pictures != "copy" && options.pictures != "decode")
-    throw UsageError("option 'pictures' is link, copy or decode, not " + internal::Quoted(options.pictures));
   if (options.quality < 1 || options.quality > 100) throw UsageError("option 'quality' must be 1 to 100");
   if (!options.take.empty() && Slug(options.take) != options.take)
     throw UsageError("option 'take' " + internal::Quoted(options.take) + " cannot name a folder; use letters, digits, _ and -");
@@ -301,6 +302,12 @@ FrameRange ParseFrameRange(const std::string& text) {
 
 }  // namespace internal
 
+std::string_view ToString(ImportPictures pictures) { return WordOf(kImportPictures, pictures); }
+
+void FromString(const std::string& text, ImportPictures* pictures) {
+  *pictures = KnownChoice(kImportPictures, text, "option 'pictures' is link, copy or decode, not " + internal::Quoted(text));
+}
+
 PanopticImportReport ImportPanoptic(const std::string& root, const std::string& session_folder,
                                     const PanopticImportOptions& options, const RunContext& run) {
   CheckOptions(root, options);
@@ -327,7 +334,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   KeepFile(job, job.sequence.calibration, internal::kMaxCalibrationBytes);
   KeepFile(job, job.sequence.sync, internal::kMaxSyncBytes);
   KeepFile(job, job.sequence.kinect_sync, internal::kMaxSyncBytes);
-  if (options.pictures == "link" && !session_takes.empty()) {
+  if (options.pictures == ImportPictures::kLink && !session_takes.empty()) {
     job.findings.Warning("DAT-OUTSIDE", session_folder,
                          "its footage is symbolic links to " + root +
                              ": commands on this session need option 'allow-outside'; option 'pictures' copy makes it whole");

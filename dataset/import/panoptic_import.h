@@ -1,17 +1,28 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "core/fields.h"
 #include "core/progress.h"
 #include "dataset/verify/verify.h"
 
 namespace mvstudio::dataset {
 
+enum class ImportPictures {
+  kLink,  ///< the session refers to the footage where it lies
+  kCopy,
+  kDecode,  ///< copies pictures, turns videos into pictures
+};
+std::string_view ToString(ImportPictures pictures);  ///< "link", "copy", "decode"
+/// Throws UsageError.
+void FromString(const std::string& text, ImportPictures* pictures);
+
 struct PanopticImportOptions {
   std::string cameras;
   std::string frames;
-  std::string pictures = "link";
+  ImportPictures pictures = ImportPictures::kLink;
   std::string take;
   int quality = 95;
   bool follow_links = false;

@@ -12,6 +12,12 @@ namespace mvstudio::dataset {
 namespace {
 
 constexpr double kMostDifference = 0.02;
+constexpr ChoiceWords<SizeRuleChoice, 6> kSizeRules = {{{SizeRuleChoice::kAuto, "auto"},
+                                                        {SizeRuleChoice::kFill, "fill"},
+                                                        {SizeRuleChoice::kStretch, "stretch"},
+                                                        {SizeRuleChoice::kCropRight, "crop-right"},
+                                                        {SizeRuleChoice::kCropCentre, "crop-centre"},
+                                                        {SizeRuleChoice::kCropLeft, "crop-left"}}};
 
 SizeRule Crop(const std::string& name, int cut_x, int cut_y, double share) {
   return {name, 1, 1, -share * cut_x, -share * cut_y};
@@ -73,6 +79,13 @@ double JointDistancePx(const std::vector<ProjectedBody>& a, const std::vector<Pr
 }
 
 }  // namespace
+
+std::string_view ToString(SizeRuleChoice choice) { return WordOf(kSizeRules, choice); }
+
+void FromString(const std::string& text, SizeRuleChoice* choice) {
+  *choice = KnownChoice(kSizeRules, text,
+                        "option 'size-rule' " + text + ": known are auto, fill, stretch, crop-right, crop-centre, crop-left");
+}
 
 std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int width, int height) {
   const double fx = double(width) / calibrated_width, fy = double(height) / calibrated_height;

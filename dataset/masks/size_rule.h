@@ -1,13 +1,21 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "core/fields.h"
 #include "core/image.h"
 #include "dataset/masks/masks.h"
 #include "geometry/rig/rig.h"
 
 namespace mvstudio::dataset {
+
+/// The rule that is asked for; kAuto: the one that fits the joints best.
+enum class SizeRuleChoice { kAuto, kFill, kStretch, kCropRight, kCropCentre, kCropLeft };
+std::string_view ToString(SizeRuleChoice choice);  ///< "auto", or the name of a SizeRule
+/// Throws UsageError.
+void FromString(const std::string& text, SizeRuleChoice* choice);
 
 /// How footage with a size other than the calibrated one may have been made. Along each axis, with pixel edges at -0.5:
 /// u_footage + 0.5 = scale (u_calibrated + 0.5) + offset.

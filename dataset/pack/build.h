@@ -8,6 +8,7 @@
 #include "core/progress.h"
 #include "core/status.h"
 #include "dataset/colour/colour_match.h"
+#include "dataset/pack/codec.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/views/undistort.h"
 
@@ -15,7 +16,7 @@
 namespace mvstudio::dataset {
 
 struct PackOptions {
-  std::string codec = "png";
+  PackCodec codec;
   int crop_px = 256;
   bool full = false;
   bool undistort = false;

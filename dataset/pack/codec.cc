@@ -10,6 +10,29 @@
 #include "core/error.h"
 #include "dataset/pack/codec_internal.h"
 
+namespace mvstudio::dataset {
+
+std::string ToString(const PackCodec& codec) {
+  if (codec.kind == PackCodec::Kind::kJpeg) return "jpeg:" + std::to_string(codec.quality);
+  return codec.kind == PackCodec::Kind::kPng ? "png" : "raw";
+}
+
+void FromString(const std::string& text, PackCodec* codec) {
+  if (text == "png" || text == "raw") {
+    *codec = {text == "png" ? PackCodec::Kind::kPng : PackCodec::Kind::kRaw, 0};
+    return;
+  }
+  const std::string digits = text.rfind("jpeg:", 0) == 0 ? text.substr(5) : "";
+  const bool number = !digits.empty() && digits.size() <= 3 &&
+                      std::all_of(digits.begin(), digits.end(), [](unsigned char c) { return std::isdigit(c); });
+  const int quality = number ? std::stoi(digits) : 0;
+  if (quality < 1 || quality > 100)
+    throw UsageError("option 'codec' '" + text + "': use png, raw, or jpeg:Q with Q from 1 to 100");
+  *codec = {PackCodec::Kind::kJpeg, quality};
+}
+
+}  // namespace mvstudio::dataset
+
 namespace mvstudio::dataset::internal {
 namespace {
 
@@ -90,29 +113,12 @@ void RequireSize(const Size& found, const Image& wanted, const std::string& path
 
 }  // namespace
 
-Codec ParseCodec(const std::string& text) {
-  if (text == "png") return {Codec::Kind::kPng, 0};
-  if (text == "raw") return {Codec::Kind::kRaw, 0};
-  const std::string digits = text.rfind("jpeg:", 0) == 0 ? text.substr(5) : "";
-  const bool number = !digits.empty() && digits.size() <= 3 &&
-                      std::all_of(digits.begin(), digits.end(), [](unsigned char c) { return std::isdigit(c); });
-  const int quality = number ? std::stoi(digits) : 0;
-  if (quality < 1 || quality > 100)
-    throw UsageError("option 'codec' '" + text + "': use png, raw, or jpeg:Q with Q from 1 to 100");
-  return {Codec::Kind::kJpeg, quality};
-}
-
-std::string ToString(const Codec& codec) {
-  if (codec.kind == Codec::Kind::kJpeg) return "jpeg:" + std::to_string(codec.quality);
-  return codec.kind == Codec::Kind::kPng ? "png" : "raw";
-}
-
-std::string EncodeImage(const Image& image, const Codec& codec) {
+std::string EncodeImage(const Image& image, const PackCodec& codec) {
   MVS_CHECK(image.channels == 3 && !image.empty(), image.width << "x" << image.height << "x" << image.channels);
-  if (codec.kind == Codec::Kind::kRaw) return {image.pixels.begin(), image.pixels.end()};
+  if (codec.kind == PackCodec::Kind::kRaw) return {image.pixels.begin(), image.pixels.end()};
   cv::Mat bgr;
   cv::cvtColor(View(image), bgr, cv::COLOR_RGB2BGR);
-  if (codec.kind == Codec::Kind::kPng) return Encode(bgr, ".png", {});
+  if (codec.kind == PackCodec::Kind::kPng) return Encode(bgr, ".png", {});
   return Encode(bgr, ".jpg", {cv::IMWRITE_JPEG_QUALITY, codec.quality});
 }
 
@@ -121,15 +127,15 @@ std::string EncodeMask(const Image& mask) {
   return Encode(View(mask), ".png", {cv::IMWRITE_PNG_BILEVEL, 1});
 }
 
-Image DecodeImage(std::string_view bytes, const Codec& codec, int width, int height, const std::string& path,
+Image DecodeImage(std::string_view bytes, const PackCodec& codec, int width, int height, const std::string& path,
                   const std::string& where) {
   Image image(width, height, 3);
-  if (codec.kind == Codec::Kind::kRaw) {
+  if (codec.kind == PackCodec::Kind::kRaw) {
     if (bytes.size() != image.pixels.size()) throw FormatError(path, where, "has the wrong number of bytes for a raw picture");
     std::memcpy(image.pixels.data(), bytes.data(), bytes.size());
     return image;
   }
-  RequireSize(codec.kind == Codec::Kind::kPng ? PngSize(bytes) : JpegSize(bytes), image, path, where);
+  RequireSize(codec.kind == PackCodec::Kind::kPng ? PngSize(bytes) : JpegSize(bytes), image, path, where);
   if (!Decode(bytes, &image)) throw FormatError(path, where, "cannot be decoded");
   return image;
 }

@@ -5,6 +5,7 @@
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/pack/codec_internal.h"
 #include "dataset/pack/make_shard_internal.h"
 
 namespace mvstudio::dataset::internal {
@@ -129,7 +130,7 @@ EncodedPicture Encode(const PackPlan& plan, const ShardTools& tools, const PackP
       pictures = Resampled(plan, tools, picture, made.view, source);
     }
     const Stopwatch watch(&times.encode_s);
-    made.image = EncodeImage(pictures.image, plan.codec);
+    made.image = EncodeImage(pictures.image, plan.options.codec);
     if (!pictures.mask.empty()) made.mask = EncodeMask(pictures.mask);
     encoded.targets.push_back(std::move(made));
   }

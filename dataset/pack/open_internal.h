@@ -33,7 +33,7 @@ class PackFile {
 
 struct Pack::Data {
   PackInfo info;
-  internal::Codec codec;
+  PackCodec codec;
   geometry::Rig rig;
   std::vector<PackSample> samples;
 

@@ -120,7 +120,7 @@ void ReadPlan(const std::string& path, const Shard& shard, Pack::Data* data) {
   if (view != "crop" && view != "full" && view != "undistorted") plan["view"].Fail("must be crop, full or undistorted");
   info.view = view == "crop" ? PackView::kCrop : view == "full" ? PackView::kFull : PackView::kUndistorted;
   try {
-    data->codec = ParseCodec(info.image_codec);
+    FromString(info.image_codec, &data->codec);
   } catch (const UsageError&) {
     plan["codec"].Fail("must be png, raw or jpeg:Q");
   }

@@ -214,7 +214,13 @@ void AddView(const PackPlan& plan, Json* json) {
   }
   if (plan.view == PackView::kUndistorted) {
     VisitConstFields(
-        [&](const std::string& name, const auto& value, const std::string&) { (*json)["undistort"][name] = value; },
+        [&](const std::string& name, const auto& value, const std::string&) {
+          if constexpr (kHasWords<std::decay_t<decltype(value)>>) {
+            (*json)["undistort"][name] = ToString(value);
+          } else {
+            (*json)["undistort"][name] = value;
+          }
+        },
         plan.options.undistort_view);
   }
 }
@@ -223,7 +229,7 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
   const std::string calibration = FindPanopticCalibration(plan.dataset.root);
   Json json = {{"schema", "mvstudio.pack-plan/1"}, {"sequence", plan.dataset.sequence}};
   AddView(plan, &json);
-  json["codec"] = ToString(plan.codec);
+  json["codec"] = ToString(plan.options.codec);
   json["mask_codec"] = plan.masks ? "png" : "none";
   json["person"] = plan.options.person;
   const std::vector<std::string> names = geometry::CameraNames(plan.dataset.rig);
@@ -273,7 +279,6 @@ PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& option
   CheckOptions(options);
   PackPlan plan;
   plan.options = options;
-  plan.codec = ParseCodec(options.codec);
   plan.view = !options.full ? PackView::kCrop : options.undistort ? PackView::kUndistorted : PackView::kFull;
   plan.dataset = OpenPanopticDataset(dataset_root);
   plan.scene_paths = ListBody3dScenes(dataset_root);

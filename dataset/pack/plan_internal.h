@@ -7,7 +7,6 @@
 
 #include "dataset/colour/colour_match.h"
 #include "dataset/pack/build.h"
-#include "dataset/pack/codec_internal.h"
 #include "dataset/pack/pack.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
@@ -32,7 +31,6 @@ struct PackPicture {
 /// The options with all choices made: the same for every process that works on the pack.
 struct PackPlan {
   PackOptions options;
-  Codec codec;
   PackView view = PackView::kCrop;
   bool masks = false;
   PanopticDataset dataset;

@@ -197,7 +197,7 @@ void Sort(const Session& session, SessionTake* take) {
 SessionTake FoundTake(const Session& session, const std::string& name) {
   SessionTake take;
   take.name = name;
-  if (name == "board") take.kind = "board";
+  if (name == "board") take.kind = TakeKind::kBoard;
   take.footage = internal::ScanFootage(session, name);
   return take;
 }
@@ -207,10 +207,9 @@ SessionTake ReadTake(TableView view, const Session& session) {
   CheckName(view, "name", name);
   SessionTake take;
   take.name = name;
-  take.kind = view.Text("kind", name == "board" ? "board" : "people");
-  if (take.kind != "people" && take.kind != "board" && take.kind != "plate") {
-    view.Fail("kind", "must be people, board or plate");
-  }
+  const std::optional<TakeKind> kind = TakeKindFromString(view.Text("kind", name == "board" ? "board" : "people"));
+  if (!kind) view.Fail("kind", "must be people, board or plate");
+  take.kind = *kind;
   take.fps_hz = Rate(view);
   take.timestamps = view.Text("timestamps");
   take.sync = view.Text("sync");

@@ -5,11 +5,15 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/fields.h"
 #include "core/join.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
+
+constexpr ChoiceWords<TakeKind, 3> kTakeKinds = {
+    {{TakeKind::kPeople, "people"}, {TakeKind::kBoard, "board"}, {TakeKind::kPlate, "plate"}}};
 
 /// A path with its symbolic links followed as far as it is there.
 fs::path Real(const fs::path& path) {
@@ -76,6 +80,9 @@ std::string KnownTakes(const Session& session) {
 
 }  // namespace
 
+std::string_view ToString(TakeKind kind) { return WordOf(kTakeKinds, kind); }
+std::optional<TakeKind> TakeKindFromString(std::string_view text) { return ChoiceOf(kTakeKinds, text); }
+
 double Session::metres_per_unit() const { return units == "mm" ? 1e-3 : units == "cm" ? 1e-2 : 1; }
 
 int Session::FindCamera(const std::string& name) const {
@@ -90,7 +97,7 @@ const SessionTake& TakeOf(const Session& session, const std::string& name) {
   int people = 0;
   for (const SessionTake& take : session.takes) {
     if (!name.empty() && take.name == name) return take;
-    if (take.kind == "people") only = &take, ++people;
+    if (take.kind == TakeKind::kPeople) only = &take, ++people;
   }
   if (!name.empty())
     throw UsageError("option 'take' " + name + ": the session has no such take; it has " + KnownTakes(session));

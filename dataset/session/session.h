@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 /// A session: one folder with `mvstudio.toml`, which states the unit of lengths, the cameras, what was filmed and where
@@ -22,9 +23,14 @@ struct SessionFootage {
   std::string plate;  ///< clean plate: picture of the empty scene; may be empty
 };
 
+/// What was filmed.
+enum class TakeKind { kPeople, kBoard, kPlate };
+std::string_view ToString(TakeKind kind);  ///< "people", "board", "plate"
+std::optional<TakeKind> TakeKindFromString(std::string_view text);
+
 struct SessionTake {
   std::string name;
-  std::string kind = "people";          ///< "people", "board" or "plate"
+  TakeKind kind = TakeKind::kPeople;
   std::optional<double> fps_hz;         ///< instead of the session's
   std::string timestamps;               ///< table of time stamps on a common clock; may be empty
   std::string sync;                     ///< sync.json; empty: sync/TAKE/sync.json if it exists

@@ -74,7 +74,7 @@ SessionTake ScanTake(const fs::path& path, const std::map<std::string, std::stri
                      std::vector<std::string>* skipped) {
   SessionTake take;
   take.name = path.filename().string();
-  if (take.name == "board" || take.name == "calib" || take.name == "calibration") take.kind = "board";
+  if (take.name == "board" || take.name == "calib" || take.name == "calibration") take.kind = TakeKind::kBoard;
   for (const auto& [camera, files] : FootageIn(path)) {
     const std::string why = WhyNotAName(camera);
     if (!why.empty()) {
@@ -85,7 +85,7 @@ SessionTake ScanTake(const fs::path& path, const std::map<std::string, std::stri
       skipped->push_back(Relative(files[i], folder) + ": camera " + camera + " has " + Relative(files[0], folder) + " already");
     }
     const auto plate = plates.find(camera);
-    const bool wants_plate = take.kind == "people" && plate != plates.end();
+    const bool wants_plate = take.kind == TakeKind::kPeople && plate != plates.end();
     take.footage.push_back({camera, Relative(files[0], folder), wants_plate ? plate->second : ""});
   }
   if (fs::is_regular_file(path / kTimestamps)) take.timestamps = Relative(path / kTimestamps, folder);
@@ -128,8 +128,9 @@ ScannedSession ScanSession(const std::string& folder) {
     for (const SessionFootage& footage : take.footage) cameras.insert(footage.camera);
     scanned.takes.push_back(std::move(take));
   }
-  std::stable_sort(scanned.takes.begin(), scanned.takes.end(),
-                   [](const SessionTake& a, const SessionTake& b) { return a.kind == "board" && b.kind != "board"; });
+  std::stable_sort(scanned.takes.begin(), scanned.takes.end(), [](const SessionTake& a, const SessionTake& b) {
+    return a.kind == TakeKind::kBoard && b.kind != TakeKind::kBoard;
+  });
   for (const std::string& camera : cameras) scanned.cameras.push_back({camera, "", "", 0, 0});
   return scanned;
 }

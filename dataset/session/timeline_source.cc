@@ -35,10 +35,11 @@ double MedianAround(const std::vector<int>& values, size_t at, size_t reach) {
 
 void AddNotes(const Timeline& timeline, std::vector<std::string>* notes) {
   for (const CameraTimeline& c : timeline.cameras) {
-    if (c.status == "Variable")
+    if (c.status == ClockStatus::kVariable)
       notes->push_back("camera " + c.name + ": no regular frame rate; its frames are taken by time alone");
-    if (c.status == "NoTime") notes->push_back("camera " + c.name + ": no usable time stamps: it takes no part");
-    if (c.status == "NoOffset") notes->push_back("camera " + c.name + ": the sync file has no offset for it: it takes no part");
+    if (c.status == ClockStatus::kNoTime) notes->push_back("camera " + c.name + ": no usable time stamps: it takes no part");
+    if (c.status == ClockStatus::kNoOffset)
+      notes->push_back("camera " + c.name + ": the sync file has no offset for it: it takes no part");
     int64_t dropped = 0;
     for (const DroppedFrames& d : c.dropped) dropped += d.count;
     if (dropped > 0) notes->push_back("camera " + c.name + ": " + std::to_string(dropped) + " frames were dropped");

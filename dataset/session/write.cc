@@ -75,7 +75,7 @@ void WriteCamera(const SessionCamera& camera, bool first, Lines* lines) {
 void WriteTake(const SessionTake& take, bool first, Lines* lines) {
   lines->Raw("\n[[takes]]");
   lines->Value("name", Quoted(take.name), "");
-  lines->Value("kind", Quoted(take.kind), first ? "people, board or plate" : "");
+  lines->Value("kind", Quoted(std::string(ToString(take.kind))), first ? "people, board or plate" : "");
   if (take.fps_hz || first) lines->Number("fps_hz", take.fps_hz, "30", "of this take, instead of the session's");
   if (!take.timestamps.empty() || first) {
     lines->Text("timestamps", take.timestamps, "\"raw/take1/timestamps.csv\"", "table of times on a common clock");

@@ -162,7 +162,7 @@ ClockFit FitClock(const std::vector<double>& time_s) {
     }
   }
   if (good.empty() || 2 * good.size() < time_s.size()) {
-    fit.status = "NoTime";
+    fit.status = ClockStatus::kNoTime;
     return fit;
   }
   fit.start_s = time_s[good[0]];
@@ -170,7 +170,7 @@ ClockFit FitClock(const std::vector<double>& time_s) {
   fit.period_s = TypicalStep(time_s, good);
   if (fit.period_s <= 0) return fit;
   if (IsVariable(time_s, good, fit.period_s)) {
-    fit.status = "Variable";
+    fit.status = ClockStatus::kVariable;
     for (size_t i = 1; i < good.size(); ++i) {
       if (time_s[good[i]] == time_s[good[i - 1]]) fit.same.push_back(good[i]);
     }

@@ -12,11 +12,11 @@ namespace mvstudio::dataset::internal {
 constexpr int64_t kNoTick = INT64_MIN;
 
 struct ClockFit {
-  std::string status = "Ok";  ///< "Ok", "Variable", "NoTime"
-  double period_s = 0;        ///< 0: a single frame
-  double start_s = 0;         ///< of tick 0, the first frame with a good time stamp
-  double jitter_s = 0;        ///< RMS about the line
-  double worst_s = 0;         ///< 99 % of the time stamps are within this distance of it
+  ClockStatus status = ClockStatus::kOk;  ///< kOk, kVariable or kNoTime
+  double period_s = 0;                    ///< 0: a single frame
+  double start_s = 0;                     ///< of tick 0, the first frame with a good time stamp
+  double jitter_s = 0;                    ///< RMS about the line
+  double worst_s = 0;                     ///< 99 % of the time stamps are within this distance of it
   double period_sigma_s = 0, start_sigma_s = 0;
   std::vector<int64_t> tick;  ///< of each frame; kNoTick: undetermined, or already that of the previous frame
   std::vector<size_t> bad;    ///< positions with a missing time stamp, or one that contradicts the others

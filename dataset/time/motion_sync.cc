@@ -6,10 +6,16 @@
 #include <functional>
 
 #include "core/error.h"
+#include "core/fields.h"
 #include "dataset/footage/frames.h"
 
 namespace mvstudio::dataset {
 namespace {
+
+constexpr ChoiceWords<MotionSyncStatus, 4> kMotionStatuses = {{{MotionSyncStatus::kOk, "Ok"},
+                                                               {MotionSyncStatus::kNoMotion, "NoMotion"},
+                                                               {MotionSyncStatus::kTooShort, "TooShort"},
+                                                               {MotionSyncStatus::kAmbiguous, "Ambiguous"}}};
 
 constexpr double kLeastSpread = 0.15;  // standard deviation of log energy below which offsets cannot be distinguished
 constexpr double kClearPeak = 0.85;    // the runner-up must stay below this share of the peak
@@ -153,7 +159,7 @@ size_t Reference(Network* net, const std::vector<MotionEnergy>& cameras, const s
 void SumAlongTree(Network* net, size_t reference, std::vector<MotionSyncCamera>* cameras) {
   std::vector<bool> done(net->size, false);
   done[reference] = true;
-  (*cameras)[reference].status = "Ok";
+  (*cameras)[reference].status = MotionSyncStatus::kOk;
   (*cameras)[reference].correlation = 1;
   while (true) {
     const Pair* best = nullptr;
@@ -167,7 +173,7 @@ void SumAlongTree(Network* net, size_t reference, std::vector<MotionSyncCamera>*
     if (!best) return;
     MotionSyncCamera& camera = (*cameras)[to];
     const MotionSyncCamera& base = (*cameras)[from];
-    camera.status = "Ok";
+    camera.status = MotionSyncStatus::kOk;
     camera.offset_frames = base.offset_frames + best->lag;
     camera.sigma_frames = std::hypot(base.sigma_frames, best->sigma);
     camera.correlation = best->peak, camera.runner_up = best->runner_up;
@@ -176,6 +182,8 @@ void SumAlongTree(Network* net, size_t reference, std::vector<MotionSyncCamera>*
 }
 
 }  // namespace
+
+std::string_view ToString(MotionSyncStatus status) { return WordOf(kMotionStatuses, status); }
 
 MotionEnergy ReadMotionEnergy(const CameraTimes& times) {
   constexpr int kSide = 96;
@@ -205,16 +213,15 @@ MotionSync SynchronizeByMotion(const std::vector<MotionEnergy>& cameras, const M
   for (const MotionEnergy& c : cameras) {
     MotionSyncCamera& camera = sync.cameras.emplace_back();
     camera.name = c.camera;
-    camera.status = "Ambiguous";
     signals.push_back(Signal(c.energy));
-    if (Spread(signals.back()) < kLeastSpread) camera.status = "NoMotion";
-    if (static_cast<int>(c.energy.size()) < options.min_overlap_frames) camera.status = "TooShort";
-    if (camera.status != "Ambiguous") signals.back().clear();
+    if (Spread(signals.back()) < kLeastSpread) camera.status = MotionSyncStatus::kNoMotion;
+    if (static_cast<int>(c.energy.size()) < options.min_overlap_frames) camera.status = MotionSyncStatus::kTooShort;
+    if (camera.status != MotionSyncStatus::kAmbiguous) signals.back().clear();
   }
   Network net = ComparePairs(signals, options);
   const size_t reference = Reference(&net, cameras, options.reference);
   sync.reference = cameras[reference].camera;
-  if (sync.cameras[reference].status == "Ambiguous") SumAlongTree(&net, reference, &sync.cameras);
+  if (sync.cameras[reference].status == MotionSyncStatus::kAmbiguous) SumAlongTree(&net, reference, &sync.cameras);
   return sync;
 }
 
@@ -224,8 +231,8 @@ SyncFile ToSyncFile(const MotionSync& sync) {
   for (const MotionSyncCamera& c : sync.cameras) {
     SyncedCamera& entry = file.cameras.emplace_back();
     entry.name = c.name;
-    entry.status = c.status;
-    if (c.status != "Ok") continue;
+    entry.status = ToString(c.status);
+    if (c.status != MotionSyncStatus::kOk) continue;
     entry.offset_frames = c.offset_frames;
     entry.sigma_frames = c.sigma_frames;
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "dataset/time/sync_file.h"
@@ -26,9 +27,13 @@ struct MotionSyncOptions {
   std::string reference;  ///< empty: the camera that agrees best with the others
 };
 
+/// Whether a camera's offset is known.
+enum class MotionSyncStatus { kOk, kNoMotion, kTooShort, kAmbiguous };
+std::string_view ToString(MotionSyncStatus status);  ///< "Ok", "NoMotion", "TooShort", "Ambiguous"
+
 struct MotionSyncCamera {
   std::string name;
-  std::string status;  ///< "Ok", "NoMotion", "TooShort", "Ambiguous"
+  MotionSyncStatus status = MotionSyncStatus::kAmbiguous;
   double offset_frames = 0;
   double sigma_frames = 0;  ///< jackknife over eighths of the take; at least 0.5
   double correlation = 0;   ///< at the offset

@@ -40,7 +40,7 @@ Clock MakeClock(const CameraTimes& times, const TimelineOptions& options) {
   clock.times = &times;
   clock.fit = internal::FitClock(times.time_s);
   clock.period_s = clock.fit.period_s;
-  clock.on_line = clock.fit.status == "Ok" && clock.fit.jitter_s <= options.jitter_limit * clock.fit.period_s &&
+  clock.on_line = clock.fit.status == ClockStatus::kOk && clock.fit.jitter_s <= options.jitter_limit * clock.fit.period_s &&
                   clock.fit.worst_s <= kWorstOnLine * clock.fit.period_s;
   return clock;
 }
@@ -64,7 +64,7 @@ std::vector<double> KnownOffsets(const std::vector<Clock>& clocks, TimelineClock
 
 size_t Reference(const std::vector<Clock>& clocks, const std::vector<double>& known, const std::string& named, bool must) {
   const auto fits = [&](size_t i) {
-    return clocks[i].fit.status == "Ok" && clocks[i].fit.period_s > 0 && std::isfinite(known[i]);
+    return clocks[i].fit.status == ClockStatus::kOk && clocks[i].fit.period_s > 0 && std::isfinite(known[i]);
   };
   for (size_t i = 0; i < clocks.size(); ++i) {
     if (clocks[i].times->camera != named || (!must && !fits(i))) continue;
@@ -88,7 +88,7 @@ void PlaceClocks(TimelineClock kind, const SyncFile* sync, const std::vector<dou
   const double frame_s = sync && sync->fps ? 1 / *sync->fps : ref.fit.period_s;
   for (size_t i = 0; i < clocks->size(); ++i) {
     Clock& c = (*clocks)[i];
-    c.placed = c.fit.status != "NoTime" && std::isfinite(known[i]);
+    c.placed = c.fit.status != ClockStatus::kNoTime && std::isfinite(known[i]);
     if (kind == TimelineClock::kCommon) {
       c.origin_s = c.shift_s = 0;
       continue;
@@ -130,7 +130,7 @@ double TickBetween(const Clock& c, double time_s) {
 /// Position of the frame at a common time; -1: none.
 int64_t FrameAt(const Clock& c, double time_s, double instant_period_s) {
   if (c.by_time.empty()) return -1;
-  if (c.fit.status == "Variable" || c.fit.period_s <= 0) {
+  if (c.fit.status == ClockStatus::kVariable || c.fit.period_s <= 0) {
     auto near = std::lower_bound(c.by_time.begin(), c.by_time.end(), std::pair<double, size_t>{time_s, 0});
     if (near == c.by_time.end() || (near != c.by_time.begin() && time_s - (near - 1)->first < near->first - time_s)) --near;
     const double most = (0.5 + kTie) * std::max(c.period_s, instant_period_s);
@@ -272,7 +272,7 @@ Timeline BuildTimeline(const std::vector<CameraTimes>& cameras, TimelineClock cl
     CameraTimeline& out = timeline.cameras.emplace_back();
     out.name = c.times->camera;
     out.source = c.times->source;
-    out.status = c.fit.status == "NoTime" ? "NoTime" : c.placed ? c.fit.status : "NoOffset";
+    out.status = c.placed || c.fit.status == ClockStatus::kNoTime ? c.fit.status : ClockStatus::kNoOffset;
     out.num_frames = static_cast<int64_t>(c.times->frame.size());
     out.frame_at.assign(instants.size(), -1);
     out.residual_s.assign(instants.size(), std::nan(""));
@@ -296,7 +296,7 @@ std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& 
 std::vector<std::pair<int64_t, int64_t>> TicksOfFrames(const CameraTimes& camera) {
   std::vector<std::pair<int64_t, int64_t>> ticks;
   const ClockFit fit = internal::FitClock(camera.time_s);
-  const bool counted = !camera.origin_s && fit.status == "Ok" && fit.period_s > 0;
+  const bool counted = !camera.origin_s && fit.status == ClockStatus::kOk && fit.period_s > 0;
   for (size_t k = 0; k < camera.frame.size(); ++k) {
     if (!counted) {
       ticks.emplace_back(camera.frame[k], camera.frame[k]);
@@ -314,8 +314,8 @@ SyncFile SyncFromTimeline(const Timeline& timeline) {
   for (const CameraTimeline& c : timeline.cameras) {
     SyncedCamera& entry = sync.cameras.emplace_back();
     entry.name = c.name;
-    entry.status = c.status;
-    if (c.status == "Ok" && std::abs(c.fps_hz / timeline.fps_hz - 1) > kSameRate) entry.status = "OtherRate";
+    entry.status = ToString(c.status);
+    if (c.status == ClockStatus::kOk && std::abs(c.fps_hz / timeline.fps_hz - 1) > kSameRate) entry.status = "OtherRate";
     if (entry.status != "Ok") continue;
     entry.offset_frames = c.name == timeline.reference ? 0 : c.offset_frames;
     entry.sigma_frames = c.sigma_frames;

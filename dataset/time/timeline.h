@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "dataset/time/sync_file.h"
@@ -44,10 +45,20 @@ struct DroppedFrames {
   int64_t count = 0;
 };
 
+/// What is known of a camera's clock.
+enum class ClockStatus {
+  kOk,
+  kVariable,  ///< no regular clock
+  kNoTime,    ///< no usable time stamps
+  kNoOffset,  ///< no relation to the reference's
+};
+std::string_view ToString(ClockStatus status);  ///< "Ok", "Variable", "NoTime", "NoOffset"
+std::optional<ClockStatus> ClockStatusFromString(std::string_view text);
+
 struct CameraTimeline {
   std::string name;
   std::string source;
-  std::string status = "Ok";  ///< "Ok", "Variable" (no regular clock), "NoTime" (no usable time stamps), "NoOffset"
+  ClockStatus status = ClockStatus::kOk;
   int64_t num_frames = 0;
   double fps_hz = 0;         ///< of its clock
   double offset_frames = 0;  ///< at time step 0 it shows its tick `offset_frames`, as in a sync file

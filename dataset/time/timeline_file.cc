@@ -4,6 +4,7 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/fields.h"
 #include "dataset/json/json_internal.h"
 #include "dataset/time/timeline.h"
 
@@ -12,6 +13,11 @@ namespace {
 
 using internal::Json;
 using internal::JsonView;
+
+constexpr ChoiceWords<ClockStatus, 4> kClockStatuses = {{{ClockStatus::kOk, "Ok"},
+                                                         {ClockStatus::kVariable, "Variable"},
+                                                         {ClockStatus::kNoTime, "NoTime"},
+                                                         {ClockStatus::kNoOffset, "NoOffset"}}};
 
 constexpr char kSchema[] = "mvstudio.timeline/1";
 constexpr double kMaxInstants = 2e6, kMaxNumber = 9e15;
@@ -34,7 +40,7 @@ Json Runs(const std::vector<int64_t>& frame_at) {
 }
 
 Json CameraJson(const CameraTimeline& c) {
-  Json json{{"name", c.name}, {"source", c.source}, {"status", c.status}, {"frames", c.num_frames}};
+  Json json{{"name", c.name}, {"source", c.source}, {"status", ToString(c.status)}, {"frames", c.num_frames}};
   json["fps_hz"] = Finite(c.fps_hz);
   json["offset_frames"] = Finite(c.offset_frames);
   json["sigma_frames"] = Finite(c.sigma_frames);
@@ -82,7 +88,9 @@ CameraTimeline ReadCamera(const JsonView& json, size_t num_instants) {
   CameraTimeline c;
   c.name = internal::CameraName(json["name"]);
   c.source = json["source"].Text();
-  c.status = json["status"].Text();
+  const std::optional<ClockStatus> status = ClockStatusFromString(json["status"].Text());
+  if (!status) json["status"].Fail("must be Ok, Variable, NoTime or NoOffset");
+  c.status = *status;
   c.num_frames = Whole(json["frames"], 0, kMaxNumber);
   c.fps_hz = json["fps_hz"].Number();
   c.offset_frames = json["offset_frames"].Number();
@@ -112,6 +120,9 @@ TimelineClock ReadClock(const JsonView& json) {
 }
 
 }  // namespace
+
+std::string_view ToString(ClockStatus status) { return WordOf(kClockStatuses, status); }
+std::optional<ClockStatus> ClockStatusFromString(std::string_view text) { return ChoiceOf(kClockStatuses, text); }
 
 void WriteTimeline(const Timeline& timeline, const std::string& path) {
   Json json{{"schema", kSchema}, {"take", timeline.take}, {"reference", timeline.reference}};

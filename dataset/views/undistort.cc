@@ -12,6 +12,9 @@
 namespace mvstudio::dataset {
 namespace {
 
+constexpr ChoiceWords<UndistortView, 3> kUndistortViews = {
+    {{UndistortView::kInside, "inside"}, {UndistortView::kAll, "all"}, {UndistortView::kKeep, "keep"}}};
+
 constexpr int kGrid = 48;    // cells a side of the pictures that are examined
 constexpr int kBorder = 64;  // points a side of a border
 constexpr int kMaxSizePx = 32768;
@@ -155,9 +158,6 @@ double ShareBeyond(const Field& field) {
 }
 
 void CheckOptions(const UndistortOptions& options) {
-  if (options.view != "inside" && options.view != "all" && options.view != "keep") {
-    throw UsageError("undistort-view '" + options.view + "': inside, all or keep");
-  }
   for (const int size : {options.width_px, options.height_px}) {
     if (size < 0 || size > kMaxSizePx)
       throw UsageError("undistorted pictures of " + std::to_string(size) + " px: 1 to 32768, or 0");
@@ -194,11 +194,11 @@ bool ChoosePinhole(const Field& field, const UndistortOptions& options, int widt
   const Eigen::Vector2d shape(width / kept.fx(), height / kept.fy());  // pixels keep their shape
   const PlaneBox outer = OuterBox(field);
   if (outer.empty()) return false;
-  if (options.view == "keep") {
+  if (options.view == UndistortView::kKeep) {
     *pinhole = kept;
     return true;
   }
-  if (options.view == "all") {
+  if (options.view == UndistortView::kAll) {
     const double scale = ((outer.high - outer.low).array() / shape.array()).maxCoeff();
     *pinhole = PinholeFor(source, outer.middle(), scale / 2 * shape, width, height);
     return true;
@@ -213,6 +213,12 @@ bool ChoosePinhole(const Field& field, const UndistortOptions& options, int widt
 }
 
 }  // namespace
+
+std::string_view ToString(UndistortView view) { return WordOf(kUndistortViews, view); }
+
+void FromString(const std::string& text, UndistortView* view) {
+  *view = KnownChoice(kUndistortViews, text, "undistort-view '" + text + "': inside, all or keep");
+}
 
 UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options) {
   CheckOptions(options);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "core/fields.h"
 #include "core/image.h"
@@ -11,8 +12,18 @@
 /// Images as an ideal pinhole camera would have taken them, for readers without our lens models.
 namespace mvstudio::dataset {
 
+/// What the pinhole shows.
+enum class UndistortView {
+  kInside,  ///< the largest view without black borders
+  kAll,     ///< every pixel of the footage
+  kKeep,    ///< the lens's own focal lengths and principal point
+};
+std::string_view ToString(UndistortView view);  ///< "inside", "all", "keep"
+/// Throws UsageError.
+void FromString(const std::string& text, UndistortView* view);
+
 struct UndistortOptions {
-  std::string view = "inside";
+  UndistortView view = UndistortView::kInside;
   int width_px = 0;
   int height_px = 0;
   double max_fov_deg = 150;
@@ -41,7 +52,7 @@ struct UndistortedCamera {
 };
 
 /// The pinhole for a camera of any lens model. A pinhole whose view is already "inside" is returned unchanged. Throws
-/// UsageError for an unknown view or sizes outside 1 … 32768.
+/// UsageError for sizes outside 1 … 32768.
 UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options = {});
 
 /// Resamples all images of one camera; copies share the map. Colours are means over the part of a pixel's footprint that

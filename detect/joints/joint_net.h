@@ -2,10 +2,12 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "body/skeleton.h"
+#include "core/fields.h"
 #include "core/image.h"
 #include "detect/joints/joint_maps.h"
 #include "detect/tfjs/tfjs_graph.h"
@@ -31,11 +33,22 @@ std::unique_ptr<JointNet> OpenPosenet(const std::string& models_folder, int inpu
 /// MoveNet Thunder, 256 px.
 std::unique_ptr<JointNet> OpenMovenet(const std::string& models_folder);
 
+/// Values of a net's input.
+enum class InputScale {
+  kImagenet,   ///< ImageNet's mean 0, standard deviation 1
+  kUnit,       ///< 0..1
+  kSymmetric,  ///< -1..1
+  kNone,       ///< 0..255
+};
+std::string_view ToString(InputScale scale);  ///< "imagenet", "unit", "symmetric", "none"
+/// Throws UsageError.
+void FromString(const std::string& text, InputScale* scale);
+
 /// Input format and joints of an ONNX net.
 struct OnnxOptions {
   std::string skeleton = "coco17";
-  int width_px = 0, height_px = 0;         ///< 0: from the file; if it does not state them, 192 x 256
-  std::string normalization = "imagenet";  ///< "imagenet", "unit" (0..1), "symmetric" (-1..1), "none" (0..255)
+  int width_px = 0, height_px = 0;  ///< 0: from the file; if it does not state them, 192 x 256
+  InputScale normalization = InputScale::kImagenet;
   bool bgr = false;
 };
 

@@ -16,12 +16,16 @@ struct Scaling {
   std::array<float, 3> mean = {0, 0, 0}, deviation = {1, 1, 1};  // of R, G, B in 0..255
 };
 
-Scaling ScalingOf(const std::string& name) {
-  if (name == "imagenet") return {{123.675f, 116.28f, 103.53f}, {58.395f, 57.12f, 57.375f}};
-  if (name == "unit") return {{0, 0, 0}, {255, 255, 255}};
-  if (name == "symmetric") return {{127.5f, 127.5f, 127.5f}, {127.5f, 127.5f, 127.5f}};
-  if (name == "none") return {};
-  throw UsageError("option 'onnx-normalization' " + name + ": must be imagenet, unit, symmetric or none");
+constexpr ChoiceWords<InputScale, 4> kInputScales = {{{InputScale::kImagenet, "imagenet"},
+                                                      {InputScale::kUnit, "unit"},
+                                                      {InputScale::kSymmetric, "symmetric"},
+                                                      {InputScale::kNone, "none"}}};
+
+Scaling ScalingOf(InputScale scale) {
+  if (scale == InputScale::kImagenet) return {{123.675f, 116.28f, 103.53f}, {58.395f, 57.12f, 57.375f}};
+  if (scale == InputScale::kUnit) return {{0, 0, 0}, {255, 255, 255}};
+  if (scale == InputScale::kSymmetric) return {{127.5f, 127.5f, 127.5f}, {127.5f, 127.5f, 127.5f}};
+  return {};
 }
 
 class OnnxNet : public JointNet {
@@ -122,6 +126,13 @@ JointMaps OnnxNet::Run(const Image& crop, const std::vector<dataset::Keypoint2d>
 }
 
 }  // namespace
+
+std::string_view ToString(InputScale scale) { return WordOf(kInputScales, scale); }
+
+void FromString(const std::string& text, InputScale* scale) {
+  *scale =
+      KnownChoice(kInputScales, text, "option 'onnx-normalization' " + text + ": must be imagenet, unit, symmetric or none");
+}
 
 std::unique_ptr<JointNet> OpenOnnx(const std::string& path, const OnnxOptions& options) {
   return std::make_unique<OnnxNet>(path, options);

@@ -12,6 +12,9 @@ using dataset::Person2d;
 
 namespace {
 
+constexpr ChoiceWords<PoseQuality, 3> kQualities = {
+    {{PoseQuality::kFast, "fast"}, {PoseQuality::kBalanced, "balanced"}, {PoseQuality::kExact, "exact"}}};
+
 constexpr double kSeenScore = 0.1;      // joints that count for boxes and likeness
 constexpr double kLeanScore = 0.3;      // joints of the trunk that tell how to turn a crop
 constexpr double kSameLikeness = 0.35;  // of two poses of one person in one picture
@@ -90,11 +93,16 @@ Crop Steady(const Crop& wanted, const Crop& before) {
 
 }  // namespace
 
-CropPlan PlanOf(const std::string& quality) {
-  if (quality == "fast") return {{1.0}, false, 1, 257};
-  if (quality == "balanced") return {{1.0}, true, 2, 353};
-  if (quality == "exact") return {{1.0, 0.85, 1.2}, true, 2, 449};
-  throw UsageError("option 'quality' " + quality + ": must be fast, balanced or exact");
+std::string_view ToString(PoseQuality quality) { return WordOf(kQualities, quality); }
+
+void FromString(const std::string& text, PoseQuality* quality) {
+  *quality = KnownChoice(kQualities, text, "option 'quality' " + text + ": must be fast, balanced or exact");
+}
+
+CropPlan PlanOf(PoseQuality quality) {
+  if (quality == PoseQuality::kFast) return {{1.0}, false, 1, 257};
+  if (quality == PoseQuality::kBalanced) return {{1.0}, true, 2, 353};
+  return {{1.0, 0.85, 1.2}, true, 2, 449};
 }
 
 Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, const CropPlan& plan, const Person2d& expected) {

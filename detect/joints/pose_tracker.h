@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "detect/joints/joint_net.h"
@@ -9,8 +10,14 @@
 /// Keypoints of people in the video of one camera.
 namespace mvstudio::detect {
 
+/// How many crops are looked at for a person.
+enum class PoseQuality { kFast, kBalanced, kExact };
+std::string_view ToString(PoseQuality quality);
+/// Throws UsageError.
+void FromString(const std::string& text, PoseQuality* quality);
+
 struct PoseOptions {
-  std::string quality = "balanced";
+  PoseQuality quality = PoseQuality::kBalanced;
   int max_persons = 1;
   int redetect_frames = 30;
   double min_person_score = 0.15;
@@ -35,8 +42,7 @@ struct CropPlan {
   int passes = 1;        ///< successive crops for a newly found person, each around the joints of the previous one
   int posenet_px = 257;  ///< crop of PoseNet
 };
-/// Throws UsageError for an unknown quality.
-CropPlan PlanOf(const std::string& quality);
+CropPlan PlanOf(PoseQuality quality);
 
 struct TrackedPerson {
   int id = 0;  ///< the same through the whole video

@@ -56,7 +56,7 @@ TEST_F(EvaluateRun, SaysWhatTheNetworkAddsToItsTemplate) {
   WriteRunConfig(config_, run() + "/config.json");
   ModelOptions model;
   model.width = 4, model.downs = 2, model.encoder_blocks = model.decoder_blocks = 1, model.texture_px = 8;
-  model.prior = "template";
+  model.prior = Prior::kTemplate;
   AvatarModel avatar = MakeModel(model, 64, {-0.5, 0.5}, 1);
   const auto save = [&] { WriteTensorFile(ModelToTensors(avatar), run() + "/checkpoint.safetensors"); };
   save();
@@ -118,7 +118,7 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
 
 TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
   ModelOptions model;
-  model.method = "v2v";
+  model.method = Method::kV2v;
   model.width = 4, model.downs = 2, model.encoder_blocks = model.decoder_blocks = 1;
   AvatarModel avatar = MakeModel(model, 64, {-0.5, 0.5}, 1);
   for (at::Tensor& parameter : avatar.generator->parameters()) parameter.data().mul_(3);  // flat before training

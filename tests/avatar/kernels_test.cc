@@ -99,7 +99,7 @@ TEST(Gradients, ComposedPictures) {
   for (const char* method : {"tna", "direct", "v2v"}) {
     const bool tna = std::string(method) == "tna";
     AvatarModel model;
-    model.options.method = method;
+    FromString(method, &model.options.method);
     const auto f = [&](const Tensors& x) {
       if (tna) model.textures = x[2];
       return Weighted(ComposeImage(model, x[0], x[1], background, previous));
@@ -201,7 +201,8 @@ double WeightError(torch::nn::Module& module, const std::function<at::Tensor()>&
 TEST(Gradients, NetworksInDouble) {
   for (const char* upsample : {"nearest", "transposed"}) {
     ModelOptions o;
-    o.width = 3, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.upsample = upsample;
+    o.width = 3, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1;
+    FromString(upsample, &o.upsample);
     Generator generator(o, 3);
     generator->to(at::kDouble);
     const at::Tensor maps = Random({1, 36, 16, 16}, 25);

@@ -26,7 +26,7 @@ Quality Compare(const at::Tensor& image, const AvatarPack& pack) {
 Quality Overfit(const char* method, int steps) {
   const AvatarPack pack = MakeSyntheticPack(1, 64, 5, 0.05);
   ModelOptions model;
-  model.method = method;
+  FromString(method, &model.method);
   model.width = 8, model.downs = 3, model.encoder_blocks = 1, model.decoder_blocks = 1, model.texture_px = 64;
   TrainOptions options;
   options.init_steps = 150, options.steps = steps, options.batch = 1, options.learning_rate = 3e-3;

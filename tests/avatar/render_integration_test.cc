@@ -38,7 +38,8 @@ class RenderRun : public ::testing::Test {
 
   static AvatarModel Model(const std::string& method, const std::string& prior = "none") {
     ModelOptions options;
-    options.method = method, options.prior = prior;
+    FromString(method, &options.method);
+    FromString(prior, &options.prior);
     options.width = 4, options.downs = 2, options.encoder_blocks = options.decoder_blocks = 1, options.texture_px = 8;
     AvatarModel model = MakeModel(options, 64, {-0.5, 0.5}, 1);
     at::manual_seed(3);
@@ -90,7 +91,7 @@ class RenderMethods : public RenderRun, public ::testing::WithParamInterface<Met
 
 TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
   AvatarModel model = Model(GetParam().first, GetParam().second);
-  config_.pack.template_input_px = model.options.prior == "template" ? 64 : 0;
+  config_.pack.template_input_px = model.options.prior == Prior::kTemplate ? 64 : 0;
   config_.pack.fit_shape = false;
   PackOptions crop = config_.pack;
   crop.template_maps = false;
@@ -176,13 +177,13 @@ TEST_F(RenderRun, PeopleOfAnySizeGiveThePictureOfTheTrainedOne) {
     EXPECT_LE(LargestDifference(picture, unscaled.at(name)), 2) << "the median of bones that keep their lengths";
   for (const double factor : {0.7, 1.4}) {
     options.poses = ScaledPoses(factor, {0, 0, 0});
-    options.scale_normalise = "on", options.place = "keep";
+    options.scale_normalise = ScaleNormalise::kOn, options.place = RenderPlace::kKeep;
     for (const auto& [name, picture] : RenderAll(model, options))
       EXPECT_LE(LargestDifference(picture, unscaled.at(name)), 1) << factor << name;
-    options.scale_normalise = "off";
+    options.scale_normalise = ScaleNormalise::kOff;
     for (const auto& [name, picture] : RenderAll(model, options))
       EXPECT_GT(LargestDifference(picture, unscaled.at(name)), 20) << "without it the picture is another one: " << name;
-    options.scale_normalise = "on", options.place = "training";
+    options.scale_normalise = ScaleNormalise::kOn, options.place = RenderPlace::kTraining;
     options.poses = ScaledPoses(1, {0, 0, 0});
     const auto placed = RenderAll(model, options);
     options.poses = ScaledPoses(factor, {0.8, -0.5, 0.3});
@@ -205,7 +206,7 @@ TEST_F(RenderRun, SizesAndWholePictures) {
     for (size_t p = static_cast<size_t>(k); p < large.pixels.size(); p += 4) b += large.pixels[p];
     EXPECT_NEAR(4 * a, b, 0.01 * b) << k;
   }
-  options.size_px = 0, options.frame = "camera";
+  options.size_px = 0, options.frame = RenderFrame::kCamera;
   const RenderPlan plan = MakeRenderPlan(config_, data_, options);
   const Image whole = RenderAll(model, options).begin()->second;
   ASSERT_EQ(whole.width, 128) << "the camera's own size";
@@ -251,13 +252,15 @@ TEST_F(RenderRun, ATurntableLooksAtThePersonFromAllSides) {
 
 TEST_F(RenderRun, WrongRequestsAreNamed) {
   const auto message = [&](auto change) {
-    RenderOptions options;
-    change(options);
-    return MessageOf<UsageError>([&] { MakeRenderPlan(config_, data_, options); });
+    return MessageOf<UsageError>([&] {
+      RenderOptions options;
+      change(options);
+      MakeRenderPlan(config_, data_, options);
+    });
   };
   EXPECT_THAT(message([](RenderOptions& o) { o.cameras = "cam_77"; }), AllOf(HasSubstr("cam_77"), HasSubstr("00_04")));
   EXPECT_THAT(message([](RenderOptions& o) { o.frames = {99}; }), HasSubstr("frame 99"));
-  EXPECT_THAT(message([](RenderOptions& o) { o.scale_normalise = "yes"; }), HasSubstr("option 'scale-normalise'"));
+  EXPECT_THAT(message([](RenderOptions& o) { FromString("yes", &o.scale_normalise); }), HasSubstr("option 'scale-normalise'"));
   EXPECT_THAT(message([](RenderOptions& o) { o.poses = "a", o.bvh = "b"; }), HasSubstr("option 'bvh'"));
   RenderOptions usual;
   const RenderPlan plan = MakeRenderPlan(config_, data_, usual);

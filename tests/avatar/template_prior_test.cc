@@ -44,7 +44,8 @@ AvatarPack Pack(int64_t count = 8) {
 
 ModelOptions Tiny(const std::string& method) {
   ModelOptions o;
-  o.method = method, o.prior = "template";
+  FromString(method, &o.method);
+  o.prior = Prior::kTemplate;
   o.width = 4, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 16, o.bone_half_width_px = 16;
   return o;
 }
@@ -79,7 +80,7 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   at::Tensor raw = at::zeros({1, 4, 1, 1});
   raw[0][0] = 0.7, raw[0][1] = 5, raw[0][2] = 0.8, raw[0][3] = 0.1;
   at::Tensor logits = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});
-  AddTemplate("tna", TemplateChannels(raw), &logits, &uv);
+  AddTemplate(Method::kTna, TemplateChannels(raw), &logits, &uv);
   const at::Tensor prob = at::softmax(logits, 1).flatten();
   const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
   EXPECT_NEAR(prob[0].item<double>(), 1 / total, 1e-6);
@@ -88,7 +89,7 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   EXPECT_NEAR(at::tanh(uv)[0][24 + 4].item<double>(), -0.8, 1e-6);
   EXPECT_EQ(uv.count_nonzero().item<int64_t>(), 2);
   at::Tensor mask = at::zeros({1, 1, 1, 1}), colour = at::zeros({1, 3, 1, 1});
-  AddTemplate("direct", TemplateChannels(raw), &mask, &colour);
+  AddTemplate(Method::kDirect, TemplateChannels(raw), &mask, &colour);
   EXPECT_NEAR(at::sigmoid(mask).item<double>(), 0.7, 1e-6);
   EXPECT_EQ(colour.count_nonzero().item<int64_t>(), 0);
 }
@@ -213,7 +214,7 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   without.template_maps = at::Tensor();
   small.template_maps = at::zeros({with.size(), 4, 16, 16});
   ModelOptions bones = Tiny("tna");
-  bones.prior = "none";
+  bones.prior = Prior::kNone;
   const auto message = [](const AvatarPack& pack, const ModelOptions& options) {
     return MessageOf<UsageError>([&] { Trainer(pack, options, Steps(1), OneThread()); });
   };
@@ -222,8 +223,9 @@ TEST(TemplatePrior, WhatDoesNotFitIsSaid) {
   EXPECT_THAT(message(with, bones), HasSubstr("option 'prior' none takes no"));
   AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
   EXPECT_THROW(Render(model, PosesOf(without), kSize, kSize), ContractViolation);
-  bones.prior = "all";
+  bones.prior = Prior::kAuto;
   EXPECT_THAT(MessageOf<UsageError>([&] { Validate(bones); }), HasSubstr("option 'prior' must be none or template"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("all", &bones.prior); }), HasSubstr("must be none or template"));
 }
 
 TEST(TemplatePrior, PacksKeepTheMapsAndRefuseBadOnes) {

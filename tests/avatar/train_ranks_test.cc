@@ -25,7 +25,7 @@ RunContext OneThread() {
 
 ModelOptions TinyModel(const std::string& method) {
   ModelOptions o;
-  o.method = method;
+  FromString(method, &o.method);
   o.width = 8, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 16, o.bone_half_width_px = 4;
   return o;
 }

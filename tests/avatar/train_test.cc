@@ -37,13 +37,13 @@ TEST(Generator, PublishedNetworksHaveThePublishedNumberOfParameters) {
   EXPECT_EQ(NumParameters(paper), 17167552);
   paper.inputs = 27;
   EXPECT_EQ(NumParameters(paper), 17176960);
-  paper.norm = "instance", paper.upsample = "nearest";
+  paper.norm = NormLayer::kInstance, paper.upsample = Upsampling::kNearest;
   EXPECT_EQ(NumParameters(paper), 15645440);
 }
 
 TEST(Generator, ShapesFollowTheInputAndSmallPicturesAreRefused) {
-  for (const char* norm : {"batch", "instance"}) {
-    for (const char* upsample : {"transposed", "nearest"}) {
+  for (const NormLayer norm : {NormLayer::kBatch, NormLayer::kInstance}) {
+    for (const Upsampling upsample : {Upsampling::kTransposed, Upsampling::kNearest}) {
       ModelOptions o = TinyModel();
       o.norm = norm, o.upsample = upsample;
       Generator generator(o, 1);
@@ -104,7 +104,7 @@ TEST(Train, LearnsAFewPicturesByHeart) {
   const AvatarPack pack = MakeSyntheticPack(8, 32, 3);
   for (const char* method : {"tna", "direct"}) {
     ModelOptions model = TinyModel();
-    model.method = method;
+    FromString(method, &model.method);
     TrainOptions options = TinyTraining(40, 60);
     options.jitter_scale = options.jitter_shift = options.jitter_roll_deg = 0;
     AvatarModel trained;
@@ -128,7 +128,7 @@ TEST(Train, ResumingIsBitExact) {
   const std::string path = (std::filesystem::temp_directory_path() / "mvstudio_resume_test.safetensors").string();
   for (const char* norm : {"instance", "batch"}) {
     ModelOptions model = TinyModel();
-    model.norm = norm;
+    FromString(norm, &model.norm);
     for (const int64_t interruption : {2, 3, 5}) {  // within the initialisation, at its end, after it
       const TrainOptions options = TinyTraining(3, 5);
       Trainer whole(pack, model, options, OneThread());
@@ -154,7 +154,7 @@ TEST(Train, NonFiniteLossStopsAndKeepsTheWeights) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   for (const bool in_network : {true, false}) {
     ModelOptions model = TinyModel();
-    model.norm = "batch";
+    model.norm = NormLayer::kBatch;
     Trainer trainer(pack, model, TinyTraining(1, 5), OneThread());
     trainer.Run(nullptr, nullptr, 2);
     {
@@ -186,8 +186,9 @@ TEST(Train, OptionsThatDoNotFitAreRefused) {
   model.inputs = 20;
   EXPECT_THROW(Trainer(MakeSyntheticPack(2, 32, 4), model, TinyTraining(1, 1), OneThread()), UsageError);
   model = TinyModel();
-  model.norm = "group";
+  model.prior = Prior::kAuto;
   EXPECT_THROW(MakeModel(model, 32, {0, 1}, 1), UsageError);
+  EXPECT_THROW(SetFieldFromText(model, "norm", "group"), UsageError);
   TrainOptions options = TinyTraining(1, 1);
   options.learning_rate = 1;
   EXPECT_THROW(Trainer(MakeSyntheticPack(2, 32, 4), TinyModel(), options, OneThread()), UsageError);

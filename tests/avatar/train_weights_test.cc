@@ -14,7 +14,7 @@ namespace {
 
 ModelOptions TinyModel(const char* method = "tna") {
   ModelOptions o;
-  o.method = method;
+  FromString(method, &o.method);
   o.width = 4, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 16, o.bone_half_width_px = 4;
   return o;
 }
@@ -129,7 +129,7 @@ TEST(Patience, AScoreThatIsNotFiniteIsNeverTheBest) {
   TrainOptions options = TinyTraining(0, 200);
   options.patience = 3;
   ModelOptions model = TinyModel("direct");
-  model.norm = "batch";
+  model.norm = NormLayer::kBatch;
   Trainer trainer(pack, model, options, OneThread());
   const auto fill = [&](double value) {  // the running statistics, which training steps do not look at
     torch::NoGradGuard no_grad;

@@ -24,7 +24,7 @@ RunContext OneThread() {
 
 ModelOptions TinyVideo() {
   ModelOptions o;
-  o.method = "v2v";
+  o.method = Method::kV2v;
   o.width = 4, o.downs = 2, o.encoder_blocks = o.decoder_blocks = 1, o.texture_px = 8;
   return o;
 }
@@ -153,7 +153,7 @@ TEST(Train, NoLearningRateLeavesEveryByte) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   for (const char* method : {"tna", "direct", "v2v"}) {
     ModelOptions model = TinyVideo();
-    model.method = method;
+    FromString(method, &model.method);
     TrainOptions options = TinyTraining(3);
     options.learning_rate = options.texture_learning_rate = 0;
     Trainer trainer(pack, model, options, OneThread());

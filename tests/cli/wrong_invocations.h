@@ -254,6 +254,7 @@ inline const Invocation kInvocations[] = {
     {3, "mask --session studio --backend onnx:garbage.onnx --out new", "garbage.onnx"},
     {2, "mask --session studio --mask-prior nan --out new", "is not a finite number"},
     {2, "mask --session studio --mask-coarse-side -1 --out new", "must be 0 or more"},
+    {2, "mask --session studio --size-rule magic --out new", "magic"},
     {3, "mask --session none --out new", "none"},
     // Datasets
     {2, "dataset build", ""},
@@ -283,6 +284,7 @@ inline const Invocation kInvocations[] = {
     {2, "dataset export dataset --to colmap --out new --hull-points -2", "must be 0 or more"},
     {3, "dataset export none --to colmap --out new", "none"},
     {2, "dataset pack dataset", "--out is required"},
+    {2, "dataset pack dataset --out new --undistort-view fisheye", "fisheye"},
     {2, "dataset pack dataset --out new --codec gif", "gif"},
     {2, "dataset pack dataset --out new --codec jpeg:0", "jpeg:0"},
     {2, "dataset pack dataset --out new --shard 3/2", "3/2"},

@@ -184,9 +184,7 @@ TEST_F(BuildTest, TruncatedVideoNamesCameraAndFrame) {
 }
 
 TEST_F(BuildTest, UsageErrors) {
-  options_.size_rule = "guess";
-  FailedBuild<UsageError>();
-  options_.size_rule = "auto";
+  EXPECT_THROW(FromString("guess", &options_.size_rule), UsageError);
   inputs_.footage[1] = inputs_.footage[0];
   FailedBuild<UsageError>();
   inputs_.footage.clear();

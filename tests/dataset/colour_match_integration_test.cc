@@ -126,7 +126,7 @@ TEST(MatchColours, NoiseDoesNotShrinkTheContrast) {
   Studio studio = UnevenStudio(ColourSpace::kSrgb, true);
   studio.noise = 0.06, studio.points = 6000, studio.low = 0.2, studio.high = 0.8;
   ColourMatchOptions options;
-  options.model = "gain+offset", options.space = "srgb", options.reference = "00_00";
+  options.model = ColourModelChoice::kGainOffset, options.space = ColourSpaceChoice::kSrgb, options.reference = "00_00";
   const ColourMatch match = MatchColours(MakePoints(studio, 5), kNames, options);
   for (int c = 0; c < kCameras; ++c) {  // common values are those of camera 0
     const Eigen::Array3d expected = studio.gain[c] / studio.gain[0];
@@ -146,7 +146,7 @@ TEST(MatchColours, FlatColoursCannotTellGainFromOffset) {
     }
   }
   ColourMatchOptions forced;
-  forced.model = "gain+offset";
+  forced.model = ColourModelChoice::kGainOffset;
   const ColourMatch refused = MatchColours(MakePoints(studio, 6), kNames, forced);
   EXPECT_EQ(refused.status, Status::kDegenerate);
   EXPECT_NE(refused.reason.find("stay as they are"), std::string::npos);
@@ -185,12 +185,8 @@ TEST(MatchColours, ClippedChannelsAreLeftOut) {
 
 TEST(MatchColours, SaysWhatIsWrong) {
   ColourMatchOptions options;
-  options.model = "gamma";
-  EXPECT_NE(MessageOf<UsageError>([&] { MatchColours({}, kNames, options); }).find("auto, none, gain"), std::string::npos);
-  options = {};
-  options.space = "xyz";
-  EXPECT_NE(MessageOf<UsageError>([&] { MatchColours({}, kNames, options); }).find("linear or srgb"), std::string::npos);
-  options = {};
+  EXPECT_NE(MessageOf<UsageError>([&] { FromString("gamma", &options.model); }).find("auto, none, gain"), std::string::npos);
+  EXPECT_NE(MessageOf<UsageError>([&] { FromString("xyz", &options.space); }).find("linear or srgb"), std::string::npos);
   options.reference = "cam9";
   EXPECT_NE(MessageOf<UsageError>([&] { MatchColours({}, kNames, options); }).find("00_05"), std::string::npos);
 }

@@ -198,7 +198,7 @@ TEST(Resample, FoldingLensesShowNothingTwice) {
 
 TEST(Undistort, PinholesOfEveryLensAreExact) {
   for (geometry::Camera lens : geometry::testing::OrdinaryLenses()) {
-    for (const char* view : {"inside", "all", "keep"}) {
+    for (const UndistortView view : {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep}) {
       const geometry::RigCamera source = Looking(lens);
       UndistortOptions options;
       options.view = view, options.width_px = 320, options.height_px = 240;
@@ -207,10 +207,10 @@ TEST(Undistort, PinholesOfEveryLensAreExact) {
       EXPECT_EQ(ideal.camera.camera.model, geometry::LensModel::kPinhole);
       EXPECT_EQ(ideal.camera.camera.width_px, 320);
       EXPECT_EQ((ideal.camera.CenterInWorld() - source.CenterInWorld()).norm(), 0);
-      if (options.view == "inside") {
+      if (options.view == UndistortView::kInside) {
         EXPECT_EQ(ideal.empty_share, 0) << lens.name;
       }
-      if (options.view == "all" && ideal.status == Status::kOk) {
+      if (options.view == UndistortView::kAll && ideal.status == Status::kOk) {
         EXPECT_EQ(ideal.lost_share, 0) << lens.name;
       }
       EXPECT_EQ(ideal.status == Status::kOk, ideal.reason.empty());
@@ -272,7 +272,7 @@ TEST(Undistort, WideLensesSayWhatIsLost) {
   EXPECT_GT(ideal.lost_share, 0.3);
   EXPECT_NE(ideal.reason.find("150 degrees"), std::string::npos) << ideal.reason;
   UndistortOptions narrow;
-  narrow.max_fov_deg = 60, narrow.view = "all";
+  narrow.max_fov_deg = 60, narrow.view = UndistortView::kAll;
   EXPECT_GT(IdealPinhole(fisheye, narrow).lost_share, IdealPinhole(fisheye, {}).lost_share);
 }
 
@@ -291,9 +291,7 @@ TEST(Undistort, RefusesWhatIsNoLens) {
   EXPECT_EQ(IdealPinhole(camera, {}).status, Status::kDegenerate);
   EXPECT_FALSE(IdealPinhole(camera, {}).reason.empty());
   UndistortOptions wrong;
-  wrong.view = "fisheye";
-  EXPECT_NE(MessageOf<UsageError>([&] { IdealPinhole(camera, wrong); }).find("inside, all or keep"), std::string::npos);
-  wrong = {};
+  EXPECT_NE(MessageOf<UsageError>([&] { FromString("fisheye", &wrong.view); }).find("inside, all or keep"), std::string::npos);
   wrong.width_px = -3;
   EXPECT_THROW(IdealPinhole(camera, wrong), UsageError);
   wrong = {};
@@ -312,7 +310,7 @@ TEST(Undistort, ExtremesGiveACameraOrAReason) {
   aside.params[2] = 5000;  // the axis lies outside the picture
   lenses.push_back(aside);
   for (const geometry::Camera& lens : lenses) {
-    for (const char* view : {"inside", "all", "keep"}) {
+    for (const UndistortView view : {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep}) {
       UndistortOptions options;
       options.view = view;
       const UndistortedCamera ideal = IdealPinhole(Looking(lens), options);
@@ -323,7 +321,7 @@ TEST(Undistort, ExtremesGiveACameraOrAReason) {
       EXPECT_TRUE(ideal.camera.camera.params.allFinite());
       EXPECT_GE(ideal.lost_share, 0);
       EXPECT_LE(ideal.lost_share, 1);
-      if (options.view == "inside") {
+      if (options.view == UndistortView::kInside) {
         EXPECT_LT(ideal.empty_share, 0.02) << lens.name << lens.params.transpose();
       }
     }

@@ -79,7 +79,7 @@ footage = "raw/board/{camera}.mkv"
   EXPECT_EQ(walk.footage[0].camera, "left");
   EXPECT_EQ(walk.footage[0].plate, "raw/plate/l.png");
   EXPECT_EQ(walk.footage[1].path, "raw/walk/r.mp4");
-  EXPECT_EQ(TakeOf(session, "board").kind, "board");
+  EXPECT_EQ(TakeOf(session, "board").kind, TakeKind::kBoard);
   EXPECT_EQ(TakeOf(session, "board").footage[1].path, "raw/board/right.mkv");
   EXPECT_THROW(TakeOf(session, "run"), UsageError);
   EXPECT_TRUE(session.warnings.empty());
@@ -94,8 +94,8 @@ TEST(Session, ThereAndBackWithAndWithoutComments) {
   session.board = "chessboard:9x6:25mm";
   session.cameras = {{"-étage 1", "9", "", 640, 480}, {"b", "", "wide", 0, 0}};
   session.takes.push_back(
-      {"take 🙂", "people", 59.94, "", "", {{"-étage 1", "raw/a b/x.mp4", ""}, {"b", "raw/*.png", "p.png"}}});
-  session.takes.push_back({"empty", "board", std::nullopt, "t.csv", "", {}});
+      {"take 🙂", TakeKind::kPeople, 59.94, "", "", {{"-étage 1", "raw/a b/x.mp4", ""}, {"b", "raw/*.png", "p.png"}}});
+  session.takes.push_back({"empty", TakeKind::kBoard, std::nullopt, "t.csv", "", {}});
   for (const bool comments : {false, true}) {
     WriteSession(session, comments);
     const Session back = ReadSession(folder.path());
@@ -136,7 +136,7 @@ TEST(Session, EveryTruncationIsReadOrRefused) {
   session.folder = folder.path();
   session.units = "m";
   session.cameras = {{"a", "", "", 4, 4}};
-  session.takes.push_back({"t", "people", 30.0, "", "", {{"a", "raw/a.mp4", ""}}});
+  session.takes.push_back({"t", TakeKind::kPeople, 30.0, "", "", {{"a", "raw/a.mp4", ""}}});
   const std::string text = SessionText(session, true);
   for (size_t keep = 0; keep < text.size(); ++keep) {
     Put(folder / "mvstudio.toml", text.substr(0, keep));
@@ -276,7 +276,7 @@ TEST(SessionScan, FindsTakesByTheirFolders) {
   }
   const ScannedSession scanned = ScanSession(folder.path());
   ASSERT_EQ(scanned.takes.size(), 2u);
-  EXPECT_EQ(scanned.takes[0].kind, "board");
+  EXPECT_EQ(scanned.takes[0].kind, TakeKind::kBoard);
   const SessionTake& walk = scanned.takes[1];
   ASSERT_EQ(walk.footage.size(), 3u);
   EXPECT_EQ(walk.footage[0].plate, "raw/plate/c1.png");
@@ -382,13 +382,13 @@ TEST(MotionSync, FindsOffsetsOrSaysWhyNot) {
   const MotionSync sync = SynchronizeByMotion(cameras, options);
   for (const auto& [idx, truth] : {std::pair(1, 23.0), {2, -61.0}}) {
     const MotionSyncCamera& c = sync.cameras[static_cast<size_t>(idx)];
-    EXPECT_EQ(c.status, "Ok") << c.name;
+    EXPECT_EQ(c.status, MotionSyncStatus::kOk) << c.name;
     EXPECT_NEAR(c.offset_frames, truth, 3 * c.sigma_frames);
     EXPECT_LT(c.sigma_frames, 1.5);
   }
   const MotionSync periodic =
       SynchronizeByMotion({Activity("a", 0, 600, 0.05, true, 1), Activity("b", 8, 600, 0.05, true, 2)}, options);
-  EXPECT_EQ(periodic.cameras[1].status, "Ambiguous");
+  EXPECT_EQ(periodic.cameras[1].status, MotionSyncStatus::kAmbiguous);
   int false_offsets = 0;
   for (uint64_t seed = 10; seed < 30; ++seed) {  // nothing in common
     const MotionSync noise = SynchronizeByMotion({Activity("a", 0, 600, 0.3, false, seed),
@@ -398,11 +398,11 @@ TEST(MotionSync, FindsOffsetsOrSaysWhyNot) {
                                                     return other;
                                                   }()},
                                                  options);
-    false_offsets += noise.cameras[1].status == "Ok";
+    false_offsets += noise.cameras[1].status == MotionSyncStatus::kOk;
   }
   EXPECT_EQ(false_offsets, 0);
   MotionEnergy still{"s", std::vector<double>(600, 1.0)};
-  EXPECT_EQ(SynchronizeByMotion({cameras[0], still}, options).cameras[1].status, "NoMotion");
+  EXPECT_EQ(SynchronizeByMotion({cameras[0], still}, options).cameras[1].status, MotionSyncStatus::kNoMotion);
   EXPECT_THROW(SynchronizeByMotion({cameras[0]}, options), UsageError);
 }
 

@@ -178,7 +178,7 @@ TEST(Timeline, OffsetsFromASyncFile) {
   EXPECT_NEAR(timeline.Find("b")->offset_frames, -7.37, 1e-3);
   sync.cameras[1] = {"b", "NoMotion", std::nullopt, 0};
   const Timeline without = BuildTimeline(TimesOf(cameras), TimelineClock::kOffsets, &sync);
-  EXPECT_EQ(without.Find("b")->status, "NoOffset");
+  EXPECT_EQ(without.Find("b")->status, ClockStatus::kNoOffset);
   EXPECT_TRUE(InstantsOfFrames(*without.Find("b")).empty());
 }
 
@@ -242,14 +242,14 @@ TEST(Timeline, ClocksThatAreNone) {
   for (double& t : cameras[2].time_s) t = std::nan("");
   const Timeline timeline = BuildTimeline(cameras, TimelineClock::kCommon, nullptr);
   const CameraTimeline &b = timeline.cameras[1], &c = timeline.cameras[2];
-  EXPECT_EQ(b.status, "Variable");
+  EXPECT_EQ(b.status, ClockStatus::kVariable);
   for (size_t i = 0; i < b.frame_at.size(); ++i) {  // the nearest in time
     if (b.frame_at[i] < 0) continue;
     double nearest = INFINITY;
     for (const double t : cameras[1].time_s) nearest = std::min(nearest, std::abs(t - static_cast<double>(i) * kPeriod));
     EXPECT_NEAR(std::abs(b.residual_s[i]), nearest, 1e-9);
   }
-  EXPECT_EQ(c.status, "NoTime");
+  EXPECT_EQ(c.status, ClockStatus::kNoTime);
   EXPECT_TRUE(InstantsOfFrames(c).empty());
   TimelineOptions options;
   options.reference = "c";
@@ -426,8 +426,8 @@ TEST(Timestamps, RealWebcamsAgainstTheGroupsOfTheRecorder) {
   for (const CameraTimeline& c : timeline.cameras) {
     std::printf(
         "%s %s: %.4f Hz, offset %.3f frames, jitter %.2f ms, dropped %d, doubled %zu, residual median %.2f max %.2f ms\n",
-        c.name.c_str(), c.status.c_str(), c.fps_hz, c.offset_frames, c.jitter_ms, static_cast<int>(FoundDrops(c)),
-        c.doubled.size(), c.residual_median_ms, c.residual_max_ms);
+        c.name.c_str(), std::string(ToString(c.status)).c_str(), c.fps_hz, c.offset_frames, c.jitter_ms,
+        static_cast<int>(FoundDrops(c)), c.doubled.size(), c.residual_median_ms, c.residual_max_ms);
   }
   std::printf("same frames as the recorder's groups: %d of %d\n", same, compared);
   EXPECT_GT(compared, 300);

@@ -152,7 +152,7 @@ TEST(PoseSimilarity, FallsWithDistance) {
 OnnxOptions TinyOptions() {
   OnnxOptions options;
   options.width_px = 48, options.height_px = 64;
-  options.normalization = "unit";
+  options.normalization = InputScale::kUnit;
   return options;
 }
 
@@ -194,9 +194,8 @@ TEST(Onnx, OtherNetsAndDamagedFilesAreRefused) {
   EXPECT_THAT(refusal("not a net"), HasSubstr("net.onnx"));
   EXPECT_THAT(refusal(""), HasSubstr("net.onnx"));
   EXPECT_THROW(OpenOnnx(folder / "missing.onnx", TinyOptions()), IoError);
-  OnnxOptions options = TinyOptions();
-  options.normalization = "hope";
-  EXPECT_THROW(OpenOnnx(folder / "net.onnx", options), UsageError);
+  InputScale scale = InputScale::kUnit;
+  EXPECT_THROW(FromString("hope", &scale), UsageError);
 }
 
 TEST(Onnx, EveryCutFileIsRefusedOrStillANet) {
@@ -312,7 +311,15 @@ TEST(LocateJoints, NothingIsSeenOutsideThePicture) {
     EXPECT_EQ(joint.score, 0);
 }
 
-TEST(PlanOf, RefusesUnknownQualities) { EXPECT_THROW(PlanOf("best"), UsageError); }
+TEST(PoseQuality, HasAPlanForEachAndRefusesOthers) {
+  PoseQuality quality = PoseQuality::kBalanced;
+  for (const char* word : {"fast", "balanced", "exact"}) {
+    FromString(word, &quality);
+    EXPECT_EQ(ToString(quality), word);
+    EXPECT_EQ(PlanOf(quality).scales.size(), quality == PoseQuality::kExact ? 3u : 1u);
+  }
+  EXPECT_THROW(FromString("best", &quality), UsageError);
+}
 
 }  // namespace
 }  // namespace mvstudio::detect

@@ -115,7 +115,7 @@ TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   const std::string original = dataset.ImagePath("00_00", 245);
   ExportOptions options;
-  options.pictures = "link";
+  options.pictures = ExportPictures::kLink;
   ExportReport report = ExportDataset(dataset, "zju", folder / "linked", options);
   EXPECT_EQ(report.linked, report.pictures + report.masks);
   EXPECT_TRUE(fs::equivalent(original, folder / "linked/00_00/000245.jpg"));
@@ -123,7 +123,7 @@ TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {
   EXPECT_EQ(report.linked, 0);
   EXPECT_FALSE(fs::equivalent(original, folder / "copied/00_00/000245.jpg"));
   EXPECT_EQ(ReadFile(original), ReadFile(folder / "copied/00_00/000245.jpg"));
-  options.pictures = "none";
+  options.pictures = ExportPictures::kNone;
   report = ExportDataset(dataset, "zju", folder / "none", options);
   EXPECT_EQ(report.pictures, 0);
   EXPECT_FALSE(fs::exists(folder / "none/00_00"));
@@ -134,7 +134,7 @@ TEST(Export, StudioNamesAreMadeSafeAndTheMappingIsKept) {
   dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   dataset.aliases = {{"../../evil", "00_00"}, {"front \xf0\x9f\x93\xb7", "00_01"}, {"front ", "00_02"}};
   ExportOptions options;
-  options.names = "studio";
+  options.names = ExportNames::kStudio;
   const ExportReport report = ExportDataset(dataset, "zju", folder / "out", options);
   EXPECT_THAT(report.notes[0].code, "EXP-RENAMED");
   const auto manifest = nlohmann::json::parse(ReadFile(folder / "out/export.json"));
@@ -153,7 +153,7 @@ TEST(Export, RefusesWhatAFormatCannotSay) {
   setting.distorted = true;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
   ExportOptions options;
-  options.undistort = "never";
+  options.undistort = ExportUndistort::kNever;
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "actorshq", folder / "out", options); }),
               HasSubstr("camera 00_00: actorshq describes an ideal pinhole, not a lens brown5"));
   EXPECT_FALSE(fs::exists(folder / "out"));
@@ -167,9 +167,10 @@ TEST(Export, RefusesWhatAFormatCannotSay) {
   options = {};
   options.cameras = {"nobody"};
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }), HasSubstr("'nobody'"));
-  options = {};
-  options.undistort = "perhaps";
-  EXPECT_THROW(ExportDataset(dataset, "zju", folder / "out", options), UsageError);
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("perhaps", &options.undistort); }),
+              HasSubstr("'undistort' perhaps: must be one of auto, always, never"));
+  EXPECT_THROW(FromString("move", &options.pictures), UsageError);
+  EXPECT_THROW(FromString("mine", &options.names), UsageError);
   for (const auto& entry : fs::directory_iterator(folder.path()))
     EXPECT_EQ(entry.path().filename().string().find(".mvstudio-"), std::string::npos) << entry.path();
 }

@@ -73,7 +73,7 @@ TEST(Readers, BrownRigWithK3) {
   Setting setting;
   setting.distorted = true;
   ExportOptions options;
-  options.undistort_view = "all";  // no joint that the footage shows is lost
+  options.undistort_view = dataset::UndistortView::kAll;  // no joint that the footage shows is lost
   ExpectPinned(ExportAndRead(folder, setting, options));
 }
 
@@ -83,9 +83,9 @@ TEST(Readers, EverythingUndistortedFrameByFrame) {
   Setting setting;
   setting.distorted = true;
   ExportOptions options;
-  options.undistort = "always";
+  options.undistort = ExportUndistort::kAlways;
   options.all_frames = true;
-  options.pictures = "copy";
+  options.pictures = ExportPictures::kCopy;
   ExpectPinned(ExportAndRead(folder, setting, options, {"colmap", "nerfstudio", "zju", "easymocap", "dna", "npz", "gltf"}));
 }
 
@@ -126,7 +126,7 @@ TEST(Readers, TenKilometresFromTheOrigin) {
   setting.origin = {10000, -8000, 30};
   setting.distorted = true;
   ExportOptions options;
-  options.undistort_view = "all";
+  options.undistort_view = dataset::UndistortView::kAll;
   const auto results = ExportAndRead(folder, setting, options);
   ExpectPinned(results);
   // A float holds 10 km to half a millimetre: said, not hidden.

@@ -256,7 +256,7 @@ TEST_F(FailingBuild, AFullDiskLeavesWhatIsFinished) {
   const SmallDisk disk;
   if (!disk.mounted()) GTEST_SKIP() << "needs the right to mount a tmpfs";
   PackOptions options;
-  options.crop_px = 256, options.codec = "raw", options.shard_samples = 2;  // 0.4 MB a shard
+  options.crop_px = 256, options.codec.kind = PackCodec::Kind::kRaw, options.shard_samples = 2;  // 0.4 MB a shard
   EXPECT_THAT(MessageOf<ResourceError>([&] { BuildPack(data_, disk / "pack", options); }), HasSubstr("No space left"));
   const auto after = FolderContent(disk / "pack");
   EXPECT_TRUE(after.count("shard-00000.h5") && after.count("shard-00000.done.json"));

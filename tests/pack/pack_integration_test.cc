@@ -37,15 +37,17 @@ TEST(Codec, Crc32IsZlibs) {
 TEST(Codec, NamesAreCheckedAndSizesAreReadBeforeUnpacking) {
   for (const char* bad :
        {"", "jpg", "jpeg", "jpeg:", "jpeg:0", "jpeg:101", "jpeg:9x", "jpeg:-5", "jpeg:99999999999", "png:3"}) {
-    EXPECT_THROW(internal::ParseCodec(bad), UsageError) << bad;
+    PackCodec codec;
+    EXPECT_THROW(FromString(bad, &codec), UsageError) << bad;
   }
   const Image image = RandomImage(31, 17, 3, 4);
   for (const char* name : {"png", "raw", "jpeg:95"}) {
-    const internal::Codec codec = internal::ParseCodec(name);
-    EXPECT_EQ(internal::ToString(codec), name);
+    PackCodec codec;
+    FromString(name, &codec);
+    EXPECT_EQ(ToString(codec), name);
     const std::string bytes = internal::EncodeImage(image, codec);
     const Image back = internal::DecodeImage(bytes, codec, 31, 17, "p", "w");
-    EXPECT_TRUE(codec.kind == internal::Codec::Kind::kJpeg || back.pixels == image.pixels) << name;
+    EXPECT_TRUE(codec.kind == PackCodec::Kind::kJpeg || back.pixels == image.pixels) << name;
     EXPECT_THROW(internal::DecodeImage(bytes, codec, 31, 18, "p", "w"), FormatError);
     EXPECT_THROW(internal::DecodeImage(bytes.substr(0, 10), codec, 31, 17, "p", "w"), FormatError);
   }
@@ -155,7 +157,7 @@ TEST(BuildPack, RefusesAFolderOfAnotherPack) {
   BuildPack(folder / "data", folder / "pack", SmallPack());
   const auto before = FolderContent(folder / "pack");
   PackOptions other = SmallPack();
-  other.codec = "raw";
+  other.codec.kind = PackCodec::Kind::kRaw;
   EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "pack", other); }), HasSubstr("other options"));
   EXPECT_THAT(MessageOf<UsageError>([&] { BuildPack(folder / "data", folder / "data", other); }), HasSubstr("input"));
   EXPECT_EQ(before, FolderContent(folder / "pack"));
@@ -265,7 +267,8 @@ TEST(BuildPack, ChoosesCamerasFramesAndPeople) {
   const TempDir folder;
   WriteStudio(folder / "data", 3, 3, 2);
   PackOptions options = SmallPack();
-  options.cameras = {"00_02"}, options.frames = {5, 7}, options.person = 1, options.masks = false, options.codec = "jpeg:95";
+  options.cameras = {"00_02"}, options.frames = {5, 7}, options.person = 1, options.masks = false;
+  options.codec = {PackCodec::Kind::kJpeg, 95};
   BuildPack(folder / "data", folder / "pack", options);
   const Pack pack = OpenPack(folder / "pack", Trusting());
   ASSERT_EQ(pack.samples().size(), 2u);

@@ -58,7 +58,7 @@ class SessionTest : public ::testing::Test {
 
 TEST_F(SessionTest, SameSeedSameBytesWhateverTheThreads) {
   SynthOptions options = Small();
-  options.format = "png";
+  options.format = FootageFormat::kPng;
   const auto one = Contents(Write("one", options, 5, 1)), two = Contents(Write("two", options, 5, 3)),
              other = Contents(Write("other", options, 6, 2));
   ASSERT_EQ(one.size(), two.size());

@@ -11,7 +11,7 @@ namespace {
 
 TEST(MakeStudio, EveryLensCanBeInvertedOverTheWholePicture) {
   for (geometry::LensModel model : geometry::ModelsSimplestFirst()) {
-    for (const char* arrangement : {"ring", "dome"}) {
+    for (const Arrangement arrangement : {Arrangement::kRing, Arrangement::kDome}) {
       SynthOptions options;
       options.lens = geometry::ToString(model);
       options.arrangement = arrangement;
@@ -48,8 +48,8 @@ TEST(MakeStudio, CamerasStandWhereTheyWereAskedForAndDifferWithTheSeed) {
 TEST(SynthOptions, NonsenseIsRefusedByName) {
   auto refused = [](const std::string& name, auto change) {
     SynthOptions options;
-    change(options);
     try {
+      change(options);
       Validate(options);
     } catch (const UsageError& error) {
       return std::string(error.what()).find(name) != std::string::npos;
@@ -61,12 +61,13 @@ TEST(SynthOptions, NonsenseIsRefusedByName) {
   EXPECT_TRUE(refused("option 'size'", [](auto& o) { o.size = "640x480x3"; }));
   EXPECT_TRUE(refused("option 'lens'", [](auto& o) { o.lens = "fisheye"; }));
   EXPECT_TRUE(refused("option 'lens'", [](auto& o) { o.lens = "splined"; }));
-  EXPECT_TRUE(refused("option 'arrangement'", [](auto& o) { o.arrangement = "line"; }));
+  EXPECT_TRUE(refused("option 'arrangement'", [](auto& o) { FromString("line", &o.arrangement); }));
   EXPECT_TRUE(refused("option 'cameras'", [](auto& o) { o.cameras = 0; }));
   EXPECT_TRUE(refused("option 'noise-px'", [](auto& o) { o.noise_px = -1; }));
   EXPECT_TRUE(refused("option 'samples'", [](auto& o) { o.samples = 0; }));
   EXPECT_TRUE(refused("board", [](auto& o) { o.board = "charuco"; }));
-  EXPECT_TRUE(refused("option 'format'", [](auto& o) { o.format = "avi"; }));
+  EXPECT_TRUE(refused("option 'format'", [](auto& o) { FromString("avi", &o.format); }));
+  EXPECT_TRUE(refused("option 'background'", [](auto& o) { FromString("blue", &o.background); }));
   EXPECT_TRUE(refused("option 'fps'", [](auto& o) { o.fps = 0; }));
 }
 

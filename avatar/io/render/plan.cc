@@ -16,6 +16,11 @@
 namespace mvstudio::avatar {
 namespace {
 
+constexpr ChoiceWords<ScaleNormalise, 2> kScaleWords = {{{ScaleNormalise::kOn, "on"}, {ScaleNormalise::kOff, "off"}}};
+constexpr ChoiceWords<RenderPlace, 3> kPlaceWords = {
+    {{RenderPlace::kAuto, "auto"}, {RenderPlace::kKeep, "keep"}, {RenderPlace::kTraining, "training"}}};
+constexpr ChoiceWords<RenderFrame, 2> kFrameWords = {{{RenderFrame::kCrop, "crop"}, {RenderFrame::kCamera, "camera"}}};
+
 using dataset::Coco19Pose;
 using geometry::RigCamera;
 
@@ -39,13 +44,10 @@ void CheckOptions(const RenderOptions& o) {
     if (!ok) throw UsageError(text);
   };
   require(o.poses.empty() || o.bvh.empty(), "option 'poses' and option 'bvh' exclude each other");
-  require(o.scale_normalise == "on" || o.scale_normalise == "off", "option 'scale-normalise' must be on or off");
-  require(o.place == "auto" || o.place == "keep" || o.place == "training", "option 'place' must be auto, keep or training");
-  require(o.frame == "crop" || o.frame == "camera", "option 'frame' must be crop or camera");
   require(o.turntable >= 0 && o.turntable <= 100000, "option 'turntable' must be in 0..100000");
   require(o.turntable == 0 || (o.cameras.empty() && o.calib.empty()),
           "option 'turntable' has a camera of its own: leave option 'cameras' and option 'calib' out");
-  require(o.turntable == 0 || o.frame == "crop", "option 'turntable' makes crops: leave option 'frame' out");
+  require(o.turntable == 0 || o.frame == RenderFrame::kCrop, "option 'turntable' makes crops: leave option 'frame' out");
   require(o.elevation_deg == -1000 || std::abs(o.elevation_deg) < 90, "option 'elevation-deg' must be between -90 and 90");
   require(o.size_px == 0 || (o.size_px >= 8 && o.size_px <= 8192), "option 'size' must be 0 or in 8..8192");
   require(o.network_size_px >= 0 && o.network_size_px <= 8192, "option 'network-size' must be in 0..8192");
@@ -81,11 +83,11 @@ void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, co
       o.bvh.empty() ? ReadPoseTrack(o.poses, o.pose_person) : PosesFromBvh(ReadBvh(o.bvh), MeasureHead(training), o.bvh);
   const SkeletonSize own = MeasureSkeleton(track.poses);
   plan->ratio = SizeRatio(trained, own, track.source);
-  plan->scaled = o.scale_normalise == "on";
+  plan->scaled = o.scale_normalise == ScaleNormalise::kOn;
   if (plan->scaled) {
     for (Coco19Pose& pose : track.poses) pose = NormaliseScale(pose, trained, plan->ratio);
   }
-  if (o.place == "training" || (o.place == "auto" && !o.bvh.empty()))
+  if (o.place == RenderPlace::kTraining || (o.place == RenderPlace::kAuto && !o.bvh.empty()))
     Shift(&track, trained.ground - MeasureSkeleton(track.poses).ground);
   plan->track = SelectFrames(track, o.frames, o.every);
 }
@@ -197,6 +199,22 @@ void PlanTurntable(const RunConfig& config, const dataset::PanopticDataset& data
 }
 
 }  // namespace
+
+std::string_view ToString(ScaleNormalise scale) { return WordOf(kScaleWords, scale); }
+std::string_view ToString(RenderPlace place) { return WordOf(kPlaceWords, place); }
+std::string_view ToString(RenderFrame frame) { return WordOf(kFrameWords, frame); }
+
+void FromString(const std::string& text, ScaleNormalise* scale) {
+  *scale = KnownChoice(kScaleWords, text, "option 'scale-normalise' must be on or off");
+}
+
+void FromString(const std::string& text, RenderPlace* place) {
+  *place = KnownChoice(kPlaceWords, text, "option 'place' must be auto, keep or training");
+}
+
+void FromString(const std::string& text, RenderFrame* frame) {
+  *frame = KnownChoice(kFrameWords, text, "option 'frame' must be crop or camera");
+}
 
 RigCamera OrbitCamera(const Eigen::Vector3d& middle_in_world, double azimuth_rad, double elevation_rad, double distance_m,
                       int size_px) {

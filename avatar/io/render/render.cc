@@ -114,7 +114,7 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
     for (size_t i = begin; i < end; ++i) {
       const RenderJob& job = plan.jobs[i];
       const Image crop = ToImage(rgba[static_cast<int64_t>(i - begin)]);
-      on_picture(job, options.frame == "crop"
+      on_picture(job, options.frame == RenderFrame::kCrop
                           ? crop
                           : dataset::Resample(crop, dataset::ResizedCrop(job.crop, sizes.out_px), job.camera));
     }

@@ -4,6 +4,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "avatar/io/pack/run_config.h"
@@ -16,6 +17,26 @@
 /// New images of a trained avatar: any calibrated camera, any pose, an orbiting camera.
 namespace mvstudio::avatar {
 
+/// Whether poses of others get the trained person's bone lengths and steps.
+enum class ScaleNormalise { kOn, kOff };
+/// Where poses of others stand.
+enum class RenderPlace {
+  kAuto,      ///< kTraining for animation files, else kKeep
+  kKeep,      ///< as given
+  kTraining,  ///< their middle where the trained person's was
+};
+enum class RenderFrame {
+  kCrop,    ///< square pictures around the person, as in training
+  kCamera,  ///< the whole picture of the calibrated camera, through its lens
+};
+std::string_view ToString(ScaleNormalise scale);  ///< "on", "off"
+std::string_view ToString(RenderPlace place);     ///< "auto", "keep", "training"
+std::string_view ToString(RenderFrame frame);     ///< "crop", "camera"
+/// Throw UsageError.
+void FromString(const std::string& text, ScaleNormalise* scale);
+void FromString(const std::string& text, RenderPlace* place);
+void FromString(const std::string& text, RenderFrame* frame);
+
 struct RenderOptions {
   std::string dataset;
   std::string cameras;
@@ -24,11 +45,11 @@ struct RenderOptions {
   std::string bvh;
   int pose_person = -1;
   int every = 1;
-  std::string scale_normalise = "on";
-  std::string place = "auto";
+  ScaleNormalise scale_normalise = ScaleNormalise::kOn;
+  RenderPlace place = RenderPlace::kAuto;
   int turntable = 0;
   double elevation_deg = -1000;
-  std::string frame = "crop";
+  RenderFrame frame = RenderFrame::kCrop;
   int size_px = 0;
   int network_size_px = 0;
   int batch = 8;
