@@ -73,10 +73,10 @@ calib::CalibrateInput Thin(const calib::CalibrateInput& input, int views) {
 
 Trial Run(const calib::CalibrateInput& input, Trial trial, double detect_s, const RunContext& run) {
   calib::CalibrateOptions options;
-  options.model = trial.model;
-  options.engine = trial.engine;
   const double start = Now();
   try {
+    FromString(trial.model, "model", &options.model);
+    FromString(trial.engine, &options.engine);
     const calib::CalibrateReport report = Calibrate(Thin(input, trial.views), options, run);
     trial.status = std::string(ToString(report.status));
     if (!report.cameras.empty()) trial.chosen = std::string(geometry::ToString(report.cameras[0].model));
