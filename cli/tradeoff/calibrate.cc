@@ -103,8 +103,8 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
   const bool file = !arguments.corners.corners.empty();
   for (const std::string& detector : file ? std::vector<std::string>{"file"} : arguments.detectors) {
     app::CornerArguments corners = arguments.corners;
-    corners.footage.cache = "off";
-    if (!file) corners.footage.detect.detector = detector;
+    corners.footage.cache.kind = calib::CachePlace::Kind::kOff;
+    if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = Now();
     calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});

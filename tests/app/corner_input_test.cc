@@ -66,7 +66,7 @@ TEST(CornerInputs, ABoardThatLooksTheSameAfterHalfATurnIsToldOf) {
   const auto warnings = [&](const std::string& board) {
     CornerArguments arguments;
     arguments.boards = {board}, arguments.cameras = {PutFootage(folder, "a"), PutFootage(folder, "b")};
-    arguments.footage.cache = "off";
+    arguments.footage.cache.kind = calib::CachePlace::Kind::kOff;
     CommandResult result;
     EXPECT_THROW(ReadCornerInput(arguments, {}, &result), FormatError) << "blank pictures show no board";
     std::vector<std::string> codes;
