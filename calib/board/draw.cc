@@ -30,7 +30,7 @@ constexpr ChoiceWords<Paper, 4> kPapers = {
     {{Paper::kA4, "a4"}, {Paper::kA3, "a3"}, {Paper::kLetter, "letter"}, {Paper::kNone, "none"}}};
 
 /// Width and height, mm.
-std::pair<double, double> SizeOf(Paper paper) {
+std::pair<double, double> PaperSize(Paper paper) {
   if (paper == Paper::kA3) return {297, 420};
   return paper == Paper::kLetter ? std::pair(215.9, 279.4) : std::pair(210.0, 297.0);
 }
@@ -41,7 +41,7 @@ void ChoosePage(const Board& board, Paper paper, double width, double height, Bo
     page->width = width, page->height = height;
     return;
   }
-  const auto [paper_x, paper_y] = SizeOf(paper);
+  const auto [paper_x, paper_y] = PaperSize(paper);
   const double room_x = paper_x - 2 * kPrinterMargin, room_y = paper_y - 2 * kPrinterMargin;
   if (width <= room_x && height <= room_y) {
     page->width = paper_x, page->height = paper_y;

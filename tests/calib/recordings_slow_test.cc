@@ -25,7 +25,7 @@ TEST(Recordings, WideLensGetsASplineAndABentBoard) {
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "mrcal_figueroa";
   CornerFileOptions corners;
   corners.board = ParseBoard("grid:10x10:77mm");
-  corners.sizes = {"6016x4016"};
+  corners.sizes = {{"", 6016, 4016}};
   CalibrateOptions options;
   options.intrinsics_only = true;
   options.holdout_views = 200;
@@ -64,7 +64,7 @@ TEST(Recordings, FisheyePairLosesNoView) {
   MVS_NEEDS_DATA("opencv_omni_charuco");
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "opencv_omni_charuco";
   CornerFileOptions corners;
-  corners.unit = "mm";
+  corners.unit = LengthUnit::kMillimetre;
   const CalibrateReport report = Solve(folder + "/omni_stereocalib_data.xml", corners, {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.rms_px, 0.445) << "OpenCV's omnidir, skew included, without four of the views";

@@ -39,7 +39,7 @@ Reader Calibration(const std::string& seed, const std::string& file, calib::Cali
 Reader Corners(const std::string& seed, const std::string& format) {
   return {seed, seed, "corners.txt", false, [format](const std::string& path) {
             calib::CornerFileOptions options;
-            options.format = format;
+            FromString(format, &options.format);
             if (format == "vnl") options.board = calib::ParseBoard("grid:2x2:10mm");
             calib::ReadCornerFile(path, options);
           }};
