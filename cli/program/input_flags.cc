@@ -6,12 +6,12 @@
 namespace mvstudio::cli {
 
 void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
-  AddOption(sub, "--from", options.from, "format of the input: auto, " + app::CalibrationFormatNames())
+  AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
-  AddOption(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
-  AddOption(sub, "--unit", options.unit, "unit of length of files that name none")
+  AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
+  AddChoice(sub, "--unit", options.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
