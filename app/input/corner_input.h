@@ -14,7 +14,7 @@ namespace mvstudio::app {
 
 /// Source of board corners: footage of --camera, searched for --board, or a file, --corners.
 struct CornerArguments {
-  std::vector<std::string> boards;
+  std::vector<calib::Board> boards;
   std::vector<NamedPath> cameras;
   std::string corners;
   calib::FootageOptions footage;

@@ -79,7 +79,7 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
   if (corners->boards.empty()) {
     if (session.board.empty())
       throw UsageError(session.folder + "/mvstudio.toml names no board: add board = \"…\", or give option 'board'");
-    corners->boards.push_back(dataset::BoardWithUnits(session.board, session.units));
+    corners->boards.push_back(calib::ParseBoard(dataset::BoardWithUnits(session.board, session.units)));
   }
   if (!corners->cameras.empty() || !corners->corners.empty()) return;
   const dataset::SessionTake& take = BoardTake(session, arguments.take);

@@ -48,9 +48,9 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
-  AddOption(sub, "--board", arguments.boards,
-            "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
-            "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
+  AddChoices(sub, "--board", arguments.boards,
+             "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
+             "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
   AddChoices(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
   AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
   AddOptions(sub, arguments.footage);
