@@ -18,6 +18,13 @@ std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
+std::string ToString(const NamedPath& named) { return named.name + "=" + named.path; }
+
+void FromString(const std::string& text, const std::string& option, NamedPath* named) {
+  const auto [name, path] = SplitNamePath("option '" + option + "'", text);
+  *named = {name, path};
+}
+
 namespace {
 
 int ParseNumber(const std::string& flag, const std::string& text) {

@@ -10,6 +10,13 @@ namespace mvstudio::app {
 /// Splits "name=path"; throws UsageError naming `flag` when there is no '='.
 std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text);
 
+/// "NAME=PATH": what lies where for the camera of this name. As an option, see core/fields.h.
+struct NamedPath {
+  std::string name, path;
+};
+std::string ToString(const NamedPath& named);
+void FromString(const std::string& text, const std::string& option, NamedPath* named);
+
 /// Parses "80-99" or "1,4,7-9" into sorted numbers; throws UsageError.
 std::vector<int> ParseRanges(const std::string& flag, const std::string& text);
 /// The shortest text that ParseRanges converts to these sorted numbers: "1,4,7-9".

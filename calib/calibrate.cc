@@ -53,7 +53,7 @@ bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* r
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
   report->frame_shift = offsets.shift;
-  if (options.time_offset != "none") work->shift = offsets.shift;
+  if (options.time_offset != LatenessChoice::kNone) work->shift = offsets.shift;
   Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
   return false;
 }
@@ -71,7 +71,7 @@ void ReconsiderFrames(const Work& work, CalibrateReport* report) {
 }
 
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
-  const std::vector<bool> fixed = internal::ParseFix(options.fix, "poses", input.cameras);
+  const std::vector<bool> fixed = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
     const int index = input.start ? input.start->Find(input.cameras[c].name) : -1;
     if (fixed[c] && index < 0)
@@ -135,7 +135,7 @@ bool Keep(const BundleReport& solved, CalibrateReport* report) {
 }
 
 BundleReport Solve(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
-  if (options.engine != "mrcal") return SolveBundle(&work->views, &work->state, work->bundle);
+  if (options.engine != Engine::kMrcal) return SolveBundle(&work->views, &work->state, work->bundle);
   MrcalOptions mrcal;
   mrcal.boards = input.boards;
   mrcal.bundle = work->bundle;
@@ -322,7 +322,7 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
 /// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution.
 std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                                  CalibrateReport* report) {
-  const World world = internal::ParseWorld(options.world, input.cameras);
+  const World world = internal::FindWorld(options.world, input.cameras);
   Work work;
   internal::MakeWork(input, options, &work);
   ProgressStage stage(run, "calibrating", 3);
@@ -390,12 +390,10 @@ void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
 
 CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
   CalibrateInput input = given;
-  for (const std::string& text : options.split_at) internal::SplitCamera(text, &input);
+  for (const CameraSplit& split : options.split_at) internal::SplitCamera(split, &input);
   internal::CheckInput(input);
-  if (options.engine != "mvstudio" && options.engine != "mrcal")
-    throw UsageError("option 'engine' " + options.engine + ": expected mvstudio or mrcal");
   CalibrateOptions named = options;
-  if (named.world == "camera") named.world += ":" + input.cameras[0].name;
+  if (named.world.camera.empty()) named.world.camera = input.cameras[0].name;
   CalibrateReport report;
   report.layout = FindLayoutFault(input.boards, input.detections);
   if (report.layout) {

@@ -9,7 +9,7 @@
 
 #include "calib/board/layout.h"
 #include "calib/board/observations.h"
-#include "calib/bundle/bundle.h"
+#include "calib/calibrate_options.h"
 #include "calib/check/camera_motion.h"
 #include "calib/check/verdict.h"
 #include "calib/covariance/projection_uncertainty.h"
@@ -22,47 +22,6 @@
 #include "geometry/rig/rig.h"
 
 namespace mvstudio::calib {
-
-struct CalibrateOptions {
-  std::string model = "auto";    ///< a lens model by name, or auto: the simplest that held-out boards justify
-  std::string share_intrinsics = "auto";  ///< auto, none, all, or groups "a,b;c,d": cameras with one lens
-  std::string warp = "auto";              ///< auto, on, off: two parameters for the warp of each board
-  std::string stretch = "auto";           ///< auto, on, off: two parameters for the shear and aspect of each board
-  std::string time_offset = "auto";       ///< auto, on, none: cameras may be late by a constant fraction of a frame
-  std::string world = "camera";  ///< camera[:NAME] (the first one without a name) or board:FRAME
-  std::string holdout;  ///< "every:N": time steps N - 1, 2 N - 1, … are held out and check the solution; "every:N:K": K, K +
-                        ///< N, …
-  bool intrinsics_only = false;  ///< lenses alone: cameras are not placed
-  int holdout_folds = 10;        ///< folds of the held-out error; 0 leaves it out
-  int holdout_views = 60;        ///< maximum number of views per camera in the held-out error
-  /// "NAME:FRAME": a camera that moved is split in two, the later one called NAME@FRAME, with one lens; "NAME:FRAME:lens":
-  /// one lens each.
-  std::vector<std::string> split_at;
-  bool motions = true;           ///< look for cameras that moved or whose lens changed
-  std::vector<std::string> fix;  ///< "lenses", "poses", or with names "lenses:a,b": fixed at the values of
-                                 ///< CalibrateInput::start
-  std::string engine = "mvstudio";  ///< or "mrcal": the joint adjustment by libmrcal
-  BundleOptions bundle;
-};
-
-template <class Visitor>
-void VisitFields(Visitor&& visit, CalibrateOptions& o) {
-  visit("model", o.model, "a lens model (docs/formulation.md), or auto: the simplest that held-out boards justify");
-  visit("share-intrinsics", o.share_intrinsics, "one lens for several cameras: auto (if held-out boards say so), none, all, or a,b;c,d");
-  visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
-  visit("stretch", o.stretch, "two numbers for shear and aspect of the board: auto (if held-out boards say so), on or off");
-  visit("time-offset", o.time_offset, "constant offsets in time between cameras: auto (if held-out frames say so), on or none");
-  visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
-  visit("holdout", o.holdout, "every:N keeps every Nth instant out of the solution and checks the rig on it; every:N:K begins with instant K (from 0)");
-  visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
-  visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
-  visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
-  visit("split-at", o.split_at, "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same lens; CAMERA:FRAME:lens when the lens changed (repeatable)");
-  visit("motions", o.motions, "look for cameras that moved, or whose lens changed, while the boards were filmed");
-  visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");
-  visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
-  VisitFields(visit, o.bundle);
-}
 
 /// A corner after the adjustment.
 struct CornerResidual {

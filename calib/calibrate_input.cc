@@ -12,27 +12,6 @@
 namespace mvstudio::calib::internal {
 namespace {
 
-struct HoldoutRule {
-  int step = 0, first = 0;  // of time steps; step 0: none
-};
-
-/// `holdout`: every:N or every:N:K.
-HoldoutRule ParseHoldout(const std::string& text) {
-  if (text.empty()) return {};
-  const auto number = [](const std::string& digits) {
-    const bool ok = !digits.empty() && digits.size() <= 6 && digits.find_first_not_of("0123456789") == std::string::npos;
-    return ok ? std::stoi(digits) : -1;
-  };
-  const std::string rest = text.rfind("every:", 0) == 0 ? text.substr(6) : "";
-  const auto colon = rest.find(':');
-  HoldoutRule rule;
-  rule.step = number(rest.substr(0, colon));
-  rule.first = colon == std::string::npos ? rule.step - 1 : number(rest.substr(colon + 1));
-  if (rule.step < 2 || rule.first < 0 || rule.first >= rule.step)
-    throw UsageError("option 'holdout' " + text + ": expected every:N with N at least 2, or every:N:K with K from 0 to N - 1");
-  return rule;
-}
-
 /// Weights with mean 1, so that sigma_px is that of an average corner.
 void NormalizeWeights(std::vector<View>* views) {
   double sum = 0;
@@ -41,48 +20,18 @@ void NormalizeWeights(std::vector<View>* views) {
   for (View& view : *views) view.weights *= sum > 0 ? static_cast<double>(count) / sum : 1;
 }
 
-struct SplitAt {
-  std::string name;
-  int64_t frame = 0;
-  bool own_lens = false;
-};
-
-/// "NAME:FRAME" or "NAME:FRAME:lens"; names may hold colons.
-SplitAt ParseSplit(const std::string& text) {
-  SplitAt split;
-  std::string rest = text;
-  const std::string suffix = ":lens";
-  if (rest.size() > suffix.size() && rest.compare(rest.size() - suffix.size(), suffix.size(), suffix) == 0) {
-    split.own_lens = true;
-    rest.resize(rest.size() - suffix.size());
-  }
-  const auto colon = rest.rfind(':');
-  const std::string frame = colon == std::string::npos ? "" : rest.substr(colon + 1);
-  if (frame.empty() || frame.size() > 9 || frame.find_first_not_of("0123456789") != std::string::npos)
-    throw UsageError("option 'split-at' " + text + ": expected CAMERA:FRAME or CAMERA:FRAME:lens");
-  split.name = rest.substr(0, colon);
-  split.frame = std::stoll(frame);
-  return split;
-}
-
 }  // namespace
 
-World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras) {
+World FindWorld(const WorldOrigin& origin, const std::vector<CameraInput>& cameras) {
   World world;
-  const auto colon = text.find(':');
-  const std::string kind = text.substr(0, colon), value = colon == std::string::npos ? "" : text.substr(colon + 1);
-  if (kind == "camera") {
-    if (value.empty()) return world;
-    const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const CameraInput& c) { return c.name == value; });
-    if (found == cameras.end()) throw UsageError("option 'world' " + text + ": there is no camera called '" + value + "'");
-    world.camera = static_cast<int>(found - cameras.begin());
-    return world;
-  }
-  if (kind != "board" || value.empty() || value.find_first_not_of("0123456789") != std::string::npos || value.size() > 9) {
-    throw UsageError("option 'world' " + text + ": expected camera, camera:NAME or board:FRAME");
-  }
-  world.is_board = true;
-  world.frame_idx = std::stoll(value);
+  world.is_board = origin.board_frame.has_value();
+  world.frame_idx = origin.board_frame.value_or(0);
+  if (world.is_board || origin.camera.empty()) return world;
+  const auto found =
+      std::find_if(cameras.begin(), cameras.end(), [&](const CameraInput& c) { return c.name == origin.camera; });
+  if (found == cameras.end())
+    throw UsageError("option 'world' " + ToString(origin) + ": there is no camera called '" + origin.camera + "'");
+  world.camera = static_cast<int>(found - cameras.begin());
   return world;
 }
 
@@ -106,7 +55,7 @@ void CheckInput(const CalibrateInput& input) {
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   std::vector<View> all = MakeViews(input.boards, input.detections, &work->frames);
   NormalizeWeights(&all);
-  const HoldoutRule rule = ParseHoldout(options.holdout);
+  const HoldoutRule& rule = options.holdout;
   for (View& view : all) {
     const auto& listed = input.held_out_frames;
     const bool named = std::find(listed.begin(), listed.end(), work->frames[view.frame]) != listed.end();
@@ -118,20 +67,20 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
   work->state.rig_from_board.resize(input.boards.size());
 }
 
-/// The camera's later frames become those of another camera.
-void SplitCamera(const std::string& text, CalibrateInput* input) {
-  const SplitAt split = ParseSplit(text);
+std::string LaterName(const CameraSplit& split) { return split.camera + "@" + std::to_string(split.frame_idx); }
+
+void SplitCamera(const CameraSplit& split, CalibrateInput* input) {
   const auto found =
-      std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == split.name; });
+      std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == split.camera; });
   if (found == input->cameras.end())
-    throw UsageError("option 'split-at' " + text + ": there is no camera called '" + split.name + "'");
+    throw UsageError("option 'split-at' " + ToString(split) + ": there is no camera called '" + split.camera + "'");
   const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
   CameraInput later = *found;
-  later.name += "@" + std::to_string(split.frame);
+  later.name = LaterName(split);
   input->cameras.push_back(later);
-  if (!split.own_lens) input->same_lens.push_back({before, after});
+  if (!split.second_lens) input->same_lens.push_back({before, after});
   for (Detection& d : input->detections) {
-    if (d.camera_idx == before && d.frame_idx >= split.frame) d.camera_idx = after;
+    if (d.camera_idx == before && d.frame_idx >= split.frame_idx) d.camera_idx = after;
   }
 }
 

@@ -25,16 +25,6 @@ struct Kind {
   bool assumed = false;  ///< one camera whose lens the boards do not determine by themselves
 };
 
-std::vector<std::string> SplitNames(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find(separator, begin), text.size());
-    parts.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return parts;
-}
-
 int CameraIndex(const std::vector<CameraInput>& cameras, const std::string& name, const std::string& option) {
   for (size_t c = 0; c < cameras.size(); ++c) {
     if (cameras[c].name == name) return static_cast<int>(c);
@@ -42,14 +32,14 @@ int CameraIndex(const std::vector<CameraInput>& cameras, const std::string& name
   throw UsageError(option + ": there is no camera called '" + name + "'");
 }
 
-/// Group number of each camera in `share_intrinsics`, "a,b;c,d", -1 for those not named.
-std::vector<int> ParseGroups(const std::string& text, const std::vector<CameraInput>& cameras) {
-  std::vector<int> group(cameras.size(), -1);
-  const std::vector<std::string> groups = SplitNames(text, ';');
-  for (size_t g = 0; g < groups.size(); ++g) {
-    for (const std::string& name : SplitNames(groups[g], ',')) {
-      const int camera = CameraIndex(cameras, name, "option 'share-intrinsics' " + text);
-      if (group[camera] >= 0) throw UsageError("option 'share-intrinsics' " + text + ": camera " + name + " stands twice");
+/// Group number of each camera in `groups`, -1 for those not named.
+std::vector<int> GroupsOf(const LensSharing& sharing, const std::vector<CameraInput>& cameras) {
+  const std::string option = "option 'share-intrinsics' " + ToString(sharing);
+  std::vector<int> group(cameras.size(), sharing.kind == LensSharing::Kind::kAll ? 0 : -1);
+  for (size_t g = 0; g < sharing.groups.size(); ++g) {
+    for (const std::string& name : sharing.groups[g]) {
+      const int camera = CameraIndex(cameras, name, option);
+      if (group[camera] >= 0) throw UsageError(option + ": camera " + name + " stands twice");
       group[camera] = static_cast<int>(g);
     }
   }
@@ -67,10 +57,7 @@ bool SameKind(const geometry::Camera& a, const geometry::Camera& b) {
 
 std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<bool>& fixed,
                             const Work& work) {
-  const bool automatic = options.share_intrinsics == "auto", none = options.share_intrinsics == "none";
-  std::vector<int> groups = automatic || none || options.share_intrinsics == "all"
-                                ? std::vector<int>(work.monos.size(), automatic || none ? -1 : 0)
-                                : ParseGroups(options.share_intrinsics, input.cameras);
+  std::vector<int> groups = GroupsOf(options.share_intrinsics, input.cameras);
   int next_group = static_cast<int>(input.cameras.size());
   for (const std::vector<int>& known : input.same_lens) {
     for (int camera : known) groups[camera] = groups[camera] < 0 ? next_group : groups[camera];
@@ -100,14 +87,6 @@ std::vector<Kind> FindKinds(const CalibrateInput& input, const CalibrateOptions&
   return kinds;
 }
 
-std::optional<LensModel> FixedModel(const CalibrateOptions& options) {
-  if (options.model == "auto") return std::nullopt;
-  const auto model = geometry::LensModelFromString(options.model);
-  if (!model)
-    throw UsageError("option 'model' " + options.model + ": no such lens model; there are " + geometry::LensModelNames());
-  return model;
-}
-
 /// A camera from a given calibration.
 const geometry::RigCamera* Given(const CalibrateInput& input, const std::string& name) {
   const int index = input.start ? input.start->Find(name) : -1;
@@ -123,7 +102,7 @@ MonoSolution SolveMono(const CalibrateInput& input, const CalibrateOptions& opti
     return RefineMono(given->camera, views, bundle);
   }
   const geometry::Camera start = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, camera.width_px);
-  const auto model = FixedModel(options);
+  const auto model = options.model;
   const bool keep = model && *model != LensModel::kSplined;
   return CalibrateMono(WithModel(start, keep ? *model : LensModel::kBrown4), views, bundle, keep);
 }
@@ -176,10 +155,10 @@ SelectionOptions SelectionFor(const CalibrateInput& input, const CalibrateOption
   SelectionOptions selection;
   selection.folds = std::max(3, options.holdout_folds);
   selection.max_views = options.holdout_views;
-  selection.sharing = (options.share_intrinsics == "auto" && !fixed) || kind.forced_sharing;
+  selection.sharing = (options.share_intrinsics.kind == LensSharing::Kind::kAuto && !fixed) || kind.forced_sharing;
   selection.separate = !kind.forced_sharing;
   const geometry::Camera& first = kind.pool.state.cameras[0];
-  const auto model = FixedModel(options);
+  const auto model = options.model;
   if (fixed || Given(input, first.name)) {
     selection.models = {{first.model, first.spline, false, false}};
   } else if (model) {
@@ -273,13 +252,11 @@ void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, con
   if (!Solved(kind->pool.status) && MaySimplify(input, options, work, kind->cameras[0])) FitSimpler(bundle, kind);
 }
 
-/// One question about the boards by its option: auto, on or off.
+/// One question about the boards by its option.
 template <class Judge>
-bool Decide(const std::string& option, const std::string& name, Judge&& judge, std::string* reason) {
-  if (option != "off" && option != "on" && option != "auto")
-    throw UsageError("option '" + name + "' " + option + ": expected auto, on or off");
-  *reason = option == "on" ? "asked for" : "not asked for";
-  if (option != "auto") return option == "on";
+bool Decide(AutoOnOff option, Judge&& judge, std::string* reason) {
+  *reason = option == AutoOnOff::kOn ? "asked for" : "not asked for";
+  if (option != AutoOnOff::kAuto) return option == AutoOnOff::kOn;
   const ShapeChoice choice = judge();
   *reason = choice.reason;
   return choice.pays;
@@ -297,13 +274,15 @@ BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, s
   selection.max_views = options.holdout_views;
   BoardShape shape;
   shape.bent = Decide(
-      options.warp, "warp", [&] { return ChooseWarp(pool, selection, options.bundle, run); }, &report->warp_reason);
+      options.warp, [&] { return ChooseWarp(pool, selection, options.bundle, run); }, &report->warp_reason);
   selection.warp = shape.bent;
   // libmrcal knows no such boards, and the control points of a spline take up most of a stretch: hundreds of slow steps.
-  const bool unable = options.engine == "mrcal" || (options.stretch == "auto" && pool.config.model == LensModel::kSplined);
-  shape.stretched = Decide(unable ? "off" : options.stretch, "stretch",
-                           [&] { return ChooseStretch(pool, selection, options.bundle, run); }, &report->stretch_reason);
-  if (unable) report->stretch_reason = "not judged with " + (options.engine == "mrcal" ? "libmrcal" : ToString(pool.config));
+  const bool mrcal = options.engine == Engine::kMrcal;
+  const bool unable = mrcal || (options.stretch == AutoOnOff::kAuto && pool.config.model == LensModel::kSplined);
+  shape.stretched = Decide(
+      unable ? AutoOnOff::kOff : options.stretch, [&] { return ChooseStretch(pool, selection, options.bundle, run); },
+      &report->stretch_reason);
+  if (unable) report->stretch_reason = "not judged with " + (mrcal ? "libmrcal" : ToString(pool.config));
   return shape;
 }
 
@@ -352,28 +331,19 @@ void HandOn(const std::vector<Kind>& kinds, Work* work, CalibrateReport* report)
 
 }  // namespace
 
-std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what,
-                           const std::vector<CameraInput>& cameras) {
+std::vector<bool> HeldCameras(const std::vector<HeldPart>& fix, HeldPart::What what, const std::vector<CameraInput>& cameras) {
   std::vector<bool> flags(cameras.size(), false);
-  for (const std::string& text : fix) {
-    const auto colon = text.find(':');
-    const std::string kind = text.substr(0, colon);
-    if (kind != "lenses" && kind != "poses")
-      throw UsageError("option 'fix' " + text + ": expected lenses, poses, or lenses:NAME,NAME");
-    if (kind != what) continue;
-    if (colon == std::string::npos) {
-      flags.assign(cameras.size(), true);
-      continue;
-    }
-    for (const std::string& name : SplitNames(text.substr(colon + 1), ','))
-      flags[CameraIndex(cameras, name, "option 'fix' " + text)] = true;
+  for (const HeldPart& part : fix) {
+    if (part.what != what) continue;
+    if (part.cameras.empty()) flags.assign(cameras.size(), true);
+    for (const std::string& name : part.cameras) flags[CameraIndex(cameras, name, "option 'fix' " + ToString(part))] = true;
   }
   return flags;
 }
 
 bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, Work* work,
                      CalibrateReport* report) {
-  const std::vector<bool> fixed = ParseFix(options.fix, "lenses", input.cameras);
+  const std::vector<bool> fixed = HeldCameras(options.fix, HeldPart::What::kLenses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
     if (fixed[c] && !Given(input, input.cameras[c].name))
       throw UsageError("option 'fix' lenses: camera " + input.cameras[c].name + " is not in the given calibration");

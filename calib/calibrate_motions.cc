@@ -35,14 +35,15 @@ std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const Ca
     detection.camera_idx = 0;
     alone.detections.push_back(std::move(detection));
   }
-  options.model = ToString(solved.rig.cameras[at].camera.model);
+  options.model = solved.rig.cameras[at].camera.model;
   options.intrinsics_only = true;
   options.motions = false;
-  options.share_intrinsics = options.time_offset = "none";
-  options.world = "camera:" + name;
+  options.share_intrinsics = {LensSharing::Kind::kNone, {}};
+  options.time_offset = LatenessChoice::kNone;
+  options.world = {name, std::nullopt};
   options.fix.clear();
   options.split_at.clear();
-  options.holdout.clear();
+  options.holdout = {};
   const CalibrateReport report = Calibrate(alone, options, run);
   if (report.status != Status::kOk) return std::nullopt;
   geometry::Rig rig = solved.rig;

@@ -54,8 +54,8 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
                                            CalibrateReport* report) {
   const std::set<int> groups(work->state.lens_group.begin(), work->state.lens_group.end());
   const bool shared = !work->state.lens_group.empty() && groups.size() < work->state.cameras.size();
-  if (!shared || !work->may_separate || options.share_intrinsics != "auto" || !input.same_lens.empty() ||
-      options.engine != "mvstudio")
+  if (!shared || !work->may_separate || options.share_intrinsics.kind != LensSharing::Kind::kAuto || !input.same_lens.empty() ||
+      options.engine != Engine::kMvstudio)
     return std::nullopt;
   Work separate = *work;
   std::iota(separate.state.lens_group.begin(), separate.state.lens_group.end(), 0);

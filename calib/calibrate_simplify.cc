@@ -97,7 +97,7 @@ MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const s
 bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, int camera) {
   const bool given = input.start && input.start->Find(input.cameras[camera].name) >= 0;
   const bool fixed = static_cast<size_t>(camera) < work.bundle.fix_lens.size() && work.bundle.fix_lens[camera];
-  return options.model == "auto" && options.engine == "mvstudio" && !given && !fixed;
+  return !options.model && options.engine == Engine::kMvstudio && !given && !fixed;
 }
 
 bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options, const std::vector<int>& cameras,

@@ -15,7 +15,7 @@
 /// The steps of Calibrate and their shared state. Included by the .cc files of Calibrate only.
 namespace mvstudio::calib::internal {
 
-/// `world`, parsed.
+/// CalibrateOptions::world among the cameras there are.
 struct World {
   bool is_board = false;
   int camera = 0;
@@ -43,14 +43,16 @@ struct Work {
 
 void Stop(Status status, const std::string& message, CalibrateReport* report);
 
-World ParseWorld(const std::string& text, const std::vector<CameraInput>& cameras);
+World FindWorld(const WorldOrigin& origin, const std::vector<CameraInput>& cameras);
 
 /// Throws UsageError or ContractViolation for cameras without a size or with equal names, and for detections of unknown
 /// cameras or given twice.
 void CheckInput(const CalibrateInput& input);
 
-/// `split_at`: the camera's later frames become those of another camera.
-void SplitCamera(const std::string& text, CalibrateInput* input);
+/// NAME@FRAME.
+std::string LaterName(const CameraSplit& split);
+/// The camera's later frames become those of another camera.
+void SplitCamera(const CameraSplit& split, CalibrateInput* input);
 
 /// Camera indices sorted by name, so that the result does not depend on the input order.
 std::vector<int> ByName(const CalibrateInput& input);
@@ -60,8 +62,8 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
 /// Makes the views of the used frames and of those that are held out.
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
-/// Names after "lenses" or "poses" in `fix`: one flag per camera.
-std::vector<bool> ParseFix(const std::vector<std::string>& fix, const std::string& what, const std::vector<CameraInput>& cameras);
+/// The cameras whose lenses, or poses, are held: one flag per camera.
+std::vector<bool> HeldCameras(const std::vector<HeldPart>& fix, HeldPart::What what, const std::vector<CameraInput>& cameras);
 
 /// Calibrates cameras separately and chooses lens models, sharing and warp by held-out error. Fills state.cameras,
 /// lens_group, board_warp_m, cam_from_board and the lens part of the report. False when there is no solution.

@@ -21,7 +21,7 @@ CalibrateReport WithNothingHeld(const CalibrateInput& input, CalibrateOptions op
   options.fix.clear();
   options.split_at.clear();  // it has been done
   options.motions = false;
-  options.holdout.clear();
+  options.holdout = {};
   return Calibrate(input, options, run);
 }
 
@@ -102,8 +102,8 @@ std::string FindHeldDoubt(const CalibrateInput& input, const CalibrateReport& so
   const CalibrateReport freed = WithNothingHeld(input, options, run);
   if (freed.status != Status::kOk || freed.cameras.size() != input.cameras.size()) return "";
   const bool refused = solved.status != Status::kOk;
-  const std::vector<bool> poses = internal::ParseFix(options.fix, "poses", input.cameras);
-  const std::vector<bool> lenses = internal::ParseFix(options.fix, "lenses", input.cameras);
+  const std::vector<bool> poses = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
+  const std::vector<bool> lenses = internal::HeldCameras(options.fix, HeldPart::What::kLenses, input.cameras);
   const int relieved = refused ? -1 : Relieved(solved, freed);
   const double cost = NumHeld(freed, poses, lenses) * std::log(std::max(2, freed.num_corners));
   if (!refused && (relieved < 0 || !GainBeyondCost(SquaresLess(solved, freed), cost, kMinStandardErrors))) return "";

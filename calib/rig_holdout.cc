@@ -8,7 +8,6 @@
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
 #include "core/choice/heldout_choice.h"
-#include "core/error.h"
 #include "core/format.h"
 #include "core/statistics.h"
 
@@ -185,11 +184,10 @@ BundleReport SolveWithTimeOffsets(Work* work) {
 }
 
 bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason) {
-  if (options.time_offset != "auto" && options.time_offset != "on" && options.time_offset != "none")
-    throw UsageError("option 'time-offset' " + options.time_offset + ": expected auto, on or none");
-  if (options.time_offset == "none" || options.intrinsics_only) return false;
-  *reason = options.engine == "mrcal" ? "mrcal knows no time offsets" : "asked for";
-  if (options.engine == "mrcal" || options.time_offset == "on") return options.engine != "mrcal";
+  if (options.time_offset == LatenessChoice::kNone || options.intrinsics_only) return false;
+  const bool mrcal = options.engine == Engine::kMrcal;
+  *reason = mrcal ? "mrcal knows no time offsets" : "asked for";
+  if (mrcal || options.time_offset == LatenessChoice::kOn) return !mrcal;
   if (NumMovingFrames(work) < kMinMovingFrames) {
     *reason = "too few frames follow upon each other to judge time offsets";
     return false;

@@ -4,6 +4,8 @@
 #include <limits>
 #include <set>
 
+#include "calib/calibrate_steps.h"
+
 namespace mvstudio::calib {
 namespace {
 
@@ -23,15 +25,15 @@ geometry::Rig StartOf(const geometry::Rig& rig, const std::string& camera, const
 CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
                             const CameraSplit& split, const RunContext& run) {
   options.motions = false;
-  options.share_intrinsics = options.time_offset = "none";
-  options.holdout.clear();
+  options.share_intrinsics = {LensSharing::Kind::kNone, {}};
+  options.time_offset = LatenessChoice::kNone;
+  options.holdout = {};
   options.holdout_folds = 0;
-  options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? "off" : "on";
-  options.stretch = solved.board_stretch.empty() ? "off" : "on";
-  const std::string frame = std::to_string(split.frame_idx);
-  options.split_at = {split.camera + ":" + frame + (split.second_lens ? ":lens" : "")};
+  options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? AutoOnOff::kOff : AutoOnOff::kOn;
+  options.stretch = solved.board_stretch.empty() ? AutoOnOff::kOff : AutoOnOff::kOn;
+  options.split_at = {split};
   CalibrateInput parts = input;
-  parts.start = StartOf(solved.rig, split.camera, split.camera + "@" + frame);
+  parts.start = StartOf(solved.rig, split.camera, internal::LaterName(split));
   return Calibrate(parts, options, run);
 }
 

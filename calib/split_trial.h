@@ -1,20 +1,12 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "calib/calibrate.h"
 
 /// A rig adjusted again with one camera as two.
 namespace mvstudio::calib {
-
-/// From `frame_idx` on the camera stands elsewhere, and has another lens if `second_lens`.
-struct CameraSplit {
-  std::string camera;
-  int64_t frame_idx = 0;
-  bool second_lens = false;
-};
 
 /// Starts from `solved`, lens models as there. The last camera of the report is the later part, NAME@FRAME.
 CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,

@@ -25,7 +25,8 @@
 ///     std::string_view ToString(Quality quality);                  ///< "fast", "balanced"
 ///     void FromString(const std::string& text, Quality* quality);  ///< throws UsageError for any other word
 ///
-/// A struct that is read from a word has the same two.
+/// A struct that is read from a word has the same two. A choice that several options share is told the option's name for its
+/// refusal: FromString(text, "warp", &choice). A field may be a std::vector of either.
 namespace mvstudio {
 
 /// Calls `visit(name, value, help)` for each field of a const options struct.
@@ -69,5 +70,22 @@ template <class T, class = void>
 inline constexpr bool kHasWords = false;
 template <class T>
 inline constexpr bool kHasWords<T, std::void_t<decltype(FromString(std::string(), static_cast<T*>(nullptr)))>> = true;
+
+/// Whether T has a FromString that takes an option's name.
+template <class T, class = void>
+inline constexpr bool kHasSharedWords = false;
+template <class T>
+inline constexpr bool
+    kHasSharedWords<T, std::void_t<decltype(FromString(std::string(), std::string(), static_cast<T*>(nullptr)))>> = true;
+
+/// `value` as `text` says, which is that of the option `option`. Throws UsageError.
+template <class T>
+void SetFromString(const std::string& text, const std::string& option, T* value) {
+  if constexpr (kHasSharedWords<T>) {
+    FromString(text, option, value);
+  } else {
+    FromString(text, value);
+  }
+}
 
 }  // namespace mvstudio

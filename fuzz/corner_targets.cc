@@ -35,7 +35,7 @@ void RunCorners(const std::string& path, const CornerFileOptions& options) {
   if (!Accepts([&] { calib::WriteCornerFile(file, out); })) return;
   CornerFile back;
   CornerFileOptions csv;
-  csv.format = "csv";
+  csv.format = calib::CornerFormat::kCsv;
   Require(Accepts([&] { back = calib::ReadCornerFile(out, csv); }), "what was written cannot be read");
   Require(back.cameras.size() == file.cameras.size() && back.boards.size() == file.boards.size() &&
               back.detections.size() == file.detections.size(),
@@ -48,24 +48,24 @@ void RunCorners(const std::string& path, const CornerFileOptions& options) {
   for (size_t i = 0; i < file.detections.size(); ++i) RequireSameDetection(file.detections[i], back.detections[i]);
 }
 
-CornerFileOptions Format(const char* name) {
+CornerFileOptions Format(calib::CornerFormat format) {
   CornerFileOptions options;
-  options.format = name;
+  options.format = format;
   return options;
 }
 
 }  // namespace
 
 MVS_FUZZ_TARGET(corners_vnl, bytes) {
-  CornerFileOptions options = Format("vnl");
+  CornerFileOptions options = Format(calib::CornerFormat::kVnl);
   options.board = calib::ParseBoard("grid:2x2:10mm");
   RunCorners(InMemory("in.vnl", bytes), options);
 }
 
-MVS_FUZZ_TARGET(corners_caliscope, bytes) { RunCorners(InMemory("xy.csv", bytes), Format("caliscope")); }
+MVS_FUZZ_TARGET(corners_caliscope, bytes) { RunCorners(InMemory("xy.csv", bytes), Format(calib::CornerFormat::kCaliscope)); }
 
-MVS_FUZZ_TARGET(corners_opencv, bytes) { RunCorners(InMemory("in.xml", bytes), Format("opencv")); }
+MVS_FUZZ_TARGET(corners_opencv, bytes) { RunCorners(InMemory("in.xml", bytes), Format(calib::CornerFormat::kOpenCv)); }
 
-MVS_FUZZ_TARGET(corners_csv, bytes) { RunCorners(InMemory("in.csv", bytes), Format("csv")); }
+MVS_FUZZ_TARGET(corners_csv, bytes) { RunCorners(InMemory("in.csv", bytes), Format(calib::CornerFormat::kCsv)); }
 
 }  // namespace mvstudio::fuzz

@@ -12,8 +12,7 @@ MOST_LINES = 400     # of a file
 MOST_IN_FUNCTION = 60
 # Longer today, with their lines: these may only fall.
 LONGER_FILES = {
-    "calib/calibrate.cc": 416,
-    "calib/calibrate_lenses.cc": 403,
+    "calib/calibrate.cc": 414,
     "triangulate/skeleton/solve.cc": 401,
 }
 FOLDERS = ["app", "avatar", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "metrics", "report", "synth",

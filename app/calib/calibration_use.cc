@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/error.h"
 #include "core/join.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
@@ -109,14 +108,13 @@ void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, Comma
   result->metrics["calibration_offsets"] = {{"applied", false}, {"reason", why}};
 }
 
-void ApplyCalibrationOffsets(const std::string& how, const triangulate::TakeOptions& options, const RunContext& run,
-                             PoseInput* input, CommandResult* result) {
+void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run, PoseInput* input,
+                             CommandResult* result) {
   const std::vector<double> offsets = OffsetsOfCalibration(input->rig);
   if (offsets.empty()) return;
-  if (how == "off") return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
-  if (how != "auto" && how != "on") throw UsageError("option 'calibration-offsets' " + how + ": expected auto, on or off");
+  if (how == AutoOnOff::kOff) return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
   std::string reason = "option 'calibration-offsets' on";
-  if (how == "auto") {
+  if (how == AutoOnOff::kAuto) {
     const triangulate::OffsetTrial trial =
         triangulate::TryOffsets(input->rig, input->frames, offsets, BodyOf(input->skeleton), options, run);
     reason = trial.reason;

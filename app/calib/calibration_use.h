@@ -5,6 +5,7 @@
 
 #include "app/input/pose_input.h"
 #include "app/result.h"
+#include "core/choice/auto_on_off.h"
 #include "core/progress.h"
 #include "geometry/rig/rig.h"
 #include "triangulate/take/take.h"
@@ -34,8 +35,8 @@ std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);
 /// Reports that the calibration's offsets are not applied, and why; nothing without offsets.
 void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, CommandResult* result);
 
-/// Applies the calibration's offsets to the detections: `how` is "auto" (when the take confirms them), "on" or "off".
-void ApplyCalibrationOffsets(const std::string& how, const triangulate::TakeOptions& options, const RunContext& run,
-                             PoseInput* input, CommandResult* result);
+/// Applies the calibration's offsets to the detections: with kAuto when the take confirms them.
+void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run, PoseInput* input,
+                             CommandResult* result);
 
 }  // namespace mvstudio::app

@@ -3,7 +3,6 @@
 #include <memory>
 #include <set>
 
-#include "app/words.h"
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 
@@ -26,12 +25,11 @@ calib::Footage OpenOne(const std::string& name, const std::string& path) {
 
 }  // namespace
 
-std::vector<calib::Footage> OpenFootage(const std::vector<std::string>& cameras, CommandResult* result) {
+std::vector<calib::Footage> OpenFootage(const std::vector<NamedPath>& cameras, CommandResult* result) {
   if (cameras.empty()) throw UsageError("option 'camera' NAME=PATH is needed at least once");
   std::vector<calib::Footage> footage;
   std::set<std::string> names;
-  for (const std::string& text : cameras) {
-    const auto [name, path] = SplitNamePath("option 'camera'", text);
+  for (const auto& [name, path] : cameras) {
     if (!names.insert(name).second) throw UsageError("option 'camera' " + name + " is given twice");
     footage.push_back(OpenOne(name, path));
     result->inputs.push_back(path);

@@ -6,17 +6,12 @@
 #include <limits>
 
 #include "core/error.h"
-#include "core/join.h"
 #include "core/units.h"
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::app {
-
-std::string CalibrationFormatNames() {
-  return Join(calib::kAllCalibrationFormats, ", ", [](auto format) { return calib::ToString(format); });
-}
 
 std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
   std::vector<std::string> choices;
@@ -26,27 +21,27 @@ std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
   return choices;
 }
 
-double MetresPerUnit(const std::string& unit) {
-  if (unit == "m") return 1;
-  if (unit == "cm") return 1e-2;
-  if (unit == "mm") return 1e-3;
-  throw UsageError("option 'unit' " + unit + ": expected m, cm or mm");
+std::string ToString(const ImageSize& size) {
+  return size.width_px == 0 ? "" : std::to_string(size.width_px) + "x" + std::to_string(size.height_px);
+}
+
+void FromString(const std::string& text, ImageSize* size) {
+  ImageSize read;
+  char end = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%c", &read.width_px, &read.height_px, &end) != 2 || read.width_px <= 0 ||
+      read.height_px <= 0) {
+    throw UsageError("option 'size' " + text + ": expected WIDTHxHEIGHT in pixels, e.g. option 'size' 640x480");
+  }
+  *size = read;
 }
 
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options) {
   if (paths.empty()) throw UsageError("no calibration file is named");
   calib::ReadOptions read;
-  char end = 0;
-  if (!options.size.empty() && (std::sscanf(options.size.c_str(), "%dx%d%c", &read.width_px, &read.height_px, &end) != 2 ||
-                                read.width_px <= 0 || read.height_px <= 0)) {
-    throw UsageError("option 'size' " + options.size + ": expected WIDTHxHEIGHT in pixels, e.g. option 'size' 640x480");
-  }
-  read.metres_per_unit = MetresPerUnit(options.unit);
+  read.width_px = options.size.width_px, read.height_px = options.size.height_px;
+  read.metres_per_unit = MetresPer(options.unit);
   read.qca_distortion_divisor = options.qca_distortion_divisor;
-  const auto named = calib::CalibrationFormatFromString(options.from);
-  if (!named && options.from != "auto")
-    throw UsageError("option 'from' " + options.from + ": expected auto, " + CalibrationFormatNames());
-  const calib::CalibrationFormat format = named ? *named : calib::DetectFormat(paths.front());
+  const calib::CalibrationFormat format = options.from ? *options.from : calib::DetectFormat(paths.front());
   if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
     throw UsageError(paths[1] + ": Panoptic's calibration is one file");
   }

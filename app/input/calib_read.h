@@ -1,16 +1,27 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "app/result.h"
 #include "calib/formats/formats.h"
+#include "calib/formats/length_unit.h"
 
 namespace mvstudio::app {
 
+/// "WIDTHxHEIGHT"; 0x0: not stated. As an option, see core/fields.h.
+struct ImageSize {
+  int width_px = 0, height_px = 0;
+};
+std::string ToString(const ImageSize& size);
+void FromString(const std::string& text, ImageSize* size);
+
 /// Options of the `calib` commands for reading calibrations.
 struct CalibReadOptions {
-  std::string from = "auto", size, unit = "m";
+  std::optional<calib::CalibrationFormat> from;  ///< none: by the file's content
+  ImageSize size;                                ///< where the file does not give it
+  calib::LengthUnit unit = calib::LengthUnit::kMetre;
   double qca_distortion_divisor = 1;
 };
 
@@ -24,12 +35,7 @@ void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result
 /// Same for a calibration that was read without notes: implausible properties become warnings.
 void AddDoubts(const geometry::Rig& rig, CommandResult* result);
 
-/// Metres per m, cm or mm.
-double MetresPerUnit(const std::string& unit);
-
-/// "mvstudio, panoptic, …".
-std::string CalibrationFormatNames();
-/// The names one by one, with the aliases of each format; `with_auto` adds "auto".
+/// Names of calib::CalibrationFormat one by one, with the aliases of each; `with_auto` adds "auto".
 std::vector<std::string> CalibrationFormatChoices(bool with_auto);
 
 /// Field of view of the image, degrees: horizontal, vertical and diagonal; NaN where the lens has no ray.

@@ -8,8 +8,7 @@ namespace {
 
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
-  std::vector<calib::Board> boards;
-  for (const std::string& text : arguments.boards) boards.push_back(calib::ParseBoard(text));
+  const std::vector<calib::Board>& boards = arguments.boards;
   std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
   for (const calib::Board& board : boards) {
     if (calib::HasUniqueNumbering(board) || footage.size() < 2) continue;
@@ -35,7 +34,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
     throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
   if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
   calib::CornerFileOptions options = arguments.corner_files;
-  if (!arguments.boards.empty()) options.board = calib::ParseBoard(arguments.boards[0]);
+  if (!arguments.boards.empty()) options.board = arguments.boards[0];
   const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
   result->inputs.push_back(arguments.corners);
   for (const auto& note : file.notes) result->warnings.push_back({note.code, note.text, note.hint});

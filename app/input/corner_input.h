@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "app/result.h"
+#include "app/words.h"
 #include "calib/calibrate.h"
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detect_footage.h"
@@ -13,7 +14,8 @@ namespace mvstudio::app {
 
 /// Source of board corners: footage of --camera, searched for --board, or a file, --corners.
 struct CornerArguments {
-  std::vector<std::string> boards, cameras;
+  std::vector<calib::Board> boards;
+  std::vector<NamedPath> cameras;
   std::string corners;
   calib::FootageOptions footage;
   calib::CornerFileOptions corner_files;

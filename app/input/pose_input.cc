@@ -6,7 +6,6 @@
 
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
-#include "app/words.h"
 #include "core/error.h"
 
 namespace mvstudio::app {
@@ -53,8 +52,7 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
 void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
   input->skeleton = SkeletonOf(arguments);
   std::set<std::string> seen;
-  for (const std::string& text : arguments.pose2d) {
-    const auto [camera, path] = SplitNamePath("option 'pose2d'", text);
+  for (const auto& [camera, path] : arguments.pose2d) {
     if (!seen.insert(camera).second) throw UsageError("option 'pose2d' names camera " + camera + " twice");
     const bool file = std::filesystem::is_regular_file(path);
     input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
@@ -114,15 +112,12 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
 
 PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : arguments_(arguments) {
   std::set<int> numbers;
-  const auto is_folder = [](const std::string& text) {
-    return std::filesystem::is_directory(SplitNamePath("option 'pose2d'", text).second);
-  };
+  const auto is_folder = [](const NamedPath& named) { return std::filesystem::is_directory(named.path); };
   if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
     input_ = ReadRig(arguments, result);
     input_.skeleton = SkeletonOf(arguments);
     input_.limbs = Limbs(input_.skeleton);
-    for (const std::string& text : arguments.pose2d) {
-      const auto [camera, folder] = SplitNamePath("option 'pose2d'", text);
+    for (const auto& [camera, folder] : arguments.pose2d) {
       input_.cameras.push_back(camera);
       const std::vector<int> frames = dataset::OpenPoseFrames(folder, camera);
       num_files_[camera] = frames.size();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "app/result.h"
+#include "app/words.h"
 #include "body/skeleton.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
@@ -16,9 +17,9 @@ namespace mvstudio::app {
 
 struct PoseArguments {
   std::string calib;
-  std::string skeleton;             ///< empty: body25, or the joints named in the table of points
-  std::string points2d;             ///< table of points of all cameras, instead of pose2d
-  std::vector<std::string> pose2d;  ///< NAME=FOLDER of OpenPose JSON files, one per camera
+  std::string skeleton;           ///< empty: body25, or the joints named in the table of points
+  std::string points2d;           ///< table of points of all cameras, instead of pose2d
+  std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, one per camera
 };
 
 struct PoseInput {

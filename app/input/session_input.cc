@@ -63,7 +63,7 @@ void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseAr
   if (!pose->pose2d.empty() || !pose->points2d.empty()) return;
   for (const dataset::SessionFootage& f : found.take.footage) {
     const std::string folder = dataset::TakeFolder(found.session, "pose2d", found.take.name, f.camera);
-    if (std::filesystem::is_directory(folder)) pose->pose2d.push_back(f.camera + "=" + folder);
+    if (std::filesystem::is_directory(folder)) pose->pose2d.push_back({f.camera, folder});
   }
   if (pose->pose2d.empty()) {
     throw UsageError(dataset::TakeFolder(found.session, "pose2d", found.take.name) +
@@ -79,12 +79,12 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
   if (corners->boards.empty()) {
     if (session.board.empty())
       throw UsageError(session.folder + "/mvstudio.toml names no board: add board = \"…\", or give option 'board'");
-    corners->boards.push_back(dataset::BoardWithUnits(session.board, session.units));
+    corners->boards.push_back(calib::ParseBoard(dataset::BoardWithUnits(session.board, session.units)));
   }
   if (!corners->cameras.empty() || !corners->corners.empty()) return;
   const dataset::SessionTake& take = BoardTake(session, arguments.take);
   for (const dataset::SessionFootage& f : take.footage)
-    corners->cameras.push_back(f.camera + "=" + dataset::ResolveInSession(session, f.path, arguments.allow_outside));
+    corners->cameras.push_back({f.camera, dataset::ResolveInSession(session, f.path, arguments.allow_outside)});
   if (corners->cameras.empty()) throw UsageError("take " + take.name + " of " + session.folder + " has no footage");
 }
 

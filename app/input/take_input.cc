@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "app/words.h"
 #include "core/error.h"
 #include "dataset/session/timeline_source.h"
 
@@ -12,14 +11,15 @@ namespace {
 
 using dataset::CameraFootage;
 
-void AddFootage(const std::string& flag, const std::vector<std::string>& words, TakeInput* input, CommandResult* result) {
-  for (const std::string& word : words) {
-    const auto [camera, path] = SplitNamePath(flag, word);
+void AddFootage(const std::string& option, const std::vector<NamedPath>& footage, TakeInput* input, CommandResult* result) {
+  for (const NamedPath& named : footage) {
+    const auto& [camera, path] = named;
+    const std::string word = option + " " + ToString(named);
     const bool twice = std::any_of(input->footage.begin(), input->footage.end(),
                                    [&name = camera](const CameraFootage& f) { return f.camera == name; });
     const std::string why = dataset::WhyNotAName(camera);
-    if (!why.empty()) throw UsageError(flag + " " + word + ": a camera's name becomes a file name, and this one " + why);
-    if (twice) throw UsageError(flag + " " + word + ": camera " + camera + " was given footage twice");
+    if (!why.empty()) throw UsageError(word + ": a camera's name becomes a file name, and this one " + why);
+    if (twice) throw UsageError(word + ": camera " + camera + " was given footage twice");
     input->footage.push_back({camera, path, ""});
     result->inputs.push_back(path);
   }
@@ -94,13 +94,13 @@ TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {
   if (!arguments.session.empty()) ReadSessionTake(arguments, &input, result);
   AddFootage("option 'video'", arguments.video, &input, result);
   AddFootage("option 'images'", arguments.images, &input, result);
-  for (const std::string& word : arguments.plate) {
-    const auto [camera, path] = SplitNamePath("option 'plate'", word);
+  for (const NamedPath& plate : arguments.plate) {
     const auto found = std::find_if(input.footage.begin(), input.footage.end(),
-                                    [&name = camera](const CameraFootage& f) { return f.camera == name; });
-    if (found == input.footage.end()) throw UsageError("option 'plate' " + word + ": camera " + camera + " has no footage");
-    found->plate = path;
-    result->inputs.push_back(path);
+                                    [&](const CameraFootage& f) { return f.camera == plate.name; });
+    if (found == input.footage.end())
+      throw UsageError("option 'plate' " + ToString(plate) + ": camera " + plate.name + " has no footage");
+    found->plate = plate.path;
+    result->inputs.push_back(plate.path);
   }
   return input;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "app/result.h"
+#include "app/words.h"
 #include "dataset/build/build.h"
 #include "dataset/session/session.h"
 #include "dataset/time/timeline.h"
@@ -14,14 +15,14 @@
 namespace mvstudio::app {
 
 struct TakeArguments {
-  std::vector<std::string> video;   ///< CAMERA=FILE
-  std::vector<std::string> images;  ///< CAMERA=FOLDER or CAMERA=PATTERN
-  std::vector<std::string> plate;   ///< CAMERA=FILE
-  std::string session;              ///< folder with mvstudio.toml, instead of the three above
-  std::string take;                 ///< empty: the session's only take with people
-  bool allow_outside = false;       ///< footage may lie outside the session
-  bool with_timeline = true;        ///< footage carries the take's timeline; false: frames are numbered as they were recorded
-  bool make_timeline = true;        ///< make a timeline if none was written; false: only the written one
+  std::vector<NamedPath> video;   ///< files
+  std::vector<NamedPath> images;  ///< folders or patterns
+  std::vector<NamedPath> plate;   ///< files
+  std::string session;            ///< folder with mvstudio.toml, instead of the three above
+  std::string take;               ///< empty: the session's only take with people
+  bool allow_outside = false;     ///< footage may lie outside the session
+  bool with_timeline = true;      ///< footage carries the take's timeline; false: frames are numbered as they were recorded
+  bool make_timeline = true;      ///< make a timeline if none was written; false: only the written one
 };
 
 struct TakeInput {

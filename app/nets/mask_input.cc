@@ -101,11 +101,12 @@ void AddCalibration(const MaskArguments& arguments, const std::string& path, Mas
 
 void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
   const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
-  for (const std::string& word : arguments.pose2d) {
-    const auto [name, path] = SplitNamePath("option 'pose2d'", word);
+  for (const NamedPath& named : arguments.pose2d) {
+    const auto& [name, path] = named;
     const auto camera = std::find_if(job->cameras.begin(), job->cameras.end(),
                                      [&name = name](const MaskCamera& c) { return c.footage.camera == name; });
-    if (camera == job->cameras.end()) throw UsageError("option 'pose2d' " + word + ": camera " + name + " has no footage");
+    if (camera == job->cameras.end())
+      throw UsageError("option 'pose2d' " + ToString(named) + ": camera " + name + " has no footage");
     const dataset::Pose2dTrack track = dataset::ReadPose2d(path, name, skeleton);
     for (const auto& [frame, people] : track.frames) {
       dataset::ProjectedBody body = dataset::BodyFromKeypoints(people, skeleton, arguments.mask);

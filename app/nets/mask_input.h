@@ -12,8 +12,8 @@ namespace mvstudio::app {
 struct MaskArguments {
   TakeArguments take;
   std::string calib, pose3d, skeleton = "body25", backend = "auto", out;
-  std::vector<std::string> pose2d;  ///< CAMERA=FOLDER
-  std::vector<std::string> truth;   ///< CAMERA=FOLDER or PATTERN of exact masks
+  std::vector<NamedPath> pose2d;  ///< folders
+  std::vector<NamedPath> truth;   ///< folders or patterns of exact masks
   dataset::MaskOptions mask;
   dataset::HullOptions hull;
   detect::OnnxSegmenterOptions onnx;

@@ -82,7 +82,7 @@ PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, 
   agreement.json["share_ok"] = agreement.share_ok;
   agreement.json["sigma_px"] = FiniteOrNull(take.sigma_px);
   agreement.json["sides_fixed"] = take.sides.num_swapped;
-  agreement.json["method"] = take.method;
+  agreement.json["method"] = std::string(ToString(take.method));
   AddCameras(take, rig, &agreement.json);
   AddJoints(take, counts, skeleton, &agreement.json);
   return agreement;

@@ -159,7 +159,7 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
 void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, ordered_json* metrics) {
   ordered_json& m = *metrics;
   m["sigma_px"] = take.sigma_px;
-  m["method"] = take.method;
+  m["method"] = std::string(ToString(take.method));
   if (!take.choice.scores.empty()) {
     m["method_reason"] = take.choice.reason;
     m["methods"] = MethodMetrics(take.choice);

@@ -51,6 +51,8 @@ extern const char* const kBoardForms;
 /// Parses a board description, see kBoardForms. Units mm, cm or m are required. Throws UsageError that says what was
 /// expected.
 Board ParseBoard(const std::string& text);
+/// The same as an option, see core/fields.h.
+inline void FromString(const std::string& text, Board* board) { *board = ParseBoard(text); }
 
 /// The text that ParseBoard reads back; kPoints, which has no text, gives `points:N`.
 std::string ToString(const Board& board);

@@ -12,6 +12,7 @@
 #include "calib/board/print.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/fields.h"
 #include "core/format.h"
 
 namespace mvstudio::calib {
@@ -25,30 +26,32 @@ constexpr double kFont = 2.8;        // mm
 constexpr double kCharWidth = 0.56;  // of the font's height, Helvetica's digits and small letters
 constexpr double kMaxPixels = 4e8;
 
-struct Paper {
-  const char* name;
-  double width, height;
-};
-constexpr Paper kPapers[] = {{"a4", 210, 297}, {"a3", 297, 420}, {"letter", 215.9, 279.4}};
+constexpr ChoiceWords<Paper, 4> kPapers = {
+    {{Paper::kA4, "a4"}, {Paper::kA3, "a3"}, {Paper::kLetter, "letter"}, {Paper::kNone, "none"}}};
+
+/// Width and height, mm.
+std::pair<double, double> PaperSize(Paper paper) {
+  if (paper == Paper::kA3) return {297, 420};
+  return paper == Paper::kLetter ? std::pair(215.9, 279.4) : std::pair(210.0, 297.0);
+}
 
 /// Page size for what must be printed; the paper is turned when only that fits.
-void ChoosePage(const Board& board, const std::string& paper, double width, double height, BoardPage* page) {
-  if (paper == "none") {
+void ChoosePage(const Board& board, Paper paper, double width, double height, BoardPage* page) {
+  if (paper == Paper::kNone) {
     page->width = width, page->height = height;
     return;
   }
-  const auto* found = std::find_if(std::begin(kPapers), std::end(kPapers), [&](const Paper& p) { return paper == p.name; });
-  if (found == std::end(kPapers)) throw UsageError("option 'paper' " + paper + " is unknown: use a4, a3, letter or none");
-  const double room_x = found->width - 2 * kPrinterMargin, room_y = found->height - 2 * kPrinterMargin;
+  const auto [paper_x, paper_y] = PaperSize(paper);
+  const double room_x = paper_x - 2 * kPrinterMargin, room_y = paper_y - 2 * kPrinterMargin;
   if (width <= room_x && height <= room_y) {
-    page->width = found->width, page->height = found->height;
+    page->width = paper_x, page->height = paper_y;
   } else if (width <= room_y && height <= room_x) {
-    page->width = found->height, page->height = found->width;
+    page->width = paper_y, page->height = paper_x;
   } else {
     throw UsageError(
         Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
                "paper (option 'paper' a3 or none) or a smaller board",
-               ToString(board).c_str(), width, height, found->name, room_x, room_y));
+               ToString(board).c_str(), width, height, std::string(ToString(paper)).c_str(), room_x, room_y));
   }
 }
 
@@ -135,6 +138,12 @@ void Darken(const BoardPage::Rect& rect, double px_per_mm, cv::Mat* page) {
 }
 
 }  // namespace
+
+std::string_view ToString(Paper paper) { return WordOf(kPapers, paper); }
+
+void FromString(const std::string& text, Paper* paper) {
+  *paper = KnownChoice(kPapers, text, "option 'paper' " + text + " is unknown: use a4, a3, letter or none");
+}
 
 BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
   const BoardPrint print = PrintOf(board);

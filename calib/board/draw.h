@@ -1,15 +1,26 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/board/board.h"
 
 namespace mvstudio::calib {
 
+enum class Paper {
+  kA4,
+  kA3,
+  kLetter,
+  kNone,  ///< a page as large as the board needs
+};
+/// As an option, see core/fields.h.
+std::string_view ToString(Paper paper);
+void FromString(const std::string& text, Paper* paper);
+
 struct BoardDrawOptions {
-  std::string paper = "a4";  ///< a4, a3, letter, or none: a page as large as the board needs
-  double dpi = 300;          ///< of PNG files
+  Paper paper = Paper::kA4;
+  double dpi = 300;  ///< of PNG files
 };
 
 template <class Visitor>

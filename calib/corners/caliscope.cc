@@ -163,7 +163,7 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
   if (options.board) {
     points.boards = {*options.board};
   } else {
-    points = CollectPoints(table, columns, MetresPerUnit(options.unit));
+    points = CollectPoints(table, columns, MetresPer(options.unit));
   }
   std::set<int64_t> ids;
   for (size_t row = 0; row < table.num_rows(); ++row) ids.insert(table.Integer(row, columns.camera));

@@ -63,14 +63,6 @@ std::vector<Detection> DetectionBuilder::Finish() const {
   return detections;
 }
 
-double MetresPerUnit(const std::string& unit) {
-  if (unit == "m") return 1;
-  if (unit == "cm") return 1e-2;
-  if (unit == "mm") return 1e-3;
-  if (unit == "in") return 0.0254;
-  throw UsageError("option 'corners-unit' '" + unit + "': expected m, cm, mm or in");
-}
-
 std::pair<int, int> ParseSize(const std::string& text, const std::string& what) {
   int width = 0, height = 0;
   char end = 0;
@@ -85,37 +77,33 @@ std::pair<int, int> ParseSize(const std::string& text, const std::string& what) 
 
 namespace {
 
-std::string DetectCornerFormat(const std::string& path) {
+CornerFormat DetectCornerFormat(const std::string& path) {
   const std::string text = ReadFile(path);
   const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
   if (text.find_first_not_of(" \t\r\n") == std::string::npos) throw FormatError(path, "", "the file is empty");
-  if (has("<opencv_storage>")) return "opencv";
-  if (has("img_loc_x")) return "caliscope";
-  if (has("x_px")) return "csv";
-  if (std::filesystem::path(path).extension() == ".vnl" || has("# filename x y")) return "vnl";
+  if (has("<opencv_storage>")) return CornerFormat::kOpenCv;
+  if (has("img_loc_x")) return CornerFormat::kCaliscope;
+  if (has("x_px")) return CornerFormat::kCsv;
+  if (std::filesystem::path(path).extension() == ".vnl" || has("# filename x y")) return CornerFormat::kVnl;
   throw FormatError(
       path, "",
       "not a corner file that is known here; name its format with option 'corners-format' vnl, caliscope, opencv or csv");
 }
 
 void ApplySizes(const CornerFileOptions& options, CornerFile* file) {
-  for (const std::string& text : options.sizes) {
-    const size_t equals = text.rfind('=');
-    const std::string name = equals == std::string::npos ? "" : text.substr(0, equals);
-    const auto [width, height] =
-        internal::ParseSize(equals == std::string::npos ? text : text.substr(equals + 1), "option 'size'");
+  for (const CameraSize& size : options.sizes) {
     bool used = false;
     for (CameraInput& camera : file->cameras) {
-      if (!name.empty() && camera.name != name) continue;
+      if (!size.camera.empty() && camera.name != size.camera) continue;
       used = true;
       const bool known = camera.width_px > 0 && camera.height_px > 0;
-      if (known && (camera.width_px != width || camera.height_px != height)) {
-        throw UsageError("option 'size' " + text + ": the corner file says that camera " + camera.name + " has " +
+      if (known && (camera.width_px != size.width_px || camera.height_px != size.height_px)) {
+        throw UsageError("option 'size' " + ToString(size) + ": the corner file says that camera " + camera.name + " has " +
                          std::to_string(camera.width_px) + "x" + std::to_string(camera.height_px) + " px");
       }
-      camera.width_px = width, camera.height_px = height;
+      camera.width_px = size.width_px, camera.height_px = size.height_px;
     }
-    if (!used) throw UsageError("option 'size' " + text + ": the corner file has no camera '" + name + "'");
+    if (!used) throw UsageError("option 'size' " + ToString(size) + ": the corner file has no camera '" + size.camera + "'");
   }
 }
 
@@ -315,19 +303,12 @@ Board BoardFromPoints(const Eigen::Matrix3Xd& points) {
 }
 
 CornerFile ReadCornerFile(const std::string& path, const CornerFileOptions& options) {
-  const std::string format = options.format == "auto" ? DetectCornerFormat(path) : options.format;
+  const CornerFormat format = options.format == CornerFormat::kAuto ? DetectCornerFormat(path) : options.format;
   CornerFile file;
-  if (format == "vnl") {
-    file = internal::ReadVnl(path, options);
-  } else if (format == "caliscope") {
-    file = internal::ReadCaliscope(path, options);
-  } else if (format == "opencv") {
-    file = internal::ReadOpenCvCorners(path, options);
-  } else if (format == "csv") {
-    file = internal::ReadCornerCsv(path, options);
-  } else {
-    throw UsageError("option 'corners-format' '" + format + "': expected auto, vnl, caliscope, opencv or csv");
-  }
+  if (format == CornerFormat::kVnl) file = internal::ReadVnl(path, options);
+  if (format == CornerFormat::kCaliscope) file = internal::ReadCaliscope(path, options);
+  if (format == CornerFormat::kOpenCv) file = internal::ReadOpenCvCorners(path, options);
+  if (format == CornerFormat::kCsv) file = internal::ReadCornerCsv(path, options);
   DropPlaceholders(&file);
   CheckCorners(path, file);
   ApplySizes(options, &file);

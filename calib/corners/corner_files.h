@@ -1,12 +1,12 @@
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/board/board.h"
 #include "calib/board/detection.h"
 #include "calib/board/observations.h"
+#include "calib/corners/corner_options.h"
 
 /// Board corners found by another program: reads and checks them, and writes them in mvstudio's own format
 /// (docs/corner-files.md).
@@ -22,23 +22,6 @@ struct CornerFile {
   std::vector<Detection> detections;  ///< by camera, frame, board; corner ids ascending; not empty
   std::vector<Note> notes;
 };
-
-struct CornerFileOptions {
-  std::string format = "auto";       ///< auto, vnl, caliscope, opencv or csv
-  std::string unit = "m";            ///< of the object points in the file: m, cm, mm, in
-  std::vector<std::string> cameras;  ///< vnl: NAME=PATTERN of the image names, with one * for the frame number
-  std::vector<std::string> sizes;    ///< WxH for all cameras, or NAME=WxH
-  std::optional<Board> board;        ///< required for vnl; for the others it replaces the file's own points
-};
-
-template <class Visitor>
-void VisitFields(Visitor&& visit, CornerFileOptions& o) {
-  visit("corners-format", o.format, "auto, vnl (mrcal, mrgingham), caliscope (xy.csv), opencv (XML) or csv (our own)");
-  visit("corners-unit", o.unit, "of the board's points in the corner file: m, cm, mm or in");
-  visit("corners-camera", o.cameras,
-        "vnl: NAME=PATTERN of a camera's image names, with one * for the frame's number; default: by the names cam0-0000.jpg");
-  visit("size", o.sizes, "image size WIDTHxHEIGHT px of all cameras, or NAME=WIDTHxHEIGHT, where a corner file does not say");
-}
 
 /// Reads corners from one of these formats:
 ///   vnl: `# filename x y level` of mrcal and mrgingham, the corners of an image row by row. sigma = 2^level (or

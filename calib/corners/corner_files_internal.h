@@ -36,8 +36,6 @@ class DetectionBuilder {
   std::map<std::tuple<int, int64_t, int>, std::map<int, Corner>> views_;
 };
 
-/// Metres per "m", "cm", "mm" or "in"; throws UsageError.
-double MetresPerUnit(const std::string& unit);
 /// "640x480"; throws UsageError that begins with `what`.
 std::pair<int, int> ParseSize(const std::string& text, const std::string& what);
 

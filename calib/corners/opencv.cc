@@ -94,7 +94,7 @@ CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& o
   const std::vector<Eigen::MatrixXd> points = ReadPointLists(path, objects, 3);
   std::vector<ImageList> lists{{"left", "imagePoints1", "imageSize1"}, {"right", "imagePoints2", "imageSize2"}};
   if (root.child("imagePoints")) lists = {{"camera", "imagePoints", "imageSize"}};
-  const double scale = MetresPerUnit(options.unit);
+  const double scale = MetresPer(options.unit);
   PointNumbers number;
   DetectionBuilder builder(path);
   CornerFile file;

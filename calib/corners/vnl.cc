@@ -76,25 +76,7 @@ std::optional<ImageName> ParseImageName(const std::string& name) {
   return ImageName{camera.empty() ? "camera" : camera, *frame};
 }
 
-/// NAME=PREFIX*SUFFIX.
-struct CameraPattern {
-  std::string camera, prefix, suffix;
-};
-
-std::vector<CameraPattern> ParsePatterns(const std::vector<std::string>& texts) {
-  std::vector<CameraPattern> patterns;
-  for (const std::string& text : texts) {
-    const size_t equals = text.find('='), star = text.find('*');
-    if (equals == std::string::npos || equals == 0 || star == std::string::npos || star < equals ||
-        text.find('*', star + 1) != std::string::npos) {
-      throw UsageError("option 'corners-camera' '" + text + "': expected NAME=PATTERN with one *, e.g. left=left*.jpg");
-    }
-    patterns.push_back({text.substr(0, equals), text.substr(equals + 1, star - equals - 1), text.substr(star + 1)});
-  }
-  return patterns;
-}
-
-std::optional<ImageName> MatchPattern(const CameraPattern& pattern, const std::string& name) {
+std::optional<ImageName> MatchPattern(const ImagePattern& pattern, const std::string& name) {
   const size_t fixed = pattern.prefix.size() + pattern.suffix.size();
   if (name.size() <= fixed || name.compare(0, pattern.prefix.size(), pattern.prefix) != 0 ||
       name.compare(name.size() - pattern.suffix.size(), pattern.suffix.size(), pattern.suffix) != 0) {
@@ -106,7 +88,7 @@ std::optional<ImageName> MatchPattern(const CameraPattern& pattern, const std::s
 }
 
 /// Empty when the image belongs to no requested camera.
-std::optional<ImageName> Resolve(const std::vector<CameraPattern>& patterns, const std::string& name, const Place& place) {
+std::optional<ImageName> Resolve(const std::vector<ImagePattern>& patterns, const std::string& name, const Place& place) {
   if (patterns.empty()) {
     if (auto parsed = ParseImageName(name)) return parsed;
     throw FormatError(place.path, place.where,
@@ -114,7 +96,7 @@ std::optional<ImageName> Resolve(const std::vector<CameraPattern>& patterns, con
                           "'; say which part it is with option 'corners-camera' NAME=PATTERN, e.g. left=left*.jpg");
   }
   const std::string file = std::filesystem::path(name).filename().string();
-  for (const CameraPattern& pattern : patterns) {
+  for (const ImagePattern& pattern : patterns) {
     if (auto matched = MatchPattern(pattern, name)) return matched;
     if (auto matched = MatchPattern(pattern, file)) return matched;
   }
@@ -219,10 +201,10 @@ CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
     throw UsageError(path + ": this corner file does not say what the board is; give option 'board', e.g. grid:10x10:77mm");
   }
   const auto num_corners = static_cast<size_t>(options.board->num_corners());
-  const std::vector<CameraPattern> patterns = ParsePatterns(options.cameras);
+  const std::vector<ImagePattern>& patterns = options.cameras;
   const VnlTable table = ReadTable(path);
   DetectionBuilder builder(path);
-  for (const CameraPattern& pattern : patterns) builder.Camera(pattern.camera);
+  for (const ImagePattern& pattern : patterns) builder.Camera(pattern.camera);
   size_t num_foreign = 0;
   for (const VnlImage& image : table.images) {
     if (IsEmpty(table, image)) continue;

@@ -261,7 +261,7 @@ void AddChessboardGuesses(const Pictures& pictures, int num_threads, Candidates*
 }
 
 /// The candidate in its best layout, counted over all images.
-BoardTrial Try(const Candidate& candidate, const Pictures& pictures, const std::string& detector, int num_threads) {
+BoardTrial Try(const Candidate& candidate, const Pictures& pictures, Detector detector, int num_threads) {
   const std::vector<Image>& images = pictures.For(candidate.mirrored);
   DetectOptions options;
   options.detector = detector;
@@ -315,7 +315,7 @@ std::string RelationOf(const Board& board, bool mirrored, const std::optional<Bo
 void TryNew(const Candidates& candidates, const std::optional<Board>& given, const Pictures& pictures, int num_threads,
             BoardCheckReport* report) {
   for (size_t i = report->trials.size(); i < candidates.list().size(); ++i) {
-    BoardTrial trial = Try(candidates.list()[i], pictures, "fast", num_threads);
+    BoardTrial trial = Try(candidates.list()[i], pictures, Detector::kFast, num_threads);
     trial.relation = RelationOf(trial.board, trial.mirrored, given);
     report->trials.push_back(std::move(trial));
   }
@@ -342,7 +342,7 @@ bool Fits(const BoardCheckReport& report, double share) {
 void TryHarder(const std::optional<Board>& given, const Pictures& pictures, int num_threads, BoardCheckReport* report) {
   if (!report->best || report->trials[0].board.kind != Board::Kind::kChessboard) return;
   if (report->trials[0].num_images == report->num_images) return;
-  BoardTrial trial = Try({report->trials[0].board, report->trials[0].mirrored}, pictures, "exact", num_threads);
+  BoardTrial trial = Try({report->trials[0].board, report->trials[0].mirrored}, pictures, Detector::kExact, num_threads);
   trial.relation = RelationOf(trial.board, trial.mirrored, given);
   report->trials[0] = std::move(trial);
 }

@@ -11,12 +11,14 @@
 #include "calib/detect/corner_search.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/fields.h"
 #include "core/format.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
 
+constexpr ChoiceWords<Detector, 2> kDetectors = {{{Detector::kFast, "fast"}, {Detector::kExact, "exact"}}};
 constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses distort a board by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
 constexpr double kMaxMisplaced =
@@ -205,7 +207,7 @@ BoardDetection DetectAmongMarkers(const Board& board, const Image& searched, con
 
 BoardDetection DetectChessboard(const Board& board, const Image& grey, const DetectOptions& options) {
   const auto guesses =
-      SearchChessboard(board, grey, options.detector == "exact" ? ChessboardSearch::kExact : ChessboardSearch::kFast);
+      SearchChessboard(board, grey, options.detector == Detector::kExact ? ChessboardSearch::kExact : ChessboardSearch::kFast);
   if (guesses.empty()) return Failed(Status::kTooFewViews, "no chessboard found");
   return LocateBoard(board, grey, guesses, options);
 }
@@ -256,6 +258,12 @@ std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOption
 }
 
 }  // namespace
+
+std::string_view ToString(Detector detector) { return WordOf(kDetectors, detector); }
+
+void FromString(const std::string& text, Detector* detector) {
+  *detector = KnownChoice(kDetectors, text, "detector '" + text + "' is unknown: use fast or exact");
+}
 
 Image ToGrey(const Image& image) {
   if (image.channels == 1) return image;
@@ -320,9 +328,6 @@ BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vec
 std::vector<std::vector<BoardDetection>> DetectBoards(const std::vector<Board>& boards, const Image& image,
                                                       const DetectOptions& options) {
   MVS_CHECK(image.channels == 1 || image.channels == 3, image.channels << " channels");
-  if (options.detector != "fast" && options.detector != "exact") {
-    throw UsageError("detector '" + options.detector + "' is unknown: use fast or exact");
-  }
   MarkedImage marked(ToGrey(image));
   std::vector<std::vector<BoardDetection>> result;
   for (const Board& board : boards) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/board/board.h"
@@ -11,9 +12,16 @@
 
 namespace mvstudio::calib {
 
+enum class Detector {
+  kFast,
+  kExact,  ///< OpenCV's exhaustive sector-based search for chessboards, 15 times slower
+};
+/// As an option, see core/fields.h.
+std::string_view ToString(Detector detector);
+void FromString(const std::string& text, Detector* detector);
+
 struct DetectOptions {
-  std::string detector =
-      "fast";               ///< "fast", or "exact": OpenCV's exhaustive sector-based search for chessboards, 15 times slower
+  Detector detector = Detector::kFast;
   int min_corners = 8;      ///< boards with fewer good corners are dropped; a single tag needs its 4
   double max_misfit = 0.2;  ///< rms grey-value misfit of a corner over its contrast
   bool check_mirror = true;  ///< if no marker is found, also search the mirrored image, to report a mirrored board

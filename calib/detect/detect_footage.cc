@@ -58,17 +58,17 @@ void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int6
   }
 }
 
-std::string HintFor(const Board& board, const std::string& detector) {
+std::string HintFor(const Board& board, Detector detector) {
   if (board.kind == Board::Kind::kChessboard) {
     return "the numbers of INNER corners, that the whole board is visible and sharp" +
-           std::string(detector == "fast" ? ", or try option 'detector' exact" : "");
+           std::string(detector == Detector::kFast ? ", or try option 'detector' exact" : "");
   }
   if (board.has_tags()) return "the family, the ids and the numbers of tags";
   return "the numbers of squares, the dictionary, and whether the layout is legacy";
 }
 
 std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, const FootageDetections& found,
-                      const std::string& detector) {
+                      Detector detector) {
   const std::string why =
       Join(found.reasons, ", ", [](const auto& reason) { return reason.first + ": " + std::to_string(reason.second); });
   const std::string names = Join(boards, " or ", [](const Board& board) { return ToString(board); });

@@ -8,6 +8,7 @@
 
 #include "calib/board/observations.h"
 #include "calib/detect/detect_board.h"
+#include "calib/detect/detection_cache.h"
 #include "core/image.h"
 #include "core/progress.h"
 
@@ -31,7 +32,7 @@ struct Footage {
 struct FootageOptions {
   int every = 1;       ///< only frames whose number is a multiple of this are searched
   int max_frames = 0;  ///< maximum number of frames searched per camera, thinned out further; 0: all
-  std::string cache = "auto";  ///< cache of earlier results: "auto", "off" or a folder, see DetectionCache
+  CachePlace cache;    ///< of earlier results
   DetectOptions detect;
 };
 

@@ -23,6 +23,9 @@ constexpr char kDetectorVersion[] = "mvstudio detections 3";
 constexpr size_t kDigestSize = 64;
 constexpr uint64_t kMaxCount = 1u << 26;
 
+constexpr char kAuto[] = "auto", kOff[] = "off";
+
+/// "off" or a folder.
 std::string FromEnvironment() {
   const auto get = [](const char* name) {
     const char* value = std::getenv(name);
@@ -31,7 +34,7 @@ std::string FromEnvironment() {
   if (const std::string chosen = get("MVSTUDIO_CACHE"); !chosen.empty()) return chosen;
   if (const std::string cache = get("XDG_CACHE_HOME"); !cache.empty()) return cache + "/mvstudio";
   const std::string home = get("HOME");
-  return home.empty() ? "off" : home + "/.cache/mvstudio";
+  return home.empty() ? kOff : home + "/.cache/mvstudio";
 }
 
 class Writer {
@@ -171,10 +174,23 @@ void Add(const std::string& text, Sha256* digest) {
 
 }  // namespace
 
-DetectionCache::DetectionCache(const std::string& where) {
-  const std::string chosen = where == "auto" ? FromEnvironment() : where;
-  if (chosen.empty()) throw UsageError("option 'cache' needs auto, off or a folder");
-  if (chosen != "off") folder_ = chosen + "/detections";
+CachePlace CacheIn(const std::string& folder) { return {CachePlace::Kind::kFolder, folder}; }
+
+std::string ToString(const CachePlace& place) {
+  if (place.kind == CachePlace::Kind::kFolder) return place.folder;
+  return place.kind == CachePlace::Kind::kAuto ? kAuto : kOff;
+}
+
+void FromString(const std::string& text, CachePlace* place) {
+  if (text.empty()) throw UsageError("option 'cache' needs auto, off or a folder");
+  *place = CacheIn(text);
+  if (text == kAuto) *place = {CachePlace::Kind::kAuto, ""};
+  if (text == kOff) *place = {CachePlace::Kind::kOff, ""};
+}
+
+DetectionCache::DetectionCache(const CachePlace& place) {
+  const std::string chosen = place.kind == CachePlace::Kind::kAuto ? FromEnvironment() : ToString(place);
+  if (chosen != kOff) folder_ = chosen + "/detections";
 }
 
 std::optional<StoredFootage> DetectionCache::Load(const std::string& key) const {
@@ -228,7 +244,12 @@ std::string DetectionKey(const std::string& content_digest, const Board& board, 
       [&](const std::string& name, const auto& value, const std::string&) {
         std::ostringstream text;
         text.precision(17);
-        text << name << "=" << value;
+        text << name << "=";
+        if constexpr (kHasWords<std::decay_t<decltype(value)>>) {
+          text << ToString(value);
+        } else {
+          text << value;
+        }
         Add(text.str(), &digest);
       },
       options);

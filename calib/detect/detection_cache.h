@@ -19,13 +19,27 @@ struct StoredFootage {
   std::vector<Picture> pictures;
 };
 
+/// Where detection results are kept: "auto", "off", or a folder.
+struct CachePlace {
+  enum class Kind {
+    kAuto,  ///< the environment variable MVSTUDIO_CACHE (off or a folder) if it is set, else $XDG_CACHE_HOME/mvstudio or
+            ///< ~/.cache/mvstudio
+    kOff,
+    kFolder,
+  };
+  Kind kind = Kind::kAuto;
+  std::string folder;  ///< of kFolder
+};
+CachePlace CacheIn(const std::string& folder);
+/// As an option, see core/fields.h.
+std::string ToString(const CachePlace& place);
+void FromString(const std::string& text, CachePlace* place);
+
 /// Detection results on disk, one file per footage and board, named by a digest of everything that determines them.
 /// Damaged files and those of another version count as missing. Several processes may use one folder.
 class DetectionCache {
  public:
-  /// `where`: "off", a folder, or "auto". Auto takes the environment variable MVSTUDIO_CACHE (off or a folder) if it is
-  /// set, else $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio.
-  explicit DetectionCache(const std::string& where);
+  explicit DetectionCache(const CachePlace& place);
 
   bool enabled() const { return !folder_.empty(); }
   const std::string& folder() const { return folder_; }

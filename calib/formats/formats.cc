@@ -101,6 +101,17 @@ std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view na
   return std::nullopt;
 }
 
+std::string CalibrationFormatNames() { return Join(kNames, ", "); }
+
+std::string_view ToString(const std::optional<CalibrationFormat>& format) { return format ? ToString(*format) : "auto"; }
+
+void FromString(const std::string& text, const std::string& option, std::optional<CalibrationFormat>* format) {
+  const std::optional<CalibrationFormat> named = CalibrationFormatFromString(text);
+  if (!named && text != "auto")
+    throw UsageError("option '" + option + "' " + text + ": expected auto, " + CalibrationFormatNames());
+  *format = named;
+}
+
 CalibrationFormat DetectFormat(const std::string& path) {
   if (fs::is_directory(path)) return DetectFolder(path);
   const std::string name = fs::path(path).filename().string();

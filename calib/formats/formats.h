@@ -37,6 +37,11 @@ inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
 
 std::string_view ToString(CalibrationFormat format);
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
+/// "mvstudio, panoptic, …".
+std::string CalibrationFormatNames();
+/// As an option (core/fields.h): a format's name, or auto for none. Throws UsageError that names `option`.
+std::string_view ToString(const std::optional<CalibrationFormat>& format);
+void FromString(const std::string& text, const std::string& option, std::optional<CalibrationFormat>* format);
 
 /// Detects the format by content, then by name; a folder by the files in it. Throws FormatError for an unknown format.
 CalibrationFormat DetectFormat(const std::string& path);

@@ -23,7 +23,8 @@ using geometry::RigCamera;
 struct Arguments {
   app::CalibReadOptions read;
   std::vector<std::string> in, rename;
-  std::string to = "mvstudio", out, out_unit = "m";
+  std::string to = "mvstudio", out;
+  calib::LengthUnit out_unit = calib::LengthUnit::kMetre;
   double allow_approximation_px = 0;
 };
 
@@ -77,14 +78,15 @@ std::vector<std::string> OutputChoices() {
 }
 
 std::string OutputNames() {
-  std::string names = app::CalibrationFormatNames();
+  std::string names = calib::CalibrationFormatNames();
   for (const std::string& name : DatasetFormats()) names += ", " + name;
   return names;
 }
 
 /// Writes a dataset format's cameras; returns the files.
 std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Rig& rig, CommandResult* result) {
-  if (arguments.out_unit != "m") throw UsageError("--out-unit: " + arguments.to + " has a unit of its own");
+  if (arguments.out_unit != calib::LengthUnit::kMetre)
+    throw UsageError("--out-unit: " + arguments.to + " has a unit of its own");
   const exports::ExportReport report = exports::WriteRig(rig, arguments.to, arguments.out);
   std::vector<std::string> files;
   for (const std::string& file : report.files) files.push_back(arguments.out + "/" + file);
@@ -98,7 +100,7 @@ std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Ri
 /// Writes the rig; returns the files.
 std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat format, Rig* rig, CommandResult* result) {
   calib::WriteOptions options;
-  options.metres_per_unit = app::MetresPerUnit(arguments.out_unit);
+  options.metres_per_unit = MetresPer(arguments.out_unit);
   options.allow_approximation_px = arguments.allow_approximation_px;
   options.qca_distortion_divisor = arguments.read.qca_distortion_divisor;
   if (format != CalibrationFormat::kPanoptic) {
@@ -153,7 +155,7 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
             "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
             "several cameras")
       ->required();
-  AddOption(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
+  AddChoice(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   AddOption(sub, "--allow-approximation", arguments->allow_approximation_px,

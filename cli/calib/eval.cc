@@ -20,7 +20,8 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string calibration, from = "auto", unit = "m", repair;
+  std::string calibration, repair;
+  app::CalibReadOptions read;
   app::CornerArguments corners;
   calib::RigCheckOptions check;
 };
@@ -93,9 +94,7 @@ std::string Summary(const calib::RigCheck& check) {
 
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
-  app::CalibReadOptions read;
-  read.from = arguments.from, read.unit = arguments.unit;
-  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, read);
+  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
@@ -130,11 +129,11 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddCornerArguments(sub, arguments->corners);
   AddOption(sub, "--repair", arguments->repair, "write the calibration with the new poses of the cameras that have moved");
   AddOptions(sub, arguments->check);
-  AddOption(sub, "--from", arguments->from, "format of the calibration: auto, " + app::CalibrationFormatNames())
+  AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
-  AddOption(sub, "--unit", arguments->unit, "unit of length of files that name none")
+  AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   registry.Add(sub, "calib eval", [arguments](CommandContext& context) { return Eval(*arguments, context); });

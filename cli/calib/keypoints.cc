@@ -247,7 +247,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
   AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
           "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
-  AddOption(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
+  AddChoices(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
             "joints may be names or numbers, frames need no connection in time");

@@ -14,7 +14,7 @@ struct KeypointArguments {
   std::string skeleton;                   ///< "": body25, or the points that the table names
   std::string train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoints/refine.h
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
-  std::vector<std::string> pose2d;
+  std::vector<app::NamedPath> pose2d;
 
   bool IsGiven() const { return from_keypoints || !points2d.empty(); }
   calib::KeypointRefineOptions options;

@@ -129,8 +129,7 @@ std::vector<calib::SceneImage> FindImages(const SceneArguments& arguments, const
   return images;
 }
 
-calib::KnownPoints FindBoard(const std::string& text, const std::vector<calib::SceneImage>& images) {
-  const calib::Board board = calib::ParseBoard(text);
+calib::KnownPoints FindBoard(const calib::Board& board, const std::vector<calib::SceneImage>& images) {
   std::vector<calib::Detection> detections;
   std::vector<std::string> names;
   for (size_t i = 0; i < images.size(); ++i) {
@@ -148,7 +147,7 @@ calib::KnownPoints FindBoard(const std::string& text, const std::vector<calib::S
   return known;
 }
 
-calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<std::string>& boards,
+calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<calib::Board>& boards,
                             const std::vector<calib::SceneImage>& images, CommandResult* result) {
   calib::SceneScale scale;
   if (!arguments.camera_distance.empty()) {
@@ -170,7 +169,7 @@ calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<s
   return scale;
 }
 
-CommandResult RunFromScene(const SceneArguments& arguments, const std::string& start, const std::vector<std::string>& boards,
+CommandResult RunFromScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
                            const std::string& out, CommandContext& context) {
   CommandResult result;
   const geometry::Rig lenses = ReadStart(start, &result);
@@ -222,7 +221,7 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
 
 }  // namespace
 
-CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<std::string>& boards,
+CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
                        const std::string& out, CommandContext& context) {
   if (arguments.from_scene.empty() && !boards.empty())
     throw UsageError("--scene-points without --from-scene places cameras by their marks alone: leave out --board");

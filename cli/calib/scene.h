@@ -39,7 +39,7 @@ inline bool UsesScene(const SceneArguments& arguments) {
 /// --from-scene when it is given, else --scene-points alone. `start` is a calibration of any format with the lenses that are
 /// known ("" for none), `boards` what --board named: with --from-scene the first one is looked for in the images and gives
 /// place and scale. Writes calibration.json to the folder `out`.
-CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<std::string>& boards,
+CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
                        const std::string& out, CommandContext& context);
 
 }  // namespace mvstudio::cli

@@ -128,8 +128,7 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
   double sum = 0, worst = 1;
   int pictures = 0;
   std::string worst_picture;
-  for (const std::string& word : arguments.truth) {
-    const auto [camera, path] = SplitNamePath("--truth", word);
+  for (const auto& [camera, path] : arguments.truth) {
     app::TruthScore score = app::CompareWithTruth(path, folder, camera);
     if (!score.worst_picture.empty()) score.worst_picture = arguments.out + score.worst_picture.substr(folder.size());
     const double n = std::max(1, score.pictures);
@@ -239,13 +238,13 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   AddOption(
       sub, "--pose3d", arguments->pose3d,
       "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
-  AddOption(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
+  AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
   AddOption(sub, "--backend", arguments->backend,
             "background (what the pictures show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
             "masks agree best with the visual hull and the joints")
       ->capture_default_str();
-  AddOption(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
+  AddChoices(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
   AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);
   AddOptions(sub, arguments->mask);

@@ -39,7 +39,8 @@ struct Arguments {
   std::string out, trc, truth;
   bool align_truth = false;
   int chunk_frames = 0;
-  std::string sync, calibration_offsets = "auto";
+  std::string sync;
+  AutoOnOff calibration_offsets = AutoOnOff::kAuto;
   bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
@@ -118,18 +119,18 @@ void ApplyTiming(const std::optional<app::FoundTake>& found, const Arguments& ar
 }
 
 /// Why the sigmas do not hold the calibration's uncertainty; empty: they do, as far as it is known.
-std::string WhyWithoutCovariance(const triangulate::TakeOptions& options, const std::string& method) {
+std::string WhyWithoutCovariance(const triangulate::TakeOptions& options, const triangulate::TakeMethod& method) {
   if (!options.calibration_covariance) return "--calibration-covariance is off";
   if (options.ignore_distortion) return "it belongs to lenses that --ignore-distortion leaves out";
-  return method == "exhaustive-dlt" ? "exhaustive-dlt states no covariance" : "";
+  return method.IsExhaustiveDlt() ? "exhaustive-dlt states no covariance" : "";
 }
 
 /// Joints of each person together, where that predicts left-out cameras better.
 void RefineTake(const Arguments& arguments, const app::PoseInput& input, const RunContext& run, triangulate::TakeResult* take,
                 CommandResult* result) {
-  if (!arguments.refine || take->method == "exhaustive-dlt") return;
+  if (!arguments.refine || take->method.IsExhaustiveDlt()) return;
   triangulate::TakeOptions options = arguments.options;
-  options.select_views |= options.method == "auto";
+  options.select_views |= options.method.IsAuto();
   triangulate::TakeProblem problem;
   problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
   const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
@@ -301,7 +302,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   AddOptions(sub, arguments->options);
   AddOption(sub, "--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
-  AddOption(sub, "--calibration-offsets", arguments->calibration_offsets,
+  AddChoice(sub, "--calibration-offsets", arguments->calibration_offsets,
             "time offsets that the calibration states, where the take has no timing of its own: auto (when left-out cameras "
             "confirm them), on or off")
       ->capture_default_str()

@@ -6,12 +6,12 @@
 namespace mvstudio::cli {
 
 void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
-  AddOption(sub, "--from", options.from, "format of the input: auto, " + app::CalibrationFormatNames())
+  AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
-  AddOption(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
-  AddOption(sub, "--unit", options.unit, "unit of length of files that name none")
+  AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
+  AddChoice(sub, "--unit", options.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm"}));
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
@@ -22,9 +22,9 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
 }
 
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
-  AddOption(sub, "--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
-  AddOption(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
-  AddOption(sub, "--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
+  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
+  AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
+  AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
   AddOption(sub, "--take", arguments.take, "take of the session; its only one with people unless given");
   AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
@@ -39,8 +39,8 @@ void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const 
 
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
-  AddOption(sub, "--pose2d", arguments.pose2d,
-            "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
+  AddChoices(sub, "--pose2d", arguments.pose2d,
+             "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
   AddOption(sub, "--skeleton", arguments.skeleton,
@@ -48,10 +48,10 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
-  AddOption(sub, "--board", arguments.boards,
-            "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
-            "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
-  AddOption(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
+  AddChoices(sub, "--board", arguments.boards,
+             "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
+             "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
+  AddChoices(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
   AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
   AddOptions(sub, arguments.footage);
   AddOptions(sub, arguments.corner_files);

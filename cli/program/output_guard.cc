@@ -2,12 +2,9 @@
 
 namespace mvstudio::cli {
 
-std::vector<std::string> PathsIn(const std::vector<std::string>& words) {
-  std::vector<std::string> paths = words;
-  for (const std::string& word : words) {
-    const size_t equals = word.find('=');
-    if (equals != std::string::npos) paths.push_back(word.substr(equals + 1));
-  }
+std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named) {
+  std::vector<std::string> paths;
+  for (const app::NamedPath& each : named) paths.push_back(each.path);
   return paths;
 }
 

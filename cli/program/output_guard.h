@@ -3,13 +3,14 @@
 #include <string>
 #include <vector>
 
+#include "app/words.h"
 #include "core/disk/output.h"
 #include "dataset/build/build.h"
 
 namespace mvstudio::cli {
 
-/// The paths in words such as `cam_01=videos/cam_01.mp4` or `corners.vnl`, for the check that no output is an input.
-std::vector<std::string> PathsIn(const std::vector<std::string>& words);
+/// Paths alone, for the check that no output is an input.
+std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named);
 
 /// Footage and plates.
 std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& footage);

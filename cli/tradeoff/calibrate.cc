@@ -73,10 +73,10 @@ calib::CalibrateInput Thin(const calib::CalibrateInput& input, int views) {
 
 Trial Run(const calib::CalibrateInput& input, Trial trial, double detect_s, const RunContext& run) {
   calib::CalibrateOptions options;
-  options.model = trial.model;
-  options.engine = trial.engine;
   const double start = Now();
   try {
+    FromString(trial.model, "model", &options.model);
+    FromString(trial.engine, &options.engine);
     const calib::CalibrateReport report = Calibrate(Thin(input, trial.views), options, run);
     trial.status = std::string(ToString(report.status));
     if (!report.cameras.empty()) trial.chosen = std::string(geometry::ToString(report.cameras[0].model));
@@ -103,8 +103,8 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
   const bool file = !arguments.corners.corners.empty();
   for (const std::string& detector : file ? std::vector<std::string>{"file"} : arguments.detectors) {
     app::CornerArguments corners = arguments.corners;
-    corners.footage.cache = "off";
-    if (!file) corners.footage.detect.detector = detector;
+    corners.footage.cache.kind = calib::CachePlace::Kind::kOff;
+    if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = Now();
     calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});

@@ -23,11 +23,15 @@ namespace mvstudio::cli {
 namespace {
 
 using nlohmann::ordered_json;
+using triangulate::PointMethod;
+using triangulate::TakeMethod;
 
 struct Arguments {
   app::PoseArguments pose;
   triangulate::TakeOptions take;
-  std::vector<std::string> methods{"robust", "all-views", "lost", "linear", "midpoint", "dlt"};
+  std::vector<TakeMethod> methods = {ByPoint(PointMethod::kRobust),   ByPoint(PointMethod::kAllViews),
+                                     ByPoint(PointMethod::kLost),     ByPoint(PointMethod::kLinear),
+                                     ByPoint(PointMethod::kMidpoint), ByPoint(PointMethod::kDlt)};
   std::vector<std::string> precisions{"double", "float"};
   std::vector<int> views{0, 4, 3, 2}, threads{1, 2};
   std::string out, truth;
@@ -36,14 +40,15 @@ struct Arguments {
 
 /// One way to triangulate, and what came of it.
 struct Trial {
-  std::string method, precision = "double";
+  TakeMethod method;
+  std::string precision = "double";
   int views = 0, threads = 1;
   double points_per_s = 0, coverage = 0, truth_mm = std::nan("");
   double limb_std_mm = 0;
   triangulate::LeftOutFigures holdout;
 
   std::string Name() const {
-    return method + (precision == "float" ? " in float, " : ", ") +
+    return std::string(ToString(method)) + (precision == "float" ? " in float, " : ", ") +
            (views ? std::to_string(views) + " views" : std::string("all views")) + ", " + std::to_string(threads) +
            (threads == 1 ? " thread" : " threads");
   }
@@ -93,13 +98,15 @@ triangulate::Point PointOf(const triangulate::BatchResult& batch, int64_t i,
 }
 
 /// Solved by the batch's kernel; the other methods go point by point, in double.
-bool HasKernel(const std::string& method) {
-  return method == "robust" || method == "all-views" || method == "linear" || method == "midpoint";
+bool HasKernel(const TakeMethod& method) {
+  if (method.kind != TakeMethod::Kind::kPoint) return false;
+  const PointMethod kernels[] = {PointMethod::kRobust, PointMethod::kAllViews, PointMethod::kLinear, PointMethod::kMidpoint};
+  return std::find(std::begin(kernels), std::end(kernels), method.point) != std::end(kernels);
 }
 
 triangulate::BatchOptions KernelOptions(const Trial& trial) {
   triangulate::BatchOptions options;
-  options.point.method = *triangulate::PointMethodFromString(trial.method);
+  options.point.method = trial.method.point;
   options.single_precision = trial.precision == "float";
   return options;
 }
@@ -186,7 +193,7 @@ ordered_json ToJson(const std::vector<Trial>& trials, const std::vector<bool>& o
   ordered_json table = ordered_json::array();
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
-    table.push_back({{"method", t.method},
+    table.push_back({{"method", std::string(ToString(t.method))},
                      {"precision", t.precision},
                      {"views", t.views},
                      {"threads", t.threads},
@@ -207,16 +214,17 @@ std::string ToText(const std::vector<Trial>& trials, const std::vector<bool>& on
       "method          precision  views  threads   points/s  coverage  left-out px  (90 %)  limbs mm  truth mm\n";
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
-    text += Format("%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", t.method.c_str(),
-                   t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s,
-                   t.coverage, t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
+    text +=
+        Format("%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", std::string(ToString(t.method)).c_str(),
+               t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s, t.coverage,
+               t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }
 
 void CheckArguments(const Arguments& arguments) {
-  for (const std::string& method : arguments.methods) {
-    if (method == "auto") throw UsageError("--methods compares the methods that auto chooses among; name them");
+  for (const TakeMethod& method : arguments.methods) {
+    if (method.IsAuto()) throw UsageError("--methods compares the methods that auto chooses among; name them");
   }
   for (const std::string& precision : arguments.precisions) {
     if (precision != "double" && precision != "float") throw UsageError("--precisions: double or float, not " + precision);
@@ -229,7 +237,7 @@ void CheckArguments(const Arguments& arguments) {
 std::vector<Trial> Trials(const Arguments& arguments) {
   CheckArguments(arguments);
   std::vector<Trial> trials;
-  for (const std::string& method : arguments.methods) {
+  for (const TakeMethod& method : arguments.methods) {
     for (const std::string& precision : arguments.precisions) {
       if (precision == "float" && !HasKernel(method)) continue;
       for (const int views : arguments.views) {
@@ -281,7 +289,7 @@ void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
       "triangulate",
       "Method x precision x number of views x threads: points a second, left-out px, mm, coverage, and the Pareto front");
   AddPoseArguments(sub, arguments->pose);
-  AddOption(sub, "--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
+  AddChoices(sub, "--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
   AddOption(sub, "--precisions", arguments->precisions, "double, float; float for robust, all-views, linear and midpoint")
       ->delimiter(',')
       ->capture_default_str();

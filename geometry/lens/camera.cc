@@ -52,6 +52,15 @@ std::string LensModelNames() {
   return Join(kAllLensModels, ", ", [](LensModel model) { return ToString(model); });
 }
 
+std::string_view ToString(const std::optional<LensModel>& model) { return model ? ToString(*model) : "auto"; }
+
+void FromString(const std::string& text, const std::string& option, std::optional<LensModel>* model) {
+  const std::optional<LensModel> named = LensModelFromString(text);
+  if (!named && text != "auto")
+    throw UsageError("option '" + option + "' " + text + ": no such lens model; there are " + LensModelNames());
+  *model = named;
+}
+
 std::vector<LensModel> ModelsSimplestFirst() {
   std::vector<LensModel> models;
   std::copy_if(std::begin(kAllLensModels), std::end(kAllLensModels), std::back_inserter(models),

@@ -17,6 +17,9 @@ std::string_view ToString(LensModel model);
 std::optional<LensModel> LensModelFromString(std::string_view name);
 /// All names, separated by ", ".
 std::string LensModelNames();
+/// As an option (core/fields.h): a model's name, or auto for none. Throws UsageError that names `option`.
+std::string_view ToString(const std::optional<LensModel>& model);
+void FromString(const std::string& text, const std::string& option, std::optional<LensModel>* model);
 /// True for models that can see points 90 degrees and more off the axis; the others are perspective.
 constexpr bool IsWide(LensModel model) { return TraitsOf(model).wide; }
 /// The models with a fixed number of parameters, fewest first.

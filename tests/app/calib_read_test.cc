@@ -63,15 +63,13 @@ TEST(CalibRead, SigmasAreThoseOfTheCovariance) {
   }
 }
 
-TEST(CalibRead, SizesThatAreNoneAreRefusedBeforeAnyFileIsRead) {
+TEST(CalibRead, SizesThatAreNoneAreRefused) {
   for (const std::string size : {"640", "640x", "x480", "0x480", "640x-480", "640x480px", "640x480x3"}) {
-    CalibReadOptions options;
-    options.size = size;
-    EXPECT_THAT(MessageOf<UsageError>([&] { ReadCalibrationFiles({"/nowhere/c.json"}, options); }),
-                HasSubstr("option 'size' " + size));
+    ImageSize read;
+    EXPECT_THAT(MessageOf<UsageError>([&] { FromString(size, &read); }), HasSubstr("option 'size' " + size));
   }
   CalibReadOptions panoptic;
-  panoptic.from = "panoptic";
+  panoptic.from = calib::CalibrationFormat::kPanoptic;
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadCalibrationFiles({"a.json", "b.json"}, panoptic); }), HasSubstr("b.json"));
   EXPECT_THAT(MessageOf<IoError>([] { ReadCalibrationFiles({"/nowhere/c.json"}, {}); }), HasSubstr("/nowhere/c.json"));
 }

@@ -18,9 +18,9 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 /// Blank pictures 0003.png and 0010.png; the word for the option.
-std::string PutFootage(const TempDir& folder, const std::string& camera) {
+NamedPath PutFootage(const TempDir& folder, const std::string& camera) {
   for (const char* name : {"/0003.png", "/0010.png"}) dataset::WriteImage(Image(64, 48, 3, 200), folder / camera + name);
-  return camera + "=" + (folder / camera);
+  return {camera, folder / camera};
 }
 
 TEST(BoardFootage, PicturesAreNumberedByTheirNames) {
@@ -37,36 +37,34 @@ TEST(BoardFootage, PicturesAreNumberedByTheirNames) {
 
 TEST(BoardFootage, WhatIsMissingOrGivenTwiceIsNamed) {
   const TempDir folder;
-  const std::string a = PutFootage(folder, "a");
+  const NamedPath a = PutFootage(folder, "a");
   CommandResult result;
   EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({}, &result); }), HasSubstr("option 'camera'"));
   EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({a, a}, &result); }), HasSubstr("option 'camera' a is given twice"));
-  EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({"a"}, &result); }), HasSubstr("option 'camera' a"));
-  EXPECT_THAT(MessageOf<IoError>([&] { OpenFootage({"b=" + (folder / "none")}, &result); }), HasSubstr(folder / "none"));
+  EXPECT_THAT(MessageOf<IoError>([&] { OpenFootage({{"b", folder / "none"}}, &result); }), HasSubstr(folder / "none"));
 }
 
 TEST(CornerInputs, ContradictionsAreRefusedByName) {
-  const auto refused = [](const std::vector<std::string>& boards, const std::vector<std::string>& cameras,
+  const auto refused = [](const std::vector<calib::Board>& boards, const std::vector<NamedPath>& cameras,
                           const std::string& corners) {
     CornerArguments arguments;
     arguments.boards = boards, arguments.cameras = cameras, arguments.corners = corners;
     CommandResult result;
     return MessageOf<UsageError>([&] { ReadCornerInput(arguments, {}, &result); });
   };
-  const std::string board = "chessboard:4x3:25mm";
-  EXPECT_THAT(refused({}, {"a=a.mp4"}, ""), HasSubstr("option 'board' is needed"));
+  const calib::Board board = calib::ParseBoard("chessboard:4x3:25mm");
+  EXPECT_THAT(refused({}, {{"a", "a.mp4"}}, ""), HasSubstr("option 'board' is needed"));
   EXPECT_THAT(refused({board}, {}, ""), HasSubstr("option 'camera'"));
-  EXPECT_THAT(refused({}, {"a=a.mp4"}, "corners.csv"), HasSubstr("not both"));
+  EXPECT_THAT(refused({}, {{"a", "a.mp4"}}, "corners.csv"), HasSubstr("not both"));
   EXPECT_THAT(refused({board, board}, {}, "corners.csv"), HasSubstr("option 'corners' takes one option 'board'"));
-  EXPECT_THAT(refused({"chessboard:4x3"}, {"a=a.mp4"}, ""), HasSubstr("chessboard:4x3"));
 }
 
 TEST(CornerInputs, ABoardThatLooksTheSameAfterHalfATurnIsToldOf) {
   const TempDir folder;
   const auto warnings = [&](const std::string& board) {
     CornerArguments arguments;
-    arguments.boards = {board}, arguments.cameras = {PutFootage(folder, "a"), PutFootage(folder, "b")};
-    arguments.footage.cache = "off";
+    arguments.boards = {calib::ParseBoard(board)}, arguments.cameras = {PutFootage(folder, "a"), PutFootage(folder, "b")};
+    arguments.footage.cache.kind = calib::CachePlace::Kind::kOff;
     CommandResult result;
     EXPECT_THROW(ReadCornerInput(arguments, {}, &result), FormatError) << "blank pictures show no board";
     std::vector<std::string> codes;

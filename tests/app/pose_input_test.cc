@@ -36,7 +36,7 @@ std::string PutRig(const TempDir& folder, const std::vector<std::string>& names)
 }
 
 /// A folder of OpenPose files; where a joint is tells its frame and number. Returns the word for the option.
-std::string PutPoses(const TempDir& folder, const std::string& camera, const std::vector<int>& frames) {
+NamedPath PutPoses(const TempDir& folder, const std::string& camera, const std::vector<int>& frames) {
   dataset::Pose2dTrack track{camera, {}};
   for (const int frame : frames) {
     dataset::Person2d person;
@@ -44,7 +44,7 @@ std::string PutPoses(const TempDir& folder, const std::string& camera, const std
     track.frames[frame].push_back(person);
   }
   dataset::WriteOpenPoseFolder(track, folder / camera);
-  return camera + "=" + (folder / camera);
+  return {camera, folder / camera};
 }
 
 void ExpectSame(const std::vector<DetectedFrame>& a, const std::vector<DetectedFrame>& b) {
@@ -155,8 +155,8 @@ TEST(PoseInput, WrongArgumentsAreRefusedByName) {
   const TempDir folder;
   PoseArguments arguments;
   arguments.calib = PutRig(folder, {"a", "b"});
-  const std::string a = PutPoses(folder, "a", {1}), b = PutPoses(folder, "b", {1});
-  const auto refused = [&](const std::vector<std::string>& pose2d, const std::string& points2d) {
+  const NamedPath a = PutPoses(folder, "a", {1}), b = PutPoses(folder, "b", {1});
+  const auto refused = [&](const std::vector<NamedPath>& pose2d, const std::string& points2d) {
     PoseArguments wrong = arguments;
     wrong.pose2d = pose2d, wrong.points2d = points2d;
     CommandResult result;
@@ -166,7 +166,6 @@ TEST(PoseInput, WrongArgumentsAreRefusedByName) {
   EXPECT_THAT(refused({a, b}, "points.csv"), HasSubstr("either option 'pose2d' or option 'points2d'"));
   EXPECT_THAT(refused({a}, ""), HasSubstr("at least two cameras"));
   EXPECT_THAT(refused({a, b, a}, ""), HasSubstr("option 'pose2d' names camera a twice"));
-  EXPECT_THAT(refused({a, "b"}, ""), HasSubstr("option 'pose2d' b"));
   arguments.skeleton = "ghost";
   EXPECT_THAT(refused({a, b}, ""), HasSubstr("ghost"));
   arguments.skeleton.clear();
@@ -180,8 +179,8 @@ TEST(PoseInput, PartsRefuseWhatTheWholeRefuses) {
   const TempDir folder;
   PoseArguments arguments;
   arguments.calib = PutRig(folder, {"a", "b"});
-  const std::string a = PutPoses(folder, "a", {1}), b = PutPoses(folder, "b", {1});
-  const auto refused = [&](const std::vector<std::string>& pose2d) {
+  const NamedPath a = PutPoses(folder, "a", {1}), b = PutPoses(folder, "b", {1});
+  const auto refused = [&](const std::vector<NamedPath>& pose2d) {
     PoseArguments wrong = arguments;
     wrong.pose2d = pose2d;
     CommandResult result;

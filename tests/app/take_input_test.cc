@@ -46,7 +46,7 @@ kind = "plate"
 
 TEST(TakeInput, FootageAndPlatesByCamera) {
   TakeArguments arguments;
-  arguments.video = {"a=a.mp4"}, arguments.images = {"b=pictures/*.png"}, arguments.plate = {"b=plate.png"};
+  arguments.video = {{"a", "a.mp4"}}, arguments.images = {{"b", "pictures/*.png"}}, arguments.plate = {{"b", "plate.png"}};
   CommandResult result;
   const TakeInput input = ReadTakeInput(arguments, &result);
   ASSERT_EQ(input.footage.size(), 2u);
@@ -61,19 +61,19 @@ TEST(TakeInput, FootageAndPlatesByCamera) {
 
 TEST(TakeInput, ContradictionsAreRefusedByName) {
   TakeArguments twice;
-  twice.video = {"a=a.mp4"}, twice.images = {"a=pictures"};
+  twice.video = {{"a", "a.mp4"}}, twice.images = {{"a", "pictures"}};
   EXPECT_THAT(Refused(twice), HasSubstr("option 'images' a=pictures: camera a was given footage twice"));
   TakeArguments plate;
-  plate.video = {"a=a.mp4"}, plate.plate = {"b=b.png"};
+  plate.video = {{"a", "a.mp4"}}, plate.plate = {{"b", "b.png"}};
   EXPECT_THAT(Refused(plate), HasSubstr("option 'plate' b=b.png: camera b has no footage"));
   TakeArguments take;
   take.take = "walk";
   EXPECT_THAT(Refused(take), HasSubstr("option 'take' needs option 'session'"));
   TakeArguments both;
-  both.session = "somewhere", both.video = {"a=a.mp4"};
+  both.session = "somewhere", both.video = {{"a", "a.mp4"}};
   EXPECT_THAT(Refused(both), HasSubstr("either option 'session'"));
   TakeArguments name;
-  name.video = {"a/b=a.mp4"};
+  name.video = {{"a/b", "a.mp4"}};
   EXPECT_THAT(Refused(name), HasSubstr("option 'video' a/b=a.mp4"));
 }
 

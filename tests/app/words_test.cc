@@ -32,6 +32,14 @@ TEST(Words, AWordWithoutNameOrPathIsRefusedByItself) {
   EXPECT_THAT(MessageOf<UsageError>([] { SplitNamePath("option 'video'", "\xff\xfe=a.mp4"); }), HasSubstr("UTF-8"));
 }
 
+TEST(Words, ANamedPathIsWrittenAsItIsRead) {
+  NamedPath named;
+  FromString("cam 1=a=b.mp4", "video", &named);
+  EXPECT_EQ(named.path, "a=b.mp4");
+  EXPECT_EQ(ToString(named), "cam 1=a=b.mp4");
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("cam", "video", &named); }), HasSubstr("option 'video' cam: expected"));
+}
+
 TEST(Words, RangesComeSortedAndCountOnce) {
   EXPECT_EQ(ParseRanges("option 'frames'", "8-10,1,4,7-9"), std::vector<int>({1, 4, 7, 8, 9, 10}));
   EXPECT_EQ(RangesText({1, 4, 7, 8, 9, 10}), "1,4,7-10");

@@ -102,11 +102,10 @@ TEST(LayOutBoard, PaperIsTurnedOrRefused) {
   const std::string message = MessageOf<UsageError>([] { LayOutBoard(ParseBoard("chessboard:9x6:40mm"), {}); });
   EXPECT_NE(message.find("440.0 x 337.0 mm"), std::string::npos) << message;
   BoardDrawOptions none;
-  none.paper = "none";
+  none.paper = Paper::kNone;
   const BoardPage page = LayOutBoard(ParseBoard("chessboard:9x6:40mm"), none);
   EXPECT_DOUBLE_EQ(page.width, 440);
-  none.paper = "a9";
-  EXPECT_THROW(LayOutBoard(ParseBoard("chessboard:9x6:40mm"), none), UsageError);
+  EXPECT_THROW(FromString("a9", &none.paper), UsageError);
   EXPECT_THROW(LayOutBoard(ParseBoard("grid:9x6:40mm"), {}), UsageError);
 }
 

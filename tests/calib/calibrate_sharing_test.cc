@@ -59,7 +59,7 @@ TEST(SeparateLenses, LensesThatAreOneStayOne) {
 
 TEST(SeparateLenses, SharingThatWasAskedForStays) {
   Shared told = AdjustWithOneLens(15, 1), named = told, before = told;
-  told.options.share_intrinsics = "all";
+  told.options.share_intrinsics = {LensSharing::Kind::kAll, {}};
   EXPECT_FALSE(SeparateLenses(told.input, told.options, &told.work, &told.report).has_value());
   named.input.same_lens = {{0, 1, 2}};
   EXPECT_FALSE(SeparateLenses(named.input, named.options, &named.work, &named.report).has_value());

@@ -147,7 +147,7 @@ TEST(CameraMotion, ARigThatStandsStillHasNone) {
 TEST(CameraMotion, SplitWhereItMovedTheRigIsRight) {
   const testing::Scene scene = SceneWith({{1, 27, {0, 0.01, 0}}});
   CalibrateOptions options = testing::PlainOptions();
-  options.split_at = {"cam1:82"};
+  options.split_at = {{"cam1", 82, false}};
   const CalibrateReport report = Calibrated(scene, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_TRUE(report.motions.empty());

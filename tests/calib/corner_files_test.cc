@@ -124,8 +124,8 @@ TEST(Vnl, PatternsNameTheCameras) {
     for (const char* xy : {" 1 1 0\n", " 2 1 0\n", " 1 2 0\n", " 2 2 0\n"}) text += std::string(name) + xy;
   }
   CornerFileOptions options = WithBoard(Grid(2, 2, 0.1));
-  options.cameras = {"right=shot*R.png", "left=/a/shot*L.png"};
-  options.sizes = {"640x480", "right=640x480"};
+  options.cameras = {{"right", "shot", "R.png"}, {"left", "/a/shot", "L.png"}};
+  options.sizes = {{"", 640, 480}, {"right", 640, 480}};
   const CornerFile file = ReadCornerFile(Write(folder, "a.vnl", text), options);
   ASSERT_EQ(file.detections.size(), 2u);
   EXPECT_EQ(file.cameras[0].name, "right");
@@ -150,10 +150,26 @@ TEST(Vnl, SaysWhatIsWrong) {
   EXPECT_SAYS(read("board.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\nboard.jpg 1 1\n", two), "option 'corners-camera'");
   EXPECT_SAYS(read("a1.jpg 1 1\nb1.jpg 1 1\na1.jpg 1 1\n", two), "not together");
   CornerFileOptions bad = two;
-  bad.sizes = {"cam7=640x480"};
+  bad.sizes = {{"cam7", 640, 480}};
   EXPECT_SAYS(read(kVnl, bad), "no camera 'cam7'");
-  bad.sizes = {"640*480"};
-  EXPECT_SAYS(read(kVnl, bad), "WIDTHxHEIGHT");
+}
+
+TEST(CornerFileOptions, AreReadFromTheirWords) {
+  CornerFileOptions options;
+  FromString("left=a/left*.jpg", &options.cameras.emplace_back());
+  EXPECT_EQ(options.cameras[0].camera, "left");
+  EXPECT_EQ(options.cameras[0].prefix, "a/left");
+  EXPECT_EQ(options.cameras[0].suffix, ".jpg");
+  EXPECT_EQ(ToString(options.cameras[0]), "left=a/left*.jpg");
+  for (const char* text : {"left", "=*.jpg", "left=a.jpg", "left=*a*.jpg", "l*=a.jpg"})
+    EXPECT_THROW(FromString(text, &options.cameras[0]), UsageError) << text;
+  for (const char* text : {"640x480", "cam7=640x480", "a=b=1x2"}) {
+    FromString(text, &options.sizes.emplace_back());
+    EXPECT_EQ(ToString(options.sizes.back()), text);
+  }
+  EXPECT_SAYS(MessageOf<UsageError>([&] { FromString("640*480", &options.sizes[0]); }), "WIDTHxHEIGHT");
+  EXPECT_SAYS(MessageOf<UsageError>([&] { FromString("furlong", "corners-unit", &options.unit); }), "m, cm, mm or in");
+  EXPECT_THROW(FromString("xml", &options.format), UsageError);
 }
 
 constexpr char kCaliscope[] =
@@ -237,7 +253,7 @@ TEST(OpenCvXml, OmniMonoAndStereo) {
   EXPECT_EQ(mono.boards[0].square_m, 0.2);
   EXPECT_EQ(mono.detections[14].points_px.col(53), Eigen::Vector2d(920.939758, 570.050781));
   CornerFileOptions options;
-  options.unit = "mm";
+  options.unit = LengthUnit::kMillimetre;
   const CornerFile stereo = ReadCornerFile(DataRoot() + "/opencv_omni_charuco/omni_stereocalib_data.xml", options);
   ASSERT_EQ(stereo.cameras.size(), 2u);
   EXPECT_EQ(stereo.cameras[1].name, "right");
@@ -259,7 +275,7 @@ TEST(OpenCvXml, SubsetsOfIrregularPointsAndTruncation) {
                              Matrix(3, "0 2 0 5 5 1", 2) + "</objectPoints><imagePoints>";
   const std::string images = Matrix(2, "1 1 2 1 1 3", 3) + Matrix(2, "9 8 7 6", 2) + "</imagePoints></opencv_storage>";
   CornerFileOptions options;
-  options.unit = "cm";
+  options.unit = LengthUnit::kCentimetre;
   const CornerFile file = ReadCornerFile(Write(folder, "a.xml", points + images), options);
   EXPECT_EQ(file.boards[0].kind, Board::Kind::kPoints);
   ASSERT_EQ(file.boards[0].points.cols(), 4);
@@ -272,9 +288,6 @@ TEST(OpenCvXml, SubsetsOfIrregularPointsAndTruncation) {
   EXPECT_SAYS(read(points + Matrix(2, "1 1 2 1 1 3", 3) + "</imagePoints></opencv_storage>"), "imagePoints: 1 views");
   EXPECT_SAYS(read(points + Matrix(2, "1 1 2 1 1", 3) + "</imagePoints></opencv_storage>"), "5 numbers");
   EXPECT_SAYS(read((points + images).substr(0, 300)), "is not closed");
-  options.unit = "furlong";
-  EXPECT_SAYS(MessageOf<UsageError>([&] { ReadCornerFile(Write(folder, "a.xml", points + images), options); }),
-              "m, cm, mm or in");
 }
 
 TEST(CornerCsv, RoundTripIsExact) {
@@ -385,7 +398,7 @@ TEST(BoardFromPoints, GridsAndOthers) {
 TEST(Figueroa, AllCornersWithLevels) {
   MVS_NEEDS_DATA("mrcal_figueroa");
   CornerFileOptions options = WithBoard(Grid(10, 10, 0.077));
-  options.sizes = {"6016x4016"};
+  options.sizes = {{"", 6016, 4016}};
   const CornerFile file = ReadCornerFile(DataRoot() + "/mrcal_figueroa/corners-cam0.vnl", options);
   ASSERT_EQ(file.cameras.size(), 1u);
   EXPECT_EQ(file.cameras[0].name, "cam0");

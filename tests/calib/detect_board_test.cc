@@ -217,9 +217,10 @@ TEST(DetectBoard, CornerFileBoardsAreNotSearched) {
 }
 
 TEST(DetectBoard, RefusesAnUnknownDetector) {
-  DetectOptions options;
-  options.detector = "magic";
-  EXPECT_THROW(DetectBoard(ParseBoard("chessboard:9x6:25mm"), Image(64, 48, 1), options), UsageError);
+  Detector detector = Detector::kFast;
+  EXPECT_THROW(FromString("magic", &detector), UsageError);
+  FromString("exact", &detector);
+  EXPECT_EQ(detector, Detector::kExact);
 }
 
 TEST(HasUniqueNumbering, NeedsOddAndEven) {

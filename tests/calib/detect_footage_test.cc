@@ -54,7 +54,7 @@ std::vector<Image> Waving(const Board& board, int count) {
 
 FootageOptions Uncached() {
   FootageOptions options;
-  options.cache = "off";
+  options.cache.kind = CachePlace::Kind::kOff;
   return options;
 }
 
@@ -187,7 +187,7 @@ class CachedFootage : public ::testing::Test {
     std::vector<Footage> footage;
     footage.push_back(FootageOf("a", images_, asked_, folder_ / "video"));
     FootageOptions options;
-    options.cache = folder_ / "cache";
+    options.cache = CacheIn(folder_ / "cache");
     options.every = every;
     *asked_ = 0;
     return DetectFootage(ParseBoard(board), footage, options, RunContext());

@@ -58,7 +58,7 @@ void ExpectEqual(const StoredFootage& a, const StoredFootage& b) {
 
 TEST(DetectionCache, RoundTripToTheLastBit) {
   const TempDir folder;
-  const DetectionCache cache(folder.path());
+  const DetectionCache cache(CacheIn(folder.path()));
   EXPECT_FALSE(cache.Load("key").has_value());
   const StoredFootage footage = Example(5);
   cache.Store("key", footage);
@@ -69,7 +69,7 @@ TEST(DetectionCache, RoundTripToTheLastBit) {
 
 TEST(DetectionCache, EveryFlippedByteIsNoticed) {
   const TempDir folder;
-  const DetectionCache cache(folder.path());
+  const DetectionCache cache(CacheIn(folder.path()));
   cache.Store("key", Example(1));
   const std::string path = folder / "detections/key.detections", good = ReadFile(path);
   for (size_t i = 0; i < good.size(); i += 7) {
@@ -86,7 +86,7 @@ TEST(DetectionCache, EveryFlippedByteIsNoticed) {
 
 TEST(DetectionCache, TwoProcessesMayShareAFolder) {
   const TempDir folder;
-  const DetectionCache cache(folder.path());
+  const DetectionCache cache(CacheIn(folder.path()));
   cache.Store("key", Example(3));
   const pid_t child = fork();
   bool good = true;
@@ -104,15 +104,21 @@ TEST(DetectionCache, TwoProcessesMayShareAFolder) {
 
 TEST(DetectionCache, WhereItLies) {
   const TempDir folder;
-  EXPECT_FALSE(DetectionCache("off").enabled());
-  EXPECT_THROW(DetectionCache(""), UsageError);
+  CachePlace place;
+  for (const char* word : {"off", "auto", "/a/folder"}) {
+    FromString(word, &place);
+    EXPECT_EQ(ToString(place), word);
+  }
+  EXPECT_THROW(FromString("", &place), UsageError);
+  EXPECT_EQ(DetectionCache(place).folder(), "/a/folder/detections");
+  EXPECT_FALSE(DetectionCache({CachePlace::Kind::kOff, ""}).enabled());
   const char* chosen = std::getenv("MVSTUDIO_CACHE");
   const std::string before = chosen ? chosen : "";
   unsetenv("MVSTUDIO_CACHE");
   setenv("XDG_CACHE_HOME", folder.path().c_str(), 1);
-  EXPECT_EQ(DetectionCache("auto").folder(), folder / "mvstudio/detections");
+  EXPECT_EQ(DetectionCache(CachePlace()).folder(), folder / "mvstudio/detections");
   setenv("MVSTUDIO_CACHE", "off", 1);
-  EXPECT_FALSE(DetectionCache("auto").enabled());
+  EXPECT_FALSE(DetectionCache(CachePlace()).enabled());
   if (chosen) setenv("MVSTUDIO_CACHE", before.c_str(), 1);
 }
 
@@ -135,7 +141,7 @@ TEST(ContentDigest, FollowsNamesAndContents) {
 TEST(DetectionKey, DependsOnEverything) {
   const Board board = ParseBoard("chessboard:9x6:25mm"), other = ParseBoard("chessboard:9x6:26mm");
   DetectOptions options, exact;
-  exact.detector = "exact";
+  exact.detector = Detector::kExact;
   const std::string key = DetectionKey("d", board, options, 1);
   EXPECT_EQ(key, DetectionKey("d", board, options, 1));
   EXPECT_NE(key, DetectionKey("e", board, options, 1));

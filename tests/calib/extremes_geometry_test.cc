@@ -16,9 +16,9 @@ using testing::MakeScene;
 using testing::Scene;
 using testing::SceneOptions;
 
-CalibrateReport Solve(const CalibrateInput& input, LensModel model, const std::string& world = "camera") {
+CalibrateReport Solve(const CalibrateInput& input, LensModel model, const WorldOrigin& world = {}) {
   CalibrateOptions options;
-  options.model = std::string(geometry::ToString(model));
+  options.model = model;
   options.world = world;
   options.holdout_folds = 0;
   return Calibrate(input, options, RunContext());
@@ -154,11 +154,11 @@ TEST(ExtremeFootage, OrderOfCamerasAndDetectionsDoesNotChangeADigit) {
   options.num_cameras = 4;
   options.noise_px = 0.3;
   const CalibrateInput input = testing::ToInput(MakeScene(options));
-  const CalibrateReport wanted = Solve(input, LensModel::kBrown4, "camera:cam1");
+  const CalibrateReport wanted = Solve(input, LensModel::kBrown4, {"cam1", {}});
   ASSERT_EQ(wanted.status, Status::kOk) << wanted.message;
   const std::vector<int> orders[] = {{3, 2, 1, 0}, {1, 0, 3, 2}, {0, 1, 2, 3}};
   for (const std::vector<int>& order : orders) {
-    const CalibrateReport report = Solve(Permuted(input, order), LensModel::kBrown4, "camera:cam1");
+    const CalibrateReport report = Solve(Permuted(input, order), LensModel::kBrown4, {"cam1", {}});
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     EXPECT_EQ(report.rms_px, wanted.rms_px);
     for (int c = 0; c < 4; ++c) {
@@ -177,7 +177,7 @@ TEST(ExtremeFootage, NumberOfThreadsDoesNotChangeADigit) {
   options.noise_px = 0.3;
   const CalibrateInput input = testing::ToInput(MakeScene(options));
   CalibrateOptions calibrate;
-  calibrate.model = "brown4";
+  calibrate.model = LensModel::kBrown4;
   calibrate.holdout_folds = 0;
   RunContext one, four;
   one.num_threads = 1, four.num_threads = 4;

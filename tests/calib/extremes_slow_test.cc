@@ -18,7 +18,7 @@ using testing::SceneOptions;
 
 CalibrateReport Solve(const Scene& scene, LensModel model) {
   CalibrateOptions options;
-  options.model = std::string(geometry::ToString(model));
+  options.model = model;
   options.holdout_folds = 0;
   return Calibrate(testing::ToInput(scene), options, RunContext());
 }

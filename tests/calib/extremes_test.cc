@@ -19,7 +19,7 @@ using testing::SceneOptions;
 
 CalibrateOptions Given(LensModel model) {
   CalibrateOptions options;
-  options.model = std::string(geometry::ToString(model));
+  options.model = model;
   options.holdout_folds = 0;
   return options;
 }

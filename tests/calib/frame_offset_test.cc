@@ -164,7 +164,7 @@ TEST(FrameOffset, ScrambledFramesAreInconsistent) {
 
 TEST(FrameOffset, ADoubtThatTheRigBearsOutStands) {
   CalibrateOptions options;
-  options.model = "pinhole";
+  options.model = geometry::LensModel::kPinhole;
   for (const int first : {0, 30, 45}) {
     const CalibrateReport report = Calibrate(testing::ToInput(ScrambledScene(first)), options, RunContext());
     EXPECT_NE(report.frames_doubt.find("cam2"), std::string::npos) << first << ": " << report.message;

@@ -20,8 +20,8 @@ CalibrateInput Given() {
 
 std::string DoubtOf(const CalibrateInput& input, const std::string& fix) {
   CalibrateOptions options = testing::PlainOptions();
-  options.model = "brown4";
-  options.fix = {fix};
+  options.model = geometry::LensModel::kBrown4;
+  FromString(fix, &options.fix.emplace_back());
   return Calibrate(input, options, RunContext()).held_doubt;
 }
 
@@ -47,9 +47,9 @@ TEST(HeldDoubt, ACameraIsNamedAfterFramesWereShiftedToo) {
   pose.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, 2 * M_PI / 180)) * pose.rotation;
   for (Detection& d : input.detections) d.frame_idx += d.camera_idx == 2 ? 3 : 0;
   CalibrateOptions options = testing::PlainOptions();
-  options.model = "brown4";
-  options.time_offset = "auto";
-  options.fix = {"poses"};
+  options.model = geometry::LensModel::kBrown4;
+  options.time_offset = LatenessChoice::kAuto;
+  options.fix = {{HeldPart::What::kPoses, {}}};
   const CalibrateReport report = Calibrate(input, options, RunContext());
   EXPECT_EQ(report.frame_shift, (std::vector<int64_t>{0, 0, -3})) << report.message;
   EXPECT_NE(report.held_doubt.find("the given pose of camera cam1"), std::string::npos) << report.held_doubt;

@@ -28,8 +28,8 @@ struct Stereo {
 Stereo Solve(const std::string& path, geometry::LensModel model) {
   CornerFileOptions read;
   read.board = ParseBoard("chessboard:9x6:25mm");
-  read.cameras = {"left=left*.jpg", "right=right*.jpg"};
-  read.sizes = {"640x480"};
+  read.cameras = {{"left", "left", ".jpg"}, {"right", "right", ".jpg"}};
+  read.sizes = {{"", 640, 480}};
   const CornerFile file = ReadCornerFile(path, read);
   Stereo stereo;
   stereo.boards = file.boards;
@@ -91,7 +91,7 @@ TEST(ProjectionUncertaintyOfRecordings, AgreesWithMrcalOnAWideLens) {
   MVS_NEEDS_DATA("mrcal_figueroa");
   CornerFileOptions read;
   read.board = ParseBoard("grid:10x10:77mm");
-  read.sizes = {"6016x4016"};
+  read.sizes = {{"", 6016, 4016}};
   const CornerFile file = ReadCornerFile(testing::DataRoot() + "/mrcal_figueroa/corners-cam0.vnl", read);
   RigState state;
   std::vector<View> views = MakeViews(file.boards, file.detections, &state.frames);

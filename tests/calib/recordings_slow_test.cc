@@ -25,7 +25,7 @@ TEST(Recordings, WideLensGetsASplineAndABentBoard) {
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "mrcal_figueroa";
   CornerFileOptions corners;
   corners.board = ParseBoard("grid:10x10:77mm");
-  corners.sizes = {"6016x4016"};
+  corners.sizes = {{"", 6016, 4016}};
   CalibrateOptions options;
   options.intrinsics_only = true;
   options.holdout_views = 200;
@@ -38,9 +38,9 @@ TEST(Recordings, WideLensGetsASplineAndABentBoard) {
   // set) have -0.969 and +0.529 mm with its splined lens, -1.040 and +0.525 with OPENCV8. Within 5 % of each.
   EXPECT_NEAR(1e3 * report.board_warp_m[0].x(), -0.969, 0.048);
   EXPECT_NEAR(1e3 * report.board_warp_m[0].y(), 0.529, 0.026);
-  options.model = "rational8";
-  options.warp = "on";
-  options.stretch = "off";
+  options.model = geometry::LensModel::kRational8;
+  options.warp = AutoOnOff::kOn;
+  options.stretch = AutoOnOff::kOff;
   const CalibrateReport lean = Solve(folder + "/corners-cam0.vnl", corners, options);
   ASSERT_EQ(lean.status, Status::kOk) << lean.message;
   EXPECT_NEAR(1e3 * lean.board_warp_m[0].x(), -1.040, 0.052);
@@ -64,7 +64,7 @@ TEST(Recordings, FisheyePairLosesNoView) {
   MVS_NEEDS_DATA("opencv_omni_charuco");
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "opencv_omni_charuco";
   CornerFileOptions corners;
-  corners.unit = "mm";
+  corners.unit = LengthUnit::kMillimetre;
   const CalibrateReport report = Solve(folder + "/omni_stereocalib_data.xml", corners, {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.rms_px, 0.445) << "OpenCV's omnidir, skew included, without four of the views";
@@ -77,7 +77,7 @@ TEST(Recordings, HandHeldBoardOfFourWebcams) {
   MVS_NEEDS_DATA("caliscope");
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "caliscope";
   CalibrateOptions options;
-  options.holdout = "every:4";
+  options.holdout = {4, 3};
   const CalibrateReport report =
       Solve(folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv", {}, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
@@ -91,14 +91,14 @@ TEST(Recordings, HandHeldBoardOnThePeersInstants) {
   MVS_NEEDS_DATA("caliscope");
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "caliscope";
   CalibrateOptions options;
-  options.holdout = "every:4:0";
+  options.holdout = {4, 0};
   const std::string path = folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv";
   const CalibrateReport report = Solve(path, {}, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.board_metrics.pair_rms_mm, 0.945);
   EXPECT_LE(report.board_metrics.reprojection_rms_px, 1.348);
-  options.time_offset = "none";
-  options.model = "brown4";  // the peer's lens
+  options.time_offset = LatenessChoice::kNone;
+  options.model = geometry::LensModel::kBrown4;  // the peer's lens
   const CalibrateReport same = Solve(path, {}, options);
   ASSERT_EQ(same.status, Status::kOk) << same.message;
   EXPECT_LE(same.board_metrics.pair_rms_mm, 0.945);

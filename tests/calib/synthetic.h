@@ -227,9 +227,10 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
 /// With a given lens, since its choice takes most of the time.
 inline CalibrateOptions PlainOptions() {
   CalibrateOptions options;
-  options.model = "brown2";
-  options.warp = options.stretch = "off";
-  options.share_intrinsics = options.time_offset = "none";
+  options.model = geometry::LensModel::kBrown2;
+  options.warp = options.stretch = AutoOnOff::kOff;
+  options.share_intrinsics = {LensSharing::Kind::kNone, {}};
+  options.time_offset = LatenessChoice::kNone;
   options.holdout_folds = 2;
   return options;
 }

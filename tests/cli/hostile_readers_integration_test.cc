@@ -41,7 +41,7 @@ Reader Calibration(const std::string& seed, const std::string& file, calib::Cali
 Reader Corners(const std::string& seed, const std::string& format) {
   return {seed, seed, "corners.txt", false, [format](const std::string& path) {
             calib::CornerFileOptions options;
-            options.format = format;
+            FromString(format, &options.format);
             if (format == "vnl") options.board = calib::ParseBoard("grid:2x2:10mm");
             calib::ReadCornerFile(path, options);
           }};
@@ -53,7 +53,7 @@ void ReadDetections(const std::string& path) {
   fs::create_directory(folder + "/detections");
   std::ofstream(folder + "/detections/key.detections", std::ios::binary | std::ios::trunc)
       << bytes << Sha256Hex(bytes.data(), bytes.size());
-  const auto footage = calib::DetectionCache(folder).Load("key");
+  const auto footage = calib::DetectionCache(calib::CacheIn(folder)).Load("key");
   if (!footage) throw FormatError(path, "", "is damaged");
   for (const auto& picture : footage->pictures) {
     for (const calib::BoardDetection& board : picture.layouts) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/choice/auto_on_off.h"
 #include "core/error.h"
 
 namespace mvstudio {
@@ -37,6 +38,24 @@ TEST(ChoiceWords, OnlyWhatIsReadFromWordsHasWords) {
   EXPECT_FALSE(kHasWords<Wordless>);
   EXPECT_FALSE(kHasWords<int>);
   EXPECT_FALSE(kHasWords<std::string>);
+}
+
+TEST(AutoOnOff, TheRefusalNamesTheOption) {
+  EXPECT_TRUE(kHasSharedWords<AutoOnOff>);
+  EXPECT_FALSE(kHasWords<AutoOnOff>);
+  EXPECT_FALSE(kHasSharedWords<Speed>);
+  AutoOnOff choice = AutoOnOff::kOff;
+  for (const char* word : {"auto", "on", "off"}) {
+    SetFromString(word, "warp", &choice);
+    EXPECT_EQ(ToString(choice), word);
+  }
+  try {
+    SetFromString("maybe", "warp", &choice);
+    ADD_FAILURE() << "taken";
+  } catch (const UsageError& error) {
+    EXPECT_STREQ(error.what(), "option 'warp' maybe: expected auto, on or off");
+  }
+  EXPECT_EQ(choice, AutoOnOff::kOff);
 }
 
 }  // namespace

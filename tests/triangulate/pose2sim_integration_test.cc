@@ -46,7 +46,7 @@ class Pose2Sim : public ::testing::Test {
 
 TEST_F(Pose2Sim, ExhaustiveDltReproducesItsPoints) {
   TakeOptions options;
-  options.method = "exhaustive-dlt";
+  options.method.kind = TakeMethod::Kind::kExhaustiveDlt;
   const auto balancing = Compare(Balancing(), options);
   EXPECT_EQ(balancing.num, 2094);
   EXPECT_LT(balancing.max_mm, 1e-3);
@@ -66,7 +66,7 @@ std::vector<std::pair<int, int>> Limbs() {
 
 TEST_F(Pose2Sim, DefaultBeatsItOnCamerasLeftOutAndOnLimbLengths) {
   TakeOptions peer_options;
-  peer_options.method = "exhaustive-dlt";
+  peer_options.method.kind = TakeMethod::Kind::kExhaustiveDlt;
   TakeResult ours, peer;
   Compare(Balancing(), {}, &ours);
   Compare(Balancing(), peer_options, &peer);

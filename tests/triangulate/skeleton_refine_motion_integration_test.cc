@@ -202,10 +202,10 @@ TEST(SkeletonRefine, StretchingBonesAreNotForced) {
   Take take;
   Film(scene, &take);
   SkeletonRefineOptions options;
-  options.smoothness = "off";
+  options.smoothness = AutoOnOff::kOff;
   const SkeletonRefineResult refined = Refine(take, options);
   EXPECT_TRUE(refined.report.bone_lengths == 0 || refined.report.bone_lengths == 0.1) << refined.report.bone_lengths;
-  options.bone_lengths = "off";
+  options.bone_lengths = AutoOnOff::kOff;
   EXPECT_LT(RmsError(take, refined.points), 1.05 * RmsError(take, Refine(take, options).points));
 }
 
@@ -266,7 +266,7 @@ TEST(SkeletonRefine, TwoCamerasDecideNothing) {
     EXPECT_EQ(refined.points[i].point.x_in_world, take.result.points[i].point.x_in_world);
   }
   SkeletonRefineOptions on;
-  on.smoothness = "on";
+  on.smoothness = AutoOnOff::kOn;
   EXPECT_GT(Refine(take, on).report.smoothness, 0);
 }
 
@@ -276,7 +276,7 @@ TEST(SkeletonRefine, EmptyTakeAndWrongOptions) {
   TakeResult empty;
   EXPECT_TRUE(RefineSkeleton(take.prepared, empty, kBones, Solver(take.prepared), {}).points.empty());
   SkeletonRefineOptions options;
-  options.robust = "perhaps";
+  options.max_fill_sigmas = 0;
   EXPECT_THROW(Refine(take, options), UsageError);
 }
 

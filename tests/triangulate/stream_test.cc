@@ -39,7 +39,7 @@ TEST(TakeStream, GivesThePointsAndPersonsOfTheWholeTake) {
   TakeOptions options;
   options.max_persons = 2;
   options.sigma_px = 1;
-  options.method = "robust";
+  options.method = ByPoint(PointMethod::kRobust);
   options.holdout_points = 0;
   const TakeResult whole = TriangulateTake(rig, frames, kJoints, options);
   TakeStream stream(rig, kJoints, options);
@@ -72,7 +72,7 @@ TEST(TakeStream, SettlesNoiseAndMethodFromASample) {
   TakeResult sample;
   const TakeOptions settled = SettleOptions(rig, frames, kJoints, options, {}, &sample);
   EXPECT_NEAR(settled.sigma_px, 1, 0.1);
-  EXPECT_NE(settled.method, "auto");
+  EXPECT_FALSE(settled.method.IsAuto());
   EXPECT_EQ(settled.holdout_points, 0);
   EXPECT_TRUE(settled.select_views);
   EXPECT_GT(sample.holdout.all.num_samples, 100);

@@ -174,9 +174,6 @@ TEST(TriangulateTake, OptionsAreChecked) {
     EXPECT_THROW(TriangulateTake(rig, {}, kJoints, options), UsageError);
   };
   TakeOptions options;
-  options.method = "best";
-  expect_usage_error(options);
-  options = {};
   options.sigma_px = -1;
   expect_usage_error(options);
   options = {};
@@ -184,6 +181,15 @@ TEST(TriangulateTake, OptionsAreChecked) {
   expect_usage_error(options);
   EXPECT_THROW(TriangulateTake(rig, {{0, {{}}}}, kJoints, {}), ContractViolation);
   EXPECT_THROW(TriangulateTake(rig, {{0, {{DetectedPerson(3)}, {}, {}}}}, kJoints, {}), ContractViolation);
+}
+
+TEST(TakeMethod, HasAWordForEveryMethod) {
+  TakeMethod method;
+  for (const char* word : {"exhaustive-dlt", "robust", "linear", "linf", "auto"}) {
+    FromString(word, &method);
+    EXPECT_EQ(ToString(method), word);
+  }
+  EXPECT_THROW(FromString("best", &method), UsageError);
 }
 
 TEST(Diagnosis, NamesTheShiftedCamera) {

@@ -116,7 +116,7 @@ std::vector<LeftOutSample> Predict(const PreparedRig& rig, const Choice& choice,
 
 struct TermKind {
   const char* name;
-  const std::string* wish;
+  AutoOnOff wish;
   std::vector<double> weights;
   void (*set)(Terms*, double);
 };
@@ -145,7 +145,7 @@ size_t WeakestAsGood(const std::vector<TermTrial>& trials, const std::vector<std
 /// Tries the weights of one term beside those in `terms`; keeps one where it is wanted or justified.
 void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, const TermKind& kind, const RunContext& run,
              Terms* terms, std::vector<LeftOutSample>* current, SkeletonRefineReport* report) {
-  if (*kind.wish == "off") return;
+  if (kind.wish == AutoOnOff::kOff) return;
   std::vector<TermTrial> trials;
   std::vector<std::vector<LeftOutSample>> samples;
   for (const double weight : kind.weights) {
@@ -160,7 +160,7 @@ void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, c
     trial.better = Better(trial.difference);
   }
   const size_t pick = WeakestAsGood(trials, samples, choice);
-  trials[pick].chosen = trials[pick].better || *kind.wish == "on";
+  trials[pick].chosen = trials[pick].better || kind.wish == AutoOnOff::kOn;
   if (trials[pick].chosen) {
     kind.set(terms, trials[pick].weight);
     *current = std::move(samples[pick]);
@@ -202,9 +202,9 @@ Terms ChooseTerms(const PreparedRig& rig, const std::vector<Window>& persons, co
                   const SkeletonRefineOptions& options, Terms terms, const RunContext& run, SkeletonRefineReport* report) {
   const Choice choice = MakeChoice(rig, persons, bones, solve, options, run);
   const std::vector<TermKind> kinds = {
-      {"robust", &options.robust, {1}, [](Terms* t, double) { t->robust = true; }},
-      {"smoothness", &options.smoothness, {1, 0.3, 0.1, 0.03}, [](Terms* t, double w) { t->smoothness = w; }},
-      {"bone-lengths", &options.bone_lengths, {0.1, 0.03, 0.01, 0.003}, [](Terms* t, double w) { t->bone_lengths = w; }}};
+      {"robust", options.robust, {1}, [](Terms* t, double) { t->robust = true; }},
+      {"smoothness", options.smoothness, {1, 0.3, 0.1, 0.03}, [](Terms* t, double w) { t->smoothness = w; }},
+      {"bone-lengths", options.bone_lengths, {0.1, 0.03, 0.01, 0.003}, [](Terms* t, double w) { t->bone_lengths = w; }}};
   const std::vector<LeftOutSample> base = Predict(rig, choice, bones, terms, run);
   std::vector<LeftOutSample> current = base;
   report->before = SummarizeLeftOut(rig, base, choice.labels).all;

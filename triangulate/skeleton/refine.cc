@@ -75,15 +75,9 @@ using internal::WindowSolution;
 constexpr size_t kMaxWindowFrames = 600;
 
 void CheckOptions(const SkeletonRefineOptions& o) {
-  const auto require = [](bool holds, const std::string& message) {
+  const auto require = [](bool holds, const char* message) {
     if (!holds) throw UsageError(message);
   };
-  for (const auto& [name, value] : {std::pair<std::string, std::string>{"robust", o.robust},
-                                    {"smoothness", o.smoothness},
-                                    {"bone-lengths", o.bone_lengths}}) {
-    require(value == "auto" || value == "on" || value == "off",
-            "option 'refine-" + name + "' is auto, on or off, not " + value);
-  }
   require(o.max_fill_frames >= 0 && o.max_fill_frames <= 1000, "option 'refine-max-fill-frames' must lie in 0..1000");
   require(o.max_fill_sigmas > 0, "option 'refine-max-fill-sigmas' must be positive");
   require(o.choice_frames >= 10, "option 'refine-choice-frames' must be at least 10");

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/choice/auto_on_off.h"
 #include "core/progress.h"
 #include "triangulate/point/holdout.h"
 #include "triangulate/take/take.h"
@@ -13,9 +14,9 @@
 namespace mvstudio::triangulate {
 
 struct SkeletonRefineOptions {
-  std::string robust = "auto";
-  std::string smoothness = "auto";
-  std::string bone_lengths = "auto";
+  AutoOnOff robust = AutoOnOff::kAuto;
+  AutoOnOff smoothness = AutoOnOff::kAuto;
+  AutoOnOff bone_lengths = AutoOnOff::kAuto;
   int max_fill_frames = 10;
   double max_fill_sigmas = 3;
   int choice_frames = 120;

@@ -40,7 +40,7 @@ std::vector<int> SpreadNumbers(const std::vector<DetectedFrame>& frames) {
 
 LeftOutFigures LeaveOut(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                         TakeOptions options, const RunContext& run) {
-  options.method = "linear", options.select_views = true;
+  options.method = ByPoint(PointMethod::kLinear), options.select_views = true;
   const TakeProblem problem = PrepareTake(rig, frames, body, options, run);
   return HoldOut(problem, SolverFor(rig, problem, options, options.method), std::max(options.holdout_points, 500),
                  ResolveThreads(run.num_threads))

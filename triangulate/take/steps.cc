@@ -12,18 +12,9 @@
 namespace mvstudio::triangulate {
 namespace {
 
-constexpr char kExhaustiveDlt[] = "exhaustive-dlt";
-
-PointMethod MethodByName(const std::string& name) {
-  if (name == kExhaustiveDlt) return PointMethod::kRobust;
-  const std::optional<PointMethod> method = PointMethodFromString(name);
-  if (!method) throw UsageError("option 'method' " + name + " is unknown; choose one of " + MethodNames());
-  return *method;
-}
-
-PointOptions ToPointOptions(const TakeOptions& o, const std::string& method) {
+PointOptions ToPointOptions(const TakeOptions& o, const TakeMethod& method) {
   PointOptions options;
-  options.method = MethodByName(method);
+  options.method = method.point;
   options.select_views = o.select_views;
   options.max_residual_sigmas = o.max_residual_sigmas;
   options.min_parallax_sigmas = o.min_parallax_sigmas;
@@ -63,7 +54,7 @@ double MeanDiagonalPx(const geometry::Rig& rig) {
 
 void ResolveSigma(const geometry::Rig& rig, const TakeOptions& options, int num_threads, TakeProblem* problem) {
   problem->sigma_px = options.sigma_px;
-  if (options.method == kExhaustiveDlt) return;
+  if (options.method.IsExhaustiveDlt()) return;
   if (options.sigma_px == 0) {
     problem->sigma_px = EstimateNoiseScale(problem->rig, problem->observations, ToPointOptions(options, options.method),
                                            0.005 * MeanDiagonalPx(rig), 1.0, num_threads);
@@ -119,14 +110,7 @@ std::vector<size_t> SpreadOut(const PreparedRig& rig, const std::vector<Observat
 
 }  // namespace
 
-std::string MethodNames() {
-  std::string names = "auto";
-  for (const PointMethod method : kAllPointMethods) names += ", " + std::string(ToString(method));
-  return names + ", " + kExhaustiveDlt;
-}
-
 void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
-  MethodByName(o.method);
   const auto require = [](bool holds, const char* message) {
     if (!holds) throw UsageError(message);
   };
@@ -140,7 +124,7 @@ void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
   require(o.max_persons >= 1, "option 'max-persons' must be at least 1");
   require(o.max_error_px > 0, "option 'max-error-px' must be positive");
   require(o.holdout_points >= 0, "option 'holdout-points' must not be negative");
-  require(o.method != kExhaustiveDlt || rig.cameras.size() <= 20,
+  require(!o.method.IsExhaustiveDlt() || rig.cameras.size() <= 20,
           "option 'method' exhaustive-dlt takes at most 20 cameras; use auto");
 }
 
@@ -149,10 +133,10 @@ TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFram
   CheckOptions(rig, options);
   CheckFrames(rig, detected, body.num_joints);
   TakeProblem problem;
-  problem.rig = Prepare(rig, options.ignore_distortion || options.method == kExhaustiveDlt);
+  problem.rig = Prepare(rig, options.ignore_distortion || options.method.IsExhaustiveDlt());
   const TakeAssociation people = AssociatePeople(problem.rig, detected, ToAssociationOptions(options, body.mirror), run);
   problem.num_ghosts = people.num_ghosts;
-  if (options.fix_sides && !body.mirror.empty() && options.method != kExhaustiveDlt) {
+  if (options.fix_sides && !body.mirror.empty() && !options.method.IsExhaustiveDlt()) {
     std::vector<DetectedFrame> frames = detected;
     SideOptions sides;
     sides.min_score = options.min_score;
@@ -166,8 +150,8 @@ TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFram
 }
 
 PointSolver SolverFor(const geometry::Rig& rig, const TakeProblem& problem, const TakeOptions& options,
-                      const std::string& method) {
-  if (method == kExhaustiveDlt) {
+                      const TakeMethod& method) {
+  if (method.IsExhaustiveDlt()) {
     const ExhaustiveDltOptions dlt{options.max_error_px, options.min_score, 2};
     return [&rig, dlt](const std::vector<Observation>& seen) { return TriangulateExhaustiveDlt(rig, seen, dlt); };
   }

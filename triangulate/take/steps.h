@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "triangulate/take/take.h"
@@ -22,9 +21,9 @@ struct TakeProblem {
 TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                         const TakeOptions& options, const RunContext& run);
 
-/// The solver of a method by name (TakeOptions::method, but not "auto"). Keeps references to `rig` and `problem`.
+/// The solver of a method; auto counts as robust. Keeps references to `rig` and `problem`.
 PointSolver SolverFor(const geometry::Rig& rig, const TakeProblem& problem, const TakeOptions& options,
-                      const std::string& method);
+                      const TakeMethod& method);
 
 /// At most `max_views` of the observations, in their order, chosen one after the other so that the cameras are farthest
 /// apart.
@@ -35,8 +34,5 @@ std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& so
 
 /// Leave-one-camera-out errors on at most about `max_points` points, evenly spaced over the take.
 LeftOutSummary HoldOut(const TakeProblem& problem, const PointSolver& solve, int max_points, int num_threads);
-
-/// The method names that `method` accepts, in one line.
-std::string MethodNames();
 
 }  // namespace mvstudio::triangulate

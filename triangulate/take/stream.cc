@@ -14,7 +14,7 @@ TakeOptions SettleOptions(const geometry::Rig& rig, const std::vector<DetectedFr
   TakeOptions settled = options;
   settled.holdout_points = 0;
   settled.method = sample_result->method;
-  settled.select_views |= options.method == "auto";
+  settled.select_views |= options.method.IsAuto();
   if (sample_result->sigma_px > 0) settled.sigma_px = sample_result->sigma_px;
   return settled;
 }

@@ -1,6 +1,7 @@
 #include "triangulate/take/take.h"
 
 #include <chrono>
+#include <iterator>
 #include <utility>
 
 #include "triangulate/take/steps.h"
@@ -8,12 +9,16 @@
 namespace mvstudio::triangulate {
 namespace {
 
+/// What auto chooses among, the dearest first.
+constexpr PointMethod kCandidates[] = {PointMethod::kRobust, PointMethod::kMidpoint};
+
 /// All candidates choose among the views: whether some are wrong is not to be guessed from a sample of the take.
 MethodChoice Choose(const geometry::Rig& rig, const TakeProblem& problem, TakeOptions options, int num_threads) {
   options.select_views = true;
   std::vector<MethodCandidate> candidates;
-  candidates.push_back({"robust", 2, SolverFor(rig, problem, options, "robust")});
-  candidates.push_back({"midpoint", 1, SolverFor(rig, problem, options, "midpoint")});
+  double cost = std::size(kCandidates);
+  for (const PointMethod method : kCandidates)
+    candidates.push_back({std::string(ToString(method)), cost--, SolverFor(rig, problem, options, ByPoint(method))});
   MethodChoiceOptions choice;
   choice.max_points = options.holdout_points;
   choice.tolerance = 0;  // the cheaper one must not be worse by more than the standard error of the difference
@@ -39,9 +44,9 @@ TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedF
   TakeResult result;
   result.method = options.method;
   TakeOptions chosen = options;
-  if (options.method == "auto") {
+  if (options.method.IsAuto()) {
     result.choice = Choose(rig, problem, options, run.num_threads);
-    result.method = result.choice.scores[result.choice.chosen].name;
+    result.method = ByPoint(kCandidates[result.choice.chosen]);
     chosen.select_views = true;
   }
   const PointSolver solve = SolverFor(rig, problem, chosen, result.method);

@@ -11,10 +11,12 @@
 #include "triangulate/point/diagnosis.h"
 #include "triangulate/point/holdout.h"
 #include "triangulate/point/point.h"
+#include "triangulate/take/method.h"
+
 namespace mvstudio::triangulate {
 
 struct TakeOptions {
-  std::string method = "auto";         ///< "auto", "exhaustive-dlt" or a PointMethod's name
+  TakeMethod method;
   bool select_views = false;           ///< choose among the views with any method, as robust and auto always do
   double sigma_px = 0;                 ///< of a detection with score 1; 0: estimated from the take
   double min_score = 0.3;              ///< detections below are left out
@@ -76,7 +78,7 @@ struct TakeResult {
   std::vector<TakePoint> points;                       ///< every joint of every person in every frame: by frame, person, joint
   std::vector<std::vector<Observation>> observations;  ///< of each point, with its final sigmas
   std::vector<CameraDiagnosis> cameras;                ///< in the rig's order
-  std::string method;                                  ///< the method that solved the points
+  TakeMethod method;                                   ///< the method that solved the points; not auto
   MethodChoice choice;                                 ///< how the method auto chose it; no scores for any other
   LeftOutSummary holdout;                              ///< leave-one-camera-out errors of that method
   SideReport sides;                                    ///< detections whose left and right were swapped back
@@ -87,8 +89,8 @@ struct TakeResult {
 };
 
 /// Triangulates a take. `frames` ascend and hold one list of people per camera of the rig; every person has
-/// `body.num_joints` joints. The result does not depend on the number of threads. Throws UsageError for an unknown method
-/// or options out of range.
+/// `body.num_joints` joints. The result does not depend on the number of threads. Throws UsageError for options
+/// out of range.
 TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                            const TakeOptions& options, const RunContext& run = {});
 
