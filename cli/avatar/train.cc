@@ -337,7 +337,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--init-from", a->init_from,
             "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
             "initialisation unless --init-steps asks for one");
-  AddOption(sub, "--fit", a->fit,
+  AddChoice(sub, "--fit", a->fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
             "mannequin's four girths; off takes it as it is");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
