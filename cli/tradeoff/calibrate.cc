@@ -7,10 +7,10 @@
 
 #include "app/input/corner_input.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
-#include "cli/tradeoff/tradeoff.h"
 #include "core/error.h"
 #include "core/format.h"
 
