@@ -135,7 +135,7 @@ TEST(TradeoffCalibrate, MeasuresEveryWayAndMarksTheFront) {
   for (const nlohmann::json& trial : trials) {
     if (trial["model"] == "nonsense") {
       EXPECT_TRUE(trial["holdout_px"].is_null()) << trial;
-      EXPECT_THAT(trial["status"].get<std::string>(), HasSubstr("nonsense"));
+      EXPECT_THAT(trial["status"].get<std::string>(), HasSubstr("--model nonsense")) << "a flag, not an option's name";
       EXPECT_FALSE(trial["on_front"].get<bool>());
     } else if (trial["views"] != 2) {
       EXPECT_LT(trial["holdout_px"].get<double>(), 1) << trial;
