@@ -1,45 +1,117 @@
 #include "cli/program/commands.h"
 
 #include <cstring>
+#include <string>
 
 #include "cli/program/companion.h"
 #include "cli/program/options.h"
+#include "core/check.h"
 
-/// What `mvstudio` knows: the commands that do without libtorch.
+/// The list of the commands. It is compiled for each of the two programs; MVSTUDIO_ALL_COMMANDS: for `mvstudio-avatar`.
 namespace mvstudio::cli {
 namespace {
 
-/// No allocation, no exception: it is asked before anything is prepared.
-bool IsOneOf(const char* word, std::initializer_list<const char*> words) {
-  bool found = false;
-  for (const char* candidate : words) found = found || (word && !std::strcmp(word, candidate));
-  return found;
+#if MVSTUDIO_ALL_COMMANDS
+#define MVSTUDIO_NEEDS_TORCH(add) add, true
+#else
+#define MVSTUDIO_NEEDS_TORCH(add) nullptr, true  // not linked into `mvstudio`
+#endif
+#if MVSTUDIO_HAS_AVATAR
+#define MVSTUDIO_NEEDS_TORCH_IF_BUILT(add) MVSTUDIO_NEEDS_TORCH(add)
+#else
+#define MVSTUDIO_NEEDS_TORCH_IF_BUILT(add) add, false  // does less then
+#endif
+
+struct Command {
+  const char* name;  ///< one word, or two: that of a group first
+  void (*add)(CLI::App& parent, Registry& registry);
+  bool needs_torch = false;
+};
+
+/// In the order of the help.
+constexpr Command kCommands[] = {
+    {"demo", MVSTUDIO_NEEDS_TORCH(RegisterDemo)},
+    {"synth", RegisterSynth},
+    {"session", RegisterSession},
+    {"board", RegisterBoard},
+    {"calibrate", RegisterCalibrate},
+    {"calib", RegisterCalib},
+    {"models", MVSTUDIO_NEEDS_TORCH(RegisterModels)},
+    {"pose2d", MVSTUDIO_NEEDS_TORCH(RegisterPose2d)},
+    {"mask", MVSTUDIO_NEEDS_TORCH(RegisterMask)},
+    {"sync", RegisterSync},
+    {"triangulate", RegisterTriangulate},
+    {"tradeoff calibrate", RegisterTradeoffCalibrate},
+    {"tradeoff triangulate", RegisterTradeoffTriangulate},
+    {"tradeoff pack", RegisterTradeoffPack},
+    {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
+    {"dataset", RegisterDataset},
+    {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},
+    {"avatar train", MVSTUDIO_NEEDS_TORCH(RegisterAvatarTrain)},  // and resume, info
+    {"avatar eval", MVSTUDIO_NEEDS_TORCH(RegisterAvatarEval)},
+    {"avatar compare", MVSTUDIO_NEEDS_TORCH(RegisterAvatarCompare)},
+    {"avatar lift", MVSTUDIO_NEEDS_TORCH(RegisterAvatarLift)},
+    {"avatar render", MVSTUDIO_NEEDS_TORCH(RegisterAvatarRender)},
+    {"metrics", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterMetrics)},
+    {"report", RegisterReport},
+    {"doctor", RegisterDoctor},
+    {"version", RegisterVersion},
+};
+
+struct Group {
+  const char *name, *help;
+};
+constexpr Group kGroups[] = {
+    {"tradeoff", "Measure what speed costs in accuracy"},
+    {"avatar", "Train, score and render avatars"},
+};
+
+/// Whether `argv` begins with the words of `name`. No allocation, no exception: it is asked before anything is prepared.
+bool Begins(char** argv, const char* name) {
+  const char* const space = std::strchr(name, ' ');
+  const size_t length = space ? static_cast<size_t>(space - name) : std::strlen(name);
+  if (!*argv || std::strlen(*argv) != length || std::strncmp(*argv, name, length) != 0) return false;
+  return !space || Begins(argv + 1, space + 1);
+}
+
+CLI::App* Find(CLI::App& parent, const std::string& name) {
+  const auto found = parent.get_subcommands([&](const CLI::App* sub) { return sub->get_name() == name; });
+  return found.empty() ? nullptr : found.front();
+}
+
+/// The parent of a command; a group is made for the first of its commands.
+CLI::App* ParentOf(const std::string& name, CLI::App& app) {
+  const size_t space = name.find(' ');
+  if (space == std::string::npos) return &app;
+  const std::string group = name.substr(0, space);
+  if (CLI::App* made = Find(app, group)) return made;
+  for (const Group& known : kGroups) {
+    if (group != known.name) continue;
+    CLI::App* made = app.add_subcommand(group, known.help);
+    made->require_subcommand(1);
+    return made;
+  }
+  MVS_CHECK(false, "the command '" + name + "' is of no group");
+  return nullptr;
 }
 
 }  // namespace
 
 bool Runs(char** argv) {
-  if (!MVSTUDIO_HAS_AVATAR) return true;  // the only program there is
-  const char* const first = argv[0] ? argv[1] : nullptr;
-  if (IsOneOf(first, {"tradeoff"})) return IsOneOf(argv[2], {"calibrate", "triangulate", "pack"});
-  return IsOneOf(first, {"board", "calib", "calibrate", "dataset", "doctor", "report", "session", "sync", "synth",
-                         "triangulate", "version"});
+  if (MVSTUDIO_ALL_COMMANDS || !MVSTUDIO_HAS_AVATAR) return true;
+  bool runs = false;
+  for (const Command& command : kCommands) runs = runs || (!command.needs_torch && *argv && Begins(argv + 1, command.name));
+  return runs;
 }
 
 void RegisterAll(CLI::App& app, Registry& registry) {
-  RegisterSynth(app, registry);
-  RegisterSession(app, registry);
-  RegisterBoard(app, registry);
-  RegisterCalibrate(app, registry);
-  RegisterCalib(app, registry);
-  RegisterSync(app, registry);
-  RegisterTriangulate(app, registry);
-  RegisterTradeoff(app, registry);
-  RegisterDataset(app, registry);
-  if (!MVSTUDIO_HAS_AVATAR) RegisterMetrics(app, registry);
-  RegisterReport(app, registry);
-  RegisterDoctor(app, registry);
-  RegisterVersion(app, registry);
+  for (const Command& command : kCommands) {
+    if (!command.add) continue;
+    const std::string name = command.name;
+    CLI::App* parent = ParentOf(name, app);
+    command.add(*parent, registry);
+    MVS_CHECK(Find(*parent, name.substr(name.rfind(' ') + 1)), "the list names no command '" + name + "'");
+  }
 }
 
 }  // namespace mvstudio::cli

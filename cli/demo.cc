@@ -7,7 +7,7 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
-#include "cli/program/run_line.h"
+#include "cli/program/stage.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"

@@ -4,12 +4,54 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "core/json_tree.h"
 
 namespace mvstudio {
+
+/// Text from outside for a message: on one line, at most 60 bytes of it.
+template <class Json>
+std::string JsonEscaped(const std::string& text) {
+  constexpr size_t kMaxBytes = 60;
+  const std::string shown = Json(text.substr(0, kMaxBytes)).dump(-1, ' ', true, Json::error_handler_t::replace);
+  return shown.substr(1, shown.size() - 2) + (text.size() > kMaxBytes ? "…" : "");
+}
+
+/// The same in quotes.
+template <class Json>
+std::string JsonQuoted(const std::string& text) {
+  return "'" + JsonEscaped<Json>(text) + "'";
+}
+
+/// Throws FormatError with the place of the problem, that of the key or the byte, unless there is none.
+template <class Json>
+void ThrowIfBroken(const JsonProblem& problem, const JsonLimits& limits, const std::string& path) {
+  const std::string place = "byte " + std::to_string(problem.byte);
+  switch (problem.kind) {
+    case JsonProblem::Kind::kNone:
+      return;
+    case JsonProblem::Kind::kDepth:
+      throw FormatError(path, "", "is nested deeper than " + std::to_string(limits.max_depth) + " levels");
+    case JsonProblem::Kind::kTwice:
+      throw FormatError(path, problem.where, "the key " + JsonQuoted<Json>(problem.key) + " is there twice");
+    case JsonProblem::Kind::kNumber:
+      throw FormatError(path, place, "the number is beyond the range of doubles");
+    case JsonProblem::Kind::kSyntax:
+      throw FormatError(path, place, "is not valid JSON; cut short or damaged?");
+  }
+}
+
+/// The tree of a text. Throws FormatError.
+template <class Json>
+Json JsonFromText(std::string_view text, const JsonLimits& limits, const std::string& path) {
+  Json json;
+  ThrowIfBroken<Json>(ParseJsonTree(text, limits, &json), limits, path);
+  return json;
+}
 
 /// Checked access to a value of the library nlohmann::json with its place, for messages such as `calibration.json:
 /// cameras[3].K[1][2]: must be a number`. As in core/json_tree.h the library's type is a template parameter. `path` and
@@ -32,6 +74,13 @@ class BasicJsonView {
     if (idx >= ArraySize()) throw FormatError(*path_, where, "is missing");
     return BasicJsonView(*path_, (*value_)[idx], where);
   }
+  /// The value at a JSON pointer ("/crop/fill"), which names its place.
+  BasicJsonView AtPointer(const std::string& pointer) const {
+    const typename Json::json_pointer at(pointer);
+    if (!value_->contains(at)) throw FormatError(*path_, pointer, "is missing");
+    return BasicJsonView(*path_, value_->at(at), pointer);
+  }
+  bool HasPointer(const std::string& pointer) const { return value_->contains(typename Json::json_pointer(pointer)); }
   /// An entry from an iteration over the object: looking it up again takes time that grows with their number.
   BasicJsonView Entry(const std::string& key, const Json& value) const { return BasicJsonView(*path_, value, Inside(key)); }
   /// The same value under a more helpful name than its place.
@@ -61,6 +110,11 @@ class BasicJsonView {
     return numbers;
   }
   int Int() const { return static_cast<int>(Whole(std::numeric_limits<int>::max())); }
+  /// The same, written as one: 3, not 3.0.
+  int PlainInt() const {
+    if (!value_->is_number_integer()) Fail("must be a whole number");
+    return Int();
+  }
   /// A whole number of at most 15 digits; TensorFlow writes 64-bit numbers as text.
   int64_t LongInt() const {
     if (!value_->is_string()) return static_cast<int64_t>(Whole(1e15));

@@ -55,17 +55,14 @@ void SetFiles(const ProcessFiles& files, posix_spawn_file_actions_t* actions) {
   posix_spawn_file_actions_addopen(actions, 0, "/dev/null", O_RDONLY, 0);
   const int mode = O_WRONLY | O_CREAT | (files.append ? O_APPEND : O_TRUNC);
   posix_spawn_file_actions_addopen(actions, 1, files.out.c_str(), mode, 0644);
-  if (files.err.empty()) {
-    posix_spawn_file_actions_adddup2(actions, 1, 2);
-  } else {
-    posix_spawn_file_actions_addopen(actions, 2, files.err.c_str(), mode, 0644);
-  }
+  if (!files.share_err && files.err.empty()) posix_spawn_file_actions_adddup2(actions, 1, 2);
+  if (!files.share_err && !files.err.empty()) posix_spawn_file_actions_addopen(actions, 2, files.err.c_str(), mode, 0644);
   if (!files.folder.empty()) posix_spawn_file_actions_addchdir_np(actions, files.folder.c_str());
 }
 
-/// A group of its own: Ctrl-C in a terminal is for the caller alone, who passes it on once. Signals that the caller ignores or
-/// blocks are none of the program's business.
-void SetSignals(posix_spawnattr_t* attributes) {
+/// In a group of its own, Ctrl-C in a terminal is for the caller alone, who passes it on once. Signals that the caller ignores
+/// or blocks are none of the program's business.
+void SetSignals(ProcessGroup group, posix_spawnattr_t* attributes) {
   sigset_t none, usual;
   sigemptyset(&none);
   sigemptyset(&usual);
@@ -73,26 +70,27 @@ void SetSignals(posix_spawnattr_t* attributes) {
   posix_spawnattr_setsigmask(attributes, &none);
   posix_spawnattr_setsigdefault(attributes, &usual);
   posix_spawnattr_setpgroup(attributes, 0);
-  posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+  const int own = group == ProcessGroup::kOwn ? POSIX_SPAWN_SETPGROUP : 0;
+  posix_spawnattr_setflags(attributes, static_cast<short>(own | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF));
 }
 
 void CheckNotEnded(const Children& children) {
   if (children.ended) throw CancelledError("interrupted");
 }
 
-pid_t Start(const std::vector<std::string>& words, const ProcessFiles& files) {
+pid_t Spawn(const std::vector<std::string>& words, const ProcessFiles& files, ProcessGroup group) {
   std::vector<char*> argv;
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
   SpawnSetup setup;
   SetFiles(files, &setup.actions);
-  SetSignals(&setup.attributes);
+  SetSignals(group, &setup.attributes);
   const std::lock_guard<std::mutex> lock(All().mutex);
   CheckNotEnded(All());
   pid_t child = 0;
   const int error = posix_spawnp(&child, argv[0], &setup.actions, &setup.attributes, argv.data(), environ);
   if (error != 0) throw IoError(words[0], std::string("cannot be started: ") + std::strerror(error));
-  All().alive[child] = true;
+  All().alive[child] = group == ProcessGroup::kOwn;
   return child;
 }
 
@@ -109,76 +107,108 @@ Ending TryAwait(pid_t child, int* status) {
 
 void Signal(pid_t child, bool group, int number) { kill(group ? -child : child, number); }
 
-/// Until `done` or the patience is over; false then.
-bool WaitFor(const std::function<bool()>& done) {
+/// Until `done` or the patience is over.
+void WaitFor(const std::function<bool()>& done) {
   const auto end = Clock::now() + kPatience;
-  while (!done()) {
-    if (Clock::now() > end) return false;
-    std::this_thread::sleep_for(kStep);
-  }
-  return true;
+  while (!done() && Clock::now() <= end) std::this_thread::sleep_for(kStep);
 }
 
-/// Ends a program and what it started. A group outlives its leader, so its number is still theirs.
-void EndGroup(pid_t child) {
-  int status = 0;
-  Signal(child, true, SIGTERM);
-  bool awaited = false;
+/// Ends programs and the groups that they lead. `has_ended` awaits one that has ended; asked again, it stays true. A group
+/// outlives its leader, so its number is still theirs.
+void EndAll(const std::map<pid_t, bool>& children, const std::function<bool(pid_t)>& has_ended) {
+  std::map<pid_t, bool> left = children;
+  for (const auto& [child, group] : children) Signal(child, group, SIGTERM);
   WaitFor([&] {
-    awaited = awaited || TryAwait(child, &status) != Ending::kNotYet;
-    return awaited && kill(-child, 0) != 0;
+    for (auto item = left.begin(); item != left.end();) {
+      const auto [child, group] = *item;
+      const bool gone = has_ended(child) && !(group && kill(-child, 0) == 0);
+      item = gone ? left.erase(item) : std::next(item);
+    }
+    return left.empty();
   });
-  Signal(child, true, SIGKILL);
-  while (!awaited && TryAwait(child, &status) == Ending::kNotYet) std::this_thread::sleep_for(kStep);
+  for (const auto& [child, group] : left) Signal(child, group, SIGKILL);
+  for (const auto& [child, group] : left) {
+    while (!has_ended(child)) std::this_thread::sleep_for(kStep);
+  }
 }
 
 }  // namespace
 
-int RunProcess(const std::vector<std::string>& words, const ProcessFiles& files, const std::function<void()>& poll) {
+void Processes::Start(const std::vector<std::string>& words, const ProcessFiles& files) {
   MVS_CHECK(!words.empty(), "no program");
-  const pid_t child = Start(words, files);
-  int status = 0;
-  Ending ending = Ending::kNotYet;
-  while ((ending = TryAwait(child, &status)) == Ending::kNotYet) {
-    try {
-      if (poll) poll();
-    } catch (...) {
-      EndGroup(child);
-      throw;
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  children_.push_back({0, words[0]});
+  try {
+    children_.back().pid = Spawn(words, files, group_);
+  } catch (...) {
+    children_.pop_back();
+    throw;
   }
-  if (ending == Ending::kUnknown)  // so when signals of ended children are ignored (SIGCHLD)
-    throw IoError(words[0], "was started, but how it ended cannot be found out: somebody else has awaited it");
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-void AddChild(pid_t child, bool group) {
-  const std::lock_guard<std::mutex> lock(All().mutex);
-  CheckNotEnded(All());
-  All().alive[child] = group;
+bool Processes::AnyEnded() const {
+  return std::any_of(children_.begin(), children_.end(), [](const Child& child) {
+    if (child.exit) return true;
+    siginfo_t ended = {};
+    return waitid(P_PID, static_cast<id_t>(child.pid), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid != 0;
+  });
 }
 
-void RemoveChild(pid_t child) {
-  const std::lock_guard<std::mutex> lock(All().mutex);
-  All().alive.erase(child);
+bool Processes::Collect() {
+  bool all = true;
+  for (Child& child : children_) {
+    if (child.exit) continue;
+    int status = 0;
+    const Ending ending = TryAwait(child.pid, &status);
+    if (ending == Ending::kNotYet) {
+      all = false;
+      continue;
+    }
+    child.exit = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    if (ending == Ending::kUnknown)  // so when signals of ended children are ignored (SIGCHLD)
+      throw IoError(child.name, "was started, but how it ended cannot be found out: somebody else has awaited it");
+  }
+  return all;
+}
+
+std::vector<int> Processes::Wait(const std::function<void()>& poll) {
+  const auto failed = [](const Child& child) { return child.exit && *child.exit != 0; };
+  try {
+    while (!Collect() && std::none_of(children_.begin(), children_.end(), failed)) {
+      if (poll) poll();
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+  } catch (...) {
+    End();
+    throw;
+  }
+  std::vector<int> exits;
+  for (const Child& child : children_) exits.push_back(child.exit.value_or(kWasEnded));
+  End();
+  return exits;
+}
+
+void Processes::End() {
+  std::map<pid_t, bool> left;
+  for (const Child& child : children_) {
+    if (!child.exit) left[child.pid] = group_ == ProcessGroup::kOwn;
+  }
+  children_.clear();
+  EndAll(left, [](pid_t child) {
+    int status = 0;
+    return TryAwait(child, &status) != Ending::kNotYet;
+  });
+}
+
+int RunProcess(const std::vector<std::string>& words, const ProcessFiles& files, const std::function<void()>& poll) {
+  Processes one;
+  one.Start(words, files);
+  return one.Wait(poll).front();
 }
 
 void EndChildren() {
   const std::lock_guard<std::mutex> lock(All().mutex);
   All().ended = true;
-  const std::map<pid_t, bool> children = All().alive;
-  for (const auto& [child, group] : children) Signal(child, group, SIGTERM);
-  std::map<pid_t, bool> left = children;
-  WaitFor([&] {
-    for (auto item = left.begin(); item != left.end();) {
-      const bool ended = waitpid(item->first, nullptr, WNOHANG) != 0;
-      item = ended && !(item->second && kill(-item->first, 0) == 0) ? left.erase(item) : std::next(item);
-    }
-    return left.empty();
-  });
-  for (const auto& [child, group] : left) Signal(child, group, SIGKILL);
-  for (const auto& [child, group] : left) waitpid(child, nullptr, 0);
+  EndAll(All().alive, [](pid_t child) { return waitpid(child, nullptr, WNOHANG) != 0; });
   All().alive.clear();
 }
 

@@ -6,7 +6,7 @@
 namespace mvstudio {
 namespace {
 
-constexpr std::array<std::pair<Status, std::string_view>, 10> kNames = {{
+constexpr std::array<std::pair<Status, std::string_view>, 11> kNames = {{
     {Status::kOk, "Ok"},
     {Status::kTooFewViews, "TooFewViews"},
     {Status::kLowParallax, "LowParallax"},
@@ -17,6 +17,7 @@ constexpr std::array<std::pair<Status, std::string_view>, 10> kNames = {{
     {Status::kNonFiniteInput, "NonFiniteInput"},
     {Status::kOutsideValidRadius, "OutsideValidRadius"},
     {Status::kNotConverged, "NotConverged"},
+    {Status::kUndefined, "Undefined"},
 }};
 
 }  // namespace

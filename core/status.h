@@ -17,6 +17,7 @@ enum class Status {
   kNonFiniteInput,      ///< the input contains NaN or infinity
   kOutsideValidRadius,  ///< beyond the radius where the lens model can be inverted
   kNotConverged,        ///< the iteration ended without reaching its tolerance
+  kUndefined,           ///< a residual has no value at the start of the iteration
 };
 
 /// "Ok", "TooFewViews", … as written in points.csv and in JSON.

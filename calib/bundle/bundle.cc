@@ -220,15 +220,15 @@ Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& o
   for (double scale : kRobustScales) {
     if (!options.reject_outliers) break;
     SetRobustWeights(*state, prior, scale, each, views);
-    if (SolveOnce(*views, options, kRobustTolerance, state, &report->num_iterations) == Status::kBehindCamera)
-      return Status::kBehindCamera;
+    if (SolveOnce(*views, options, kRobustTolerance, state, &report->num_iterations) == Status::kUndefined)
+      return Status::kUndefined;
   }
   for (size_t v = 0; v < views->size(); ++v) (*views)[v].weights = prior[v];
   for (int round = 0; options.reject_outliers && round < kRejectRounds; ++round) {
     const int changes = SetRejections(*state, prior, options.reject_sigmas, each, views);
     if (round > 0 && changes == 0) break;
-    if (SolveOnce(*views, options, kRejectTolerance, state, &report->num_iterations) == Status::kBehindCamera)
-      return Status::kBehindCamera;
+    if (SolveOnce(*views, options, kRejectTolerance, state, &report->num_iterations) == Status::kUndefined)
+      return Status::kUndefined;
   }
   const Status status = SolveOnce(*views, options, options.cost_tolerance, state, &report->num_iterations);
   // The last digits may let corners back in (without noise, hundreds).
@@ -248,7 +248,7 @@ BundleReport SolveBundle(std::vector<View>* views, RigState* state, const Bundle
   MoveOrigin(centre, state);
   report.status = Iterate(views, state, options, prior, &report);
   MoveOrigin(-centre, state);
-  if (report.status == Status::kBehindCamera)
+  if (report.status == Status::kUndefined)
     return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
   if (report.status != Status::kOk) report.message = "the adjustment did not reach its tolerance";
   Summarize(*views, *state, options, prior, &report);

@@ -154,7 +154,7 @@ SchurLmReport SolveSchurLm(SchurProblem* problem, SchurSystem* system, const Sch
   SchurLmReport report;
   problem->Try(Eigen::VectorXd::Zero(system->g.size()), Eigen::MatrixXd::Zero(system->block_dim(), system->num_blocks()));
   report.num_iterations = 1;
-  if (!problem->LinearizeTrial(system)) return {Status::kBehindCamera, 0, 1};
+  if (!problem->LinearizeTrial(system)) return {Status::kUndefined, 0, 1};
   problem->AcceptTrial();
   SchurSystem trial = *system;
   double damping = options.first_damping, growth = 2;

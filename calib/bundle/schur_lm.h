@@ -48,7 +48,7 @@ struct SchurLmOptions {
 };
 
 struct SchurLmReport {
-  Status status = Status::kOk;  ///< kNotConverged; kBehindCamera: a residual is undefined at the start
+  Status status = Status::kOk;  ///< kNotConverged; kUndefined: a residual has no value at the start
   double cost = 0;
   int num_iterations = 0;  ///< linearizations
 };

@@ -130,7 +130,8 @@ KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<Ke
     if (usable) from = coarse.rig, scale = coarse.cauchy_px;
   }
   KeypointSolution solution = SolveRounds(from, joints, freedom, cauchy_px, scale, num_threads, start_fits);
-  if (solution.status == Status::kBehindCamera) solution.message = "the start puts the points behind the cameras";
+  if (solution.status == Status::kUndefined)
+    solution.status = Status::kBehindCamera, solution.message = "the start puts the points behind the cameras";
   // Ends that creep along a flat valley are solutions to the accuracy that the noise allows.
   if (solution.status == Status::kNotConverged) solution.status = Status::kOk;
   return solution;

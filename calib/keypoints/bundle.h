@@ -16,7 +16,7 @@ struct KeypointFreedom {
 };
 
 struct KeypointSolution {
-  Status status = Status::kOk;  ///< kTooFewViews, kNotConverged
+  Status status = Status::kOk;  ///< kTooFewViews, kBehindCamera, kNotConverged
   std::string message;          ///< one line when the status is not kOk
   geometry::Rig rig;            ///< frame and scale near those of the start where no data fix them; no covariances
   double cauchy_px = 0;         ///< scale of the noise, see KeypointCost

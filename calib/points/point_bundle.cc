@@ -252,7 +252,8 @@ PointBundleReport SolvePointBundle(PointScene* scene, std::vector<PointObservati
   Summarise(*scene, *observations, options, &report);
   for (size_t i = 0; i < weights.size(); ++i) report.num_rejected += weights[i] > 0 && !((*observations)[i].weight > 0);
   report.status = lm.status;
-  if (lm.status != Status::kOk)
+  if (lm.status == Status::kUndefined) report.message = "a residual has no value at the start";
+  if (lm.status == Status::kNotConverged)
     report.message = "the adjustment ended after " + std::to_string(report.num_iterations) + " steps without converging";
   return report;
 }

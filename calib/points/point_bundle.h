@@ -54,7 +54,7 @@ struct PointBundleOptions {
 };
 
 struct PointBundleReport {
-  Status status = Status::kOk;      ///< kTooFewViews, kNonFiniteInput, kNotConverged
+  Status status = Status::kOk;      ///< kTooFewViews, kNonFiniteInput, kNotConverged, kUndefined
   std::string message;              ///< one line when the status is not kOk
   double start_cost = 0, cost = 0;  ///< weighted sums of squared residuals
   double rms_px = 0;                ///< 2-D point RMS over the observations that were kept

@@ -230,7 +230,7 @@ int DistinctPoints(const std::vector<PointClick>& clicks) {
 
 void FillCovariance(const ResectionProblem& problem, const std::vector<bool>& used, const Normal& normal, double sigma_px,
                     PointResection* out) {
-  const Eigen::MatrixXd inverse = normal.h.inverse(), covariance = sigma_px * sigma_px * inverse;
+  const Eigen::MatrixXd inverse = geometry::ScaledInverse(normal.h), covariance = sigma_px * sigma_px * inverse;
   out->unknowns_covariance = covariance, out->unknowns_by_given = -inverse * MixedNormal(problem, used);
   out->lens_directions = problem.directions;
   out->covariance = covariance.topLeftCorner<6, 6>();
@@ -243,8 +243,9 @@ void FillCovariance(const ResectionProblem& problem, const std::vector<bool>& us
   }
 }
 
-/// Distance of the nearest used point and the largest standard deviation of the centre.
+/// Whether the largest standard deviation of the centre is small beside the distance of the nearest used point.
 bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used, const PointResection& out) {
+  if (!out.covariance.allFinite()) return false;
   double nearest = kInfinity;
   for (size_t i = 0; i < used.size(); ++i) {
     if (!used[i]) continue;
@@ -259,7 +260,7 @@ bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used
   j << -world_r_rig * geometry::CrossMatrix(problem.rig_from_world.translation), -world_r_rig;
   const Eigen::Matrix3d centre = j * out.covariance * j.transpose();
   const double worst = std::sqrt(std::max(0.0, geometry::SymmetricEigenvalues(centre)[2]));
-  return out.covariance.allFinite() && worst <= 0.25 * nearest;
+  return worst <= 0.25 * nearest;
 }
 
 }  // namespace

@@ -1,22 +1,12 @@
 #include "cli/avatar/ranks.h"
 
-#include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cstring>
 
 #include "cli/program/options.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "core/process.h"
-
-extern char** environ;
 
 namespace mvstudio::cli {
 namespace {
@@ -33,21 +23,6 @@ std::vector<std::string> Without(const std::vector<std::string>& words, const st
     }
   }
   return rest;
-}
-
-/// Starts this program again with its standard output closed: only the first rank reports.
-pid_t Start(std::vector<std::string> words) {
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  pid_t child = 0;
-  const int error = posix_spawn(&child, "/proc/self/exe", &actions, nullptr, argv.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) throw ResourceError(std::string("cannot start another rank: ") + std::strerror(error));
-  return child;
 }
 
 }  // namespace
@@ -78,62 +53,42 @@ RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& conte
   meeting_ = std::make_unique<ScratchFolder>(folder);
   place_ = {0, a.ranks, meeting_->path() + "/ranks", true, {}};
   threads_ = std::max(1, ResolveThreads(context.run.num_threads) / a.ranks);
-  const std::vector<std::string> words = Without(context.argv, {"--ranks", "--threads", "--progress"});
-  try {
-    StartOthers(words, a.ranks);
-  } catch (...) {
-    EndOthers();
-    throw;
-  }
+  StartOthers(Without(context.argv, {"--ranks", "--threads", "--progress"}), a.ranks);
 }
 
 void RankProcesses::StartOthers(const std::vector<std::string>& words, int ranks) {
   for (int rank = 1; rank < ranks; ++rank) {
     std::vector<std::string> child = words;
+    child.front() = kThisProgram;
     for (const std::string& word :
          {std::string("--rank"), std::to_string(rank), std::string("--world-size"), std::to_string(ranks),
           std::string("--rendezvous"), "local:" + place_.rendezvous, std::string("--threads"), std::to_string(threads_),
           std::string("--progress"), std::string("none")})
       child.push_back(word);
-    children_.push_back(Start(child));
-    AddChild(children_.back(), false);
+    ProcessFiles files;
+    files.out = "/dev/null";  // only the first rank reports
+    files.share_err = true;
+    try {
+      others_.Start(child, files);
+    } catch (const IoError& error) {
+      throw ResourceError(std::string("cannot start another rank: ") + error.what());
+    }
   }
 }
-
-void RankProcesses::EndOthers() {
-  for (const pid_t child : children_) kill(child, SIGTERM);
-  for (const pid_t child : children_) {
-    waitpid(child, nullptr, 0);
-    RemoveChild(child);
-  }
-  children_.clear();
-}
-
-RankProcesses::~RankProcesses() { EndOthers(); }
 
 std::shared_ptr<const avatar::Ranks> RankProcesses::Join() const {
   if (place_.size == 1) return nullptr;
   avatar::RankPlace place = place_;
   place.while_waiting = [this] {
     if (progress_ && progress_->Cancelled()) throw CancelledError("interrupted before the other ranks were there");
-    for (const pid_t child : children_) {
-      siginfo_t ended = {};
-      if (waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid != 0)
-        throw IoError("--ranks", "another rank ended before training began; see its message above");
-    }
+    if (others_.AnyEnded()) throw IoError("--ranks", "another rank ended before training began; see its message above");
   };
   return avatar::JoinRanks(place);
 }
 
 void RankProcesses::Finish() {
-  int failed = 0;
-  for (const pid_t child : children_) {
-    int status = 0;
-    waitpid(child, &status, 0);
-    RemoveChild(child);
-    failed += !WIFEXITED(status) || WEXITSTATUS(status) != 0;
-  }
-  children_.clear();
+  const std::vector<int> exits = others_.Wait();
+  const auto failed = std::count_if(exits.begin(), exits.end(), [](int exit) { return exit > 0; });
   if (failed > 0)
     throw IoError("--ranks", std::to_string(failed) + " of the other ranks did not end well; see their messages above");
 }

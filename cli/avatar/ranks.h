@@ -1,7 +1,5 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +7,7 @@
 #include "avatar/train/train_ranks.h"
 #include "cli/program/command.h"
 #include "core/disk/output.h"
+#include "core/process.h"
 
 /// Several processes of this program that train one avatar together.
 namespace mvstudio::cli {
@@ -26,9 +25,6 @@ class RankProcesses {
   /// Starts `arguments.ranks` - 1 processes that find each other by a file in `folder`; with one rank, or where --rank says
   /// that someone else starts them, none.
   RankProcesses(const RankArguments& arguments, const CommandContext& context, const std::string& folder);
-  ~RankProcesses();
-  RankProcesses(const RankProcesses&) = delete;
-  RankProcesses& operator=(const RankProcesses&) = delete;
 
   const avatar::RankPlace& place() const { return place_; }
   bool first() const { return place_.rank == 0; }
@@ -36,18 +32,17 @@ class RankProcesses {
   int threads() const { return threads_; }
   /// The connection; null for one process.
   std::shared_ptr<const avatar::Ranks> Join() const;
-  /// Waits for them; throws IoError when one did not end well.
+  /// Waits for them; throws IoError when one did not end well, which ends the rest.
   void Finish();
 
  private:
   void StartOthers(const std::vector<std::string>& words, int ranks);
-  void EndOthers();
 
   const ProgressSink* progress_;
   std::unique_ptr<ScratchFolder> meeting_;  ///< where they find each other
   avatar::RankPlace place_;
   int threads_;
-  std::vector<pid_t> children_;
+  Processes others_{ProcessGroup::kShared};  ///< Ctrl-C reaches all ranks
 };
 
 }  // namespace mvstudio::cli

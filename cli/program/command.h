@@ -57,7 +57,7 @@ class Registry {
   std::vector<Entry> entries_;
 };
 
-/// One line each in commands.cc; defined in the command's file.
+/// All commands that this program has (cli/commands.cc).
 void RegisterAll(CLI::App& app, Registry& registry);
 
 }  // namespace mvstudio::cli

@@ -2,9 +2,8 @@
 
 #include "cli/program/command.h"
 
-/// One function a command file; each adds its subcommands to `app` (Avatar*, Dataset*: to the subcommand of that
-/// name) and registers what
-/// they run.
+/// One function a command file; each adds its subcommands to `app` (Tradeoff*, Avatar*, Dataset*: to the subcommand of that
+/// name) and registers what they run. Their list is in cli/commands.cc.
 namespace mvstudio::cli {
 
 void RegisterDemo(CLI::App& app, Registry& registry);
@@ -12,7 +11,9 @@ void RegisterSynth(CLI::App& app, Registry& registry);
 void RegisterBoard(CLI::App& app, Registry& registry);
 void RegisterCalibrate(CLI::App& app, Registry& registry);
 void RegisterCalib(CLI::App& app, Registry& registry);
-void RegisterTradeoff(CLI::App& app, Registry& registry);
+void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
+void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
+void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry);
 void RegisterSync(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);

@@ -128,16 +128,4 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   return outcome;
 }
 
-LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context) {
-  GlobalOptions global;
-  global.threads = context.run.num_threads;
-  global.seed = context.run.seed;
-  std::vector<std::string> argv = {"mvstudio"};
-  argv.insert(argv.end(), words.begin(), words.end());
-  return RunLine(words, global, [&](const Registry::Entry& entry) {
-    CommandContext stage{{context.run.progress, global.threads, global.seed}, argv};
-    return entry.run(stage);
-  });
-}
-
 }  // namespace mvstudio::cli

@@ -30,8 +30,4 @@ struct LineOutcome {
 LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
                     const std::function<CommandResult(const Registry::Entry&)>& run);
 
-/// Runs one stage of a longer command in the same process: as `mvstudio WORDS…` would, with the progress and threads of
-/// `context`.
-LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context);
-
 }  // namespace mvstudio::cli

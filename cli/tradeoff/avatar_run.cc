@@ -5,13 +5,12 @@
 #include <filesystem>
 #include <sstream>
 
+#include "cli/program/stage.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
-#include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
-#include "core/process.h"
 #include "report/page/value.h"
 
 namespace mvstudio::cli {
@@ -30,21 +29,21 @@ std::vector<std::string> Words(const std::string& text, char between = ' ') {
   return words;
 }
 
-/// The result object of a command of this program.
-Value Call(const std::vector<std::string>& words, const std::string& folder, const std::function<void()>& poll) {
-  const ScratchFolder scratch(folder);
-  std::vector<std::string> line = {"/proc/self/exe"};
-  line.insert(line.end(), words.begin(), words.end());
-  line.push_back("--json");
-  const std::string out = scratch.path() + "/out", err = scratch.path() + "/err";
-  const int exit = RunProcess(line, {out, err}, poll);
-  const std::string text = ReadFile(out);
+/// Fields of the result of a command of this program, which runs as a child.
+struct Called {
+  Value metrics, timing;
+};
+
+Called Call(const std::vector<std::string>& words, const CommandContext& context, const std::string& folder,
+            const std::function<void()>& poll) {
+  const LineOutcome outcome = RunStage(words, context, {StageMode::kChild, folder, poll});
+  const int exit = outcome.result.exit;
   if (exit != kExitOk && exit != kExitPartial) {
-    std::string why;
-    if (!text.empty()) why = Value::Parse(text, out)["errors"].At(0)["text"].Text();
+    const std::string why = outcome.result.errors.empty() ? "" : outcome.result.errors.front().text;
     throw IoError(folder, "`mvstudio " + Join(words, " ") + "` ended with " + std::to_string(exit) + ": " + why);
   }
-  return Value::Parse(text, out);
+  const Value json = Value::Parse(outcome.json.dump(), folder);
+  return {json["metrics"], json["timing"]};
 }
 
 std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, const CommandContext& context,
@@ -98,14 +97,14 @@ Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandCont
     if (!resume) RemoveOurs({folder});
     MakeFolder(folder);
     keep();
-    const Value result =
+    const Called result =
         Call(resume ? std::vector<std::string>{"avatar", "resume", folder, "--threads", std::to_string(context.run.num_threads)}
                     : train,
-             folder, poll);
-    record.Set("train", result["metrics"]).Set("train_timing", result["timing"]);
+             context, folder, poll);
+    record.Set("train", result.metrics).Set("train_timing", result.timing);
     keep();
   }
-  record.Set("eval", Call(eval, folder, poll)["metrics"]).Set("eval_words", Join(eval, " "));
+  record.Set("eval", Call(eval, context, folder, poll).metrics).Set("eval_words", Join(eval, " "));
   keep();
   return record;
 }

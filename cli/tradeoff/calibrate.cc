@@ -7,10 +7,11 @@
 
 #include "app/input/corner_input.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/commands.h"
+#include "cli/program/flag_text.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
-#include "cli/tradeoff/tradeoff.h"
 #include "core/error.h"
 #include "core/format.h"
 
@@ -84,7 +85,7 @@ Trial Run(const calib::CalibrateInput& input, Trial trial, double detect_s, cons
     trial.holdout_px = solved ? report.rig_holdout_rms_px : std::nan("");
     trial.edge_mm = solved ? report.board_metrics.edge_rms_mm : std::nan("");
   } catch (const UsageError& error) {
-    trial.status = error.what();
+    trial.status = WithFlags(error.what());
     trial.holdout_px = trial.edge_mm = std::nan("");
   }
   trial.seconds = detect_s + Now() - start;

@@ -4,8 +4,8 @@
 
 #include "app/dataset/pack_speed.h"
 #include "app/study/tradeoff.h"
+#include "cli/program/commands.h"
 #include "cli/program/options.h"
-#include "cli/tradeoff/tradeoff.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"

@@ -6,7 +6,7 @@
 
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
-#include "core/json_tree.h"
+#include "core/json_view.h"
 #include "core/label.h"
 
 namespace mvstudio::dataset::internal {
@@ -15,28 +15,9 @@ namespace {
 
 constexpr size_t kMaxDepth = 64;
 
-[[noreturn]] void Refuse(const JsonProblem& problem, const std::string& path) {
-  const std::string place = "byte " + std::to_string(problem.byte);
-  switch (problem.kind) {
-    case JsonProblem::Kind::kDepth:
-      throw FormatError(path, "", "is nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    case JsonProblem::Kind::kTwice:
-      throw FormatError(path, problem.where, "the key " + Quoted(problem.key) + " is there twice");
-    case JsonProblem::Kind::kNumber:
-      throw FormatError(path, place, "the number is beyond the range of doubles");
-    default:
-      throw FormatError(path, place, "is not valid JSON; cut short or damaged?");
-  }
-}
-
 }  // namespace
 
-Json ParseJson(std::string_view text, const std::string& path) {
-  Json json;
-  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, true}, &json);
-  if (problem.kind != JsonProblem::Kind::kNone) Refuse(problem, path);
-  return json;
-}
+Json ParseJson(std::string_view text, const std::string& path) { return JsonFromText<Json>(text, {kMaxDepth, true}, path); }
 
 std::string ReadTextFile(const std::string& path, int64_t max_bytes) {
   std::error_code error;
@@ -68,10 +49,6 @@ std::string StreamNumberText(double value) {
   return text;
 }
 
-std::string Quoted(const std::string& text) {
-  constexpr size_t kMaxBytes = 60;
-  const std::string shown = Json(text.substr(0, kMaxBytes)).dump(-1, ' ', true, Json::error_handler_t::replace);
-  return "'" + shown.substr(1, shown.size() - 2) + (text.size() > kMaxBytes ? "…" : "") + "'";
-}
+std::string Quoted(const std::string& text) { return JsonQuoted<Json>(text); }
 
 }  // namespace mvstudio::dataset::internal

@@ -1,20 +1,11 @@
-#include "core/json_tree.h"
+#include "core/json_view.h"
 #include "detect/tfjs/json_internal.h"
 
 namespace mvstudio::detect::internal {
 
 Json ParseJson(const std::string& path, const std::string& text) {
   constexpr size_t kMaxDepth = 64;
-  Json json;
-  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &json);
-  switch (problem.kind) {
-    case JsonProblem::Kind::kNone:
-      return json;
-    case JsonProblem::Kind::kDepth:
-      throw FormatError(path, "", "is nested deeper than 64 levels");
-    default:
-      throw FormatError(path, "byte " + std::to_string(problem.byte), "is not valid JSON; cut short or damaged?");
-  }
+  return JsonFromText<Json>(text, {kMaxDepth, false}, path);
 }
 
 namespace {

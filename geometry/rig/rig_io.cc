@@ -9,7 +9,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "core/json_tree.h"
+#include "core/json_view.h"
 #include "core/label.h"
 #include "core/log.h"
 #include "geometry/rig/rig_io_internal.h"
@@ -21,7 +21,6 @@ using internal::Json;
 constexpr size_t kMaxDepth = 16;
 constexpr int kMaxSizePx = 1 << 20;
 
-using internal::Escaped;
 using internal::Shown;
 
 /// Keys that nobody asks for: the first few are named, the others counted.
@@ -31,7 +30,8 @@ class UnknownKeys {
 
   void Add(const std::string& where, const std::string& key) {
     if (++count_ > kMostNamed) return;
-    Log(LogLevel::kWarning, path_ + ": " + (where.empty() ? "" : where + ".") + Escaped(key) + ": unknown key, ignored");
+    Log(LogLevel::kWarning,
+        path_ + ": " + (where.empty() ? "" : where + ".") + JsonEscaped<Json>(key) + ": unknown key, ignored");
   }
   void Finish() const {
     if (count_ <= kMostNamed) return;
@@ -44,71 +44,45 @@ class UnknownKeys {
   size_t count_ = 0;
 };
 
-/// A value of the document and the place it stands at, for messages.
-struct Node {
-  const Json* value;
-  const std::string* path;
-  std::string where;
-  UnknownKeys* unknown;
+/// A value of the document. Keys that nobody asks for go to `unknown`.
+class Node : public BasicJsonView<Json> {
+ public:
+  Node(const BasicJsonView<Json>& view, UnknownKeys* unknown) : BasicJsonView<Json>(view), unknown_(unknown) {}
 
-  [[noreturn]] void Fail(const std::string& what) const { throw FormatError(*path, where, what); }
-
-  const Json* Find(const std::string& key) const {
-    const auto found = value->find(key);
-    return found == value->end() ? nullptr : &*found;
-  }
+  /// What is missing is a fault of the object.
   Node At(const std::string& key) const {
-    const Json* found = Find(key);
-    if (!found) Fail("key '" + key + "' is missing");
-    return {found, path, where.empty() ? key : where + "." + key, unknown};
+    if (!Has(key.c_str())) Fail("key '" + key + "' is missing");
+    return {(*this)[key.c_str()], unknown_};
   }
-  Node At(size_t index) const { return {&(*value)[index], path, where + "[" + std::to_string(index) + "]", unknown}; }
+  Node At(size_t index) const { return {(*this)[index], unknown_}; }
 
   void RequireObject(std::initializer_list<const char*> known) const {
-    if (!value->is_object()) Fail(std::string("an object was expected, this is ") + value->type_name());
-    for (const auto& [key, ignored] : value->items()) {
+    if (!value().is_object()) Fail("must be an object");
+    for (const auto& [key, ignored] : value().items()) {
       bool is_known = false;
       for (const char* name : known) is_known |= key == name;
-      if (!is_known) unknown->Add(where, key);
+      if (!is_known) unknown_->Add(where(), key);
     }
   }
-  void RequireArray(size_t size) const {
-    if (!value->is_array()) Fail(std::string("an array was expected, this is ") + value->type_name());
-    if (value->size() != size) Fail(std::to_string(value->size()) + " entries, " + std::to_string(size) + " expected");
-  }
-  double Number() const {
-    if (!value->is_number()) Fail(std::string("a number was expected, this is ") + value->type_name());
-    const double number = value->get<double>();
-    if (!std::isfinite(number)) Fail("not a finite number");
-    return number;
-  }
-  int Integer() const {
-    if (!value->is_number_integer()) Fail("an integer was expected");
-    const double number = value->get<double>();
-    if (!(std::abs(number) <= 1e9)) Fail(value->dump() + " is out of range");
-    return static_cast<int>(number);
-  }
-  std::string Text() const {
-    if (!value->is_string()) Fail(std::string("a string was expected, this is ") + value->type_name());
-    return value->get<std::string>();
+  void RequireSize(size_t size) const {
+    if (ArraySize() != size) Fail(std::to_string(ArraySize()) + " entries, " + std::to_string(size) + " expected");
   }
   int SizePx() const {
-    if (!value->is_number_integer()) Fail("an integer number of pixels was expected");
-    const double number = value->get<double>();
-    if (!(number >= 1 && number <= kMaxSizePx)) Fail("image size " + value->dump() + " px is out of range");
+    if (!value().is_number_integer()) Fail("must be a whole number of pixels");
+    const double number = Number();
+    if (!(number >= 1 && number <= kMaxSizePx)) Fail("image size " + value().dump() + " px is out of range");
     return static_cast<int>(number);
   }
   Eigen::VectorXd Vector(size_t size) const {
-    RequireArray(size);
-    Eigen::VectorXd vector(static_cast<Eigen::Index>(size));
-    for (size_t i = 0; i < size; ++i) vector[static_cast<Eigen::Index>(i)] = At(i).Number();
-    return vector;
+    RequireSize(size);
+    const std::vector<double> numbers = Numbers();
+    return Eigen::Map<const Eigen::VectorXd>(numbers.data(), static_cast<Eigen::Index>(size));
   }
   /// Row i holds `size_of_row(i)` entries; known before a matrix is made for them.
   template <class SizeOfRow>
   void RequireRows(size_t size, SizeOfRow size_of_row) const {
-    RequireArray(size);
-    for (size_t i = 0; i < size; ++i) At(i).RequireArray(size_of_row(i));
+    RequireSize(size);
+    for (size_t i = 0; i < size; ++i) At(i).RequireSize(size_of_row(i));
   }
   Eigen::MatrixXd SquareMatrix(size_t size) const {
     RequireRows(size, [size](size_t) { return size; });
@@ -116,28 +90,10 @@ struct Node {
     for (size_t i = 0; i < size; ++i) matrix.row(static_cast<Eigen::Index>(i)) = At(i).Vector(size).transpose();
     return matrix;
   }
+
+ private:
+  UnknownKeys* unknown_;
 };
-
-[[noreturn]] void Refuse(const JsonProblem& problem, const std::string& path, size_t size) {
-  switch (problem.kind) {
-    case JsonProblem::Kind::kDepth:
-      throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    case JsonProblem::Kind::kTwice:
-      throw FormatError(path, problem.where, "the key " + Shown(problem.key) + " stands twice in one object");
-    case JsonProblem::Kind::kNumber:
-      throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
-    default:
-      throw FormatError(path, "byte " + std::to_string(problem.byte),
-                        problem.byte > size ? "the JSON ends too early; is the file truncated?" : "this is not valid JSON");
-  }
-}
-
-Json ParseChecked(const std::string& text, const std::string& path) {
-  Json json;
-  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, true}, &json);
-  if (problem.kind != JsonProblem::Kind::kNone) Refuse(problem, path, text.size());
-  return json;
-}
 
 Eigen::Quaterniond ReadRotation(const Node& node) {
   const Eigen::Vector4d xyzw = node.Vector(4);
@@ -161,18 +117,18 @@ Eigen::MatrixXd ReadCovariance(const Node& node, size_t size) {
 
 SplineGrid ReadSplineGrid(const Node& node) {
   node.RequireObject({"order", "cols", "rows", "fov_x_deg"});
-  return {node.At("order").Integer(), node.At("cols").Integer(), node.At("rows").Integer(), node.At("fov_x_deg").Integer()};
+  return {node.At("order").PlainInt(), node.At("cols").PlainInt(), node.At("rows").PlainInt(), node.At("fov_x_deg").PlainInt()};
 }
 
 /// fx, fy, cx, cy and the distortion by name; the control points of a splined lens in one list.
 void ReadIntrinsics(const Node& node, Camera* camera) {
   const bool splined = camera->model == LensModel::kSplined;
   const std::vector<std::string> names = splined ? ParamNames(LensModel::kPinhole) : ParamNames(camera->model);
-  if (!node.value->is_object()) node.Fail("an object with fx, fy, cx, cy and the distortion was expected");
+  if (!node.value().is_object()) node.Fail("must be an object with fx, fy, cx, cy and the distortion");
   camera->params.resize(NumParams(*camera));
   for (size_t i = 0; i < names.size(); ++i) camera->params[static_cast<Eigen::Index>(i)] = node.At(names[i]).Number();
   if (splined) camera->params.tail(camera->params.size() - 4) = node.At("control_points").Vector(camera->params.size() - 4);
-  for (const auto& [key, ignored] : node.value->items()) {
+  for (const auto& [key, ignored] : node.value().items()) {
     if (std::find(names.begin(), names.end(), key) == names.end() && !(splined && key == "control_points")) {
       node.Fail(Shown(key) + " is no parameter of the model " + std::string(ToString(camera->model)));
     }
@@ -193,7 +149,7 @@ void ReadLens(const Node& node, Camera* camera) {
     camera->spline = ReadSplineGrid(node.At("spline"));
     const std::string why = WhyInvalidGrid(camera->spline);
     if (!why.empty()) node.At("spline").Fail(why);
-  } else if (node.Find("spline")) {
+  } else if (node.Has("spline")) {
     node.At("spline").Fail("only the model splined has a control grid");
   }
   ReadIntrinsics(node.At("intrinsics"), camera);
@@ -212,8 +168,8 @@ RigBoard ReadBoard(const Node& node) {
   node.RequireObject({"board", "bend_m", "stretch"});
   RigBoard board;
   board.board = node.At("board").Text();
-  if (node.Find("bend_m")) board.bend_m = node.At("bend_m").Vector(2);
-  if (node.Find("stretch")) board.stretch = node.At("stretch").Vector(2);
+  if (node.Has("bend_m")) board.bend_m = node.At("bend_m").Vector(2);
+  if (node.Has("stretch")) board.stretch = node.At("stretch").Vector(2);
   constexpr double kMaxStretch = 0.5;  // beyond it no board is left
   if (!(board.stretch.cwiseAbs().maxCoeff() < kMaxStretch)) node.At("stretch").Fail("must lie within 0.5");
   return board;
@@ -227,7 +183,7 @@ RigCamera ReadCamera(const Node& node) {
   const std::string why = WhyNotALabel(camera.camera.name);
   if (!why.empty()) node.At("name").Fail(Shown(camera.camera.name) + " " + why + ": it cannot be a camera's name");
   const Node size = node.At("size_px");
-  size.RequireArray(2);
+  size.RequireSize(2);
   camera.camera.width_px = size.At(0).SizePx();
   camera.camera.height_px = size.At(1).SizePx();
   ReadLens(node, &camera.camera);
@@ -235,13 +191,13 @@ RigCamera ReadCamera(const Node& node) {
   transform.RequireObject({"rotation_xyzw", "translation"});
   camera.cam_from_world.rotation = ReadRotation(transform.At("rotation_xyzw"));
   camera.cam_from_world.translation = transform.At("translation").Vector(3);
-  if (node.Find("intrinsics_covariance")) {
+  if (node.Has("intrinsics_covariance")) {
     camera.params_covariance = ReadCovariance(node.At("intrinsics_covariance"), camera.camera.params.size());
   }
-  if (node.Find("cam_from_world_covariance")) {
+  if (node.Has("cam_from_world_covariance")) {
     camera.cam_from_world_covariance = ReadCovariance(node.At("cam_from_world_covariance"), 6);
   }
-  if (node.Find("time_offset")) camera.time_offset = ReadTimeOffset(node.At("time_offset"));
+  if (node.Has("time_offset")) camera.time_offset = ReadTimeOffset(node.At("time_offset"));
   return camera;
 }
 
@@ -261,30 +217,29 @@ Eigen::MatrixXd ReadJointCovariance(const Node& node, const Rig& rig) {
 }  // namespace
 
 Rig RigFromJsonText(const std::string& text, const std::string& path_for_messages) {
-  const Json json = ParseChecked(text, path_for_messages);
+  const Json json = JsonFromText<Json>(text, {kMaxDepth, true}, path_for_messages);
   UnknownKeys unknown(path_for_messages);
-  const Node root{&json, &path_for_messages, "", &unknown};
+  const Node root(BasicJsonView<Json>(path_for_messages, json), &unknown);
   root.RequireObject({"schema", "unit", "gauge", "boards", "cameras", "joint_covariance_lower", "joint_covariance_left_out"});
   const std::string schema = root.At("schema").Text();
   if (schema != kCalibrationSchema) root.At("schema").Fail(Shown(schema) + ", this version reads " + kCalibrationSchema);
   if (root.At("unit").Text() != "m") root.At("unit").Fail(Shown(root.At("unit").Text()) + ", this schema is in \"m\"");
   Rig rig;
-  if (root.Find("gauge")) rig.gauge = root.At("gauge").Text();
+  if (root.Has("gauge")) rig.gauge = root.At("gauge").Text();
   const Node cameras = root.At("cameras");
-  if (!cameras.value->is_array() || cameras.value->empty()) cameras.Fail("a list of at least one camera was expected");
+  if (cameras.ArraySize() == 0) cameras.Fail("must be a list of at least one camera");
   std::set<std::string> names;
-  for (size_t i = 0; i < cameras.value->size(); ++i) {
+  for (size_t i = 0; i < cameras.ArraySize(); ++i) {
     RigCamera camera = ReadCamera(cameras.At(i));
     if (!names.insert(camera.camera.name).second) cameras.At(i).At("name").Fail("'" + camera.camera.name + "' is used twice");
     rig.cameras.push_back(std::move(camera));
   }
-  if (root.Find("boards")) {
+  if (root.Has("boards")) {
     const Node boards = root.At("boards");
-    if (!boards.value->is_array()) boards.Fail("a list of boards was expected");
-    for (size_t i = 0; i < boards.value->size(); ++i) rig.boards.push_back(ReadBoard(boards.At(i)));
+    for (size_t i = 0; i < boards.ArraySize(); ++i) rig.boards.push_back(ReadBoard(boards.At(i)));
   }
   unknown.Finish();
-  if (root.Find("joint_covariance_lower")) rig.joint_covariance = ReadJointCovariance(root.At("joint_covariance_lower"), rig);
+  if (root.Has("joint_covariance_lower")) rig.joint_covariance = ReadJointCovariance(root.At("joint_covariance_lower"), rig);
   return rig;
 }
 

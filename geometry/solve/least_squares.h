@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "core/status.h"
@@ -51,6 +52,21 @@ double SmallestPivot(const Eigen::Matrix<double, N, N>& h) {
   const Eigen::Matrix<double, N, 1> scale = h.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, N, N> scaled = scale.asDiagonal() * h * scale.asDiagonal();
   return scaled.ldlt().vectorD().minCoeff();
+}
+
+/// Inverse of h, taken with a unit diagonal: the units of the unknowns make no difference to its accuracy. NaN where h is not
+/// positive definite.
+template <int N>
+Eigen::Matrix<double, N, N> ScaledInverse(const Eigen::Matrix<double, N, N>& h) {
+  using Matrix = Eigen::Matrix<double, N, N>;
+  const Matrix none = Matrix::Constant(h.rows(), h.cols(), std::numeric_limits<double>::quiet_NaN());
+  if (!(h.diagonal().minCoeff() > 0)) return none;
+  const Eigen::Matrix<double, N, 1> scale = h.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix scaled = scale.asDiagonal() * h * scale.asDiagonal();
+  const Eigen::LLT<Matrix> factor(scaled);
+  if (factor.info() != Eigen::Success) return none;
+  const Matrix inverse = factor.solve(Matrix::Identity(h.rows(), h.cols()));
+  return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
 
 enum class StepVerdict {

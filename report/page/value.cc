@@ -5,25 +5,13 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "core/json_tree.h"
+#include "core/json_view.h"
 
 namespace mvstudio::report {
 namespace {
 
 using Json = nlohmann::ordered_json;
 constexpr size_t kMaxDepth = 64, kFewFields = 32;
-
-[[noreturn]] void Refuse(const JsonProblem& problem, const std::string& path, bool empty) {
-  switch (problem.kind) {
-    case JsonProblem::Kind::kDepth:
-      throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels; not a result of mvstudio");
-    case JsonProblem::Kind::kNumber:
-      throw FormatError(path, "", "not valid JSON");
-    default:
-      throw FormatError(path, "byte " + std::to_string(problem.byte),
-                        empty ? "the file is empty" : "not valid JSON, perhaps truncated");
-  }
-}
 
 Value FromJson(const Json& json) {
   switch (json.type()) {
@@ -84,10 +72,8 @@ Json ToJson(const Value& value) {
 }  // namespace
 
 Value Value::Parse(const std::string& json_text, const std::string& path_for_messages) {
-  Json json;
-  const JsonProblem problem = ParseJsonTree(json_text, {kMaxDepth, false}, &json);
-  if (problem.kind != JsonProblem::Kind::kNone) Refuse(problem, path_for_messages, json_text.empty());
-  return FromJson(json);
+  if (json_text.empty()) throw FormatError(path_for_messages, "", "the file is empty");
+  return FromJson(JsonFromText<Json>(json_text, {kMaxDepth, false}, path_for_messages));
 }
 
 std::string Value::Dump(int indent) const { return ToJson(*this).dump(indent, ' ', false, Json::error_handler_t::replace); }

@@ -206,7 +206,7 @@ TEST(Judge, EveryLimitOnBothSides) {
 TEST(Judge, NothingThatEndedBadlyPasses) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const Status status : {Status::kTooFewViews, Status::kDegenerate, Status::kBehindCamera, Status::kNotConverged,
-                              Status::kNonFiniteInput, Status::kLowParallax}) {
+                              Status::kNonFiniteInput, Status::kLowParallax, Status::kUndefined}) {
     CalibrateReport report = GoodReport();
     report.status = status;
     EXPECT_EQ(Outcome(report), "fail CAL-UNSOLVED") << ToString(status);

@@ -189,6 +189,62 @@ TEST(PointResection, WholeRigInOnePiece) {
   }
 }
 
+/// Few marks far away through a long lens, the world's origin far off; lengths in `units_per_m`.
+struct FarMarks {
+  std::vector<geometry::RigCamera> rig = std::vector<geometry::RigCamera>(1);
+  Eigen::Matrix3Xd points;
+  std::vector<PointClick> clicks;
+};
+
+FarMarks MakeFarMarks(double units_per_m) {
+  FarMarks marks;
+  marks.rig[0].camera = geometry::MakePinhole("far", 4000, 3000, 5000);
+  const Eigen::Vector3d middle(60, -80, 5);
+  const geometry::Rigid3 cam_from_world = testing::LookAt(middle + Eigen::Vector3d(15, -20, 2), middle);
+  Rng rng(12);
+  marks.points.resize(3, 14);
+  for (int i = 0; i < 14; ++i) {
+    marks.points.col(i) = middle + Eigen::Vector3d(rng.Uniform(-2, 2), rng.Uniform(-2, 2), rng.Uniform(-2, 2));
+    const auto p = geometry::Project(marks.rig[0].camera, cam_from_world * Eigen::Vector3d(marks.points.col(i)));
+    EXPECT_EQ(p.status, Status::kOk);
+    marks.clicks.push_back({0, i, p.px + 0.3 * Eigen::Vector2d(rng.Normal(), rng.Normal())});
+  }
+  marks.points *= units_per_m;
+  return marks;
+}
+
+TEST(PointResection, UnitsMakeNoDifference) {
+  PointResectionOptions options;
+  options.click_sigma_px = 0.3;
+  const auto solve = [&](double units_per_m) {
+    const FarMarks marks = MakeFarMarks(units_per_m);
+    return ResectFromPoints(marks.rig, marks.clicks, marks.points, options);
+  };
+  const PointResection metres = solve(1);
+  ASSERT_EQ(metres.status, Status::kOk) << metres.message;
+  const geometry::Vector6d sigmas = metres.covariance.diagonal().cwiseSqrt();
+  for (const double units_per_m : {1e-3, 1e3, 1e6}) {
+    SCOPED_TRACE(units_per_m);
+    const PointResection r = solve(units_per_m);
+    ASSERT_EQ(r.status, Status::kOk) << r.message;
+    EXPECT_EQ(r.num_used, metres.num_used);
+    geometry::Vector6d to_metres = geometry::Vector6d::Ones(), delta;
+    to_metres.tail<3>() /= units_per_m;
+    delta << geometry::RotationLog(r.rig_from_world.rotation * metres.rig_from_world.rotation.conjugate()),
+        r.rig_from_world.translation / units_per_m - metres.rig_from_world.translation;
+    EXPECT_LT(delta.cwiseQuotient(sigmas).cwiseAbs().maxCoeff(), 1e-3);
+    const auto in_sigmas = [&](const Eigen::Matrix<double, 6, 6>& covariance) -> Eigen::Matrix<double, 6, 6> {
+      return sigmas.cwiseInverse().asDiagonal() * covariance * sigmas.cwiseInverse().asDiagonal();
+    };
+    const Eigen::Matrix<double, 6, 6> covariance = to_metres.asDiagonal() * r.covariance * to_metres.asDiagonal();
+    EXPECT_LT((in_sigmas(covariance) - in_sigmas(metres.covariance)).cwiseAbs().maxCoeff(), 1e-4);
+    const Eigen::MatrixXd by_lens = to_metres.asDiagonal() * r.unknowns_by_given.leftCols(4),
+                          lens_in_metres = metres.unknowns_by_given.leftCols(4);
+    for (Eigen::Index i = 0; i < 6; ++i)
+      EXPECT_LT((by_lens.row(i) - lens_in_metres.row(i)).norm(), 1e-4 * lens_in_metres.row(i).norm()) << i;
+  }
+}
+
 std::string Write(const TempDir& folder, const std::string& name, const std::string& text) {
   WriteFileAtomic(folder / name, text);
   return folder / name;

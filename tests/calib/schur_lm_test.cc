@@ -69,5 +69,30 @@ TEST(SchurLm, BlocksThatAreNotDeterminedStayFinite) {
   EXPECT_TRUE(reduced.g.allFinite());
 }
 
+/// Half the line of its one global unknown has no residual: that below `from`.
+struct HalfLine : SchurProblem {
+  double from, x = 0, trial = 0;
+  explicit HalfLine(double first) : from(first) {}
+  void Try(const Eigen::VectorXd& global, const Eigen::MatrixXd&) override { trial = x + global[0]; }
+  bool LinearizeTrial(SchurSystem* system) override {
+    if (trial < from) return false;
+    system->SetZero();
+    system->cost = (trial - 2) * (trial - 2), system->h(0, 0) = 1, system->g[0] = trial - 2;
+    return true;
+  }
+  void AcceptTrial() override { x = trial; }
+};
+
+TEST(SchurLm, AStartWithoutAResidualIsUndefined) {
+  for (const double from : {1.0, -1.0}) {
+    HalfLine problem(from);
+    SchurSystem system;
+    Allocate(1, 3, {}, &system);
+    const SchurLmReport report = SolveSchurLm(&problem, &system, {});
+    EXPECT_EQ(report.status, from > 0 ? Status::kUndefined : Status::kOk);
+    EXPECT_NEAR(problem.x, from > 0 ? 0 : 2, 1e-6);
+  }
+}
+
 }  // namespace
 }  // namespace mvstudio::calib

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <sstream>
 
 #include "tests/support/run_cli.h"
 
@@ -48,6 +49,46 @@ TEST_F(CompanionTest, BothSayTheSame) {
     const bool timed = !words.empty() && words.front() == "--json";
     EXPECT_TRUE(timed || own.out == all.out) << own.out << all.out;
   }
+}
+
+/// Commands of a help, in its order; `group`: the words before them.
+std::vector<std::vector<std::string>> CommandsIn(const std::string& help, const std::vector<std::string>& group) {
+  std::istringstream lines(help.substr(std::min(help.size(), help.find("Subcommands:"))));
+  std::vector<std::vector<std::string>> commands;
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    if (line.size() < 3 || line.compare(0, 2, "  ") != 0 || line[2] == ' ') continue;
+    commands.push_back(group);
+    commands.back().push_back(line.substr(2, line.find(' ', 2) - 2));
+  }
+  return commands;
+}
+
+/// The list in cli/commands.cc decides who runs what; this one is by hand.
+TEST_F(CompanionTest, EachCommandRunsWhereItsLibrariesAre) {
+  TempDir folder;
+  const std::string alone = folder.path() + "/mvstudio";
+  fs::copy_file(CliPath(), alone);
+  std::vector<std::vector<std::string>> commands = CommandsIn(RunCli({"--help"}).out, {});
+  const auto is_tradeoff = [](const std::vector<std::string>& words) { return words.front() == "tradeoff"; };
+  commands.erase(std::remove_if(commands.begin(), commands.end(), is_tradeoff), commands.end());
+  for (const auto& words : CommandsIn(RunCli({"tradeoff", "--help"}).out, {"tradeoff"})) commands.push_back(words);
+  std::vector<std::string> with_torch, names;
+  for (std::vector<std::string> words : commands) {
+    names.push_back(words.back());
+    words.emplace_back("--help");
+    const CliRun own = RunCli(words), all = RunProgram(Companion(), words), single = RunProgram(alone, words);
+    SCOPED_TRACE(names.back());
+    EXPECT_EQ(own.exit, 0) << own.err;
+    EXPECT_EQ(own.out, all.out);
+    EXPECT_TRUE(single.exit == 0 || single.exit == 8) << single.err;
+    if (single.exit == 8) with_torch.push_back(names.back());
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"demo",   "synth",  "session", "board",       "calibrate",   "calib",  "models",
+                                             "pose2d", "mask",   "sync",    "triangulate", "dataset",     "avatar", "metrics",
+                                             "report", "doctor", "version", "calibrate",   "triangulate", "pack",   "avatar"}));
+  EXPECT_EQ(with_torch, (std::vector<std::string>{"demo", "models", "pose2d", "mask", "avatar", "metrics", "avatar"}));
 }
 
 TEST_F(CompanionTest, SaysWhatIsMissingWhenItStandsAlone) {

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -101,23 +100,25 @@ TEST(RunProcess, TheProgramGetsTheUsualSignals) {
 int EndChildrenInACopy(const TempDir& folder) {
   const pid_t copy = fork();
   if (copy == 0) {
-    pid_t other = 0;
-    const char* const words[] = {"sleep", "60", nullptr};
-    if (posix_spawnp(&other, "sleep", nullptr, nullptr, const_cast<char**>(words), environ) != 0) _exit(10);
-    AddChild(other, false);
+    Processes shared(ProcessGroup::kShared);
+    shared.Start({"sh", "-c", "echo $$ > one.part; mv one.part one; exec sleep 60"},
+                 {"/dev/null", "", false, folder.path(), true});
     std::thread runner([&] {
       try {
         RunProcess({"sh", "-c", kStubborn}, {folder / "log", "", false, folder.path()});
       } catch (const Error&) {
       }
     });
-    while (!std::filesystem::exists(folder / "two")) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    for (const char* name : {"one", "two"}) {
+      while (!std::filesystem::exists(folder / name)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
     EndChildren();
     runner.join();
     std::ifstream in(folder / "two");
-    std::string first, second;
+    std::string first, second, other;
     in >> first >> second;
-    const auto any = [&] { return Runs(first) || Runs(second) || Runs(std::to_string(other)); };
+    std::ifstream(folder / "one") >> other;
+    const auto any = [&] { return Runs(first) || Runs(second) || Runs(other); };
     // What was killed may take a moment to be gone on a busy machine; the scripts would run for a minute.
     for (int i = 0; i < 500 && any(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     if (any()) _exit(11);
@@ -141,6 +142,83 @@ TEST(EndChildren, EndsThemAllWithTheirGroupsAndLetsNoneBegin) {
 TEST(RunProcess, AProgramThatIsNotThereIsNamed) {
   const TempDir folder;
   EXPECT_THROW(RunProcess({folder / "none"}, {folder / "out", folder / "err"}), IoError);
+}
+
+/// Waits for a file that a script writes by renaming.
+bool WaitForFile(const std::string& path) {
+  for (int i = 0; i < 3000 && !std::filesystem::exists(path); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return std::filesystem::exists(path);
+}
+
+/// What was killed may take a moment to be gone on a busy machine.
+bool WaitForEnd(const std::string& pid) {
+  for (int i = 0; i < 500 && Runs(pid); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return !Runs(pid);
+}
+
+TEST(Processes, RunBesideEachOtherAndReturnEachStatus) {
+  const TempDir folder;
+  Processes two;
+  // Each waits for the file of the other: one after the other would never end.
+  for (const std::string names : {"a b", "b a"})
+    two.Start({"sh", "-c", "set -- " + names + "; touch $1; while [ ! -e $2 ]; do sleep 0.02; done; echo $1 done"},
+              {folder / (names.substr(0, 1) + ".log"), "", false, folder.path()});
+  EXPECT_EQ(two.Wait(), (std::vector<int>{0, 0}));
+  EXPECT_EQ(ReadFile(folder / "a.log"), "a done\n");
+  EXPECT_EQ(ReadFile(folder / "b.log"), "b done\n");
+  EXPECT_TRUE(two.Wait().empty()) << "they are awaited once";
+}
+
+TEST(Processes, OneThatFailsEndsTheOthers) {
+  const TempDir folder;
+  Processes three;
+  three.Start({"sh", "-c", "trap 'echo saved; exit 0' TERM; touch ready; while :; do sleep 0.05; done"},
+              {folder / "first", "", false, folder.path()});
+  ASSERT_TRUE(WaitForFile(folder / "ready"));
+  three.Start({"sh", "-c", kStubborn}, {folder / "second", "", false, folder.path()});
+  ASSERT_TRUE(WaitForFile(folder / "two"));
+  EXPECT_FALSE(three.AnyEnded());
+  three.Start({"sh", "-c", "exit 7"}, {folder / "third"});
+  EXPECT_EQ(three.Wait(), (std::vector<int>{Processes::kWasEnded, Processes::kWasEnded, 7}));
+  EXPECT_EQ(ReadFile(folder / "first"), "saved\n");
+  std::ifstream in(folder / "two");
+  std::string parent, child;
+  in >> parent >> child;
+  EXPECT_TRUE(WaitForEnd(parent));
+  EXPECT_TRUE(WaitForEnd(child));
+}
+
+TEST(Processes, EndWithTheirOwner) {
+  const TempDir folder;
+  std::string first, second;
+  {
+    Processes one(ProcessGroup::kShared);
+    one.Start({"sh", "-c", "echo $$ $(cut -d' ' -f5 /proc/$$/stat) > one.part; mv one.part one; exec sleep 60"},
+              {"/dev/null", "", false, folder.path(), true});
+    ASSERT_TRUE(WaitForFile(folder / "one"));
+    std::ifstream(folder / "one") >> first >> second;
+    EXPECT_TRUE(Runs(first));
+    EXPECT_EQ(second, std::to_string(getpgrp())) << "Ctrl-C reaches it as it does this process";
+  }
+  EXPECT_FALSE(Runs(first));
+}
+
+TEST(Processes, OneThatEndsIsSeenBeforeItIsAwaited) {
+  const TempDir folder;
+  Processes one;
+  one.Start({"sh", "-c", "echo here >&2; exit 3"}, {folder / "out", folder / "err"});
+  for (int i = 0; i < 3000 && !one.AnyEnded(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_TRUE(one.AnyEnded());
+  EXPECT_EQ(one.Wait(), std::vector<int>{3});
+  EXPECT_EQ(ReadFile(folder / "err"), "here\n");
+}
+
+TEST(Processes, StartingOneThatIsNotThereLeavesTheOthers) {
+  const TempDir folder;
+  Processes two;
+  two.Start({"true"}, {folder / "out"});
+  EXPECT_THROW(two.Start({folder / "none"}, {folder / "out"}), IoError);
+  EXPECT_EQ(two.Wait(), std::vector<int>{0});
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace {
 
 TEST(Status, NamesGoBothWaysAndAreDistinct) {
   std::set<std::string> names;
-  for (int i = 0; i <= static_cast<int>(Status::kNotConverged); ++i) {
+  for (int i = 0; i <= static_cast<int>(Status::kUndefined); ++i) {
     const auto status = static_cast<Status>(i);
     EXPECT_NE(ToString(status), "Unknown");
     EXPECT_EQ(StatusFromString(ToString(status)), status);

@@ -67,6 +67,29 @@ TEST(LeastSquares, AsManyUnknownsAsAreAskedFor) {
   }
 }
 
+/// Unknowns in other units: the inverse is the same in those units, to the last digits.
+TEST(LeastSquares, TheScaledInverseKnowsNoUnits) {
+  Rng rng(7);
+  const Eigen::MatrixXd a = Random(20, 6, &rng);
+  const Eigen::MatrixXd h = a.transpose() * a, inverse = ScaledInverse(h);
+  EXPECT_LT((h * inverse - Eigen::MatrixXd::Identity(6, 6)).norm(), 1e-13);
+  Eigen::VectorXd units(6);
+  units << 1e-9, 1e9, 1, 1e-3, 1e6, 1e12;
+  const Eigen::MatrixXd other = units.asDiagonal() * h * units.asDiagonal();
+  const Eigen::MatrixXd back = units.asDiagonal() * ScaledInverse(other) * units.asDiagonal();
+  EXPECT_LT((back - inverse).norm(), 1e-13 * inverse.norm());
+  const Eigen::Matrix<double, 6, 6> fixed = h;
+  EXPECT_LT((ScaledInverse(fixed) - inverse).norm(), 1e-13 * inverse.norm());
+}
+
+TEST(LeastSquares, ThereIsNoScaledInverseOfWhatIsNotDefinite) {
+  Eigen::Matrix2d indefinite, empty;
+  indefinite << 1, 2, 2, 1;
+  empty << 1, 0, 0, 0;
+  EXPECT_FALSE(ScaledInverse(indefinite).array().isFinite().any());
+  EXPECT_FALSE(ScaledInverse(empty).array().isFinite().any());
+}
+
 struct Rosenbrock : LeastSquaresProblem<2, Eigen::Vector2d> {
   Eigen::Vector2d Retract(const Eigen::Vector2d& x, const Eigen::Vector2d& step) const { return x + step; }
   bool Linearize(const Eigen::Vector2d& x, NormalEquations<2>* out) const {

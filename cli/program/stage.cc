@@ -1,0 +1,70 @@
+#include "cli/program/stage.h"
+
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "core/process.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using StageJson = nlohmann::ordered_json;
+
+std::vector<std::string> After(const std::string& program, const std::vector<std::string>& words) {
+  std::vector<std::string> argv = {program};
+  argv.insert(argv.end(), words.begin(), words.end());
+  return argv;
+}
+
+LineOutcome RunHere(const std::vector<std::string>& words, const CommandContext& context) {
+  GlobalOptions global;
+  global.threads = context.run.num_threads;
+  global.seed = context.run.seed;
+  return RunLine(words, global, [&](const Registry::Entry& entry) {
+    CommandContext stage{{context.run.progress, global.threads, global.seed}, After("mvstudio", words)};
+    return entry.run(stage);
+  });
+}
+
+std::vector<Notice> NoticesFrom(const StageJson& list) {
+  std::vector<Notice> notices;
+  for (const StageJson& item : list)
+    notices.push_back({item.value("code", ""), item.value("text", ""), item.value("hint", "")});
+  return notices;
+}
+
+/// What ResultToJson made of a result.
+CommandResult ResultFrom(const StageJson& json, int exit) {
+  CommandResult result;
+  result.exit = exit;
+  result.metrics = json.value("metrics", StageJson::object());
+  for (const StageJson& item : json.value("outputs", StageJson::array()))
+    result.outputs.push_back({item.value("path", ""), item.value("role", "")});
+  result.warnings = NoticesFrom(json.value("warnings", StageJson::array()));
+  result.errors = NoticesFrom(json.value("errors", StageJson::array()));
+  return result;
+}
+
+LineOutcome RunChild(const std::vector<std::string>& words, const StageOptions& options) {
+  const ScratchFolder scratch(options.folder);
+  std::vector<std::string> line = After(kThisProgram, words);
+  line.push_back("--json");
+  const std::string out = scratch.path() + "/out";
+  LineOutcome outcome;
+  outcome.result.exit = RunProcess(line, {out, scratch.path() + "/err"}, options.poll);
+  const std::string text = ReadFile(out);
+  if (text.empty() && outcome.result.exit != kExitOk) return outcome;
+  outcome.json = StageJson::parse(text, nullptr, false);
+  if (!outcome.json.is_object()) throw FormatError(out, "", "is no result of mvstudio");
+  outcome.command = outcome.json.value("command", "");
+  outcome.result = ResultFrom(outcome.json, outcome.result.exit);
+  return outcome;
+}
+
+}  // namespace
+
+LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context, const StageOptions& options) {
+  return options.mode == StageMode::kHere ? RunHere(words, context) : RunChild(words, options);
+}
+
+}  // namespace mvstudio::cli

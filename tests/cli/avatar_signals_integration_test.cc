@@ -1,0 +1,119 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <set>
+
+#include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/running_cli.h"
+
+/// Commands that run this program again end with all that they have started.
+namespace mvstudio::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using Words = std::vector<std::string>;
+
+/// Processes that run one of the two programs on `folder`, which no other test knows; without the first.
+std::set<std::string> Others(const std::string& folder, const std::string& first) {
+  std::set<std::string> found;
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const std::string pid = entry.path().filename().string();
+    if (pid.find_first_not_of("0123456789") != std::string::npos || pid == first) continue;
+    if (Mentions(Slurp(entry.path().string() + "/cmdline"), folder) && Runs(pid)) found.insert(pid);
+  }
+  return found;
+}
+
+class AvatarSignals : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    data_ = new TempDir();
+    avatar::WriteMannequinDataset(*data_ / "data", 4, 12, 96);
+  }
+  static void TearDownTestSuite() { delete data_; }
+  static std::string Data() { return *data_ / "data"; }
+
+  /// Sends a signal to the first process alone, once another one works beside it and `ready` holds.
+  void ExpectAllEnd(const Words& words, int number, const std::function<bool()>& ready) {
+    Running program(words, streams_);
+    std::set<std::string> others;
+    ASSERT_TRUE(WaitUntil([&] {
+      others = Others(work_.path(), program.Pid());
+      return (!others.empty() && ready()) || program.HasEnded();
+    }));
+    ASSERT_FALSE(program.HasEnded()) << "before the signal: " << program.Result().err;
+    program.Send(number);
+    ASSERT_TRUE(program.Await(kBound)) << "does not end";
+    EXPECT_EQ(program.Result().exit, 128 + number) << program.Result().err;
+    EXPECT_THAT(program.Result().err, HasSubstr("error: interrupted"));
+    for (const std::string& pid : others) EXPECT_TRUE(WaitUntil([&] { return !Runs(pid); })) << pid;
+  }
+
+  TempDir work_, streams_;
+
+ private:
+  static TempDir* data_;
+};
+TempDir* AvatarSignals::data_ = nullptr;
+
+TEST_F(AvatarSignals, EndingTheFirstRankEndsTheOthers) {
+  for (const int number : {SIGINT, SIGTERM}) {
+    const std::string out = work_ / std::to_string(number);
+    ExpectAllEnd({"avatar",
+                  "train",
+                  Data(),
+                  "--out",
+                  out,
+                  "--ranks",
+                  "2",
+                  "--threads",
+                  "2",
+                  "--size",
+                  "32",
+                  "--width",
+                  "4",
+                  "--downs",
+                  "2",
+                  "--encoder-blocks",
+                  "1",
+                  "--decoder-blocks",
+                  "1",
+                  "--no-fit-shape",
+                  "--init-steps",
+                  "4",
+                  "--save-every",
+                  "2",
+                  "--steps",
+                  "100000"},
+                 number, [&] { return fs::exists(out + "/checkpoint.safetensors"); });
+  }
+}
+
+TEST_F(AvatarSignals, EndingATradeoffEndsTheTrainingThatItRuns) {
+  const std::string out = work_ / "out";
+  ExpectAllEnd(
+      {"tradeoff",   "avatar",    Data(),
+       "--out",      out,         "--widths",
+       "4",          "--sizes",   "32",
+       "--steps",    "100000",    "--losses",
+       "l1+ssim",    "--cameras", "2",
+       "--features", "gabor",     "--holdout-cameras",
+       "00_03",      "--train",   "--downs 2 --encoder-blocks 1 --decoder-blocks 1 --no-fit-shape --validate-pictures 0"},
+      SIGTERM, [] { return true; });
+}
+
+TEST_F(AvatarSignals, ATradeoffNamesTheTrainingThatFailsAndWhy) {
+  const CliRun run =
+      RunCli({"tradeoff", "avatar",  Data(),      "--out",    work_ / "out", "--widths",  "4", "--sizes",
+              "32",       "--steps", "3",         "--losses", "l1",          "--cameras", "2", "--holdout-cameras",
+              "00_03",    "--train", "--batch x", "--json"});
+  EXPECT_EQ(run.exit, 3) << run.err;
+  const std::string text = run.Json()["errors"][0]["text"].get<std::string>();
+  EXPECT_THAT(text, HasSubstr("`mvstudio avatar train " + Data()));
+  EXPECT_THAT(text, HasSubstr("--batch x` ended with 2: "));
+}
+
+}  // namespace
+}  // namespace mvstudio::testing
