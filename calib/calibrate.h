@@ -53,10 +53,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("stretch", o.stretch, "two numbers for shear and aspect of the board: auto (if held-out boards say so), on or off");
   visit("time-offset", o.time_offset, "constant offsets in time between cameras: auto (if held-out frames say so), on or none");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
-  visit("holdout", o.holdout, "every:N keeps every Nth instant out of the solution and checks the rig on it; every:N:K begins with instant K (from 0)");
+  visit("holdout", o.holdout, "every:N keeps every Nth time step out of the solution and checks the rig on it; every:N:K begins with time step K (from 0)");
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
-  visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
+  visit("holdout-views", o.holdout_views, "maximum number of views per camera in the held-out error");
   visit("split-at", o.split_at, "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same lens; CAMERA:FRAME:lens when the lens changed (repeatable)");
   visit("motions", o.motions, "look for cameras that moved, or whose lens changed, while the boards were filmed");
   visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");

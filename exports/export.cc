@@ -29,7 +29,7 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, pictures, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
         kRigOnly},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
@@ -41,7 +41,7 @@ const std::vector<Writer>& Writers() {
       {{"dynamic3dgs", "Dynamic 3D Gaussians: train_meta.json, test_meta.json, ims, seg, init_pt_cld.npz", LensNeed::kPinhole,
         !kInstant, kOneSize, kPictures, !kRigOnly},
        WriteDynamic3dgs},
-      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, pictures, masks, key points", LensNeed::kBrown5, !kInstant,
+      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, images, masks, keypoints", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, kRigOnly},
        WriteDna},
       {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kInstant, !kOneSize, kPictures,
@@ -104,7 +104,7 @@ std::string ManifestText(const Take& take, const ExportReport& report) {
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
   if (!format.has_pictures || options.pictures == "none") return;
   if (report->missing_pictures > 0) {
-    report->notes.push_back({"EXP-NO-PICTURE", std::to_string(report->missing_pictures) + " pictures are not in the dataset",
+    report->notes.push_back({"EXP-NO-PICTURE", std::to_string(report->missing_pictures) + " images are not in the dataset",
                              "`mvstudio dataset verify` lists them; option 'frames' and option 'cameras' leave them out"});
   }
   if (report->missing_masks > 0) {

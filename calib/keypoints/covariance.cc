@@ -154,7 +154,7 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(held);
   constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
   if (!held.allFinite() || held.rows() == 0 || !(eigen.eigenvalues()[0] > kSmallest))
-    return degenerate("the joints do not hold all cameras in place");
+    return degenerate("the joints do not determine all camera poses");
   const Eigen::MatrixXd inverse = motions * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
                                   eigen.eigenvectors().transpose() * motions.transpose();
   const std::vector<geometry::Rig> rigs = LeaveOutStretches(profile, freedom, num_threads);

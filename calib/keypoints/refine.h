@@ -23,13 +23,13 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
   visit("min-score", o.min_score, "option 'from-keypoints': detections with a lower score are left out");
   visit("max-persons", o.max_persons,
-        "option 'from-keypoints': of each frame the best supported so many people are used; others are reported");
+        "option 'from-keypoints': people used per frame, the best supported ones; others are reported");
   visit("keypoint-lenses", o.lenses, "option 'from-keypoints': adjust lenses too where held-out frames say that it pays");
   visit("keypoint-folds", o.choice.num_folds, "option 'from-keypoints': stretches of time for the choice of what to adjust");
   visit("choice-sigmas", o.choice.sigmas,
         "option 'from-keypoints': standard errors by which a change must lower the held-out error");
   visit("keypoint-frames", o.max_frames,
-        "option 'from-keypoints': at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 "
+        "option 'from-keypoints': maximum number of frames, evenly spread, to adjust to; more where they hold fewer than 30 "
         "points each");
   visit("keypoint-gap-frames", o.choice.gap_frames,
         "option 'from-keypoints': frames left out between what is adjusted to and what measures it, about a second; a tenth of "

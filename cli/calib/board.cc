@@ -183,8 +183,8 @@ void RegisterCheck(CLI::App& board, Registry& registry) {
   CLI::App* sub = board.add_subcommand("check", "Find out which board is in the images, and how to write it");
   AddOption(sub, "IMAGES", arguments->images, "images, folders, patterns in quotes, or videos")->required();
   AddOption(sub, "--board", arguments->board,
-            "the board as it is thought to be; lengths are taken from it. Without it every kind is looked for");
-  AddOption(sub, "--max-images", arguments->max_images, "at most so many images are looked at")->capture_default_str();
+            "the expected board; lengths are taken from it. Without it every kind is searched for");
+  AddOption(sub, "--max-images", arguments->max_images, "maximum number of images to search")->capture_default_str();
   registry.Add(sub, "board check", [arguments](CommandContext& context) { return RunCheck(*arguments, context); });
 }
 

@@ -55,8 +55,8 @@ void VisitFields(Visitor&& visit, MaskOptions& o) {
   visit("mask-outline", o.outline_px, "px; half width of the band along the outline that is decided by coverage; 0: none");
   visit("mask-outline-rounds", o.outline_rounds, "times that this is done; each may move the outline by the band's half width");
   visit("mask-outline-smoothness", o.outline_smoothness, "as mask-smoothness, for the pixels of that band");
-  visit("mask-net", o.net_weight, "weight of a segmentation net's opinion against colour");
-  visit("mask-temporal", o.temporal, "nats for the frame before where the picture did not change; 0: every frame alone");
+  visit("mask-net", o.net_weight, "weight of a segmentation net's probability against colour");
+  visit("mask-temporal", o.temporal, "nats for the frame before where the image did not change; 0: every frame alone");
 }
 
 /// A limb in the image: pixels within the (linearly changing) radius of the segment.

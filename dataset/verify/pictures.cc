@@ -139,7 +139,7 @@ void Missing(const std::string& code, const std::string& folder, const char* wha
 
 void Summarise(const Checker& c, const std::string& images, const std::string& masks, const VerifyOptions& options) {
   if (c.valid > 0 && c.in_image == 0) {
-    c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's pictures");
+    c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's images");
   }
   if (!c.empty_masks.empty())
     c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
@@ -200,11 +200,11 @@ FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::Ri
     if (mask_names.count(mask) && decode) checker.Mask(masks + "/" + mask + ".png", frame, joints);
   }
   checker.counts.frames += static_cast<int64_t>(no_image.size());
-  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, findings);
+  Missing("DAT-IMAGE-MISSING", footage.path, "image", no_image, findings);
   Missing("DAT-MASK-MISSING", masks, "mask", no_mask, findings);
   const size_t extra = footage.pictures.size() - (scenes.size() - no_image.size());
   if (extra > 0)
-    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " pictures have no body3DScene file");
+    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " images have no body3DScene file");
   Summarise(checker, footage.path, masks, options);
   return checker.counts;
 }

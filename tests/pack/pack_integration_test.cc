@@ -187,7 +187,7 @@ TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
   fs::remove(data.ImagePath("00_01", 6));
   fs::remove(data.MaskPath("00_00", 6));
   const PackBuildReport report = BuildPack(folder / "data", folder / "pack", SmallPack());
-  EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no picture"));
+  EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no image"));
   const Pack pack = OpenPack(folder / "pack", Trusting());
   ASSERT_EQ(pack.samples().size(), 3u);
   EXPECT_FALSE(pack.samples()[2].has_mask);

@@ -328,7 +328,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
-  ProgressStage stage(run, "cropping pictures", count);
+  ProgressStage stage(run, "cropping images", count);
   constexpr int64_t kChunk = 64;
   for (int64_t begin = 0; begin < count; begin += kChunk) {
     const int64_t size = std::min(kChunk, count - begin);
@@ -344,7 +344,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   }
   if (good.empty()) {
     throw FormatError(data.root, "",
-                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
+                      "no image can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()));
   }
   result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);
   result.template_iou = options.template_maps ? MeanTemplateIou(result.pack) : std::numeric_limits<double>::quiet_NaN();
