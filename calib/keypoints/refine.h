@@ -44,8 +44,8 @@ struct KeypointCamera {
   double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, in the same world frame
   double translation_m = 0, translation_sigma_m = 0;  ///< of its centre
   double focal_change = 0;                            ///< relative
-  Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< detection - projection
-  Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< observed minus projected, as given
+  Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();   ///< observed minus projected, as adjusted
 };
 
 /// Error on one part of the take of a rig adjusted to another part.
