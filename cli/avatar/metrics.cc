@@ -5,9 +5,9 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 #if MVSTUDIO_HAS_AVATAR
 #include "app/nets/metrics_distance.h"
-#include "core/format.h"
 #endif
 
 namespace mvstudio::cli {
