@@ -49,7 +49,7 @@ std::vector<int> ParseGroups(const std::string& text, const std::vector<CameraIn
   for (size_t g = 0; g < groups.size(); ++g) {
     for (const std::string& name : SplitNames(groups[g], ',')) {
       const int camera = CameraIndex(cameras, name, "option 'share-intrinsics' " + text);
-      if (group[camera] >= 0) throw UsageError("option 'share-intrinsics' " + text + ": camera " + name + " stands twice");
+      if (group[camera] >= 0) throw UsageError("option 'share-intrinsics' " + text + ": camera " + name + " occurs twice");
       group[camera] = static_cast<int>(g);
     }
   }

@@ -47,7 +47,7 @@ void JudgeDrift(const CameraMotion& motion, const std::string& names, double sca
              "image)",
              names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
              RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
-      "its mount gives way, or its clock runs at another rate: fasten it and film again");
+      "its mount is loose, or its clock runs at another rate: fasten it and film again");
 }
 
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
@@ -163,7 +163,7 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
 void JudgeSize(const CameraReport& camera, Judgement* out) {
   constexpr double kWarn = 0.01, kFail = 0.1;
   if (!(camera.outside_fraction > kWarn)) return;
-  const std::string text = Format("camera %s: %.0f %% of its corners lie outside the image of the size that was told",
+  const std::string text = Format("camera %s: %.0f %% of its corners lie outside the image size that was given",
                                   camera.name.c_str(), 100 * camera.outside_fraction);
   const char* const hint = "give the size of the images that the corners were found in";
   camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);

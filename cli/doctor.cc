@@ -152,7 +152,7 @@ dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   session.cameras = scanned.cameras;
   session.takes = scanned.takes;
   if (scanned.takes.empty()) session.takes = {dataset::ScanFolder(path, &session.cameras)};
-  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: looked at as a folder of footage",
+  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: checked as a folder of footage",
                               "make a session with mvstudio session init"});
   return session;
 }

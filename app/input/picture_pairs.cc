@@ -53,7 +53,7 @@ void ScorePair(PicturePair* pair) {
   const Image grey = ReadLike(pair->mask, "its image", reference, pair->reference, true);
   metrics::Mask mask(grey.pixels.size());
   std::transform(grey.pixels.begin(), grey.pixels.end(), mask.begin(), [](uint8_t v) { return v > 127; });
-  if (std::find(mask.begin(), mask.end(), 1) == mask.end()) throw FormatError(pair->mask, "", "is empty: nobody is on it");
+  if (std::find(mask.begin(), mask.end(), 1) == mask.end()) throw FormatError(pair->mask, "", "is empty: no person is on it");
   const metrics::PictureScore score =
       metrics::ScorePicture(metrics::FromImage(reference), mask, metrics::FromImage(other), mask);
   pair->full = score.full, pair->bbox = score.bbox, pair->masked = score.masked;

@@ -119,7 +119,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
   visit("decay-share", o.decay_share, "last share of all steps in which both step sizes fall linearly to 2 %");
-  visit("clip-norm", o.clip_norm, "gradients of the network longer than this are shortened; 0: never");
+  visit("clip-norm", o.clip_norm, "gradients of the network with a larger norm are clipped; 0: never");
   visit("weight-l1", o.weight_l1, "weight of the mean absolute colour difference");
   visit("weight-ssim", o.weight_ssim, "weight of 1 - SSIM (7 px box window)");
   visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of image gradients at three scales");
@@ -139,18 +139,18 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
   visit("weight-features", o.weight_features, "v2v: weight of the difference of the discriminators' activations");
   visit("weight-warp", o.weight_warp,
-        "v2v: weight of the difference between the frame before, moved by the flow, and this one");
+        "v2v: weight of the difference between the previous frame, warped by the flow, and this one");
   visit("critic-width", o.critic_width, "v2v: channels of a discriminator's first layer (vid2vid: 64)");
   visit("critic-layers", o.critic_layers, "v2v: strided layers of a discriminator (vid2vid: 3)");
   visit("critic-scales", o.critic_scales, "v2v: discriminators, each on the image halved once more (vid2vid: 2)");
   visit("foreground-weight", o.foreground_weight, "weight of a pixel of the person relative to one of the background");
   visit("jitter-scale", o.jitter_scale, "images are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "images are shifted at random by up to this share of their size");
-  visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; images are turned at random about their centre by up to this angle");
+  visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; images are rotated at random about their centre by up to this angle");
   visit(
       "ema", o.ema,
       "share of the running average of weights and textures that stays at each step, e.g. 0.999 (less in the first steps); the "
-      "average is what a checkpoint hands out; 0: the last weights");
+      "average is what a checkpoint is used with; 0: the last weights");
   visit("freeze-unseen", o.freeze_unseen,
         "texels that no image shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
         "them");
@@ -160,7 +160,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("validate-pictures", o.validate_pictures, "held-out images scored at each checkpoint");
   visit("patience", o.patience,
         "training ends after this many checkpoints in a row without a better score on the validation images, and the weights "
-        "of the best one are handed out; 0: train to the end and hand out the last");
+        "of the best one are used; 0: train to the end and use the last");
   visit("picture-every", o.picture_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");

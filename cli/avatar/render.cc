@@ -151,7 +151,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
   }
   if (model.options.method == "v2v" && a.options.turntable > 0) {
     result->warnings.push_back({"AVA-V2V-MOVING-CAMERA",
-                                "v2v carries the image before over and learned that with cameras that stand still",
+                                "v2v uses the previous image and was trained with cameras that do not move",
                                 "expect trails, or turn with an avatar of method tna"});
   }
 }

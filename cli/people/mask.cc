@@ -110,8 +110,8 @@ void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResul
     if (r.background_known < 0.9) {
       result->warnings.push_back({"MSK-BACKGROUND",
                                   name + "the background was seen on only " + Percent(r.background_known) +
-                                      " of the image; colours of the surroundings stand in elsewhere",
-                                  "give a clean plate, or footage in which people walk about"});
+                                      " of the image; colours of the surroundings are used elsewhere",
+                                  "give a clean plate, or footage in which people move"});
     }
     if (r.take.joints > 0 && r.take.joints_supported < 0.8 * r.take.joints) {
       result->warnings.push_back({"MSK-JOINTS",
@@ -212,12 +212,11 @@ CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
   const app::MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
   if (!trial.failed_camera.empty()) {
     result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"MSK-NOBODY",
-         "camera " + trial.failed_camera +
-             ": nothing tells people from background: no joints, nothing that moves and, if a net was asked, "
-             "nobody that it sees",
-         "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
+    result.errors.push_back({"MSK-NOBODY",
+                             "camera " + trial.failed_camera +
+                                 ": nothing separates people from background: no joints, no motion and, where a net was tried, "
+                                 "no person found by it",
+                             "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
     return result;
   }
   const app::MaskRunResult masks = app::RunMasks(job, backends[chosen], trial.models, folder.work_path(), context.run);

@@ -123,7 +123,7 @@ struct Node {
     case JsonProblem::Kind::kDepth:
       throw FormatError(path, "", "nested deeper than " + std::to_string(kMaxDepth) + " levels");
     case JsonProblem::Kind::kTwice:
-      throw FormatError(path, problem.where, "the key " + Shown(problem.key) + " stands twice in one object");
+      throw FormatError(path, problem.where, "the key " + Shown(problem.key) + " occurs twice in one object");
     case JsonProblem::Kind::kNumber:
       throw FormatError(path, "", "a number or a string in this JSON cannot be represented");
     default:

@@ -34,7 +34,7 @@ void VisitFields(Visitor&& visit, LiftSampleOptions& o) {
   visit("max-pitch-deg", o.max_pitch_deg, "degrees; highest random camera");
   visit("noise", o.noise, "standard deviation of a detection that differs from frame to frame, in sizes");
   visit("bias", o.bias, "standard deviation of a detection that is the same in all five frames, in sizes");
-  visit("drop", o.drop, "share of joints that are dropped in all five frames, and once more frame by frame");
+  visit("drop", o.drop, "share of joints that are dropped in all five frames, and again in each single frame");
 }
 
 /// Throws UsageError naming the option.

@@ -55,7 +55,7 @@ void VisitFields(Visitor&& visit, RenderOptions& o) {
         "person's was), or auto: training for option 'bvh', else keep");
   visit("turntable", o.turntable, "images of a camera that orbits the person once; 0: calibrated cameras instead");
   visit("elevation-deg", o.elevation_deg,
-        "degrees; how far above the person's middle the turning camera stands; -1000: the median of the training cameras");
+        "degrees; elevation of the orbiting camera above the person's middle; -1000: the median of the training cameras");
   visit("frame", o.frame,
         "crop: square images around the person as in training; camera: the whole image of the calibrated camera, through "
         "its lens");
