@@ -212,7 +212,7 @@ def train_table(arguments, folder):
 
 
 def render_table(arguments):
-    print(f"Rendering one picture at a time (TNA, bone maps included), {arguments.threads} thread(s)\n")
+    print(f"Rendering one image at a time (TNA, bone maps included), {arguments.threads} thread(s)\n")
     print("| width | size, px | ms | CPU time, ms | frames a CPU second | peak memory, MB |")
     print("|---|---|---|---|---|---|")
     for width in (8, 16, 32):

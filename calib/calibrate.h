@@ -29,7 +29,7 @@ struct CornerResidual {
   int64_t frame_idx = 0;
   int corner_id = 0;
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
-  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< projection minus observation
+  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< projected minus observed
   bool rejected = false;
 };
 

@@ -39,7 +39,7 @@ std::vector<int> GroupsOf(const LensSharing& sharing, const std::vector<CameraIn
   for (size_t g = 0; g < sharing.groups.size(); ++g) {
     for (const std::string& name : sharing.groups[g]) {
       const int camera = CameraIndex(cameras, name, option);
-      if (group[camera] >= 0) throw UsageError(option + ": camera " + name + " stands twice");
+      if (group[camera] >= 0) throw UsageError(option + ": camera " + name + " occurs twice");
       group[camera] = static_cast<int>(g);
     }
   }

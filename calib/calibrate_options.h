@@ -98,10 +98,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
   visit(
       "holdout", o.holdout,
-      "every:N keeps every Nth instant out of the solution and checks the rig on it; every:N:K begins with instant K (from 0)");
+      "every:N keeps every Nth time step out of the solution and checks the rig on it; every:N:K begins with time step K (from 0)");
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
-  visit("holdout-views", o.holdout_views, "at most so many views of a camera take part in the held-out error");
+  visit("holdout-views", o.holdout_views, "maximum number of views per camera in the held-out error");
   visit("split-at", o.split_at,
         "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same "
         "lens; CAMERA:FRAME:lens when the lens changed (repeatable)");

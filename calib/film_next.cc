@@ -121,7 +121,7 @@ void HintCoverage(const std::string& camera, int camera_idx, const Seen& seen, s
   if (names.empty() || seen.num_views == 0) return;
   std::ostringstream text;
   text << "camera " << camera << ": " << List(names) << " of the image " << (parts == 1 ? "holds" : "hold") << ' '
-       << (empty == total ? "no corner" : "hardly a corner") << " (" << empty << " of the image's " << kCols * kRows
+       << (empty == total ? "no corners" : "almost no corners") << " (" << empty << " of the image's " << kCols * kRows
        << " cells are empty there): show the board there";
   if (seen.num_posed > 0) {
     const int axis = seen.num_tilted[0] <= seen.num_tilted[1] ? 0 : 1;

@@ -47,7 +47,7 @@ void JudgeDrift(const CameraMotion& motion, const std::string& names, double sca
              "image)",
              names.c_str(), static_cast<long long>(motion.last_before), static_cast<long long>(motion.frame_idx),
              RadToDeg(motion.rotation_rad), RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px),
-      "its mount gives way, or its clock runs at another rate: fasten it and film again");
+      "its mount is loose, or its clock runs at another rate: fasten it and film again");
 }
 
 void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
@@ -99,10 +99,9 @@ void JudgeLate(const CameraReport& camera, Judgement* out) {
   if (std::abs(camera.time_offset_frames) < kLate || explained) return;
   out->Warn(
       "CAL-LATE",
-      Format(
-          "camera %s: its pictures are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
-          "the rig against %.2f px by itself, %d corners rejected)",
-          camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
+      Format("camera %s: its images are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
+             "the rig against %.2f px by itself, %d corners rejected)",
+             camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
       "synchronise the cameras, or move the board slowly; clocks that drift and dropped frames look like this, too");
 }
 
@@ -113,7 +112,7 @@ void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
              Format("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its "
                     "corners by %.2f px",
                     camera.name.c_str(), readout.frames, readout.sigma_frames, readout.shift_px),
-             "hold the board still in every picture that is used, or use a camera with a global shutter");
+             "hold the board still in every image that is used, or use a camera with a global shutter");
 }
 
 void JudgeAssumed(const CameraReport& camera, Judgement* out) {
@@ -150,10 +149,9 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
 
 void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   const BoardMetrics& boards = report.board_metrics;
-  out->Limit(
-      boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
-      Format("triangulated corners lie %.2f px (median) from the pictures they come from", boards.reprojection_median_px),
-      kSyncHint);
+  out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
+             Format("triangulated corners lie %.2f px (median) from the images they come from", boards.reprojection_median_px),
+             kSyncHint);
   const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
   out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
              Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,
@@ -165,7 +163,7 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
 void JudgeSize(const CameraReport& camera, Judgement* out) {
   constexpr double kWarn = 0.01, kFail = 0.1;
   if (!(camera.outside_fraction > kWarn)) return;
-  const std::string text = Format("camera %s: %.0f %% of its corners lie outside the image of the size that was told",
+  const std::string text = Format("camera %s: %.0f %% of its corners lie outside the image size that was given",
                                   camera.name.c_str(), 100 * camera.outside_fraction);
   const char* const hint = "give the size of the images that the corners were found in";
   camera.outside_fraction > kFail ? out->Fail("CAL-SIZE", text, hint) : out->Warn("CAL-SIZE", text, hint);
@@ -178,9 +176,8 @@ void JudgeBending(const CalibrateReport& report, Judgement* out) {
   if (!(bending.variance_ratio > kRatio && bending.sigmas > kSigmas && bending.rms_m > kShare * report.board_size_m)) return;
   out->Warn(
       "CAL-BENDING",
-      Format(
-          "the board seems to bend otherwise from picture to picture, by %.2g mm (%.1f times the variance that noise explains)",
-          1e3 * bending.rms_m, bending.variance_ratio),
+      Format("the board seems to bend otherwise from image to image, by %.2g mm (%.1f times the variance that noise explains)",
+             1e3 * bending.rms_m, bending.variance_ratio),
       "use a rigid board; the uncertainties do not count this");
 }
 

@@ -47,13 +47,13 @@ void VisitFields(Visitor&& visit, DemoOptions& o) {
   visit("overwrite", o.overwrite, "replace what an earlier demo left in --out");
   visit("quick", o.quick, "a small studio and a short training: ends within a minute, shows no quality");
   visit("cameras", o.cameras, "cameras of the synthetic studio");
-  visit("size", o.size, "px; size of the pictures");
-  visit("lens", o.lens, "lens model the pictures are rendered through");
+  visit("size", o.size, "px; size of the images");
+  visit("lens", o.lens, "lens model the images are rendered through");
   visit("noise-px", o.noise_px, "px; noise of the 2D joints, per coordinate");
   visit("board", o.board, "calibration board of the synthetic studio");
   visit("board-frames", o.board_frames, "frames of board footage");
   visit("take-frames", o.take_frames, "frames of the person's take; the last fifth is held out");
-  visit("avatar-size", o.avatar_size, "px; size of the avatar's pictures");
+  visit("avatar-size", o.avatar_size, "px; size of the avatar's images");
   visit("steps", o.steps, "training steps of the avatar");
 }
 
@@ -315,7 +315,7 @@ CommandResult RunDemo(DemoOptions options, CommandContext& context) {
 
 void RegisterDemo(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<DemoOptions>();
-  CLI::App* sub = app.add_subcommand("demo", "The whole road on the built-in synthetic studio, ending in a report");
+  CLI::App* sub = app.add_subcommand("demo", "The whole pipeline on the built-in synthetic studio, ending in a report");
   AddOptions(sub, *options);
   registry.Add(sub, "demo", [options](CommandContext& context) { return RunDemo(*options, context); });
 }

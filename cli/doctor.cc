@@ -95,7 +95,7 @@ ordered_json Gpu() {
 ordered_json Programs(CommandResult* result) {
   const struct {
     const char *name, *use;
-  } programs[] = {{"colmap", "checks of COLMAP exports"}, {"npm", "models fetch"}, {"chromium", "pictures of the report"}};
+  } programs[] = {{"colmap", "checks of COLMAP exports"}, {"npm", "models fetch"}, {"chromium", "images of the report"}};
   ordered_json json = ordered_json::object();
   for (const auto& program : programs) {
     const std::string path = FindProgram(program.name);
@@ -152,7 +152,7 @@ dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   session.cameras = scanned.cameras;
   session.takes = scanned.takes;
   if (scanned.takes.empty()) session.takes = {dataset::ScanFolder(path, &session.cameras)};
-  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: looked at as a folder of footage",
+  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: checked as a folder of footage",
                               "make a session with mvstudio session init"});
   return session;
 }
@@ -180,11 +180,10 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
 
 void RegisterDoctor(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub =
-      app.add_subcommand("doctor", "Look at the machine, and at a session: everything that is wrong, not the first");
+  CLI::App* sub = app.add_subcommand("doctor", "Check the machine, and a session; lists every problem, not only the first");
   AddOption(sub, "path", arguments->path, "a session, or a folder of footage");
   AddFlag(sub, "--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
-  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "allow the session to name files outside its folder");
   registry.Add(sub, "doctor", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }
 

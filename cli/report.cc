@@ -70,11 +70,11 @@ void RegisterReport(CLI::App& app, Registry& registry) {
   AddOption(sub, "--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
   AddOptions(sub, *options);
   AddOption(sub, "--study", study->sides,
-            "instead of a report: a page that asks which of two pictures is closer to the truth; two scored runs, or two "
+            "instead of a report: a page that asks which of two images is closer to the truth; two scored runs, or two "
             "folders with the same file names, each FOLDER or NAME=FOLDER")
       ->expected(2);
-  AddOption(sub, "--truth", study->truth, "study: folder of the true pictures; of runs, the truth that they were scored with");
-  AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the pictures")
+  AddOption(sub, "--truth", study->truth, "study: folder of the true images; of runs, the truth that they were scored with");
+  AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the images")
       ->capture_default_str();
   AddOption(sub, "--study-tally", study->tally, "instead of a report: count these files of answers");
   registry.Add(sub, "report", [=](CommandContext& context) {

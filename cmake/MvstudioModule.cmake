@@ -25,7 +25,9 @@ if(MVSTUDIO_SANITIZE)
   add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
-find_package(Python3 REQUIRED COMPONENTS Interpreter)
+if(MVSTUDIO_UNITY OR MVSTUDIO_TESTS)
+  find_package(Python3 REQUIRED COMPONENTS Interpreter)
+endif()
 
 # mvstudio_group_sources(TARGET SIZE): compiles up to SIZE source files of the target as one, where they share no name at file scope.
 function(mvstudio_group_sources target size)

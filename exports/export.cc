@@ -35,7 +35,7 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, pictures, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
         kRigOnly},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
@@ -47,7 +47,7 @@ const std::vector<Writer>& Writers() {
       {{"dynamic3dgs", "Dynamic 3D Gaussians: train_meta.json, test_meta.json, ims, seg, init_pt_cld.npz", LensNeed::kPinhole,
         !kInstant, kOneSize, kPictures, !kRigOnly},
        WriteDynamic3dgs},
-      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, pictures, masks, key points", LensNeed::kBrown5, !kInstant,
+      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, images, masks, keypoints", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, kRigOnly},
        WriteDna},
       {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kInstant, !kOneSize, kPictures,
@@ -120,7 +120,7 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
     dataset::MissingPictures pictures = report->missing;
     for (auto& [camera, of] : pictures.by_camera) of.no_mask.clear();
     report->notes.push_back({"EXP-NO-PICTURE",
-                             std::to_string(report->missing_pictures) + " pictures are not in the dataset (" +
+                             std::to_string(report->missing_pictures) + " images are not in the dataset (" +
                                  dataset::MissingCamerasText(pictures) + ")",
                              "`mvstudio dataset verify` counts them; option 'frames' and option 'cameras' leave them out"});
   }

@@ -59,17 +59,16 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, ExportOptions& o) {
   visit("pictures", o.pictures,
         "link: hard links, no space is taken (copies where the file system cannot); copy; none: cameras and joints only");
-  visit(
-      "undistort", o.undistort,
-      "auto: pictures of lenses that the format cannot describe are resampled to an ideal pinhole; always; never: such lenses "
-      "are refused");
+  visit("undistort", o.undistort,
+        "auto: images of lenses that the format cannot describe are resampled to an ideal pinhole; always; never: such lenses "
+        "are refused");
   visit("undistort-view", o.undistort_view,
         "inside: the largest view without black borders; all: every pixel of the footage; keep: the lens's own focal lengths");
-  visit("names", o.names, "what cameras are called: dataset (00_07) or studio (the name in the calibration, made safe)");
-  visit("jpeg-quality", o.jpeg_quality, "0..100, of pictures that are resampled or change their format");
-  visit("frame-rate", o.frame_rate_hz, "frames a second of joint files; 0: from the dataset's time stamps");
+  visit("names", o.names, "names of the cameras: dataset (00_07) or studio (the name in the calibration, made safe)");
+  visit("jpeg-quality", o.jpeg_quality, "0..100, of images that are resampled or change their format");
+  visit("frame-rate", o.frame_rate_hz, "Hz; frame rate of joint files; 0: from the dataset's time stamps");
   visit("hull-points", o.hull_points, "points of the silhouettes' hull at most, for formats that start from points; 0: none");
-  visit("scale-folder", o.scale_folder, "actorshq: name of the folder with the pictures (1x, 2x, 4x)");
+  visit("scale-folder", o.scale_folder, "actorshq: name of the folder with the images (1x, 2x, 4x)");
   visit("overwrite", o.overwrite, "replace the output folder");
 }
 

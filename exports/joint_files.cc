@@ -40,7 +40,7 @@ std::vector<int> ContinuousFrames(const Take& take) {
   const int64_t span = int64_t{take.frames.back()} - take.frames.front() + 1;
   if (span > kMostFrames) {
     throw UsageError("frames " + std::to_string(take.frames.front()) + " to " + std::to_string(take.frames.back()) +
-                     ": this format has one line an instant, which would be " + std::to_string(span) +
+                     ": this format has one line a time step, which would be " + std::to_string(span) +
                      "; choose a shorter stretch with option 'frames'");
   }
   std::vector<int> frames;

@@ -18,7 +18,7 @@ std::string RigPly(const Take& take) {
     points[static_cast<size_t>(first)].rgb = {230, 60, 40};
     for (const auto& edge : kFrustumEdges) edges.emplace_back(first + edge[0], first + edge[1]);
   }
-  return PlyText(points, edges, "cameras: centre and picture corners; metres, z up");
+  return PlyText(points, edges, "cameras: centre and image corners; metres, z up");
 }
 
 std::string SkeletonPly(const People& people) {

@@ -59,7 +59,7 @@ std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const For
   }
   if (format.one_instant && !options.all_frames && chosen.size() > 1) {
     report->notes.push_back({"EXP-ONE-FRAME",
-                             format.name + " describes one instant: frame " + std::to_string(chosen[0]) + " of " +
+                             format.name + " describes one time step: frame " + std::to_string(chosen[0]) + " of " +
                                  std::to_string(chosen.size()) + " was taken",
                              "choose with option 'frames', or pass option 'frames' all for a folder per frame"});
     chosen.resize(1);
@@ -92,14 +92,14 @@ void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* vi
   const bool distorted = !Carries(LensNeed::kPinhole, lens);
   if (!carried && options.undistort == ExportUndistort::kNever) {
     throw UsageError("camera " + lens.name + ": " + format.name + " describes " + LensText(format.lens) + ", not a lens " +
-                     std::string(ToString(lens.model)) + "; leave out option 'undistort' never to have its pictures resampled");
+                     std::string(ToString(lens.model)) + "; leave out option 'undistort' never to have its images resampled");
   }
   if (carried && !(options.undistort == ExportUndistort::kAlways && distorted)) return;
   dataset::UndistortOptions undistort;
   undistort.view = options.undistort_view;
   const dataset::UndistortedCamera ideal = dataset::IdealPinhole(view->source, undistort);
   if (!ideal.usable()) {
-    throw FormatError("camera " + lens.name, "", "its pictures cannot be resampled to a pinhole: " + ideal.reason);
+    throw FormatError("camera " + lens.name, "", "its images cannot be resampled to a pinhole: " + ideal.reason);
   }
   view->camera = ideal.camera;
   view->info.undistorted = true;
@@ -135,8 +135,8 @@ void RequireOneSize(const FormatInfo& format, const std::vector<View>& views) {
   for (const View& view : views) {
     const geometry::Camera& lens = view.camera.camera;
     if (lens.width_px == first.width_px && lens.height_px == first.height_px) continue;
-    throw UsageError(format.name + " holds pictures of one size: " + first.name + " has " + std::to_string(first.width_px) +
-                     "x" + std::to_string(first.height_px) + ", " + lens.name + " has " + std::to_string(lens.width_px) + "x" +
+    throw UsageError(format.name + " holds images of one size: " + first.name + " has " + std::to_string(first.width_px) + "x" +
+                     std::to_string(first.height_px) + ", " + lens.name + " has " + std::to_string(lens.width_px) + "x" +
                      std::to_string(lens.height_px) + "; choose cameras of one size with option 'cameras'");
   }
 }
@@ -150,9 +150,8 @@ void NoteUndistorted(const std::vector<View>& views, ExportReport* report) {
     if (!worst || view.info.lost_share > worst->info.lost_share) worst = &view;
   }
   if (!worst) return;
-  const std::string text =
-      Format("pictures of %d cameras are resampled to ideal pinholes; %s loses most, %.1f %% of its pixels", count,
-             worst->info.source.c_str(), 100 * worst->info.lost_share);
+  const std::string text = Format("images of %d cameras are resampled to ideal pinholes; %s loses most, %.1f %% of its pixels",
+                                  count, worst->info.source.c_str(), 100 * worst->info.lost_share);
   report->notes.push_back({"EXP-UNDISTORTED", text, "option 'undistort-view' all keeps every pixel, with black borders"});
 }
 
@@ -282,7 +281,7 @@ Take TakeOfRig(const geometry::Rig& rig, const FormatInfo& format, const std::st
       throw FormatError(path, camera.camera.name,
                         format.name + " describes " + LensText(format.lens) + ", not a lens " +
                             std::string(ToString(camera.camera.model)) +
-                            "; `dataset export` resamples the pictures, or write option 'to' mvstudio and keep the lens");
+                            "; `dataset export` resamples the images, or write option 'to' mvstudio and keep the lens");
     }
     View view;
     view.source = view.camera = camera;

@@ -70,7 +70,7 @@ PictureScore ScorePicture(const Picture& truth, const Mask& true_mask, const Pic
 }
 
 RegionScore Mean(const std::vector<RegionScore>& scores, int64_t* psnr_infinite) {
-  MVS_CHECK(!scores.empty(), "no pictures");
+  MVS_CHECK(!scores.empty(), "no images");
   RegionScore mean;
   std::vector<double> psnr;
   const auto n = static_cast<double>(scores.size());

@@ -52,7 +52,7 @@ Value StagesToValue(const RunData& data) {
 
 Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
   MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
-            "limits of pictures must not be negative");
+            "limits of images must not be negative");
   const RunData data = ScanRun(run_folder);
   SectionContext context{data, options, Value::Object(), {}, 0};
   std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
@@ -73,7 +73,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   report.html = PageHtml(
       title, Header(title, report.verdict, data, options), shown,
       "mvstudio" + (options.version.empty() ? "" : " " + options.version) +
-          ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers stand in the .json beside this file.");
+          ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers are in the .json beside this file.");
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
   json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data));

@@ -20,9 +20,9 @@ struct ReportOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, ReportOptions& o) {
   visit("title", o.title, "title of the page; the run folder's name by default");
-  visit("max-heldout-pictures", o.max_heldout_pictures, "pictures shown of each evaluation");
-  visit("max-picture-mb", o.max_picture_mb, "MB; a larger picture is named instead of embedded");
-  visit("max-pictures-total-mb", o.max_pictures_total_mb, "MB of pictures embedded in all");
+  visit("max-heldout-pictures", o.max_heldout_pictures, "images shown of each evaluation");
+  visit("max-picture-mb", o.max_picture_mb, "MB; a larger image is named instead of embedded");
+  visit("max-pictures-total-mb", o.max_pictures_total_mb, "MB of images embedded in all");
 }
 
 /// A notice for the reader of the report: a stable code (`REP-…`), what and where, what to do.

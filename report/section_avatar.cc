@@ -139,9 +139,9 @@ std::vector<ScoreRow> ScoreRows(const Value& metrics) {
 std::string ScoresTable(const Value& metrics) {
   const std::vector<ScoreRow> rows = ScoreRows(metrics);
   if (rows.empty()) return {};
-  Table table("Scores beside the baselines, on the same pictures");
+  Table table("Scores beside the baselines, on the same images");
   table.AddColumn("", "", false);
-  table.AddColumn("pictures");
+  table.AddColumn("images");
   table.AddColumn("SSIM");
   table.AddColumn("PSNR", "dB");
   table.AddColumn("mask IoU");
@@ -306,7 +306,7 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
   html += CameraBars(metrics["per_camera"]);
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
-  html += Pictures(context, stage, "heldout-picture", "Held-out pictures", Legend(metrics), "grid");
+  html += Pictures(context, stage, "heldout-picture", "Held-out images", Legend(metrics), "grid");
   html += Pictures(context, stage, "texture-atlas", "Texture atlas", {}, "grid");
   const std::string all = NumbersTable("", metrics);
   return html + (all.empty() ? "" : DetailsHtml("All numbers", all));

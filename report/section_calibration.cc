@@ -198,7 +198,7 @@ std::string FileTable(const JsonFile& file, const Value& summary) {
   Table table("Calibration file " + file.file);
   table.AddColumn("camera", "", false);
   table.AddColumn("lens model", "", false);
-  table.AddColumn("picture", "px");
+  table.AddColumn("image", "px");
   table.AddColumn("focal length \u00b1 \u03c3", "px");
   table.AddColumn("centre in world x, y, z", "m");
   for (const Value& camera : summary.items()) {

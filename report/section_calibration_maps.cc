@@ -76,7 +76,7 @@ std::string CameraMaps(const Value& metrics) {
 
 std::string Covisibility(const Value& metrics) {
   CellGridSpec spec;
-  spec.title = "Instants in which two cameras saw a board";
+  spec.title = "Time steps in which two cameras saw a board";
   spec.rows = ReadRows(metrics["covisibility"]);
   if (spec.rows.size() < 2 || spec.rows.size() > 60) return {};
   for (const Value& camera : metrics["cameras"].items()) spec.row_names.push_back(camera["name"].Text("?"));
@@ -85,7 +85,7 @@ std::string Covisibility(const Value& metrics) {
   spec.aspect = 0.4;
   spec.width = 760;
   return FigureHtml(CellGrid(spec),
-                    "On the diagonal, the instants of one camera alone. The rig holds together along the pairs with many.");
+                    "On the diagonal, the time steps of one camera alone. The rig holds together along the pairs with many.");
 }
 
 std::string FilmNext(const Value& hints) {

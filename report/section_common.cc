@@ -106,7 +106,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
   const std::string name = output["path"].Text();
   const std::string path = ResolveOutput(context->data, stage, name);
   const auto leave_out = [&](const std::string& why, const std::string& hint) {
-    context->warnings.push_back({"REP-PICTURE", stage.file + ": picture " + name + " " + why, hint});
+    context->warnings.push_back({"REP-PICTURE", stage.file + ": image " + name + " " + why, hint});
     return std::string();
   };
   if (path.empty()) return leave_out("is not there", "run `" + stage.command + "` again, or copy the whole run folder");
@@ -117,7 +117,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
     if (code) return leave_out("cannot be read: " + code.message(), "");
     if (bytes > int64_t{context->options.max_picture_mb} << 20) return leave_out("is too large to embed", limits_hint);
     if (context->picture_bytes + bytes > int64_t{context->options.max_pictures_total_mb} << 20) {
-      return leave_out("is left out: the pictures together are too large", limits_hint);
+      return leave_out("is left out: the images together are too large", limits_hint);
     }
     const std::string content = ReadFile(path);
     if (PictureType(content).empty()) return leave_out("is neither PNG nor JPEG", "");

@@ -117,7 +117,7 @@ std::string RigFigures(const Value& calibration, const CsvFile* points) {
       subject.cloud.empty() ? ""
                             : " Green: joints of all frames; orange: path of the hips; dark: the pose with the most joints.";
   return GridHtml(
-      {FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each picture's field of view." + people),
+      {FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each image's field of view." + people),
        FigureHtml(RigCornerView(cameras, subject),
                   "The same rig from a corner; equal scale on all axes, grid on the lowest level.")});
 }

@@ -69,7 +69,7 @@ std::string StagesOf(SectionContext* context, const Commands& commands) {
 }  // namespace
 
 Section FootageSection(SectionContext* context) {
-  return {"footage", "Footage, key points and masks", StagesOf(context, {"session", "doctor", "sync", "pose2d", "mask"})};
+  return {"footage", "Footage, keypoints and masks", StagesOf(context, {"session", "doctor", "sync", "pose2d", "mask"})};
 }
 
 Section DatasetSection(SectionContext* context) {

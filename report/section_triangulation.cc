@@ -143,8 +143,9 @@ std::string CameraTargets(const Value& cameras) {
   const std::vector<double> finite = FiniteValues(lengths);
   const double longest = LinearQuantile(finite, 1), none = std::numeric_limits<double>::infinity();
   const double suspect = longest > 1 ? std::min(0.999 * longest, std::max(1.0, 1.5 * LinearQuantile(finite, 0.5))) : none;
-  std::string caption = left_out ? "Mean of detection minus projection, against the joints that the other cameras alone give."
-                                 : "Mean of detection minus projection, against the joints that all cameras give.";
+  std::string caption = left_out
+                            ? "Mean residual (observed minus projected), against the joints that the other cameras alone give."
+                            : "Mean residual (observed minus projected), against the joints that all cameras give.";
   caption +=
       " Noise averages out to nothing; what is left is a camera that the calibration puts in the wrong place or with the wrong "
       "lens.";

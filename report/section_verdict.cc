@@ -27,7 +27,7 @@ const std::vector<KeyFigure>& KeyFigures() {
       {"triangulate", "off the reference", {"truth.median_mm", "reference.median_mm", "trc.median_mm"}, "mm"},
       {"triangulate", "joints", {"num_points"}, ""},
       {"pose2d", "camera left out", {"agreement.median_px"}, "px"},
-      {"mask", "pictures", {"pictures"}, ""},
+      {"mask", "images", {"pictures"}, ""},
       {"mask", "flicker", {"flicker"}, ""},
       {"avatar eval", "SSIM", {"holdout.ssim"}, ""},
       {"avatar eval", "PSNR", {"holdout.psnr_db"}, "dB"},

@@ -50,9 +50,9 @@ void VisitFields(Visitor&& visit, SynthOptions& o) {
   visit("radius-m", o.radius_m, "m, distance of the cameras from the centre of the studio");
   visit("height-m", o.height_m, "m, mean height of a ring's cameras; they alternate 0.65 m above and below");
   visit("arrangement", o.arrangement, "ring or dome");
-  visit("size", o.size, "picture size, WIDTHxHEIGHT, even numbers");
+  visit("size", o.size, "image size, WIDTHxHEIGHT, even numbers");
   visit("lens", o.lens, "pinhole, brown1, brown2, brown4, brown5, rational8 or kannala4");
-  visit("focal-px", o.focal_px, "px; 0: 2.4 m at the centre fill the picture's height");
+  visit("focal-px", o.focal_px, "px; 0: 2.4 m at the centre fill the image's height");
   visit("noise-px", o.noise_px, "px, standard deviation of the 2D joints per coordinate");
   visit("board", o.board, "board that is waved through the volume");
   visit("board-frames", o.board_frames, "frames of board footage; 0: none");
@@ -61,7 +61,7 @@ void VisitFields(Visitor&& visit, SynthOptions& o) {
   visit("person-height-m", o.person_height_m, "m, height of the person");
   visit("samples", o.samples, "samples along a pixel's side, 1 to 8; fewer is faster");
   visit("texture-px", o.texture_px, "px, side of each of the 24 charts of the person's texture");
-  visit("format", o.format, "footage as mp4 (H.264) or png (lossless, picture folders)");
+  visit("format", o.format, "footage as mp4 (H.264) or png (lossless, image folders)");
   visit("crf", o.crf, "H.264 quality: 0 lossless ... 51 worst");
   visit("background", o.background, "textured, plain, or posters: walls full of features (for calibrate option 'from-scene')");
 }

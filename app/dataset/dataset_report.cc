@@ -27,7 +27,7 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
   for (const auto& [name, count] : counts) result.metrics[name] = count;
   result.metrics["missing_pictures"] = report.no_picture;
   result.metrics["missing_masks"] = report.no_mask;
-  result.text += std::to_string(report.cameras) + " cameras with pictures, " + std::to_string(report.frames) +
+  result.text += std::to_string(report.cameras) + " cameras with images, " + std::to_string(report.frames) +
                  " frames: " + std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) +
                  " warnings\n";
   if (!report.unusable.empty()) {
@@ -50,7 +50,7 @@ CommandResult VerifyPackFile(const std::string& path, const RunContext& run) {
   result.metrics["images"] = report.images;
   result.metrics["masks"] = report.masks;
   result.text += std::to_string(report.info.shards) + " shards, " + std::to_string(report.images) +
-                 " pictures: " + std::to_string(errors) + " errors\n";
+                 " images: " + std::to_string(errors) + " errors\n";
   result.exit = errors == 0 ? kExitOk : report.images == 0 ? kExitBadInput : kExitPartial;
   return result;
 }
@@ -94,7 +94,7 @@ void DescribeCamera(const geometry::Camera& camera, const dataset::PanopticSeque
   if (none && !sequence.footage.empty()) return;  // 479 lines of cameras without pictures help nobody
   result->text += "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) + "x" +
                   std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
-  if (footage == "pictures") result->text += ", " + std::to_string(found->second.pictures.size()) + " pictures";
+  if (footage == "pictures") result->text += ", " + std::to_string(found->second.pictures.size()) + " images";
   result->text += (footage == "video" ? ", video\n" : "\n");
 }
 
@@ -136,7 +136,7 @@ CommandResult FolderInfo(const std::string& folder) {
       "; " + std::to_string(sequence.footage.size()) + " with footage; " + std::to_string(people) + " people at most\n";
   result.text += RangeText("joints", scenes) + RangeText("joints at 25 fps", sequence.vga_scenes.files) +
                  RangeText("faces", sequence.faces.files) + RangeText("hands", sequence.hands.files);
-  if (sequence.footage.empty()) result.text += "  no pictures and no videos\n";
+  if (sequence.footage.empty()) result.text += "  no images and no videos\n";
   for (const auto& c : rig.cameras) {
     if (rig.cameras.size() > 60 && sequence.footage.empty()) break;
     DescribeCamera(c.camera, sequence, AliasOf(aliases, c.camera.name), &result);
@@ -157,7 +157,7 @@ CommandResult PackFileInfo(const std::string& path) {
                     {"shards", info.shards},         {"cameras", info.cameras},     {"frames", info.frames},
                     {"people", info.people},         {"samples", info.samples},     {"bytes", info.bytes},
                     {"complete", info.complete}};
-  result.text = Format("pack of %s: %lld %s pictures, %s, masks %s; %d cameras, %d frames, %d people; %d shards, %.1f MB%s\n",
+  result.text = Format("pack of %s: %lld %s images, %s, masks %s; %d cameras, %d frames, %d people; %d shards, %.1f MB%s\n",
                        info.sequence.c_str(), static_cast<long long>(info.samples), ViewName(info.view),
                        info.image_codec.c_str(), info.mask_codec.c_str(), info.cameras, info.frames, info.people, info.shards,
                        static_cast<double>(info.bytes) / 1e6, info.complete ? "" : "; not complete");

@@ -80,7 +80,7 @@ double ReadRate(size_t count, int threads, double seconds, const std::function<v
 struct Difference {
   double sum = 0, count = 0;
   void Add(const Image& a, const Image& b) {
-    if (a.pixels.size() != b.pixels.size()) throw FormatError("pack", "", "pictures of different size cannot be compared");
+    if (a.pixels.size() != b.pixels.size()) throw FormatError("pack", "", "images of different size cannot be compared");
     for (size_t i = 0; i < a.pixels.size(); ++i) {
       const double d = static_cast<double>(a.pixels[i]) - b.pixels[i];
       sum += d * d;
@@ -141,7 +141,7 @@ class Measurement {
     const std::string raw = Build("raw", crop_px);
     {
       const dataset::Pack pack = dataset::OpenPack(raw);
-      if (pack.samples().empty()) throw FormatError(source_.data.root, "", "no picture shows a person");
+      if (pack.samples().empty()) throw FormatError(source_.data.root, "", "no image shows a person");
       task.stride = std::max<size_t>(1, pack.samples().size() / (crop_px ? 48 : 8));
       for (size_t i = 0; i * task.stride < pack.samples().size(); ++i) {
         const size_t at = i * task.stride;
@@ -274,7 +274,7 @@ PackSpeedReport MeasurePackSpeed(const std::string& root, const PackSpeedOptions
 }
 
 std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>& on_front) {
-  std::string text = Format("%d pictures of %dx%d\n", report.pictures, report.width_px, report.height_px) +
+  std::string text = Format("%d images of %dx%d\n", report.pictures, report.width_px, report.height_px) +
                      "way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n";
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];

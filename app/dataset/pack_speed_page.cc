@@ -19,7 +19,7 @@ std::string PsnrText(const PackSpeedTrial& t) {
   return std::isfinite(t.psnr_db) ? report::FormatFixed(t.psnr_db, 1) : std::string("exact");
 }
 
-std::string CropName(int crop_px) { return crop_px ? std::to_string(crop_px) + " px" : std::string("whole pictures"); }
+std::string CropName(int crop_px) { return crop_px ? std::to_string(crop_px) + " px" : std::string("whole images"); }
 
 /// One line a way, over the crop sizes; trials of one thread. Empty when there is only one size.
 template <class Value>
@@ -105,10 +105,10 @@ std::string BuildTable(const PackSpeedReport& report) {
 }
 
 std::string Intro(const PackSpeedReport& report) {
-  return report::ParagraphHtml("Crops of people read at random from " + std::to_string(report.pictures) + " pictures of " +
+  return report::ParagraphHtml("Crops of people read at random from " + std::to_string(report.pictures) + " images of " +
                                std::to_string(report.width_px) + "x" + std::to_string(report.height_px) +
-                               " px: out of a pack, or from a folder of JPEG pictures that are decoded and cropped when read. "
-                               "PSNR is against the crop of the lossless picture. Files are in the system's cache.");
+                               " px: out of a pack, or from a folder of JPEG images that are decoded and cropped when read. "
+                               "PSNR is against the crop of the lossless image. Files are in the system's cache.");
 }
 
 }  // namespace
@@ -130,7 +130,7 @@ std::string PackSpeedPage(const PackSpeedReport& report, const std::vector<bool>
     if (!figure.empty()) fronts.push_back(figure);
   }
   const std::vector<report::Section> sections{
-      {"reading", "Packs beside a folder of JPEG pictures", Intro(report) + report::GridHtml(figures)},
+      {"reading", "Packs beside a folder of JPEG images", Intro(report) + report::GridHtml(figures)},
       {"front", "Time against size",
        report::GridHtml(fronts) + report::ParagraphHtml("Large dots: no other way is both faster and smaller.")},
       {"table", "All ways",

@@ -104,11 +104,11 @@ ordered_json TimelineJson(const dataset::Timeline& timeline) {
 }
 
 std::string TimelineText(const dataset::Timeline& timeline) {
-  std::string text = Format("take %s: %lld instants at %.4f Hz, counted by camera %s, clocks related by: %s\n",
+  std::string text = Format("take %s: %lld time steps at %.4f Hz, counted by camera %s, clocks related by: %s\n",
                             timeline.take.c_str(), static_cast<long long>(timeline.num_instants), timeline.fps_hz,
                             timeline.reference.c_str(), dataset::ToString(timeline.clock).c_str());
-  text += Format("%-14s %-9s %7s %9s %8s %8s %8s %10s %9s %10s\n", "camera", "status", "frames", "instants", "dropped",
-                 "doubled", "fps", "offset", "ppm", "off by ms");
+  text += Format("%-14s %-9s %7s %9s %8s %8s %8s %10s %9s %10s\n", "camera", "status", "frames", "steps", "dropped", "doubled",
+                 "fps", "offset", "ppm", "off by ms");
   for (const CameraTimeline& c : timeline.cameras) {
     text += Format("%-14s %-9s %7lld %9lld %8lld %8zu %8.3f %+10.3f %+9.2f %5.2f/%.2f\n", c.name.c_str(),
                    std::string(ToString(c.status)).c_str(), static_cast<long long>(c.num_frames),

@@ -26,7 +26,7 @@ std::map<std::string, std::string> Pictures(const std::string& folder) {
       throw FormatError(folder, entry.path().stem().string(), "is there with two extensions; keep one");
     }
   }
-  if (pictures.empty()) throw IoError(folder, "holds no PNG or JPEG pictures");
+  if (pictures.empty()) throw IoError(folder, "holds no PNG or JPEG images");
   return pictures;
 }
 
@@ -50,10 +50,10 @@ void ScorePair(PicturePair* pair) {
     pair->full = metrics::ScoreWhole(reference, other);
     return;
   }
-  const Image grey = ReadLike(pair->mask, "its picture", reference, pair->reference, true);
+  const Image grey = ReadLike(pair->mask, "its image", reference, pair->reference, true);
   metrics::Mask mask(grey.pixels.size());
   std::transform(grey.pixels.begin(), grey.pixels.end(), mask.begin(), [](uint8_t v) { return v > 127; });
-  if (std::find(mask.begin(), mask.end(), 1) == mask.end()) throw FormatError(pair->mask, "", "is empty: nobody is on it");
+  if (std::find(mask.begin(), mask.end(), 1) == mask.end()) throw FormatError(pair->mask, "", "is empty: no person is on it");
   const metrics::PictureScore score =
       metrics::ScorePicture(metrics::FromImage(reference), mask, metrics::FromImage(other), mask);
   pair->full = score.full, pair->bbox = score.bbox, pair->masked = score.masked;
@@ -82,13 +82,13 @@ PicturePairs PairPictures(const std::string& reference, const std::string& other
   for (const auto& [name, path] : in_b) {
     if (!in_a.count(name)) result.only_in_other.push_back(name);
   }
-  if (result.pairs.empty()) throw IoError(other, "no picture has the name of one in " + reference);
+  if (result.pairs.empty()) throw IoError(other, "no image has the name of one in " + reference);
   return result;
 }
 
 void ScorePairs(PicturePairs* pairs, const RunContext& run) {
   const auto count = static_cast<int64_t>(pairs->pairs.size());
-  ProgressStage stage(run, "comparing pictures", count);
+  ProgressStage stage(run, "comparing images", count);
   std::mutex mutex;
   ParallelFor(count, ResolveThreads(run.num_threads), [&](int64_t i) {
     ScorePair(&pairs->pairs[static_cast<size_t>(i)]);

@@ -51,7 +51,7 @@ avatar::DatasetSplit FromFile(const dataset::PanopticDataset& data, int person, 
 void TakeValidationCamera(const dataset::PanopticDataset& data, const std::string& name, avatar::DatasetSplit* split) {
   if (!split->validation_cameras.empty())
     throw UsageError("option 'validate-camera' " + name +
-                     ": the split has validation pictures already; leave one of the two out");
+                     ": the split has validation images already; leave one of the two out");
   auto& cameras = split->train_cameras;
   const auto found = std::find(cameras.begin(), cameras.end(), data.Resolve(name));
   if (found == cameras.end()) {
@@ -135,8 +135,8 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
                     const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config) {
   if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_pictures == 0))
     throw UsageError(
-        "option 'patience' needs option 'validate-camera' or a option 'split' with validation pictures, and option "
-        "'validate-pictures' above 0: pictures "
+        "option 'patience' needs option 'validate-camera' or a option 'split' with validation images, and option "
+        "'validate-pictures' above 0: images "
         "of the final score must not choose the weights");
   RunPacks packs;
   RequireSides(data, config->split, &packs);

@@ -31,11 +31,12 @@ struct MaskRunOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, MaskRunOptions& o) {
   visit("soft", o.soft, "write the covered share of each pixel, too: OUT/soft/CAMERA/%08d.png, 0..255");
-  visit("hull", o.hull,
-        "make the masks twice: the second time nobody is where two other cameras' masks leave no room; needs option 'calib'");
+  visit(
+      "hull", o.hull,
+      "make the masks twice, the second time without pixels that the masks of two other cameras exclude; needs option 'calib'");
   visit("hull-frames", o.hull_frames, "frames on which masks are compared with the visual hull; 0: none");
   visit("trial-frames", o.trial_frames, "frames on which option 'backend' auto tries every backend");
-  visit("sheet-tiles", o.sheet_tiles, "pictures on each camera's contact sheet; 0: no sheet");
+  visit("sheet-tiles", o.sheet_tiles, "images on each camera's contact sheet; 0: no sheet");
   visit("size-rule", o.size_rule,
         "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
   visit("overwrite", o.overwrite, "replace the output folder");

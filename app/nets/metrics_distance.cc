@@ -24,7 +24,7 @@ struct Features {
 
 Features ReadNpyFeatures(const std::string& path) {
   const NpyArray array = ReadNpy(path);
-  if (array.shape.size() != 2) throw FormatError(path, "shape", "must be (pictures, dimensions)");
+  if (array.shape.size() != 2) throw FormatError(path, "shape", "must be (images, dimensions)");
   return {at::tensor(array.values, at::kDouble).view({array.shape[0], array.shape[1]}), "unnamed"};
 }
 
@@ -32,7 +32,7 @@ Features ReadTensorFeatures(const std::string& path) {
   const avatar::TensorFile file = avatar::ReadTensorFile(path, false);
   const auto found = file.tensors.find("features");
   if (found == file.tensors.end() || found->second.dim() != 2 || !found->second.is_floating_point())
-    throw FormatError(path, "features", "must be a floating-point tensor of (pictures, dimensions)");
+    throw FormatError(path, "features", "must be a floating-point tensor of (images, dimensions)");
   const auto named = file.metadata.find("features");
   return {found->second.to(at::kDouble), named == file.metadata.end() ? "unnamed" : named->second};
 }

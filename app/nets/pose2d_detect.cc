@@ -104,7 +104,7 @@ std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& ba
   const int threads = ResolveThreads(run.num_threads);
   const auto count = static_cast<int>(job.footage.size());
   std::vector<CameraPoses> cameras(job.footage.size());
-  ProgressStage stage(run, "key points by " + backend.name, 0);
+  ProgressStage stage(run, "keypoints by " + backend.name, 0);
   std::mutex mutex;
   ParallelFor(count, threads, [&](int64_t c) {
     detect::SetGraphThreads(std::max(1, threads / std::max(1, count)));

@@ -121,7 +121,7 @@ void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* resul
     result->warnings.push_back(
         {"TRI-FEW-DETECTIONS",
          camera + ": people in " + std::to_string(seen) + " of " + std::to_string(num_frames_) + " frames only",
-         "check the detector's output for this camera and that all cameras count frames from the same instant"});
+         "check the detector's output for this camera and that all cameras count frames from the same time step"});
   }
 }
 
@@ -196,17 +196,17 @@ void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* resul
     if (camera.off) {
       result->warnings.push_back({"TRI-CAMERA-OFF", camera.message,
                                   "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
-                                  "option 'from-keypoints'`); check that its pictures "
+                                  "option 'from-keypoints'`); check that its images "
                                   "have the calibrated size and were not cropped"});
     } else if (camera.scaled) {
-      result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its pictures have the calibrated size"});
+      result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its images have the calibrated size"});
     }
   }
   for (const triangulate::CameraSides& camera : take.sides.cameras) {
     if (camera.message.empty() || 20 * camera.num_swapped < camera.num_frames) continue;
     result->warnings.push_back(
         {"TRI-SIDES-SWAPPED", camera.message,
-         "they were swapped back; check the detector on this camera's pictures (mirrored? seen from behind?)"});
+         "they were swapped back; check the detector on this camera's images (mirrored? seen from behind?)"});
   }
 }
 
@@ -230,12 +230,12 @@ void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& 
     diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
   diagonal_px /= static_cast<double>(rig.cameras.size());
   if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
-  const std::string text = Format("views disagree: sigma %.1f px is %.1f %% of the picture's diagonal", take.sigma_px,
+  const std::string text = Format("views disagree: sigma %.1f px is %.1f %% of the image's diagonal", take.sigma_px,
                                   100 * take.sigma_px / diagonal_px);
   result->exit = kExitQualityGate;
   result->errors.push_back({"TRI-INCONSISTENT", text,
                             "check that each folder belongs to its camera, that all cameras count frames from the same "
-                            "instant, and the calibration"});
+                            "time step, and the calibration"});
 }
 
 }  // namespace mvstudio::app

@@ -220,7 +220,7 @@ Lines Cells(const Comparison& comparison) {
 std::string Notes(const Comparison& comparison) {
   std::string text = "Mean ± half the range over the runs of a row.";
   if (!comparison.mixed_splits.empty())
-    text += " † not the pictures of the first run: compare within one set of training cameras.";
+    text += " † not the images of the first run: compare within one set of training cameras.";
   for (const RowDifference& d : comparison.differences) {
     text += "\n" + d.row + " - " + d.against + ": SSIM " + (d.ssim < 0 ? "" : "+") + report::FormatFixed(d.ssim, 4) +
             (!d.spread_known    ? ", the spread is not known: several seeds of each are needed"

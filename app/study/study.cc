@@ -40,7 +40,7 @@ std::string TruthOf(const StudyArguments& arguments, const Side& a, const Side& 
   for (const Side* side : {&a, &b}) {
     if (side->is_run) return side->folder + "/eval/truth";
   }
-  throw UsageError("option 'study' of two folders needs the true pictures: option 'truth' FOLDER, with the same file names");
+  throw UsageError("option 'study' of two folders needs the true images: option 'truth' FOLDER, with the same file names");
 }
 
 nlohmann::ordered_json ShareJson(const report::StudyShare& share) {
@@ -95,7 +95,7 @@ CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, 
     result.exit = kExitPartial;
     result.warnings.push_back(
         {"STUDY-UNMATCHED",
-         std::to_string(unmatched.size()) + " pictures are not in all three folders; the first: " + unmatched[0],
+         std::to_string(unmatched.size()) + " images are not in all three folders; the first: " + unmatched[0],
          "all three folders must hold the same file names"});
   }
   return result;

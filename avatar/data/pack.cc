@@ -85,7 +85,7 @@ std::string PictureName(const AvatarPack& pack, int64_t i) {
 
 void Validate(const AvatarPack& pack) {
   CheckShapes(pack);
-  MVS_CHECK(pack.size() > 0, "the pack holds no pictures");
+  MVS_CHECK(pack.size() > 0, "the pack holds no images");
   const auto num_cameras = static_cast<int64_t>(pack.cameras.size());
   MVS_CHECK(pack.frame_step >= 0 && std::is_sorted(pack.cuts.begin(), pack.cuts.end()), "frame_step or cuts are out of order");
   RequireEach(pack, (pack.camera_idx >= 0).logical_and(pack.camera_idx < num_cameras),
@@ -109,7 +109,7 @@ void Validate(const AvatarPack& pack) {
 }
 
 AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices) {
-  for (const int64_t i : indices) MVS_CHECK(i >= 0 && i < pack.size(), "picture " << i << " of " << pack.size());
+  for (const int64_t i : indices) MVS_CHECK(i >= 0 && i < pack.size(), "image " << i << " of " << pack.size());
   AvatarPack out;
   out.size_px = pack.size_px;
   out.cameras = pack.cameras;

@@ -38,7 +38,7 @@ void VisitFields(Visitor&& visit, LiftOptions& o) {
   visit("steps", o.steps, "training steps");
   visit("batch", o.batch, "poses per step");
   visit("learning-rate", o.learning_rate, "Adam step at the beginning; falls to 2 % along a cosine");
-  visit("clip-norm", o.clip_norm, "gradients longer than this are shortened; 0: never");
+  visit("clip-norm", o.clip_norm, "gradients with a larger norm are clipped; 0: never");
 }
 
 /// Throws UsageError naming the option.

@@ -43,7 +43,7 @@ const Lens& LensOf(const std::string& lens_model) {
   const auto found = lenses.find(lens_model);
   if (found != lenses.end()) return found->second;
   if (lens_model == "splined") {
-    throw UsageError("splined lenses have no projection over tensors: undistort the pictures to a pinhole first");
+    throw UsageError("splined lenses have no projection over tensors: undistort the images to a pinhole first");
   }
   throw UsageError("lens model '" + lens_model + "' is unknown; one of " +
                    Join(lenses, ", ", [](const auto& lens) { return lens.first; }));

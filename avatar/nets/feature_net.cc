@@ -65,7 +65,7 @@ class TorchScriptNet : public FeatureNet {
   std::vector<at::Tensor> Levels(const at::Tensor& rgb) const override {
     if (detector_) return {Features(255 * rgb)};
     std::vector<at::Tensor> levels;
-    const c10::IValue output = script_.Call({rgb}, {}, "pictures (B, 3, H, W)");
+    const c10::IValue output = script_.Call({rgb}, {}, "images (B, 3, H, W)");
     if (output.isTensor()) {
       levels = {output.toTensor()};
     } else if (output.isTensorList()) {
@@ -83,14 +83,14 @@ class TorchScriptNet : public FeatureNet {
   at::Tensor Pooled(const at::Tensor& rgb) const override {
     const at::Tensor rows = detector_ ? Features((255 * rgb).round().clamp(0, 255).to(at::kByte)) : LastOf(rgb.to(at::kFloat));
     if (rows.dim() != 2 || rows.size(0) != rgb.size(0) || rows.size(1) < 1)
-      throw FormatError(script_.path(), "forward", "does not give one row of features a picture");
+      throw FormatError(script_.path(), "forward", "does not give one row of features an image");
     if (!at::isfinite(rows).all().item<bool>()) throw FormatError(script_.path(), "forward", "gives NaN or infinity");
     return rows;
   }
 
  private:
   at::Tensor Features(const at::Tensor& levels) const {
-    const c10::IValue output = script_.Call({levels}, {{kReturnFeatures, true}}, "pictures (B, 3, H, W) of 0 to 255");
+    const c10::IValue output = script_.Call({levels}, {{kReturnFeatures, true}}, "images (B, 3, H, W) of 0 to 255");
     if (!output.isTensor()) throw FormatError(script_.path(), "forward", "returns no tensor with return_features");
     return output.toTensor().flatten(1);
   }
@@ -115,9 +115,9 @@ class TorchScriptDistance : public PictureDistance {
   at::Tensor operator()(const at::Tensor& a, const at::Tensor& b) const override {
     const at::NoGradGuard no_gradients;
     const c10::IValue output =
-        script_.Call({(2 * a - 1).to(at::kFloat), (2 * b - 1).to(at::kFloat)}, {}, "two sets of pictures (B, 3, H, W)");
+        script_.Call({(2 * a - 1).to(at::kFloat), (2 * b - 1).to(at::kFloat)}, {}, "two sets of images (B, 3, H, W)");
     if (!output.isTensor() || output.toTensor().numel() != a.size(0))
-      throw FormatError(script_.path(), "forward", "does not give one number a picture");
+      throw FormatError(script_.path(), "forward", "does not give one number an image");
     const at::Tensor values = output.toTensor().flatten().to(at::kDouble);
     if (!at::isfinite(values).all().item<bool>()) throw FormatError(script_.path(), "forward", "gives NaN or infinity");
     return values;

@@ -160,9 +160,9 @@ GeneratorImpl::~GeneratorImpl() = default;
 
 std::pair<at::Tensor, at::Tensor> GeneratorImpl::forward(const at::Tensor& bone_maps) {
   MVS_CHECK(bone_maps.dim() == 4 && bone_maps.size(2) % size_multiple_ == 0 && bone_maps.size(3) % size_multiple_ == 0,
-            "picture sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
+            "image sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
   MVS_CHECK(std::min(bone_maps.size(2), bone_maps.size(3)) / size_multiple_ >= 2,
-            "a picture of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
+            "an image of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
   if (!is_training() && !at::GradMode::is_enabled() && parts_->first->IsZero() && parts_->second->IsZero()) {
     const auto zeros = [&](int64_t channels) {  // a template that nothing was learned about costs no network
       return at::zeros({bone_maps.size(0), channels, bone_maps.size(2), bone_maps.size(3)}, bone_maps.options());

@@ -79,7 +79,7 @@ at::Tensor PreviousOrBlack(const AvatarModel& model, const at::Tensor& previous,
   if (channels == 0) return {};
   if (!previous.defined()) return at::zeros({maps.size(0), channels, maps.size(2), maps.size(3)}, maps.options());
   MVS_CHECK(previous.dim() == 4 && previous.size(0) == maps.size(0) && previous.size(1) == channels,
-            "previous pictures of sizes " << previous.sizes());
+            "previous images of sizes " << previous.sizes());
   return previous.to(maps.options());
 }
 

@@ -103,11 +103,11 @@ at::Tensor Features(const at::Tensor& rgb, const at::Tensor& bank) {
 }  // namespace
 
 at::Tensor GaborFeatures(const at::Tensor& pictures) {
-  MVS_CHECK(pictures.defined() && pictures.dim() == 4 && pictures.size(1) == 3, "pictures must be (N, 3, H, W)");
+  MVS_CHECK(pictures.defined() && pictures.dim() == 4 && pictures.size(1) == 3, "images must be (N, 3, H, W)");
   MVS_CHECK(pictures.size(0) > 0 && pictures.size(2) >= kGaborFeatureMinPx && pictures.size(3) >= kGaborFeatureMinPx,
-            "pictures must be at least 32x32, are " << pictures.sizes());
+            "images must be at least 32x32, are " << pictures.sizes());
   const at::Tensor x = pictures.detach().to(at::kCPU, at::kDouble);
-  MVS_CHECK(at::isfinite(x).all().item<bool>(), "pictures hold NaN or infinity");
+  MVS_CHECK(at::isfinite(x).all().item<bool>(), "images hold NaN or infinity");
   const at::Tensor bank = GaborBank();
   std::vector<at::Tensor> rows(x.size(0));
   at::parallel_for(0, x.size(0), 1,

@@ -11,7 +11,7 @@ namespace mvstudio::avatar {
 at::Tensor EightBit(const at::Tensor& pictures) { return (pictures.to(at::kDouble).clamp(0, 1) * 255).round() / 255; }
 
 metrics::Picture ToPicture(const at::Tensor& picture) {
-  MVS_CHECK(picture.dim() == 3, "a picture of sizes " << picture.sizes());
+  MVS_CHECK(picture.dim() == 3, "an image of sizes " << picture.sizes());
   const at::Tensor samples = picture.detach().to(at::kCPU, at::kDouble).contiguous();
   const double* first = samples.data_ptr<double>();
   return {static_cast<int>(picture.size(2)),
@@ -31,10 +31,10 @@ metrics::Mask ToMask(const at::Tensor& mask) {
 std::vector<metrics::PictureScore> ScorePictures(const at::Tensor& truth, const at::Tensor& true_mask, const at::Tensor& image,
                                                  const at::Tensor& mask) {
   MVS_CHECK(truth.dim() == 4 && truth.sizes() == image.sizes(),
-            "pictures of sizes " << truth.sizes() << " and " << image.sizes());
+            "images of sizes " << truth.sizes() << " and " << image.sizes());
   MVS_CHECK(true_mask.dim() == 3 && true_mask.sizes() == mask.sizes() && true_mask.size(0) == truth.size(0) &&
                 true_mask.size(1) == truth.size(2) && true_mask.size(2) == truth.size(3),
-            "masks of sizes " << true_mask.sizes() << " and " << mask.sizes() << " for pictures of " << truth.sizes());
+            "masks of sizes " << true_mask.sizes() << " and " << mask.sizes() << " for images of " << truth.sizes());
   std::vector<metrics::PictureScore> scores(truth.size(0));
   ParallelFor(truth.size(0), at::get_num_threads(), [&](int64_t i) {
     scores[i] = metrics::ScorePicture(ToPicture(truth[i]), ToMask(true_mask[i].ne(0)), ToPicture(image[i]), ToMask(mask[i]));

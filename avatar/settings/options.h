@@ -58,7 +58,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
         "tna: textured neural avatar; direct: the same network predicting colours itself; v2v: that with memory, flow and "
         "discriminators, the essentials of video-to-video translation (both are baselines)");
   visit("width", o.width, "channels of the first layer; the deepest layer has 8 times as many (the paper's network: 32)");
-  visit("downs", o.downs, "stride-2 steps of the encoder; the picture size must be a multiple of 2^downs");
+  visit("downs", o.downs, "stride-2 steps of the encoder; the image size must be a multiple of 2^downs");
   visit("encoder-blocks", o.encoder_blocks, "residual blocks of the encoder");
   visit("decoder-blocks", o.decoder_blocks, "residual blocks of each of the two decoders");
   visit("norm", o.norm, "batch or instance; instance has no running statistics and is safe for a batch of 1");
@@ -76,12 +76,12 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
       "further inputs and are corrected by the network; none: the bones alone, as in the paper; auto (`avatar train` alone): "
       "template, or none with option 'iuv'");
   visit("texture-px", o.texture_px,
-        "edge of each of the 24 textures, texels; 0: three eighths of the picture size, finer ones stay noisy (the paper: 256 "
+        "edge of each of the 24 textures, texels; 0: three eighths of the image size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
   visit("relative-depth", o.relative_depth,
         "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
   visit("bone-half-width-px", o.bone_half_width_px,
-        "half-width of a drawn bone in a 512 px picture; scales with the picture, at least 1 px (the paper: 4)");
+        "half-width of a drawn bone in a 512 px image; scales with the image, at least 1 px (the paper: 4)");
 }
 
 /// The published network: 17,167,552 parameters with 21 inputs.
@@ -139,14 +139,14 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("init-steps", o.init_steps,
         "steps that teach the network the template's part and texture coordinates first; -1: a third of option 'steps', or "
         "none where the network knows them already (option 'prior' template, option 'init-from')");
-  visit("batch", o.batch, "pictures per step");
+  visit("batch", o.batch, "images per step");
   visit("learning-rate", o.learning_rate, "Adam step of the network's weights");
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
   visit("decay-share", o.decay_share, "last share of all steps in which both step sizes fall linearly to 2 %");
-  visit("clip-norm", o.clip_norm, "gradients of the network longer than this are shortened; 0: never");
+  visit("clip-norm", o.clip_norm, "gradients of the network with a larger norm are clipped; 0: never");
   visit("weight-l1", o.weight_l1, "weight of the mean absolute colour difference");
   visit("weight-ssim", o.weight_ssim, "weight of 1 - SSIM (7 px box window)");
-  visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of picture gradients at three scales");
+  visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of image gradients at three scales");
   visit("weight-perceptual", o.weight_perceptual, "weight of the mean absolute difference of a fixed network's activations");
   visit("perceptual", o.perceptual,
         "that network: posenet (mvstudio models fetch), a TorchScript file that returns activations (VGG's first twelve "
@@ -163,28 +163,28 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
   visit("weight-features", o.weight_features, "v2v: weight of the difference of the discriminators' activations");
   visit("weight-warp", o.weight_warp,
-        "v2v: weight of the difference between the frame before, moved by the flow, and this one");
+        "v2v: weight of the difference between the previous frame, warped by the flow, and this one");
   visit("critic-width", o.critic_width, "v2v: channels of a discriminator's first layer (vid2vid: 64)");
   visit("critic-layers", o.critic_layers, "v2v: strided layers of a discriminator (vid2vid: 3)");
-  visit("critic-scales", o.critic_scales, "v2v: discriminators, each on the picture halved once more (vid2vid: 2)");
-  visit("foreground-weight", o.foreground_weight, "how many times a pixel of the person counts against one of the background");
-  visit("jitter-scale", o.jitter_scale, "pictures are scaled at random by up to this share");
-  visit("jitter-shift", o.jitter_shift, "pictures are shifted at random by up to this share of their size");
-  visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; pictures are turned at random about their centre by up to this angle");
+  visit("critic-scales", o.critic_scales, "v2v: discriminators, each on the image halved once more (vid2vid: 2)");
+  visit("foreground-weight", o.foreground_weight, "weight of a pixel of the person relative to one of the background");
+  visit("jitter-scale", o.jitter_scale, "images are scaled at random by up to this share");
+  visit("jitter-shift", o.jitter_shift, "images are shifted at random by up to this share of their size");
+  visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; images are rotated at random about their centre by up to this angle");
   visit(
       "ema", o.ema,
       "share of the running average of weights and textures that stays at each step, e.g. 0.999 (less in the first steps); the "
-      "average is what a checkpoint hands out; 0: the last weights");
+      "average is what a checkpoint is used with; 0: the last weights");
   visit("freeze-unseen", o.freeze_unseen,
-        "texels that no picture shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
+        "texels that no image shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
         "them");
-  visit("texture-pictures", o.texture_pictures, "pictures whose colours are averaged into the first textures");
+  visit("texture-pictures", o.texture_pictures, "images whose colours are averaged into the first textures");
   visit("save-every", o.save_every, "steps between checkpoints");
   visit("report-every", o.report_every, "steps between rows of the history");
-  visit("validate-pictures", o.validate_pictures, "held-out pictures scored at each checkpoint");
+  visit("validate-pictures", o.validate_pictures, "held-out images scored at each checkpoint");
   visit("patience", o.patience,
-        "training ends after this many checkpoints in a row without a better score on the validation pictures, and the weights "
-        "of the best one are handed out; 0: train to the end and hand out the last");
+        "training ends after this many checkpoints in a row without a better score on the validation images, and the weights "
+        "of the best one are used; 0: train to the end and use the last");
   visit("picture-every", o.picture_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");

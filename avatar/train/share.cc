@@ -114,7 +114,7 @@ HistoryRow Trainer::State::Check(const AvatarPack& validation) {
 void Trainer::State::RequireSameBatches() const {
   const int64_t now = options.batch * world();
   if (pictures_per_step == 0 || pictures_per_step == now) return;
-  throw UsageError("training took " + std::to_string(pictures_per_step) + " pictures a step so far and would take " +
+  throw UsageError("training took " + std::to_string(pictures_per_step) + " images a step so far and would take " +
                    std::to_string(now) + " now: go on with as many option 'ranks' as before, " +
                    std::to_string(pictures_per_step / options.batch));
 }

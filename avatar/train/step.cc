@@ -31,7 +31,7 @@ void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
   const bool has_maps = pack.template_maps.defined(), wants_maps = NumTemplateChannels(model.options) > 0;
   if (has_maps != wants_maps || (has_maps && pack.template_maps.size(3) != pack.size_px)) {
     throw UsageError("option 'prior' " + std::string(ToString(model.options.prior)) + (wants_maps ? " needs" : " takes no") +
-                     " template maps of the pictures' size in the pack");
+                     " template maps of the images' size in the pack");
   }
 }
 

@@ -81,7 +81,7 @@ bool Trainer::State::CheckDue() const {
 
 std::string Trainer::State::WhyEndedEarly() const {
   return "ended at step " + std::to_string(model.step) + " of " + std::to_string(total_steps()) + ": " +
-         std::to_string(idle_checks) + " checks without a better score on the validation pictures; " +
+         std::to_string(idle_checks) + " checks without a better score on the validation images; " +
          (best.empty() ? "no check had a finite one" : "the weights of step " + std::to_string(best_step) + " are kept");
 }
 

@@ -25,7 +25,7 @@ struct BoardDrawOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, BoardDrawOptions& o) {
-  visit("paper", o.paper, "a4, a3, letter (turned when the board fits better), or none: a page as large as the board needs");
+  visit("paper", o.paper, "a4, a3, letter (rotated when the board fits better), or none: a page as large as the board needs");
   visit("dpi", o.dpi, "resolution of PNG files, pixels an inch");
 }
 

@@ -72,7 +72,7 @@ BundleReport SolveBundle(std::vector<View>* views, RigState* state, const Bundle
 /// without observation get the pose interpolated from their neighbours.
 void EstimateMotion(const std::vector<View>& views, RigState* state);
 
-/// Residuals (2, N) of every view at `state`, px, projection minus observation; infinite where a corner does not project.
+/// Residuals (2, N) of every view at `state`, px, projected minus observed; infinite where a corner does not project.
 std::vector<Eigen::Matrix2Xd> BundleResiduals(const std::vector<View>& views, const RigState& state);
 
 }  // namespace mvstudio::calib

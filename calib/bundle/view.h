@@ -72,7 +72,7 @@ geometry::Rigid3 CamFromBoard(const View& view, const RigState& state);
 /// Corners (3, N) of the view on the warped and stretched board, metres.
 Eigen::Matrix3Xd BentCorners(const View& view, const RigState& state);
 
-/// Residuals (projection minus observation, px) and their derivatives with respect to the camera's parameters and to a left
+/// Residuals (projected minus observed, px) and their derivatives with respect to the camera's parameters and to a left
 /// perturbation (rotation, translation) of cam_from_board.
 struct ViewLinearization {
   Eigen::VectorXd residuals;                     // (2 N)
@@ -86,7 +86,7 @@ std::optional<ViewLinearization> LinearizeView(const View& view, const geometry:
                                                const geometry::Rigid3& cam_from_board, bool with_lens = true,
                                                const Eigen::Matrix3Xd* corners = nullptr);
 
-/// Unweighted residuals (2, N), px, projection minus observation. Empty when a corner with a weight cannot be projected;
+/// Unweighted residuals (2, N), px, projected minus observed. Empty when a corner with a weight cannot be projected;
 /// infinite for other corners that cannot.
 std::optional<Eigen::Matrix2Xd> ResidualsOf(const View& view, const geometry::Camera& camera,
                                             const geometry::Rigid3& cam_from_board, const Eigen::Matrix3Xd* corners = nullptr);

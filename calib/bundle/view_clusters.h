@@ -20,7 +20,7 @@ std::vector<int> ClusterFrames(const std::vector<View>& views, const std::vector
 int CountClusters(const std::vector<int>& clusters);
 
 /// Correlation, per camera, between residuals of one corner in different frames of a cluster. `residuals` are (2, N) per
-/// view, px, at a solution. 0: frames are independent; 1: they repeat each other. 0 where no corner repeats.
+/// view, px, at a solution, all of one sign. 0: frames are independent; 1: they repeat each other. 0 where no corner repeats.
 std::vector<double> RepeatCorrelation(const std::vector<View>& views, const std::vector<int>& cluster_of_frame,
                                       const std::vector<Eigen::Matrix2Xd>& residuals, size_t num_cameras);
 

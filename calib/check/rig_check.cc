@@ -34,7 +34,7 @@ void RequireKnown(const geometry::Rig& rig, const CalibrateInput& input) {
     const geometry::Camera& known = rig.cameras[static_cast<size_t>(found)].camera;
     if (camera.width_px > 0 && (camera.width_px != known.width_px || camera.height_px != known.height_px)) {
       const auto size = [](int w, int h) { return std::to_string(w) + "x" + std::to_string(h); };
-      throw UsageError("camera " + camera.name + ": its pictures have " + size(camera.width_px, camera.height_px) +
+      throw UsageError("camera " + camera.name + ": its images have " + size(camera.width_px, camera.height_px) +
                        " px, the calibration is for " + size(known.width_px, known.height_px));
     }
   }
@@ -357,7 +357,7 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
   result.num_boards = static_cast<int>(work.problem.views_of_board.size());
   if (work.problem.views_of_board.empty()) {
     result.status = Status::kTooFewViews;
-    result.message = "no two cameras see a board at the same instant";
+    result.message = "no two cameras see a board at the same time step";
   } else {
     work.all_views_of_board = work.problem.views_of_board;
     result.board_metrics = internal::MeasureLengths(input.boards, work);

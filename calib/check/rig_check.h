@@ -26,11 +26,10 @@ struct RigCheckOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, RigCheckOptions& o) {
-  visit("reject-sigmas", o.reject_sigmas,
-        "corners farther from the fit to their own view than so many standard deviations are dropped");
+  visit("reject-sigmas", o.reject_sigmas, "standard deviations from the fit to its own view beyond which a corner is dropped");
   visit("bump-sigmas", o.bump_sigmas,
-        "a camera has moved when its motion exceeds so many standard deviations and option 'bump-px'");
-  visit("bump-px", o.bump_px, "shift of its corners in the image (rms) below which a camera's motion is let pass");
+        "a camera has moved when its motion exceeds this many standard deviations and option 'bump-px'");
+  visit("bump-px", o.bump_px, "px; shift of its corners in the image (rms) below which a camera's motion is accepted");
   visit("scale-percent", o.scale_percent,
         "error of all lengths beyond which the verdict is warn and cameras are checked apart from it");
   visit("warn-px", o.warn_px, "rms of a camera above which the verdict is warn");

@@ -13,7 +13,8 @@ namespace mvstudio::calib::internal {
 namespace {
 
 constexpr char kSyncHint[] =
-    "frame numbers of different cameras are not instants: caliscope pairs frames by sync_index (its xy.csv and timestamps.csv "
+    "frame numbers of different cameras are not time steps: caliscope pairs frames by sync_index (its xy.csv and "
+    "timestamps.csv "
     "have it); export the corners with that column";
 
 struct Columns {
@@ -52,7 +53,7 @@ void CheckFrameOrder(const CsvTable& table, const Columns& columns) {
         frames[table.Integer(row, columns.camera)].insert({table.Integer(row, columns.sync), {frame, row}});
     if (!is_new && entry->second.first != frame) {
       throw FormatError(table.path(), table.Where(row, columns.frame),
-                        "frame " + std::to_string(frame) + " at an instant that already has frame " +
+                        "frame " + std::to_string(frame) + " at a time step that already has frame " +
                             std::to_string(entry->second.first) + " of this camera");
     }
   }
@@ -85,7 +86,7 @@ ObjectPoints CollectPoints(const CsvTable& table, const Columns& columns, double
     const auto [entry, is_new] = objects[object].insert({id, scale * point});
     if (!is_new && (entry->second - scale * point).norm() > 1e-6 * (1 + point.norm()) * scale) {
       throw FormatError(table.path(), table.Where(row, columns.board_x),
-                        "key point " + std::to_string(id) + " lies elsewhere on the board than in an earlier row");
+                        "keypoint " + std::to_string(id) + " lies elsewhere on the board than in an earlier row");
     }
   }
   ObjectPoints out;
@@ -176,7 +177,7 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
     const int board = options.board ? 0 : points.board_of_object.at(object);
     if (options.board && (id < 0 || id >= options.board->num_corners())) {
       throw FormatError(path, table.Where(row, columns.corner),
-                        "key point " + std::to_string(id) + " is not on the board, which has " +
+                        "keypoint " + std::to_string(id) + " is not on the board, which has " +
                             std::to_string(options.board->num_corners()) + " corners; is option 'board' the right one?");
     }
     const int corner = options.board ? static_cast<int>(id) : points.corner_of_id[static_cast<size_t>(board)].at(id);

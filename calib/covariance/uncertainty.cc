@@ -99,7 +99,7 @@ void AddLenses(const Eigen::VectorXd& direction, const std::vector<Group>& group
   }
 }
 
-/// "focal length and distance of cam3 cannot be told apart: all its boards are parallel to the image".
+/// "focal length and distance of cam3 cannot be separated: all its boards are parallel to the image".
 std::string Phrase(const Eigen::VectorXd& direction, const std::vector<Group>& groups, const std::vector<View>& views,
                    const RigState& state) {
   const std::vector<double> shares = Shares(direction, groups);
@@ -115,7 +115,7 @@ std::string Phrase(const Eigen::VectorXd& direction, const std::vector<Group>& g
     }
   }
   const bool several = count > 1 || !cause.empty();
-  return names + (several ? " cannot be told apart" : " cannot be determined") + cause;
+  return names + (several ? " cannot be separated" : " cannot be determined") + cause;
 }
 
 void NameNullDirections(const Eigen::MatrixXd& directions, const std::vector<View>& views, const RigState& state,

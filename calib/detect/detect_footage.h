@@ -39,7 +39,7 @@ struct FootageOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, FootageOptions& o) {
   visit("every", o.every, "search only frames whose number is a multiple of this");
-  visit("max-frames", o.max_frames, "thin out so that at most so many frames of a camera are searched; 0: all");
+  visit("max-frames", o.max_frames, "maximum number of frames to search per camera, evenly spread; 0: all");
   visit("cache", o.cache,
         "where boards found before are kept: a folder, off, or auto: $MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
   VisitFields(visit, o.detect);

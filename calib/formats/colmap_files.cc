@@ -27,7 +27,7 @@ uint32_t Id(const std::string& word, const Place& place) {
 void AddColmapCamera(uint32_t id, ColmapCamera camera, ColmapFiles* model) {
   const Place place = camera.place;
   if (!model->cameras.emplace(id, std::move(camera)).second) {
-    throw FormatError(place.path, place.where, "camera " + std::to_string(id) + " stands twice");
+    throw FormatError(place.path, place.where, "camera " + std::to_string(id) + " occurs twice");
   }
 }
 

@@ -75,7 +75,7 @@ class LiteralScanner {
       const Value key = Read(depth + 1);
       if (key.kind != Value::Kind::kText) Fail("a quoted key was expected");
       if (!Accept(':')) Fail("':' was expected after the key '" + Printable(key.text) + "'; is the file truncated?");
-      if (!AddEntry(key.text, Read(depth + 1), &table)) Fail("the key '" + Printable(key.text) + "' stands twice");
+      if (!AddEntry(key.text, Read(depth + 1), &table)) Fail("the key '" + Printable(key.text) + "' occurs twice");
       if (!Accept(',')) {
         if (!Accept('}')) Fail("',' or '}' was expected; is the file truncated?");
         break;

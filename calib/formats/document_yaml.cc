@@ -150,7 +150,7 @@ class YamlBuilder final : public YAML::EventHandler {
 
   void AddTo(Value* table, const std::string& key, int line, Value value) const {
     value.line = line;
-    if (!AddEntry(key, std::move(value), table)) FailAt(path_, line, "the key '" + Printable(key) + "' stands twice");
+    if (!AddEntry(key, std::move(value), table)) FailAt(path_, line, "the key '" + Printable(key) + "' occurs twice");
   }
 
   void AddDocument(const YAML::Mark& mark, Value value) {

@@ -85,7 +85,7 @@ Entries Together(const std::vector<Entries>& files) {
     for (const auto& [key, entry] : file) {
       if (all.emplace(key, entry).second) continue;
       throw FormatError(entry.place.path, "line " + std::to_string(entry.value.line),
-                        "the key '" + entry.place.where + "' stands twice");
+                        "the key '" + entry.place.where + "' occurs twice");
     }
   }
   return all;

@@ -53,7 +53,7 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   for (auto& [key, value] : root.entries) {
     const std::string where = "line " + std::to_string(value.line);
     const auto [entry, is_new] = entries->insert({normalised ? Normalised(key) : key, {}});
-    if (!is_new) throw FormatError(path, where, "the key '" + Printable(key) + "' stands twice");
+    if (!is_new) throw FormatError(path, where, "the key '" + Printable(key) + "' occurs twice");
     entry->second = {std::move(value), {path, Printable(key)}};
   }
 }

@@ -27,7 +27,7 @@ class XmlCheck : public pugi::xml_tree_walker {
     if (depth() >= kMostXmlLevels) fail("nested deeper than " + std::to_string(kMostXmlLevels) + " levels");
     std::set<std::string_view> names;
     for (const pugi::xml_attribute& attribute : node.attributes()) {
-      if (!names.insert(attribute.name()).second) fail("attribute '" + Printable(attribute.name()) + "' stands twice");
+      if (!names.insert(attribute.name()).second) fail("attribute '" + Printable(attribute.name()) + "' occurs twice");
     }
     return true;
   }

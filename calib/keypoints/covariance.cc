@@ -145,7 +145,7 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   std::vector<KeypointFit> fits = FitKeypoints(solution.rig, joints, solution.cauchy_px, 2, num_threads);
   const std::vector<int> frames = FramesOf(joints);
   const size_t count = std::min(kStretches, frames.size());
-  if (count < 2 || !(solution.cauchy_px > 0)) return degenerate("too few frames to tell how certain the cameras are");
+  if (count < 2 || !(solution.cauchy_px > 0)) return degenerate("too few frames to estimate the cameras' uncertainty");
   std::vector<int> stretch_of_fit = StretchOf(fits, frames, count);
   const KeypointProfile profile = ProfileOf(solution.rig, std::move(fits), std::move(stretch_of_fit), static_cast<int>(count),
                                             freedom, solution.cauchy_px, num_threads);
@@ -154,7 +154,7 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(held);
   constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
   if (!held.allFinite() || held.rows() == 0 || !(eigen.eigenvalues()[0] > kSmallest))
-    return degenerate("the joints do not hold all cameras in place");
+    return degenerate("the joints do not determine all camera poses");
   const Eigen::MatrixXd inverse = motions * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
                                   eigen.eigenvectors().transpose() * motions.transpose();
   const std::vector<geometry::Rig> rigs = LeaveOutStretches(profile, freedom, num_threads);

@@ -72,13 +72,13 @@ std::string Describe(const KeypointCulprit& culprit) {
     case Kind::kFocal:
       return Format("%s: its focal length is %+.2f +- %.2f %% off the calibration's", name, percent, sigma);
     case Kind::kImage:
-      return Format("%s: its pictures are scaled by %.4f +- %.4f against the calibration", name, culprit.scale,
+      return Format("%s: its images are scaled by %.4f +- %.4f against the calibration", name, culprit.scale,
                     culprit.scale_sigma);
     case Kind::kImageWidth:
-      return Format("%s: its pictures are scaled by %.4f +- %.4f in width against the calibration", name, culprit.scale,
+      return Format("%s: its images are scaled by %.4f +- %.4f in width against the calibration", name, culprit.scale,
                     culprit.scale_sigma);
     case Kind::kImageHeight:
-      return Format("%s: its pictures are scaled by %.4f +- %.4f in height against the calibration", name, culprit.scale,
+      return Format("%s: its images are scaled by %.4f +- %.4f in height against the calibration", name, culprit.scale,
                     culprit.scale_sigma);
   }
   return "";

@@ -12,7 +12,7 @@ struct KeypointFit {
   const KeypointJoint* joint = nullptr;
   bool ok = false;  ///< false: no point, or one that a camera does not see in front of it
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();
-  std::vector<Eigen::Vector2d> residuals_px;  // per entry of joint->seen: detection - projection; infinite when not ok
+  std::vector<Eigen::Vector2d> residuals_px;  // per entry of joint->seen: observed minus projected; infinite when not ok
   double cost = 0;                            ///< sum over the views of KeypointCost
   std::vector<Eigen::Vector3d> others = {};   ///< other local minima, which may become the smallest when cameras move
                                               ///< slightly

@@ -114,7 +114,7 @@ class GroupSum {
       for (Eigen::Index a = 0; a < j.cols(); ++a) {
         for (Eigen::Index b = 0; b < j.cols(); ++b)
           if (columns[b] >= columns[a]) h(columns[b], columns[a]) += j.col(b).dot(curved.col(a));
-        g[columns[a]] -= weight * j.col(a).dot(r);  // residuals are detection - projection
+        g[columns[a]] -= weight * j.col(a).dot(r);  // residuals are observed minus projected
         diagonal[columns[a]] += weight * j.col(a).squaredNorm();
       }
       mixed_.middleCols(at, j.cols()) = views_[v].by_point.transpose() * curved;

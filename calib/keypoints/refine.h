@@ -23,13 +23,13 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, KeypointRefineOptions& o) {
   visit("min-score", o.min_score, "option 'from-keypoints': detections with a lower score are left out");
   visit("max-persons", o.max_persons,
-        "option 'from-keypoints': of each frame the best supported so many people are used; others are reported");
+        "option 'from-keypoints': people used per frame, the best supported ones; others are reported");
   visit("keypoint-lenses", o.lenses, "option 'from-keypoints': adjust lenses too where held-out frames say that it pays");
   visit("keypoint-folds", o.choice.num_folds, "option 'from-keypoints': stretches of time for the choice of what to adjust");
   visit("choice-sigmas", o.choice.sigmas,
         "option 'from-keypoints': standard errors by which a change must lower the held-out error");
   visit("keypoint-frames", o.max_frames,
-        "option 'from-keypoints': at most so many frames, evenly spread, are adjusted to; more where they hold fewer than 30 "
+        "option 'from-keypoints': maximum number of frames, evenly spread, to adjust to; more where they hold fewer than 30 "
         "points each");
   visit("keypoint-gap-frames", o.choice.gap_frames,
         "option 'from-keypoints': frames left out between what is adjusted to and what measures it, about a second; a tenth of "
@@ -44,8 +44,8 @@ struct KeypointCamera {
   double rotation_rad = 0, rotation_sigma_rad = 0;    ///< new against given calibration, in the same world frame
   double translation_m = 0, translation_sigma_m = 0;  ///< of its centre
   double focal_change = 0;                            ///< relative
-  Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< detection - projection
-  Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d mean_residual_before_px = Eigen::Vector2d::Zero();  ///< observed minus projected, as given
+  Eigen::Vector2d mean_residual_after_px = Eigen::Vector2d::Zero();   ///< observed minus projected, as adjusted
 };
 
 /// Error on one part of the take of a rig adjusted to another part.

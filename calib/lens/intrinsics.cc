@@ -140,7 +140,7 @@ double GoodError(const Camera& camera) { return std::max(1.0, kGoodSolution * st
 MonoSolution Undetermined(const std::string& name, size_t num_boards) {
   return Failed(Status::kDegenerate, "camera " + name + ": its " + std::to_string(num_boards) +
                                          (num_boards == 1 ? " board does" : " boards do") +
-                                         " not tell the focal length from the distance; show the board tilted in several "
+                                         " not separate the focal length from the distance; show the board tilted in several "
                                          "directions");
 }
 

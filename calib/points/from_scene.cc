@@ -342,7 +342,7 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
                             const FromSceneOptions& options, const RunContext& run) {
   if (!scale.points && !scale.distance) {
     throw UsageError(
-        "the scale of a scene is not seen in pictures: give a board, option 'scene-points' or option 'camera-distance'");
+        "the scale of a scene is not seen in images: give a board, option 'scene-points' or option 'camera-distance'");
   }
   if (input.rig.cameras.size() < 2 || input.tracks.empty())
     return Refused(Status::kTooFewViews,

@@ -283,7 +283,7 @@ PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std
   constexpr double kSmallest = 1e-12;  // of the normal equations with unit diagonal: rounding is 1e-16 times their size
   if (own.rows() > 0 && !(eigen.eigenvalues()[0] > kSmallest)) {
     out.status = Status::kDegenerate;
-    out.message = "the observations do not hold all cameras in place: something of their poses or lenses is free";
+    out.message = "the observations do not determine all camera poses and lenses";
     return Spread(scene, layout, Eigen::MatrixXd::Zero(h.rows(), h.cols()), out);
   }
   const Eigen::MatrixXd inverse = unit.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *

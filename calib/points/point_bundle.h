@@ -96,7 +96,7 @@ PointBundleCovariance CovarianceOfPointBundle(const PointScene& scene, const std
                                               const PointBundleOptions& options, double sigma_px,
                                               const std::vector<std::optional<Eigen::MatrixXd>>& held_lens = {});
 
-/// Residuals (2, number of observations) px, projection minus observation; infinite where a point does not project.
+/// Residuals (2, number of observations) px, projected minus observed; infinite where a point does not project.
 Eigen::Matrix2Xd PointResiduals(const PointScene& scene, const std::vector<PointObservation>& observations);
 
 }  // namespace mvstudio::calib

@@ -41,7 +41,7 @@ struct PointResection {
   Eigen::MatrixXd unknowns_by_given;             ///< (X, N) derivatives
   std::vector<Eigen::MatrixXd> lens_directions;  ///< per camera (P, K): params = given + directions * unknowns
   std::string lens_reason;        ///< why the lens was refined or not; empty unless asked for
-  Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projection minus click; infinite where it does not project
+  Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projected minus clicked; infinite where it does not project
   std::vector<bool> rejected;     ///< per click: a gross error
   double rms_px = 0;              ///< 2-D point RMS over the kept clicks
   double sigma_px = 0;            ///< per coordinate: estimated, but for few clicks not below the expected one

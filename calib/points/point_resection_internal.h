@@ -17,7 +17,7 @@ struct ResectionProblem {
   geometry::Rigid3 rig_from_world;
 };
 
-/// Projection minus click (2, clicks) px; infinite where a point does not project.
+/// Projected minus clicked, (2, clicks) px; infinite where a point does not project.
 Eigen::Matrix2Xd ResectionResiduals(const ResectionProblem& problem);
 
 /// Sets rig_from_world to the best minimal solution from triples of clicks: the one with the least error at the click just

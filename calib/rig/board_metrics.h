@@ -37,7 +37,7 @@ using CornerCloud = std::map<int, Eigen::Vector3d>;                         ///<
 
 /// Maximum-likelihood position of every corner that two or more cameras have a ray to; all rays are used. Left out: rays
 /// that span less than `min_parallax_rad`, or that do not meet in front of their cameras. `errors_px`, when given,
-/// receives the 2-D residuals of all sights.
+/// receives the length of each sight's residual.
 CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad = 0,
                                std::vector<double>* errors_px = nullptr);
 

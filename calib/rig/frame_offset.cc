@@ -304,7 +304,7 @@ void Describe(const std::vector<std::string>& names, FrameOffsets* out) {
         pairs.insert(names[static_cast<size_t>(pair.a)] + " and " + names[static_cast<size_t>(pair.b)] + StepsText(pair.steps));
     }
     for (const std::string& pair : pairs) list += (list.empty() ? ": " : ", ") + pair;
-    out->text = "frames with the same number do not show the board in one place, with no constant shift of the numbers" + list;
+    out->text = "board positions disagree between cameras at equal frame numbers, and no constant offset fixes it" + list;
     out->hint = "pair frames by time (caliscope: sync_index), not by their position in the file; look for dropped frames";
   }
 }

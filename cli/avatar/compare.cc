@@ -92,7 +92,7 @@ CommandResult Run(const Arguments& arguments) {
     }
   }
   for (const std::string& kind : comparison.mixed_splits) {
-    result.warnings.push_back({"CMP-SPLIT", "'" + kind + "' is not of the same pictures in all runs",
+    result.warnings.push_back({"CMP-SPLIT", "'" + kind + "' is not of the same images in all runs",
                                "compare there only rows with the same training cameras"});
   }
   result.metrics["protocol_sha256"] = runs.front().protocol.sha256;

@@ -21,7 +21,7 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
     result->exit = kExitPartial;
     result->warnings.push_back(
         {"AVA-SKIPPED",
-         std::to_string(e.skipped.size()) + " held-out pictures could not be scored; the first: " + e.skipped.front(),
+         std::to_string(e.skipped.size()) + " held-out images could not be scored; the first: " + e.skipped.front(),
          "check those masks and joints, or leave these cameras or frames out"});
   }
   if (e.missing.missing() > 0)
@@ -44,8 +44,8 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   if (e.template_alone && e.checkpoint_step > 0 && e.template_alone->mean.bbox.ssim >= own.ssim) {
     const std::string scores = Format("SSIM %.4f against %.4f", own.ssim, e.template_alone->mean.bbox.ssim);
     result->warnings.push_back({"AVA-NO-GAIN",
-                                std::string("the network is worth nothing on held-out pictures: ") + scores +
-                                    " of its own textures on the posed template",
+                                std::string("the network does not improve held-out images: ") + scores +
+                                    " of its textures on the posed template alone",
                                 "train with --steps 0 (no network), or with more cameras or better joints"});
   }
   if (e.features.name.find("inception-2015-12-05") != std::string::npos && e.distance_name != "FID") {
@@ -56,7 +56,7 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   }
   if (!e.holdout.fd) {
     result->warnings.push_back(
-        {"AVA-NO-FD", "no Frechet distance: it needs at least 4 held-out pictures of at least 32 px", "hold more frames out"});
+        {"AVA-NO-FD", "no Frechet distance: it needs at least 4 held-out images of at least 32 px", "hold more frames out"});
   }
 }
 
@@ -78,7 +78,7 @@ CommandResult RunAvatarEval(const AvatarEvalArguments& arguments, CommandContext
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry) {
   auto arguments = std::make_shared<AvatarEvalArguments>();
   CLI::App* sub =
-      avatar.add_subcommand("eval", "Score a trained avatar on the cameras and frames it never saw, beside plain baselines");
+      avatar.add_subcommand("eval", "Score a trained avatar on the cameras and frames it never saw, beside simple baselines");
   AddOption(sub, "run", arguments->run_folder, "folder of the training run (--out of `avatar train`)")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "avatar eval", [arguments](CommandContext& context) { return RunAvatarEval(*arguments, context); });

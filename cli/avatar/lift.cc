@@ -267,10 +267,10 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
 void RegisterTrain(CLI::App& lift, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = lift.add_subcommand("train", "Learn to lift from the 3D poses of datasets");
-  AddOption(sub, "datasets", a->datasets, "dataset folders in Panoptic layout; pictures are not needed")->required();
+  AddOption(sub, "datasets", a->datasets, "dataset folders in Panoptic layout; images are not needed")->required();
   AddOption(sub, "--out", a->out, "file for the lifter, .safetensors")->required();
   AddOption(sub, "--holdout-share", a->holdout_share,
-            "share of each dataset's frames, its last ones, that is scored in all its cameras and not learned")
+            "share of each dataset's frames, its last ones, that is scored in all its cameras and not trained on")
       ->capture_default_str();
   AddOption(sub, "--holdout-noise-px", a->holdout_noise_px, "px; noise of the held-out 2D joints")->capture_default_str();
   AddOption(sub, "--baseline-poses", a->baseline_poses, "known poses in random views that the nearest neighbour is taken from")
@@ -290,14 +290,14 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddOption(sub, "--camera", a->camera, "name of the camera in --calib")->required();
   AddOption(sub, "--out", a->out, "folder for points.csv, as triangulate writes it")->required();
   AddOption(sub, "--skeleton", a->skeleton, "of the 2D joints")->capture_default_str();
-  AddOption(sub, "--height-m", a->height_m, "m; height of the person. 0: as those learned from; distance and size go with it")
+  AddOption(sub, "--height-m", a->height_m, "m; height of the person, which scales distance and size; 0: as those learned from")
       ->capture_default_str();
   AddOption(sub, "--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
   AddOption(sub, "--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
       ->capture_default_str();
   AddOption(sub, "--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")
       ->capture_default_str();
-  AddFlag(sub, "--level,!--no-level", a->level, "the calibration's z axis points up; off: the picture's upper edge is up")
+  AddFlag(sub, "--level,!--no-level", a->level, "the calibration's z axis points up; off: the image's upper edge is up")
       ->capture_default_str();
   AddOption(sub, "--truth", a->truth, "3D joints to compare with: a dataset, or a folder with points.csv");
   registry.Add(sub, "avatar lift apply", [a](CommandContext& context) { return RunApply(*a, context); });

@@ -5,9 +5,9 @@
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
+#include "core/format.h"
 #if MVSTUDIO_HAS_AVATAR
 #include "app/nets/metrics_distance.h"
-#include "core/format.h"
 #endif
 
 namespace mvstudio::cli {
@@ -31,8 +31,7 @@ void AddUnmatched(const std::vector<std::string>& names, const std::string& fold
   if (names.empty()) return;
   result->exit = kExitPartial;
   result->warnings.push_back(
-      {"MET-UNMATCHED",
-       std::to_string(names.size()) + " pictures of " + folder + " have no partner; the first: " + names.front(),
+      {"MET-UNMATCHED", std::to_string(names.size()) + " images of " + folder + " have no partner; the first: " + names.front(),
        "both folders must hold the same file names"});
 }
 
@@ -122,7 +121,7 @@ bool IsFeatureFile(const std::string& path) {
 
 CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& context) {
   if (IsFeatureFile(arguments.reference) != IsFeatureFile(arguments.other))
-    throw UsageError("metrics compares two folders of pictures, two pictures, or two files of features, not one of each");
+    throw UsageError("metrics compares two folders of images, two images, or two files of features, not one of each");
   CommandResult result;
   if (IsFeatureFile(arguments.reference)) {
 #if MVSTUDIO_HAS_AVATAR
@@ -149,16 +148,16 @@ CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& cont
 void RegisterMetrics(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<MetricsArguments>();
   CLI::App* sub = app.add_subcommand(
-      "metrics", "SSIM, PSNR and Frechet distance of two folders of pictures or two pictures, or of two files of features");
+      "metrics", "SSIM, PSNR and Frechet distance of two folders of images or two images, or of two files of features");
   AddOption(sub, "reference", arguments->reference,
-            "folder of pictures, a picture, a .npy of (n, d) numbers, or a .safetensors file with a tensor `features`")
+            "folder of images, an image, a .npy of (n, d) numbers, or a .safetensors file with a tensor `features`")
       ->required();
   AddOption(sub, "other", arguments->other, "the same file names, or features of the same kind")->required();
   AddOption(sub, "--masks", arguments->masks,
             "folder of masks of the same names: scores of their box and of their pixels, too");
   AddOption(sub, "--features", arguments->features,
             "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d) for "
-            "pictures in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
+            "images in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
       ->capture_default_str();
   AddFlag(sub, "--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });

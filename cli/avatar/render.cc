@@ -140,7 +140,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
   if (!plan.skipped.empty()) {
     result->exit = kExitPartial;
     result->warnings.push_back(
-        {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " pictures could not be made; the first: " + plan.skipped.front(),
+        {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " images could not be made; the first: " + plan.skipped.front(),
          "leave these cameras or frames out, or use --place training"});
   }
   constexpr double kSameSize = 0.05;
@@ -151,7 +151,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
   }
   if (model.options.method == avatar::Method::kV2v && a.options.turntable > 0) {
     result->warnings.push_back({"AVA-V2V-MOVING-CAMERA",
-                                "v2v carries the picture before over and learned that with cameras that stand still",
+                                "v2v uses the previous image and was trained with cameras that do not move",
                                 "expect trails, or turn with an avatar of method tna"});
   }
 }
@@ -178,7 +178,7 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   FillMetrics(arguments, plan, model, seconds, sink.rate_hz(), &result);
   AddWarnings(arguments, plan, model, &result);
   std::ostringstream text;
-  text << plan.jobs.size() << " pictures of " << result.metrics["views"].size() << " view(s), " << plan.track.poses.size()
+  text << plan.jobs.size() << " images of " << result.metrics["views"].size() << " view(s), " << plan.track.poses.size()
        << " pose(s) of " << plan.track.source;
   if (plan.scaled) text << " in the trained person's size (x " << plan.ratio << ")";
   text << ", " << seconds / static_cast<double>(plan.jobs.size()) << " s each\n";
@@ -192,16 +192,15 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
 void RegisterAvatarRender(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* sub = avatar.add_subcommand(
-      "render", "New pictures of a trained avatar: any calibrated camera, other poses, or a camera that goes round");
+      "render", "New images of a trained avatar: any calibrated camera, other poses, or an orbiting camera");
   AddOption(sub, "run", a->run_folder, "folder of the training run (--out of `avatar train`)")->required();
-  AddOption(sub, "--out", a->out, "folder of the pictures; RUN/render unless given or only --video is asked for");
+  AddOption(sub, "--out", a->out, "folder of the images; RUN/render unless given or only --video is asked for");
   AddOption(sub, "--video", a->video, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
-  AddOption(
-      sub, "--background", a->background,
-      "colour (black, white, grey, green, #rrggbb or r,g,b) or picture behind the person; none: PNG with opacity (videos: "
-      "black)");
+  AddOption(sub, "--background", a->background,
+            "colour (black, white, grey, green, #rrggbb or r,g,b) or image behind the person; none: PNG with opacity (videos: "
+            "black)");
   AddOption(sub, "--frames", a->frames, "frames to render, e.g. 90-119; those held out unless given (other takes: all)");
-  AddOption(sub, "--fps", a->rate_hz, "pictures a second of the video; 0: that of the poses")->capture_default_str();
+  AddOption(sub, "--fps", a->rate_hz, "Hz; frame rate of the video; 0: that of the poses")->capture_default_str();
   AddFlag(sub, "--overwrite", a->overwrite, "replace what is at --out or --video");
   AddOptions(sub, a->options);
   registry.Add(sub, "avatar render", [a](CommandContext& context) { return RunAvatarRender(*a, context); });

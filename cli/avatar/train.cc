@@ -98,8 +98,8 @@ CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& train
   result.outputs = files.Outputs();
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back({"AVA-NONFINITE", report.message,
-                             "look at these pictures; train again without them or with a smaller --learning-rate"});
+    result.errors.push_back(
+        {"AVA-NONFINITE", report.message, "look at these images; train again without them or with a smaller --learning-rate"});
   }
   return result;
 }
@@ -143,15 +143,15 @@ void FillCommon(const RunConfig& config, const app::RunPacks& packs, const std::
   TellMissing(packs, result);
   if (!packs.skipped.empty()) {
     result->warnings.push_back(
-        {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " pictures were left out; the first: " + packs.skipped.front(),
-         "check these pictures, masks and joints"});
+        {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " images were left out; the first: " + packs.skipped.front(),
+         "check these images, masks and joints"});
     if (result->exit == kExitOk) result->exit = kExitPartial;
   }
   std::ostringstream text;
   const auto& m = result->metrics;
   text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
-       << packs.train.size() << " pictures of " << config.split.train_cameras.size() << " cameras: " << m["steps"]
-       << " steps in " << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
+       << packs.train.size() << " images of " << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in "
+       << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
   result->text = text.str() + result->text;
 }
 
@@ -335,7 +335,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--out", a->out, "folder of the run")->required();
   AddSplitOptions(sub, a->split);
   AddOption(sub, "--init-from", a->init_from,
-            "a run whose network is the start (its options hold); textures are averaged from the new pictures, and there is no "
+            "a run whose network is the start (its options hold); textures are averaged from the new images, and there is no "
             "initialisation unless --init-steps asks for one");
   AddChoice(sub, "--fit", a->fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
@@ -358,7 +358,8 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   AddOption(again, "run", resume->run, "folder of the run")->required();
   AddOption(again, "--steps", resume->steps,
             "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
-  AddOption(again, "--patience", resume->patience, "checks without a better score that are waited for; -1: as asked for then")
+  AddOption(again, "--patience", resume->patience,
+            "checkpoints without a better score after which training ends; -1: as asked for then")
       ->capture_default_str();
   AddOption(again, "--perceptual", resume->perceptual,
             "the TorchScript file of the perceptual loss, where one was used: it is run, so a checkpoint alone cannot name it");

@@ -116,7 +116,7 @@ void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
   if (!report.best) {
     if (!report.tags.empty()) {
       result->warnings.push_back({"BRD-NO-BOARD", "tags were found, but not as one board",
-                                  "a tag that is seen more than once in an image cannot be told from its copies"});
+                                  "a tag that is seen more than once in an image cannot be distinguished from its copies"});
       return;
     }
     result->exit = kExitBadInput;
@@ -145,7 +145,7 @@ CommandResult RunCheck(const CheckArguments& arguments, CommandContext& context)
   std::optional<calib::Board> given;
   if (!arguments.board.empty()) given = calib::ParseBoard(arguments.board);
   if (given && (given->kind == calib::Board::Kind::kGrid || given->kind == calib::Board::Kind::kPoints)) {
-    throw UsageError("board " + arguments.board + " stands for corner files and cannot be looked for in images");
+    throw UsageError("board " + arguments.board + " is for corner files and cannot be searched in images");
   }
   std::vector<std::string> labels;
   const std::vector<Image> images = ReadImages(arguments, &labels);
@@ -183,8 +183,8 @@ void RegisterCheck(CLI::App& board, Registry& registry) {
   CLI::App* sub = board.add_subcommand("check", "Find out which board is in the images, and how to write it");
   AddOption(sub, "IMAGES", arguments->images, "images, folders, patterns in quotes, or videos")->required();
   AddOption(sub, "--board", arguments->board,
-            "the board as it is thought to be; lengths are taken from it. Without it every kind is looked for");
-  AddOption(sub, "--max-images", arguments->max_images, "at most so many images are looked at")->capture_default_str();
+            "the expected board; lengths are taken from it. Without it every kind is searched for");
+  AddOption(sub, "--max-images", arguments->max_images, "maximum number of images to search")->capture_default_str();
   registry.Add(sub, "board check", [arguments](CommandContext& context) { return RunCheck(*arguments, context); });
 }
 

@@ -230,7 +230,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-INPUT-KEPT", report.message, "film more, in more of the space, or recalibrate"});
   if (report.culprit.fault != calib::CameraFault::kNone)
     result->warnings.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
-                                "the new calibration corrects it; check the camera and its pictures all the same"});
+                                "the new calibration corrects it; check the camera and its images all the same"});
   if (num_left_out > 0)
     result->warnings.push_back(
         {"CAL-NOT-ADJUSTED", std::to_string(num_left_out) + " cameras without 2D points stay as they are", "give theirs too"});
@@ -247,7 +247,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
   AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
           "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
-  AddChoices(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; once a camera");
+  AddChoices(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; repeat for each camera");
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
             "joints may be names or numbers, frames need no connection in time");

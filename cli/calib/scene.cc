@@ -165,7 +165,7 @@ calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<c
   }
   if (!scale.points && !scale.distance)
     throw UsageError(
-        "--from-scene: pictures do not show the scale; give --board, --scene-points or --camera-distance A:B:LENGTH");
+        "--from-scene: images do not show the scale; give --board, --scene-points or --camera-distance A:B:LENGTH");
   return scale;
 }
 

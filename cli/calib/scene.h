@@ -22,11 +22,11 @@ struct SceneArguments {
 template <class Visitor>
 void VisitFields(Visitor&& visit, SceneArguments& o) {
   visit("from-scene", o.from_scene,
-        "images of the empty scene, one a camera, named by the camera: a folder or a pattern in quotes");
+        "images of the empty scene, one for each camera and named by it: a folder or a pattern in quotes");
   visit("scene-points", o.scene_points,
         "CSV camera,point,x_px,y_px and CSV point,x,y,z (metres), in one file or two: marks with known places");
   visit("camera-distance", o.camera_distance, "--from-scene: CAMERA:CAMERA:LENGTH gives the scale, e.g. left:right:1.234m");
-  visit("rigid", o.rigid, "--scene-points: place the rig of --start in one piece");
+  visit("rigid", o.rigid, "--scene-points: place the rig of --start as a rigid body");
   VisitFields(visit, o.points);
   VisitFields(visit, o.scene);
 }

@@ -25,7 +25,7 @@ struct BuildArguments {
 /// Inputs; what a session says takes the place of flags that were not given.
 dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) {
   app::TakeInput take = app::ReadTakeInput(arguments->take, result);
-  if (take.footage.empty()) throw UsageError("no footage: give --video or --images once a camera, or --session");
+  if (take.footage.empty()) throw UsageError("no footage: give --video or --images for each camera, or --session");
   dataset::BuildInputs inputs;
   inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
   if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
@@ -77,10 +77,9 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   result.metrics["per_camera"] = CameraMetrics(report);
   result.metrics["wall_s"] = wall_s;
   if (report.calibration_offset_frames > 0)
-    result.metrics["calibration_offsets"] = {
-        {"applied", false},
-        {"largest_frames", report.calibration_offset_frames},
-        {"reason", "pictures are taken whole; a timeline of the take is what chooses them"}};
+    result.metrics["calibration_offsets"] = {{"applied", false},
+                                             {"largest_frames", report.calibration_offset_frames},
+                                             {"reason", "images are taken whole; a timeline of the take is what chooses them"}};
   for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
   result.outputs.push_back({arguments.out, "dataset"});
   result.outputs.push_back(
@@ -90,14 +89,15 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   if (!report.gaps.empty()) result.exit = kExitPartial;
   if (report.images == 0) {
     result.exit = kExitBadInput;
-    result.errors.push_back({"DAT-INSTANTS", "no camera has a picture of any instant with joints",
-                             "do the frame numbers in " + inputs.pose3d + " count the take's instants? see session timeline"});
+    result.errors.push_back(
+        {"DAT-INSTANTS", "no camera has an image of any time step with joints",
+         "do the frame numbers in " + inputs.pose3d + " count the take's time steps? see session timeline"});
   }
-  result.text = Format("%s: %zu cameras, %d frames, %d pictures in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
+  result.text = Format("%s: %zu cameras, %d frames, %d images in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
                        report.frames, report.images, wall_s);
   for (const dataset::BuiltCamera& c : report.cameras) {
     if (arguments.options.masks)
-      result.text += Format("  %s (%s): person on %.1f %% of the picture, colours support %d of %d joints\n", c.name.c_str(),
+      result.text += Format("  %s (%s): person on %.1f %% of the image, colours support %d of %d joints\n", c.name.c_str(),
                             c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
   }
   return result;

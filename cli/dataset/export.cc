@@ -105,7 +105,7 @@ CommandResult Export(const Arguments& arguments, CommandContext& context) {
   result.metrics = Metrics(report);
   for (const exports::ExportNote& note : report.notes) result.warnings.push_back({note.code, note.text, note.hint});
   result.text =
-      arguments.out + Format(": %zu cameras, %zu frames, %d people, %d pictures, %d masks (%s)\n", report.cameras.size(),
+      arguments.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks (%s)\n", report.cameras.size(),
                              report.frames.size(), report.people, report.pictures, report.masks, arguments.to.c_str());
   if (report.missing_pictures > 0) result.exit = kExitPartial;
   return result;
@@ -124,7 +124,7 @@ void RegisterDatasetExport(CLI::App& dataset, Registry& registry) {
   AddOption(sub, "--cameras", arguments->options.cameras, "only these, of either name, separated by commas; default: all")
       ->take_all();
   AddOption(sub, "--frames", arguments->frames,
-            "80-99 or 1,4,7-9, or all; default: the first for formats of one instant (colmap, nerfstudio), else all");
+            "80-99 or 1,4,7-9, or all; default: the first for formats of one time step (colmap, nerfstudio), else all");
   AddOption(sub, "--split", arguments->options.split,
             "split file: its cameras and frames, train and test where the format has them");
   AddOptions(sub, arguments->options);

@@ -69,13 +69,13 @@ std::string UndistortionText(const dataset::PackBuildReport& report) {
   for (const dataset::PackUndistortion& u : report.undistortion) {
     map_px = std::max(map_px, u.max_map_px), lost = std::max(lost, u.lost_share);
   }
-  return Format("  undistorted: pictures are within %.1g px of the lens; at most %.1f %% of a camera's picture is not shown\n",
+  return Format("  undistorted: images are within %.1g px of the lens; at most %.1f %% of a camera's image is not shown\n",
                 map_px, 100 * lost);
 }
 
 std::string Text(const PackArguments& arguments, const dataset::PackBuildReport& report) {
   const dataset::PackTimes& t = report.times;
-  std::string text = Format("%s: %zu of %d shards (%zu made, %zu kept), %lld pictures, %.1f MB in %.1f s%s\n",
+  std::string text = Format("%s: %zu of %d shards (%zu made, %zu kept), %lld images, %.1f MB in %.1f s%s\n",
                             arguments.out.c_str(), report.built.size() + report.kept.size(), report.num_shards,
                             report.built.size(), report.kept.size(), static_cast<long long>(report.samples),
                             static_cast<double>(report.bytes) / 1e6, t.wall_s, report.complete ? "; complete" : "");
@@ -137,7 +137,7 @@ CommandResult RunPack(PackArguments arguments, CommandContext& context) {
 void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<PackArguments>();
   CLI::App* sub = dataset.add_subcommand(
-      "pack", "Dataset -> HDF5 shards of crops or whole pictures with cameras, masks and joints, for training and archive");
+      "pack", "Dataset -> HDF5 shards of crops or whole images with cameras, masks and joints, for training and archive");
   AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
   AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
   AddOption(sub, "--shard", arguments->shard,
@@ -148,7 +148,7 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
       ->delimiter(',');
   AddOption(sub, "--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
   AddOption(sub, "--split", arguments->options.split,
-            "split file: pack its pictures only, each marked train, validation or test");
+            "split file: pack its images only, each marked train, validation or test");
   AddOptions(sub, arguments->options);
   AddOptions(sub, arguments->options.undistort_view);
   AddOptions(sub, arguments->options.colour);

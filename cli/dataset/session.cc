@@ -203,7 +203,7 @@ void RegisterInit(CLI::App* session, Registry& registry) {
   AddOption(sub, "--board", arguments->board, "the calibration board, as calibrate --board takes it");
   AddOption(sub, "--scan", arguments->scan,
             "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png; another than FOLDER/raw is linked to, not copied");
-  AddOption(sub, "--fps", arguments->fps, "frames a second of folders of pictures")->check(CLI::PositiveNumber);
+  AddOption(sub, "--fps", arguments->fps, "Hz; frame rate of image folders")->check(CLI::PositiveNumber);
   AddFlag(sub, "--overwrite", arguments->overwrite, "replace an existing mvstudio.toml");
   registry.Add(sub, "session init", [arguments](CommandContext&) { return RunInit(*arguments); });
 }
@@ -213,7 +213,7 @@ void RegisterShow(CLI::App* session, Registry& registry) {
   CLI::App* sub = session->add_subcommand("show", "Cameras, takes and footage, and what is wrong with them");
   AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
   AddFlag(sub, "--decode", arguments->options.decode, "decode every frame, instead of reading time stamps only");
-  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "allow the session to name files outside its folder");
   arguments->options.compare = false;
   registry.Add(sub, "session show", [arguments](CommandContext& context) { return RunShow(*arguments, context); });
 }
@@ -221,18 +221,18 @@ void RegisterShow(CLI::App* session, Registry& registry) {
 void RegisterTimeline(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<TimelineArguments>();
   CLI::App* sub =
-      session->add_subcommand("timeline", "Which frame of each camera shows each instant; dropped and doubled frames");
+      session->add_subcommand("timeline", "Which frame of each camera shows each time step; dropped and doubled frames");
   AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
   AddOption(sub, "--take", arguments->take, "its only take with people unless given");
   AddOption(sub, "--out", arguments->out, "file; FOLDER/sync/TAKE.timeline.json unless given");
-  AddOption(sub, "--reference", arguments->options.timeline.reference, "camera whose frames count the instants");
+  AddOption(sub, "--reference", arguments->options.timeline.reference, "camera whose frames count the time steps");
   AddOption(sub, "--max-residual-ms", arguments->options.timeline.max_residual_ms,
-            "instants farther from a frame have none; 0: half a frame of that camera")
+            "time steps farther from a frame have none; 0: half a frame of that camera")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   AddFlag(sub, "--find-repeats", arguments->options.find_repeats,
-          "look for frames that only repeat the picture before; decodes all");
-  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "let the session name files outside its folder");
+          "look for frames that only repeat the image before; decodes all");
+  AddFlag(sub, "--allow-outside", arguments->options.allow_outside, "allow the session to name files outside its folder");
   registry.Add(sub, "session timeline", [arguments](CommandContext& context) { return RunTimeline(*arguments, context); });
 }
 

@@ -103,9 +103,9 @@ CommandResult Run(Arguments& arguments) {
 
 void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* sub = dataset.add_subcommand(
-      "split",
-      "Choose cameras and frames for training and test that share neither, write them to a file, and say how new the test is");
+  CLI::App* sub = dataset.add_subcommand("split",
+                                         "Choose cameras and frames for training and test that share neither, write them to a "
+                                         "file, and measure how far the test is from the training");
   dataset::SplitOptions& o = arguments->options;
   const std::string presets =
       Join(dataset::SplitPresets(), "; ", [](const dataset::SplitPreset& preset) { return preset.name + ": " + preset.what; });

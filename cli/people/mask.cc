@@ -110,13 +110,13 @@ void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResul
     if (r.background_known < 0.9) {
       result->warnings.push_back({"MSK-BACKGROUND",
                                   name + "the background was seen on only " + Percent(r.background_known) +
-                                      " of the picture; colours of the surroundings stand in elsewhere",
-                                  "give a clean plate, or footage in which people walk about"});
+                                      " of the image; colours of the surroundings are used elsewhere",
+                                  "give a clean plate, or footage in which people move"});
     }
     if (r.take.joints > 0 && r.take.joints_supported < 0.8 * r.take.joints) {
       result->warnings.push_back({"MSK-JOINTS",
                                   name + "only " + Percent(r.take.joints_supported / double(r.take.joints)) +
-                                      " of the joints lie where the picture shows a person by its colours",
+                                      " of the joints lie where the image shows a person by its colours",
                                   "check the calibration and the time offset of this camera"});
     }
   }
@@ -148,7 +148,7 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
                               {"worst_iou", worst},
                               {"worst_picture", worst_picture}};
   result->metrics["truth_cameras"] = list;
-  result->text += Format("against exact masks: mean IoU %.4f over %d pictures, worst %.4f (%s)\n",
+  result->text += Format("against exact masks: mean IoU %.4f over %d images, worst %.4f (%s)\n",
                          pictures ? sum / pictures : 0.0, pictures, worst, worst_picture.c_str());
 }
 
@@ -165,7 +165,7 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
     area += r.take.mean_area_fraction, flicker += r.take.flicker.Share(), ms += r.take.ms_per_picture;
     per_camera.push_back(CameraMetrics(job.cameras[c], r, masks.hull, c));
     result->text +=
-        Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms a picture\n", name.c_str(), r.take.pictures,
+        Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), r.take.pictures,
                100 * r.take.mean_area_fraction, 100 * r.take.flicker.Share(), r.take.ms_per_picture);
     if (r.sheet.empty()) continue;
     dataset::WriteImage(r.sheet, folder + "/" + name + ".sheet.png");
@@ -211,12 +211,11 @@ CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
   const app::MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
   if (!trial.failed_camera.empty()) {
     result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"MSK-NOBODY",
-         "camera " + trial.failed_camera +
-             ": nothing tells people from background: no joints, nothing that moves and, if a net was asked, "
-             "nobody that it sees",
-         "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
+    result.errors.push_back({"MSK-NOBODY",
+                             "camera " + trial.failed_camera +
+                                 ": nothing separates people from background: no joints, no motion and, where a net was tried, "
+                                 "no person found by it",
+                             "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
     return result;
   }
   const app::MaskRunResult masks = app::RunMasks(job, backends[chosen], trial.models, folder.work_path(), context.run);
@@ -241,7 +240,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
   AddOption(sub, "--backend", arguments->backend,
-            "background (what the pictures show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
+            "background (what the images show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
             "masks agree best with the visual hull and the joints")
       ->capture_default_str();
   AddChoices(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");

@@ -103,7 +103,7 @@ void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
     result->warnings.push_back({"POSE-NOBODY",
                                 camera.track.camera + ": somebody is seen in " + std::to_string(camera.frames_with_people) +
                                     " of " + std::to_string(camera.frames) + " frames",
-                                "look at the overlay pictures; try another --backend"});
+                                "look at the overlay images; try another --backend"});
   }
 }
 
@@ -118,7 +118,7 @@ void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Ri
         {"POSE-SIZE",
          camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
              " pixels, the calibration " + std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
-         "key points are in the footage's pixels; triangulating them with this calibration costs that difference"});
+         "keypoints are in the footage's pixels; triangulating them with this calibration costs that difference"});
   }
 }
 
@@ -145,7 +145,7 @@ std::string Summary(const Detected& detected, const std::string& out) {
   for (const app::CameraPoses& camera : detected.cameras)
     frames += camera.frames, with_people += camera.frames_with_people, seconds += camera.seconds;
   std::string text =
-      Format("%s: people in %d of %d pictures, %.2f s a picture and thread; skeleton %s, in %s", detected.backend.c_str(),
+      Format("%s: people in %d of %d images, %.2f s an image and thread; skeleton %s, in %s", detected.backend.c_str(),
              with_people, frames, frames ? seconds / frames : 0, detected.skeleton.name.c_str(), out.c_str());
   if (detected.agreement.json.empty()) return text;
   return text + Format("\none camera left out: median %.2f px, p90 %.2f px; %.1f %% of the joints triangulated",
@@ -170,14 +170,14 @@ void CheckAnything(const Detected& detected, CommandResult* result) {
   if (std::any_of(cameras.begin(), cameras.end(), seen)) return;
   result->exit = kExitQualityGate;
   result->errors.push_back(
-      {"POSE-NOBODY", "nobody was found in any picture", "look at the overlay pictures; try another --backend"});
+      {"POSE-NOBODY", "nobody was found in any image", "look at the overlay images; try another --backend"});
 }
 
 CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   CommandResult result;
   const bool existing = arguments.backend.rfind("openpose:", 0) == 0;
   const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
-  if (take.footage.empty() && !existing) throw UsageError("no footage: give --video or --images once a camera, or --session");
+  if (take.footage.empty() && !existing) throw UsageError("no footage: give --video or --images for each camera, or --session");
   const geometry::Rig rig = ReadRig(arguments.calib.empty() ? take.calibration : arguments.calib, &result);
   const std::string out = arguments.out.empty() ? take.Folder("pose2d") : arguments.out;
   if (out.empty()) throw UsageError("--out is needed without --session");
@@ -212,7 +212,7 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
 }  // namespace
 
 void RegisterPose2d(CLI::App& app, Registry& registry) {
-  auto* sub = app.add_subcommand("pose2d", "key points of people in footage, as OpenPose JSON a camera and frame");
+  auto* sub = app.add_subcommand("pose2d", "Detect 2D keypoints of people; one OpenPose JSON file per camera and frame");
   const auto arguments = std::make_shared<Arguments>();
   arguments->take.with_timeline = false;  // poses are numbered as the footage is; triangulate turns them into instants
   AddTakeArguments(sub, arguments->take);
@@ -221,7 +221,7 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   AddOption(sub, "--backend", arguments->backend,
             "posenet or movenet (mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER (FOLDER/CAMERA holds "
             "JSON files that are checked and "
-            "renumbered), auto: the installed net whose key points agree best across cameras (needs --calib)")
+            "renumbered), auto: the installed net whose keypoints agree best across cameras (needs --calib)")
       ->capture_default_str();
   AddOption(sub, "--calib", arguments->calib, "calibration: reports how well the cameras agree");
   AddOption(sub, "--models", arguments->models, "folder of the weights; default: as models fetch");
@@ -229,7 +229,7 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   AddOption(sub, "--trial-frames", arguments->trial_frames, "auto: frames on which the nets are compared")
       ->capture_default_str()
       ->check(CLI::Range(4, 10000));
-  AddOption(sub, "--overlays", arguments->overlays, "pictures a camera to draw the key points on")
+  AddOption(sub, "--overlays", arguments->overlays, "images of each camera to draw the keypoints on")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
   AddFlag(sub, "--overwrite", arguments->overwrite, "replace the output folder");

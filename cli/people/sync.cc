@@ -150,7 +150,7 @@ std::optional<app::FoundTake> FillFromSession(Arguments* arguments, CommandResul
 void CountDropped(const app::FoundTake& found, const Arguments& arguments, app::PoseInput* input, CommandResult* result) {
   if (!app::RenumberByClock(found, arguments.session, input)) return;
   input->frames = app::ToFrames(input->tracks, input->rig, arguments.pose.calib);
-  result->warnings.push_back({"SYN-DROPPED", "cameras dropped or doubled frames: offsets count the instants of their clocks",
+  result->warnings.push_back({"SYN-DROPPED", "cameras dropped or doubled frames: offsets count the time steps of their clocks",
                               "see mvstudio session timeline"});
 }
 
@@ -275,12 +275,13 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
   AddOption(sub, "--from", arguments->from,
-            "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: pictures only, coarse")
+            "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: images only, coarse")
       ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
       ->capture_default_str();
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
   AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
-  AddOption(sub, "--fps", arguments->fps, "frames a second of all cameras; then offsets in ms too, looked for within 3 s");
+  AddOption(sub, "--fps", arguments->fps,
+            "Hz; frame rate of all cameras; then offsets are searched within 3 s and given in ms, too");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {
     arguments->range_given = sub->count("--max-offset-frames") > 0;

@@ -313,7 +313,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddOptions(sub, arguments->refine_options);
   AddOption(
       sub, "--chunk-frames", arguments->chunk_frames,
-      "for takes longer than memory: so many frames at a time; noise and method come from frames spread over the take; 0: "
+      "for takes longer than memory: frames processed at a time; noise and method come from frames spread over the take; 0: "
       "all at once")
       ->capture_default_str();
   AddOption(sub, "--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");

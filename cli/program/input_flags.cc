@@ -22,25 +22,25 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
 }
 
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
-  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE, once a camera")->allow_extra_args(true);
-  AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in a picture's name is its frame");
-  AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: picture of the empty scene");
+  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE, repeat for each camera")->allow_extra_args(true);
+  AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
+  AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: image of the empty scene");
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
   AddOption(sub, "--take", arguments.take, "take of the session; its only one with people unless given");
-  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
 }
 
 void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given) {
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
   AddOption(sub, "--take", arguments.take, "take of the session; its only one with " + unless_given + " unless given");
-  AddFlag(sub, "--allow-outside", arguments.allow_outside, "let the session name files outside its folder");
+  AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
 }
 
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
   AddChoices(sub, "--pose2d", arguments.pose2d,
-             "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; once a camera");
+             "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; repeat for each camera");
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
   AddOption(sub, "--skeleton", arguments.skeleton,

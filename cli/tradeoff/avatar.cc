@@ -134,7 +134,7 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   const auto a = std::make_shared<Arguments>();
   CLI::App* sub = tradeoff.add_subcommand(
       "avatar",
-      "Width x picture size x steps x losses x cameras: held-out SSIM and FD, s a step, ms a frame, and the Pareto front");
+      "Width x image size x steps x losses x cameras: held-out SSIM and FD, s a step, ms a frame, and the Pareto front");
   AddOption(sub, "dataset", a->options.dataset, "dataset folder, as for `avatar train`")->required();
   AddOption(sub, "--out", a->options.out, "folder of the runs, the table and the figures; finished runs in it are kept")
       ->required();

@@ -143,7 +143,7 @@ std::string ToText(const std::vector<Trial>& trials) {
 
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   for (const int views : arguments.views) {
-    if (views < 0) throw UsageError("--views " + std::to_string(views) + ": a number of instants, or 0 for all");
+    if (views < 0) throw UsageError("--views " + std::to_string(views) + ": a number of time steps, or 0 for all");
   }
   CommandResult result;
   std::vector<Trial> trials;
@@ -173,7 +173,7 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   result.text = ToText(trials);
   if (arguments.out.empty()) return result;
   app::WriteTradeoffPage({"calibrate", "Calibration: speed against accuracy",
-                          "Ways to calibrate: time against error on instants that took no part", "detection and solution (s)",
+                          "Ways to calibrate: time against error on time steps that took no part", "detection and solution (s)",
                           "held-out 2-D RMS (px)"},
                          points, arguments.out, &result);
   return result;
@@ -187,7 +187,7 @@ void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry) {
       "calibrate", "Detector x number of boards x lens model x engine: seconds, held-out px, mm, and the Pareto front");
   AddCornerArguments(sub, arguments->corners);
   AddOption(sub, "--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();
-  AddOption(sub, "--views", arguments->views, "instants used; 0: all")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--views", arguments->views, "time steps used; 0: all")->delimiter(',')->capture_default_str();
   AddOption(sub, "--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();
   AddOption(sub, "--engines", arguments->engines, "mvstudio, mrcal")->delimiter(',')->capture_default_str();
   AddOption(sub, "--out", arguments->out, "folder for the table and the figure");

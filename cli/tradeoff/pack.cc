@@ -74,13 +74,13 @@ void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry) {
   app::PackSpeedOptions& o = arguments->options;
   AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
   AddOption(sub, "--codecs", o.codecs, "of the packs: raw, png, jpeg:Q")->delimiter(',')->capture_default_str();
-  AddOption(sub, "--crops", arguments->crops, "px, or full for whole pictures")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--crops", arguments->crops, "px, or full for whole images")->delimiter(',')->capture_default_str();
   AddOption(sub, "--threads-list", o.threads, "numbers of reading threads")->delimiter(',')->capture_default_str();
   AddOption(sub, "--frames", o.frames, "frames of the dataset, evenly spread")->capture_default_str();
   AddOption(sub, "--folder-quality", o.folder_quality, "of the JPEG folder made for comparison")->capture_default_str();
   AddOption(sub, "--seconds", o.seconds, "of reading, each way")->capture_default_str();
   AddOption(sub, "--lossless", o.lossless,
-            "dataset with the same pictures as PNG: packs are made from it and PSNR is against it");
+            "dataset with the same images as PNG: packs are made from it and PSNR is against it");
   AddOption(sub, "--out", arguments->out, "folder for the table and the figures; needs room for the packs meanwhile")
       ->required();
   registry.Add(sub, "tradeoff pack", [arguments](CommandContext& context) { return Run(*arguments, context); });

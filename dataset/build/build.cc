@@ -155,7 +155,7 @@ void WritePoses(const std::map<int, People>& poses, double frame_rate_hz, const 
 std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptions& options, int num_frames,
                                   const RunContext& run) {
   std::vector<CameraResult> results(jobs->size());
-  ProgressStage stage(run, "pictures and masks", int64_t(num_frames) * int64_t(jobs->size()));
+  ProgressStage stage(run, "images and masks", int64_t(num_frames) * int64_t(jobs->size()));
   std::mutex mutex;
   for (CameraJob& job : *jobs) {
     job.on_image = [&stage, &mutex] {
@@ -173,15 +173,15 @@ void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) 
   if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
   warnings->push_back({"DAT-MASK",
                        "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
-                           " % of the joints lie where the picture shows a person by its colours",
+                           " % of the joints lie where the image shows a person by its colours",
                        "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
 }
 
 void AddGaps(const CameraResult& r, BuildReport* report) {
   if (r.gaps.empty()) return;
   report->gaps.push_back({r.built.alias, r.gaps});
-  std::string text = "camera " + r.built.alias + " has no picture of " + std::to_string(r.gaps.size()) + " of " +
-                     std::to_string(report->frames) + " instants: " + std::to_string(r.gaps.front());
+  std::string text = "camera " + r.built.alias + " has no image of " + std::to_string(r.gaps.size()) + " of " +
+                     std::to_string(report->frames) + " time steps: " + std::to_string(r.gaps.front());
   for (size_t i = 1; i < std::min<size_t>(r.gaps.size(), 8); ++i) text += ", " + std::to_string(r.gaps[i]);
   report->warnings.push_back({"DAT-INSTANTS", text + (r.gaps.size() > 8 ? ", …" : ""),
                               "the camera dropped frames, or they are damaged; see the timeline"});
@@ -203,9 +203,9 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
   }
   if (largest < 0.5) return;
   const std::string text = Format(
-      "the calibration states time offsets of up to %.2f frames, which a dataset of whole pictures does not apply", largest);
+      "the calibration states time offsets of up to %.2f frames, which a dataset of whole images does not apply", largest);
   report->warnings.push_back(
-      {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each instant has the nearest frame"});
+      {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each time step has the nearest frame"});
 }
 
 }  // namespace

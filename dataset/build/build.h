@@ -43,13 +43,13 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, BuildOptions& o) {
   visit("sequence", o.sequence, "name of the sequence, as in calibration_<sequence>.json");
   visit("masks", o.masks, "make foreground masks");
-  visit("png", o.png, "keep pictures without loss instead of as JPEG");
+  visit("png", o.png, "keep images without loss instead of as JPEG");
   visit("jpeg-quality", o.jpeg_quality, "0..100");
-  visit("frame-rate", o.frame_rate_hz, "frames a second of image folders; videos know their own");
+  visit("frame-rate", o.frame_rate_hz, "Hz; frame rate of image folders; videos state their own");
   visit("size-rule", o.size_rule,
         "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
   visit("require-complete", o.require_complete,
-        "refuse a take in which a camera has no frame for an instant with joints, instead of leaving the picture out");
+        "refuse a take in which a camera has no frame for a time step with joints, instead of leaving the image out");
   visit("keep-undamaged", o.keep_undamaged, "use what decodes of damaged footage and list what is missing");
   visit("overwrite", o.overwrite, "replace the output folder");
   VisitFields(visit, o.mask);

@@ -92,15 +92,15 @@ void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>
             const BuildOptions& options, Samples* samples) {
   if (!lost.empty() && !options.keep_undamaged) {
     throw FormatError(job.footage.path, "frame " + std::to_string(*lost.begin()),
-                      "has 3D joints and no picture; the footage holds " + std::to_string(count) + " frames, the last is " +
+                      "has 3D joints and no image; the footage holds " + std::to_string(count) + " frames, the last is " +
                           std::to_string(last) + ": is it the footage of this take, and whole?");
   }
   std::set<int> all = gaps;
   all.insert(lost.begin(), lost.end());
   if (!all.empty() && options.require_complete) {
-    throw FormatError(job.footage.path, "instant " + std::to_string(*all.begin()),
-                      "has 3D joints and no picture: no frame was recorded at the instants " + ListText(all) +
-                          "; without option 'require-complete' these pictures are left out");
+    throw FormatError(job.footage.path, "time step " + std::to_string(*all.begin()),
+                      "has 3D joints and no image: no frame was recorded at the time steps " + ListText(all) +
+                          "; without option 'require-complete' these images are left out");
   }
   samples->gaps.assign(all.begin(), all.end());
 }

@@ -50,7 +50,7 @@ void VisitFields(Visitor&& visit, ColourMatchOptions& o) {
   visit("colour-model", o.model, "auto (by points held out of the fit), none, gain, gain+offset");
   visit("colour-space", o.space, "auto (by points held out of the fit), linear, srgb: where gain and offset act");
   visit("colour-reference", o.reference, "camera that stays as it is; empty: the geometric mean of the gains is 1");
-  visit("colour-frames", o.frames, "frames, spread over the take, whose pictures are compared");
+  visit("colour-frames", o.frames, "frames, spread over the take, whose images are compared");
   visit("colour-points", o.points, "surface points of a frame, at most");
   visit("colour-voxel", o.voxel_m, "metres; grid of the visual hull; larger is faster and loses thin parts");
   visit("colour-patch", o.patch_m, "metres; radius on the surface over which a colour is averaged");

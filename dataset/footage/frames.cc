@@ -200,8 +200,8 @@ FootageFiles ListFootage(const std::string& path_or_pattern) {
   }
   if (!is_folder && files.paths.size() == 1 && !HasImageExtension(files.paths[0])) return {true, std::move(files.paths)};
   files.paths = OnlyImages(std::move(files.paths));
-  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png or .jpg picture");
-  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png or .jpg picture");
+  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png or .jpg image");
+  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png or .jpg image");
   std::sort(files.paths.begin(), files.paths.end(), NaturalLess);
   return files;
 }

@@ -77,7 +77,7 @@ ImageHeader Header(Bytes b, const std::string& path) {
   if (!IsPng(b) && !IsJpeg(b)) throw FormatError(path, "", "is neither PNG nor JPEG");
   const ImageHeader header = IsPng(b) ? PngHeader(b, path) : JpegHeader(b, path);
   const std::string size = std::to_string(header.width) + "x" + std::to_string(header.height);
-  if (header.width < 1 || header.height < 1) throw FormatError(path, "header", "a picture of " + size + " pixels");
+  if (header.width < 1 || header.height < 1) throw FormatError(path, "header", "an image of " + size + " pixels");
   if (header.width > kMaxSide || header.height > kMaxSide || header.width * header.height > MaxPixels()) {
     throw FormatError(path, "header",
                       "declares " + size + " pixels, more than the " + std::to_string(MaxPixels() >> 20) +
@@ -126,7 +126,7 @@ void CheckJpeg(Bytes b, const std::string& path) {
     if (at + 3 >= b.size()) break;
     at += 2 + (size_t{At(b, at + 2)} << 8 | At(b, at + 3));
     if (marker != 0xda) continue;
-    if (++scans > kMaxJpegScans) throw FormatError(path, "byte " + std::to_string(at), "has too many scans to be a picture");
+    if (++scans > kMaxJpegScans) throw FormatError(path, "byte " + std::to_string(at), "has too many scans to be an image");
     at = SkipScan(b, at);
   }
   throw FormatError(path, "byte " + std::to_string(std::min(at, b.size())),
@@ -163,7 +163,7 @@ void CheckFileSize(const std::string& path) {
   const uintmax_t size = std::filesystem::file_size(path, error);
   if (error) return;  // reading says why
   if (size == 0) throw FormatError(path, "", "the file is empty");
-  if (size > kMaxFileBytes) throw FormatError(path, "", "is larger than 1 GiB: not a picture");
+  if (size > kMaxFileBytes) throw FormatError(path, "", "is larger than 1 GiB: not an image");
 }
 
 }  // namespace
@@ -198,22 +198,22 @@ Image ReadImage(const std::string& path, bool grey) {
     mat = cv::imdecode(raw, (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION);
     if (!mat.empty() && !grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
   } catch (const cv::Exception& error) {
-    throw FormatError(path, "", "cannot decode the picture: " + error.err);
+    throw FormatError(path, "", "cannot decode the image: " + error.err);
   }
-  if (mat.empty()) throw FormatError(path, "", "cannot decode the picture; the file is damaged");
+  if (mat.empty()) throw FormatError(path, "", "cannot decode the image; the file is damaged");
   return FromMat(mat);
 }
 
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality) {
   const bool has_alpha = image.channels == 4;
   MVS_CHECK(image.width > 0 && image.height > 0 && (image.channels == 1 || image.channels == 3 || has_alpha),
-            path << ": picture of " << image.width << "x" << image.height << "x" << image.channels);
+            path << ": image of " << image.width << "x" << image.height << "x" << image.channels);
   MVS_CHECK(jpeg_quality >= 0 && jpeg_quality <= 100, "jpeg_quality " << jpeg_quality);
   const std::string extension = LowerExtension(path);
   if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") {
-    throw UsageError(path + ": pictures are written as .png or .jpg");
+    throw UsageError(path + ": images are written as .png or .jpg");
   }
-  if (has_alpha && extension != ".png") throw UsageError(path + ": pictures with alpha are written as .png");
+  if (has_alpha && extension != ".png") throw UsageError(path + ": images with alpha are written as .png");
   const cv::Mat view(image.height, image.width, CV_8UC(image.channels),
                      const_cast<uint8_t*>(image.pixels.data()));
   cv::Mat swapped;
@@ -223,9 +223,9 @@ std::string EncodeImage(const Image& image, const std::string& path, int jpeg_qu
   if (extension != ".png") options = {cv::IMWRITE_JPEG_QUALITY, jpeg_quality};
   std::vector<uint8_t> bytes;
   try {
-    if (!cv::imencode(extension, bgr, bytes, options)) throw IoError(path, "cannot encode the picture");
+    if (!cv::imencode(extension, bgr, bytes, options)) throw IoError(path, "cannot encode the image");
   } catch (const cv::Exception& error) {
-    throw IoError(path, "cannot encode the picture: " + error.err);
+    throw IoError(path, "cannot encode the image: " + error.err);
   }
   return std::string(bytes.begin(), bytes.end());
 }

@@ -131,7 +131,7 @@ void VideoFile::Open(int64_t max_pixels) {
     if (static_cast<int>(i) != idx) format_->streams[i]->discard = AVDISCARD_ALL;
   }
   if (stream_->codecpar->width <= 0 || stream_->codecpar->height <= 0) {
-    throw FormatError(path_, "", "the video has no picture size; cut short?");
+    throw FormatError(path_, "", "the video has no image size; cut short?");
   }
   packet_ = av_packet_alloc();
   if (!packet_) throw ResourceError(path_ + ": out of memory");

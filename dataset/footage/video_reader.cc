@@ -179,7 +179,7 @@ bool VideoReader::Impl::Receive() {
     return false;
   }
   if (IsDamaged(*frame)) {
-    Fail("the picture decodes with errors", frame->reordered_opaque);
+    Fail("the image decodes with errors", frame->reordered_opaque);
     return false;
   }
   return !options.keep_undamaged || IsWhole(*frame) || Receive();
@@ -257,7 +257,7 @@ void VideoReader::Impl::Enter() {
   time_s = best != AV_NOPTS_VALUE ? file->Seconds(best) : rate > 0 ? static_cast<double>(frame_idx) / rate : 0;
   if (frame->width != coded_width || frame->height != coded_height) {
     throw FormatError(path, "frame " + std::to_string(frame_idx),
-                      "the picture size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) +
+                      "the image size changes from " + std::to_string(coded_width) + "x" + std::to_string(coded_height) +
                           " to " + std::to_string(frame->width) + "x" + std::to_string(frame->height) + " in mid-stream");
   }
 }

@@ -143,7 +143,7 @@ ImportedFootage ImportFootage(const ImportJob& job, const geometry::RigCamera& r
     findings->Error("DAT-VIDEO", error.path(), WithoutPath(error));
   }
   if (imported.frames.empty()) {
-    if (!imported.path.empty()) findings->Error("DAT-IMAGE", footage.path, "gives no picture of camera " + camera.name);
+    if (!imported.path.empty()) findings->Error("DAT-IMAGE", footage.path, "gives no image of camera " + camera.name);
     imported.path.clear();
     return imported;
   }

@@ -164,7 +164,7 @@ void ChooseCameras(ImportJob* job, PanopticImportReport* report) {
   });
   for (const std::string& name : chosen) {
     if (!with_footage.empty() && std::find(with_footage.begin(), with_footage.end(), name) == with_footage.end())
-      job->findings.Error("DAT-IMAGE", job->sequence.root, "holds neither pictures nor a video of camera " + name);
+      job->findings.Error("DAT-IMAGE", job->sequence.root, "holds neither images nor a video of camera " + name);
   }
   for (const auto& [name, footage] : job->sequence.footage) {
     if (std::find(names.begin(), names.end(), name) == names.end())

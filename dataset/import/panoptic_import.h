@@ -32,11 +32,11 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, PanopticImportOptions& o) {
   visit("cameras", o.cameras,
         "hd, vga, kinect and names such as 00_03, separated by commas; empty: those with footage, all when none has any");
-  visit("frames", o.frames, "joints, faces, hands and pictures of these HD frames only, e.g. 245-1200; empty: all");
+  visit("frames", o.frames, "joints, faces, hands and images of these HD frames only, e.g. 245-1200; empty: all");
   visit("pictures", o.pictures,
-        "link: refer to the footage where it lies; copy: copy it; decode: copy pictures and turn videos into pictures");
+        "link: refer to the footage where it lies; copy: copy it; decode: copy images and turn videos into images");
   visit("take", o.take, "name of the take; empty: that of the sequence");
-  visit("quality", o.quality, "JPEG quality of decoded pictures");
+  visit("quality", o.quality, "JPEG quality of decoded images");
   visit("follow-links", o.follow_links, "read through symbolic links that lead out of the sequence; off refuses them");
 }
 

@@ -72,7 +72,7 @@ BackgroundModel LearnBackground(const std::vector<Image>& frames, const std::vec
 }
 
 BackgroundModel BackgroundFromPlate(const Image& plate, const MaskOptions& options) {
-  MVS_CHECK(plate.channels == 3 && !plate.empty(), "a plate is an RGB picture");
+  MVS_CHECK(plate.channels == 3 && !plate.empty(), "a plate is an RGB image");
   const size_t n = size_t(plate.width) * plate.height;
   BackgroundModel model{plate, std::vector<float>(n, static_cast<float>(2.5 * options.noise_levels)),
                         std::vector<uint8_t>(n, 1)};

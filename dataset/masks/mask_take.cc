@@ -35,7 +35,7 @@ int EachFrame(const std::string& path, const Use& use) {
     last = number;
     use(position++, number, std::move(frame->rgb));
   }
-  if (position == 0) throw FormatError(path, "", "holds no picture");
+  if (position == 0) throw FormatError(path, "", "holds no image");
   return position;
 }
 

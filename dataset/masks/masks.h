@@ -44,8 +44,9 @@ struct MaskOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, MaskOptions& o) {
   visit("mask-background-frames", o.background_frames, "frames sampled over the take to learn a camera's background");
-  visit("mask-reach", o.reach_m, "metres beyond the body's usual surface where it may still be; larger for wide clothes");
-  visit("mask-coarse-side", o.coarse_side_px, "px; longer side of the reduced crop the first cut works on; larger is slower");
+  visit("mask-reach", o.reach_m,
+        "metres beyond the body's usual surface that may still be the person; larger for wide clothes");
+  visit("mask-coarse-side", o.coarse_side_px, "px; longer side of the reduced crop for the first graph cut; larger is slower");
   visit("mask-smoothness", o.smoothness, "weight of the outline's length; larger gives smoother masks and loses thin parts");
   visit("mask-prior", o.prior, "weight of the distance to the skeleton against colour, nats");
   visit("mask-shadow", o.shadow_strength, "darkest shadow that still counts as background, as a share of its brightness");
@@ -55,8 +56,9 @@ void VisitFields(Visitor&& visit, MaskOptions& o) {
   visit("mask-outline", o.outline_px, "px; half width of the band along the outline that is decided by coverage; 0: none");
   visit("mask-outline-rounds", o.outline_rounds, "times that this is done; each may move the outline by the band's half width");
   visit("mask-outline-smoothness", o.outline_smoothness, "as mask-smoothness, for the pixels of that band");
-  visit("mask-net", o.net_weight, "weight of a segmentation net's opinion against colour");
-  visit("mask-temporal", o.temporal, "nats for the frame before where the picture did not change; 0: every frame alone");
+  visit("mask-net", o.net_weight, "weight of a segmentation net's probability against colour");
+  visit("mask-temporal", o.temporal,
+        "nats; weight of the previous frame where the image did not change; 0: every frame by itself");
 }
 
 /// A limb in the image: pixels within the (linearly changing) radius of the segment.

@@ -27,7 +27,7 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, HullOptions& o) {
   visit("hull-voxel", o.voxel_m, "metres; finest cells of the visual hull that masks are compared with");
   visit("hull-tolerance", o.tolerance_px, "px along the outline that do not count as disagreement with the visual hull");
-  visit("hull-most-cells", o.most_cells, "cells at most; larger ones are used when these would not do");
+  visit("hull-most-cells", o.most_cells, "maximum number of cells; larger cells are used where more would be needed");
   visit("hull-most-outside", o.most_outside, "share of masks outside the visual hull above which a camera is named");
 }
 

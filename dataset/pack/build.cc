@@ -78,7 +78,7 @@ std::string WhyUnfinished(const PackPlan& plan, const std::string& out, int numb
   std::error_code code;
   if (fs::file_size(path, code) != found->bytes || code) return "is missing or of another size than its done-marker says";
   if (Sha256File(path) != found->sha256) return "is damaged: its SHA-256 is not that of its done-marker";
-  if (InputsSha256(plan, number, run) != found->inputs_sha256) return "was made from pictures that have changed";
+  if (InputsSha256(plan, number, run) != found->inputs_sha256) return "was made from images that have changed";
   return "";
 }
 

@@ -36,15 +36,15 @@ struct PackOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("codec", o.codec, "png, jpeg:Q (1 to 100) or raw");
-  visit("crop", o.crop_px, "edge of the square picture around each person, px");
-  visit("full", o.full, "whole pictures instead of crops");
+  visit("crop", o.crop_px, "edge of the square image around each person, px");
+  visit("full", o.full, "whole images instead of crops");
   visit("undistort", o.undistort, "with option 'full': as pinhole cameras would have taken them (crops always are)");
-  visit("match-colours", o.match_colours, "bring the cameras to common colours by what they see together");
+  visit("match-colours", o.match_colours, "match the cameras' colours by the surfaces that they share");
   visit("masks", o.masks, "store the masks of the dataset");
   visit("person", o.person, "person id; -1: everyone (with option 'full': joints of the one with most frames)");
   visit("fill", o.fill, "share of the crop that a person's largest poses (98 % quantile) fill");
   visit("half-extent", o.half_extent_m, "metres from a crop's centre that `fill` stands for; 0: by the person's poses");
-  visit("shard-samples", o.shard_samples, "pictures in one file, at most; whole frames stay together");
+  visit("shard-samples", o.shard_samples, "images in one file, at most; whole frames stay together");
 }
 
 /// The shards that one call makes: those with number % count == index.

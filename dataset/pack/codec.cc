@@ -75,7 +75,7 @@ std::string Encode(const cv::Mat& mat, const char* extension, const std::vector<
   } catch (const cv::Exception&) {  // it has got no memory: the size is checked before
   }
   if (!encoded)
-    throw ResourceError("a picture of " + std::to_string(mat.cols) + "x" + std::to_string(mat.rows) + " px cannot be encoded");
+    throw ResourceError("an image of " + std::to_string(mat.cols) + "x" + std::to_string(mat.rows) + " px cannot be encoded");
   return {bytes.begin(), bytes.end()};
 }
 
@@ -131,7 +131,7 @@ Image DecodeImage(std::string_view bytes, const PackCodec& codec, int width, int
                   const std::string& where) {
   Image image(width, height, 3);
   if (codec.kind == PackCodec::Kind::kRaw) {
-    if (bytes.size() != image.pixels.size()) throw FormatError(path, where, "has the wrong number of bytes for a raw picture");
+    if (bytes.size() != image.pixels.size()) throw FormatError(path, where, "has the wrong number of bytes for a raw image");
     std::memcpy(image.pixels.data(), bytes.data(), bytes.size());
     return image;
   }

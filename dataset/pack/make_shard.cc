@@ -254,7 +254,7 @@ MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, c
     const std::string line = InputsLine(pictures[i], e.files);
     inputs.Update(line.data(), line.size());
     AddTimes(e.times, &made.times);
-    if (e.files.image.empty()) made.skipped.push_back(PictureName(plan, pictures[i]) + ": no picture");
+    if (e.files.image.empty()) made.skipped.push_back(PictureName(plan, pictures[i]) + ": no image");
     for (size_t k = 0; k < e.targets.size(); ++k) {
       AddSample(plan, pictures[i], pictures[i].targets[k], e.targets[k], e.files, univ_time_ms, &shard);
     }

@@ -246,7 +246,7 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
 void CheckPictureSizes(const PanopticDataset& dataset) {
   for (const auto& camera : dataset.rig.cameras) {
     if (int64_t{camera.camera.width_px} * camera.camera.height_px > kMaxPicturePx) {
-      throw UsageError("camera " + camera.camera.name + " has pictures too large for a pack");
+      throw UsageError("camera " + camera.camera.name + " has images too large for a pack");
     }
   }
 }

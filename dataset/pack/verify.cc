@@ -138,7 +138,7 @@ class Verifier {
     const auto count = static_cast<int64_t>(data_.samples.size());
     std::vector<std::string> image_errors(data_.samples.size()), mask_errors(data_.samples.size());
     const int64_t step = 256;
-    ProgressStage stage(run_, "verify pictures", count);
+    ProgressStage stage(run_, "verify images", count);
     for (int64_t first = 0; first < count; first += step) {
       const int64_t some = std::min(step, count - first);
       ParallelFor(some, ResolveThreads(run_.num_threads), [&](int64_t k) {

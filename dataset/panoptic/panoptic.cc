@@ -99,7 +99,7 @@ PanopticDataset OpenPanopticDataset(const std::string& root) {
                                }),
                 cameras.end());
   if (cameras.empty())
-    throw FormatError(root, "hdImgs", "holds no pictures of any camera of " + fs::path(calibration).filename().string());
+    throw FormatError(root, "hdImgs", "holds no images of any camera of " + fs::path(calibration).filename().string());
   dataset.aliases = ReadPanopticAliases(root);
   for (const auto& [frame, path] : ListBody3dScenes(root)) {
     dataset.frames.push_back(frame);

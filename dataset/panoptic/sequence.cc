@@ -103,7 +103,7 @@ class Scanner {
       const std::string camera_name = camera.path().filename().string();
       std::error_code error;
       if (!camera.is_directory(error) || !CameraOf(camera_name, kind)) {
-        Strange(camera.path(), "is no folder of " + kind + " pictures: those are named %02d_%02d, panel and node");
+        Strange(camera.path(), "is no folder of " + kind + " images: those are named %02d_%02d, panel and node");
         continue;
       }
       PanopticFootage footage;
@@ -117,7 +117,7 @@ class Scanner {
     const int number = IsPicture(file) ? NumberAfter(file.stem().string(), camera + "_") : -1;
     if (number < 0) return Strange(file, "is not named " + camera + "_%08d.jpg or .png and is not read");
     if (!footage->pictures.emplace(number, file.filename().string()).second)
-      Strange(file, "is a second picture of frame " + std::to_string(number) + " and is not read");
+      Strange(file, "is a second image of frame " + std::to_string(number) + " and is not read");
   }
 
   /// hdVideos/hd_00_03.mp4, vgaVideos/KINECTNODE4/vga_04_07.mp4

@@ -42,7 +42,7 @@ json ParsePoseJson(const std::string& text, const PoseFile& file) {
   const bool truncated = problem.byte >= text.size();
   file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
                     std::to_string(std::min(problem.byte, text.size())) + " of " + std::to_string(text.size()) +
-                    "; detect this picture's key points again or remove the file");
+                    "; detect this image's keypoints again or remove the file");
 }
 
 std::string FittingSkeletons(size_t num_joints) {
@@ -245,7 +245,7 @@ void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, co
     MVS_CHECK(frame >= 0, "camera " << track.camera << ": frame " << frame << " is negative");
     json root = {{"version", 1.3}, {"people", json::array()}};
     for (const Person2d& person : people) {
-      MVS_CHECK(!skeleton || person.keypoints.size() == skeleton->joints.size(), person.keypoints.size() << " key points");
+      MVS_CHECK(!skeleton || person.keypoints.size() == skeleton->joints.size(), person.keypoints.size() << " keypoints");
       root["people"].push_back(PersonToJson(person, skeleton));
     }
     WriteFileAtomic((fs::path(folder) / Format("%012d_keypoints.json", frame)).string(), root.dump());

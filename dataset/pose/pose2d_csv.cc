@@ -218,7 +218,7 @@ void WritePose2dCsv(const Pose2dSet& set, const std::string& path) {
     const std::string camera = CsvCell(track.camera);
     for (const auto& [frame, people] : track.frames) {
       for (size_t p = 0; p < people.size(); ++p) {
-        MVS_CHECK(people[p].keypoints.size() == set.skeleton.joints.size(), people[p].keypoints.size() << " key points");
+        MVS_CHECK(people[p].keypoints.size() == set.skeleton.joints.size(), people[p].keypoints.size() << " keypoints");
         for (size_t j = 0; j < people[p].keypoints.size(); ++j) {
           const Keypoint2d& key = people[p].keypoints[j];
           if (key.score == 0) continue;

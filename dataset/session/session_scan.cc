@@ -66,7 +66,7 @@ constexpr char kTimestamps[] = "timestamps.csv";
 void ListOthers(const fs::path& take, const std::string& folder, std::vector<std::string>* skipped) {
   for (const fs::path& entry : Entries(take)) {
     if (CameraOf(entry).empty() && entry.filename() != kTimestamps)
-      skipped->push_back(Relative(entry, folder) + ": neither a video nor pictures");
+      skipped->push_back(Relative(entry, folder) + ": neither a video nor images");
   }
 }
 

@@ -129,7 +129,7 @@ TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, 
     clock = TimelineClock::kOffsets;
   } else {
     result.notes.push_back(
-        "nothing relates the cameras' clocks: their first frames are taken to be one instant; run mvstudio sync, "
+        "nothing relates the cameras' clocks: their first frames are taken to be one time step; run mvstudio sync, "
         "or name a table of time stamps");
   }
   result.timeline = BuildTimeline(times, clock, sync ? &*sync : nullptr, options.timeline);

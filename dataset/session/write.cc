@@ -104,7 +104,7 @@ std::string SessionText(const Session& session, bool comments) {
   lines.Text("source", session.source, "\"studio 2, 3 May\"", "a note");
   lines.Text("board", session.board, "\"charuco:8x6:60mm:45mm:4x4_1000\"", "as calibrate --board takes it");
   lines.Text("calibration", session.calibration, "\"calib/calibration.json\"", "which calibration the takes were filmed with");
-  lines.Number("fps_hz", session.fps_hz, "30", "of footage that does not say it itself, such as folders of pictures");
+  lines.Number("fps_hz", session.fps_hz, "30", "of footage that does not say it itself, such as folders of images");
   for (size_t i = 0; i < session.cameras.size(); ++i) WriteCamera(session.cameras[i], i == 0, &lines);
   for (size_t i = 0; i < session.takes.size(); ++i) WriteTake(session.takes[i], i == 0, &lines);
   return lines.str();

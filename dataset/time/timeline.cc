@@ -76,7 +76,7 @@ size_t Reference(const std::vector<Clock>& clocks, const std::vector<double>& kn
   for (size_t i = 0; i < clocks.size(); ++i) {
     if (fits(i)) return i;
   }
-  throw FormatError(clocks[0].times->source, "", "no camera of the take has regular time stamps to count instants by");
+  throw FormatError(clocks[0].times->source, "", "no camera of the take has regular time stamps to count time steps by");
 }
 
 /// Where each camera's own time lies on the reference's.
@@ -168,7 +168,7 @@ int64_t CountInstants(const std::vector<Clock>& clocks, double start_s, double p
   if (count > kMaxInstants) {
     throw FormatError(
         clocks[0].times->source, "",
-        "the time stamps span " + std::to_string(count / 1e6) + " million instants: are they in seconds, and of one take?");
+        "the time stamps span " + std::to_string(count / 1e6) + " million time steps: are they in seconds, and of one take?");
   }
   return std::max<int64_t>(static_cast<int64_t>(count), 0);
 }

@@ -150,7 +150,7 @@ Timeline ReadTimeline(const std::string& path) {
   const JsonView cameras = view["cameras"];
   constexpr double kMaxEntries = 6.5e7;
   if (static_cast<double>(cameras.ArraySize()) * static_cast<double>(timeline.num_instants) > kMaxEntries) {
-    cameras.Fail("too many cameras for so many instants");
+    cameras.Fail("too many cameras for so many time steps");
   }
   for (size_t i = 0; i < cameras.ArraySize(); ++i) {
     timeline.cameras.push_back(ReadCamera(cameras[i], static_cast<size_t>(timeline.num_instants)));

@@ -37,7 +37,7 @@ void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::s
     return findings->Error("DAT-NAME", path, json.where() + ".name: " + Quoted(fields.name) + " is there twice");
   if (geometry::ShareWithoutRay(camera.camera) > 0) {
     findings->Warning("DAT-LENS", path,
-                      json.where() + ".distCoef: the lens folds over inside the picture; its corners have no ray");
+                      json.where() + ".distCoef: the lens folds over inside the image; its corners have no ray");
   }
   rig->cameras.push_back(camera);
 }

@@ -147,7 +147,7 @@ void Missing(const std::string& code, const std::string& folder, const char* wha
 
 void Summarise(const Checker& c, const std::string& images, const std::string& masks, const VerifyOptions& options) {
   if (c.valid > 0 && c.in_image == 0) {
-    c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's pictures");
+    c.findings->Warning("DAT-VIEW", images, "no joint of any frame projects into this camera's images");
   }
   if (!c.empty_masks.empty())
     c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
@@ -209,11 +209,11 @@ FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::Ri
   checker.counts.frames += static_cast<int64_t>(no_image.size());
   checker.counts.no_picture = static_cast<int>(no_image.size());
   checker.counts.no_mask = static_cast<int>(no_mask.size());
-  Missing("DAT-IMAGE-MISSING", footage.path, "picture", no_image, scenes.size(), findings);
+  Missing("DAT-IMAGE-MISSING", footage.path, "image", no_image, scenes.size(), findings);
   Missing("DAT-MASK-MISSING", masks, "mask", no_mask, with_picture, findings);
   const size_t extra = footage.pictures.size() - with_picture;
   if (extra > 0)
-    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " pictures have no body3DScene file");
+    findings->Warning("DAT-POSE-MISSING", footage.path, std::to_string(extra) + " images have no body3DScene file");
   Summarise(checker, footage.path, masks, options);
   return checker.counts;
 }

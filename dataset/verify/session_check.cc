@@ -37,10 +37,10 @@ void CheckHeaders(InspectedFootage* f, Findings* findings) {
       findings->push_back({true, "SES-SIZE",
                            Where(*f) + ": " + file + " is " +
                                SizeText(static_cast<int>(header.width), static_cast<int>(header.height)) +
-                               ", the first picture " + SizeText(f->info->width, f->info->height),
+                               ", the first image " + SizeText(f->info->width, f->info->height),
                            ""});
     } catch (const Error& error) {
-      findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + error.what(), "copy the picture again"});
+      findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + error.what(), "copy the image again"});
     }
     f->sound = false;
   }
@@ -52,13 +52,13 @@ void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
   f->sound = true;
   for (const auto& [first, last] : info.gaps) {
     findings->push_back({false, "SES-GAP",
-                         Where(*f) + ": no picture has the numbers " + std::to_string(first) + " to " + std::to_string(last),
+                         Where(*f) + ": no image has the numbers " + std::to_string(first) + " to " + std::to_string(last),
                          ""});
   }
   for (const int64_t number : info.twice) {
     f->sound = false;
     findings->push_back(
-        {true, "SES-GAP", Where(*f) + ": two pictures have the number " + std::to_string(number), "leave one of them out"});
+        {true, "SES-GAP", Where(*f) + ": two images have the number " + std::to_string(number), "leave one of them out"});
   }
   CheckHeaders(f, findings);
   if (!decode) return;
@@ -67,7 +67,7 @@ void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
   }
   for (const std::string& damage : source->Damage()) {
     f->sound = false;
-    findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + damage, "copy the picture again"});
+    findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + damage, "copy the image again"});
   }
 }
 

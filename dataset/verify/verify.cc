@@ -116,13 +116,13 @@ std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequ
     }
     if (!without.empty()) {
       findings->Warning("DAT-IMAGE", sequence.root + "/hdImgs/" + without[0],
-                        "the calibration has this camera, there are no pictures of it" +
+                        "the calibration has this camera, there are no images of it" +
                             (without.size() > 1 ? "; nor of " + std::to_string(without.size() - 1) + " more" : ""));
     }
   } else if (!sequence.footage.empty()) {
-    findings->Error("DAT-IMAGE", sequence.root, "holds no pictures of any calibrated camera");
+    findings->Error("DAT-IMAGE", sequence.root, "holds no images of any calibrated camera");
   } else {
-    findings->Warning("DAT-IMAGE", sequence.root, "holds neither pictures nor videos: calibration and joints only");
+    findings->Warning("DAT-IMAGE", sequence.root, "holds neither images nor videos: calibration and joints only");
   }
   return cameras;
 }
@@ -152,8 +152,7 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
 
 std::string WhyUnusable(const geometry::Rig& rig, const VerifyReport& report) {
   if (rig.cameras.empty()) return "no camera of the calibration can be read";
-  if (report.frames == 0 && report.pictures + report.videos == 0)
-    return "there are neither joints nor pictures that can be read";
+  if (report.frames == 0 && report.pictures + report.videos == 0) return "there are neither joints nor images that can be read";
   return "";
 }
 

@@ -25,7 +25,7 @@ struct VerifyOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, VerifyOptions& o) {
-  visit("picture-step", o.picture_step, "decode every n-th frame's pictures and masks; 1 decodes all");
+  visit("picture-step", o.picture_step, "decode every n-th frame's images and masks; 1 decodes all");
   visit("least-cover", o.least_cover, "least share of a camera's joints that must lie on its masks");
   visit("follow-links", o.follow_links, "read through symbolic links that lead out of the folder; off lists them as errors");
 }

@@ -147,7 +147,7 @@ void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::
       const auto difference = Difference(checks[a], checks[b]);
       if (!difference || *difference > 1) continue;
       findings->Error("DAT-DOUBLE", sequence.footage.at(cameras[b].camera.name).path,
-                      "shows the same pictures as camera " + cameras[a].camera.name + ": one of the two is another camera's");
+                      "shows the same images as camera " + cameras[a].camera.name + ": one of the two is another camera's");
       break;
     }
   }

@@ -233,8 +233,8 @@ namespace {
 
 void RequireSource(const Image& source, const geometry::Camera& camera) {
   MVS_CHECK(source.width == camera.width_px && source.height == camera.height_px,
-            "picture of " << source.width << "x" << source.height << " for camera " << camera.name << " of " << camera.width_px
-                          << "x" << camera.height_px);
+            "image of " << source.width << "x" << source.height << " for camera " << camera.name << " of " << camera.width_px
+                        << "x" << camera.height_px);
   MVS_CHECK(source.channels >= 1 && source.channels <= 4, source.channels << " channels");
 }
 

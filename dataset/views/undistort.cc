@@ -160,7 +160,7 @@ double ShareBeyond(const Field& field) {
 void CheckOptions(const UndistortOptions& options) {
   for (const int size : {options.width_px, options.height_px}) {
     if (size < 0 || size > kMaxSizePx)
-      throw UsageError("undistorted pictures of " + std::to_string(size) + " px: 1 to 32768, or 0");
+      throw UsageError("undistorted images of " + std::to_string(size) + " px: 1 to 32768, or 0");
   }
   if (!(options.max_fov_deg > 0 && options.max_fov_deg < 180)) {
     throw UsageError("undistort-max-fov " + std::to_string(options.max_fov_deg) + ": more than 0 and less than 180 degrees");
@@ -183,7 +183,7 @@ UndistortedCamera WhyImpossible(const geometry::RigCamera& source) {
   const std::string fault = geometry::WhyInvalidLens(camera);
   if (!fault.empty()) return Refuse(Status::kDegenerate, "camera " + camera.name + ": " + fault);
   if (camera.width_px < 1 || camera.height_px < 1)
-    return Refuse(Status::kDegenerate, "camera " + camera.name + " has no picture");
+    return Refuse(Status::kDegenerate, "camera " + camera.name + " has no image");
   return {};
 }
 
@@ -241,7 +241,7 @@ UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const Undistor
   MeasureShares(field, &result);
   const double beyond = ShareBeyond(field);
   if (beyond > 0) {
-    const std::string text = Format(": %.1f %% of its picture lies beyond a field of view of %.0f degrees or the lens's fold",
+    const std::string text = Format(": %.1f %% of its image lies beyond a field of view of %.0f degrees or the lens's fold",
                                     100 * beyond, options.max_fov_deg);
     result.status = Status::kOutsideValidRadius;
     result.reason = "camera " + source.camera.name + text;

@@ -27,11 +27,12 @@ struct PoseOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, PoseOptions& o) {
   visit("quality", o.quality,
-        "fast: one crop a person. balanced: and its mirror image. exact: crops of three sizes, each with its mirror image");
-  visit("max-persons", o.max_persons, "people followed in a camera; every one costs the same again");
-  visit("redetect-frames", o.redetect_frames,
-        "whole pictures are searched every so many frames, and whenever somebody is missing; somebody larger takes a place");
-  visit("min-person-score", o.min_person_score, "0..1; a person whose joints score less on average is gone");
+        "fast: one crop per person. balanced: and its mirror image. exact: crops of three sizes, each with its mirror image");
+  visit("max-persons", o.max_persons, "people tracked per camera; time grows in proportion");
+  visit(
+      "redetect-frames", o.redetect_frames,
+      "frames between searches of whole images, which also follow whenever a person is missing; a larger person takes a place");
+  visit("min-person-score", o.min_person_score, "0..1; a person whose joints score less on average counts as lost");
   visit("min-joint-score", o.min_joint_score, "0..1; joints that score less are written as not detected");
 }
 

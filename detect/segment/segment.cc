@@ -50,7 +50,7 @@ cv::Rect Square(const PictureBox& box, const cv::Size& input) {
 }  // namespace
 
 PictureBox BoxAround(const Image& grey, int least, double margin) {
-  MVS_CHECK(grey.channels == 1, "a grey picture is needed");
+  MVS_CHECK(grey.channels == 1, "a grey image is needed");
   PictureBox box{grey.width, grey.height, 0, 0};
   for (int y = 0; y < grey.height; ++y) {
     for (int x = 0; x < grey.width; ++x) {
@@ -83,7 +83,7 @@ Image internal::CropSegmenter::Once(const Image& rgb, const PictureBox& box) con
 }
 
 Image internal::CropSegmenter::Probability(const Image& rgb, const PictureBox& box) const {
-  MVS_CHECK(rgb.channels == 3 && !rgb.empty(), "an RGB picture is needed");
+  MVS_CHECK(rgb.channels == 3 && !rgb.empty(), "an RGB image is needed");
   if (!box.empty()) return Once(rgb, box);
   const Image first = Once(rgb, {0, 0, rgb.width, rgb.height});
   const PictureBox found = BoxAround(first, 128, 0.15);

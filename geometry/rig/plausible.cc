@@ -83,14 +83,14 @@ std::string LookAtDecentring(const Camera& camera) {
 
 std::string LookAtFold(const Camera& camera) {
   if (!FoldsInside(camera)) return "";
-  return "the lens folds inside the picture: " + Number(std::max(0.1, 100 * ShareWithoutRay(camera))) +
+  return "the lens folds inside the image: " + Number(std::max(0.1, 100 * ShareWithoutRay(camera))) +
          " % of it, at the corners first, belong to no direction";
 }
 
 std::string LookAtCentre(const Camera& camera) {
   const auto outside = [](double center, int size) { return std::max(-center, center - size) / size; };
   if (std::max(outside(camera.cx(), camera.width_px), outside(camera.cy(), camera.height_px)) <= kMaxOutside) return "";
-  return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") lies far outside the picture of " +
+  return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") lies far outside the image of " +
          std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px";
 }
 
@@ -99,8 +99,8 @@ std::string LookAtFocal(const Camera& camera) {
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
   const std::string focal = "focal lengths of " + Number(camera.fx()) + " and " + Number(camera.fy()) + " px";
   if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal || high > kMaxFocal * diagonal) {
-    return focal + " are absurd for a picture of " + std::to_string(camera.width_px) + " x " +
-           std::to_string(camera.height_px) + " px";
+    return focal + " are absurd for an image of " + std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) +
+           " px";
   }
   return high > kMaxAspect * low ? focal + " differ more than any sensor's pixels do" : "";
 }
@@ -208,15 +208,15 @@ double ShareWithoutRay(const Camera& camera) {
 
 std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
   std::vector<RigDoubt> doubts;
-  const std::string compare = "compare with the program that wrote the file; calib eval tells whether pictures agree with it";
-  Report(rig, "CAL-DECENTRING", compare + "; option 'ignore-distortion' where the pictures are undistorted already",
+  const std::string compare = "compare with the program that wrote the file; calib eval tells whether images agree with it";
+  Report(rig, "CAL-DECENTRING", compare + "; option 'ignore-distortion' where the images are undistorted already",
          LookAtDecentring, &doubts);
   LookAtOrder(rig, &doubts);
   Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
          &doubts);
-  Report(rig, "CAL-CENTRE", "check the size of the pictures and of the calibration, and that cx, cy are pixels", LookAtCentre,
+  Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", LookAtCentre,
          &doubts);
-  Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the picture, and the size",
+  Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the image, and the size",
          LookAtFocal, &doubts);
   LookAtDistances(rig, &doubts);
   return doubts;

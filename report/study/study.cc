@@ -20,14 +20,14 @@ namespace fs = std::filesystem;
 constexpr size_t kSealDigits = 24;
 
 std::map<std::string, std::string> PicturesOf(const std::string& folder) {
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder of pictures");
+  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder of images");
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string extension = entry.path().extension().string();
     if (entry.is_regular_file() && (extension == ".png" || extension == ".jpg" || extension == ".jpeg"))
       files[entry.path().stem().string()] = entry.path().string();
   }
-  if (files.empty()) throw IoError(folder, "holds no PNG or JPEG pictures");
+  if (files.empty()) throw IoError(folder, "holds no PNG or JPEG images");
   return files;
 }
 
@@ -133,7 +133,7 @@ std::string StudySeal(const std::string& study_sha256, const std::string& pictur
 }
 
 Study MakeStudy(const StudySpec& spec) {
-  if (spec.pictures.empty()) throw UsageError("a study needs at least one picture");
+  if (spec.pictures.empty()) throw UsageError("a study needs at least one image");
   if (spec.methods[0].empty() || spec.methods[0] == spec.methods[1])
     throw UsageError("the two methods of a study need different names; give them as NAME=FOLDER");
   std::vector<StudyQuestion> questions = Questions(spec);

@@ -108,9 +108,9 @@ other from one question to the next.</p>
 <section id="ask" hidden>
 <p>Which is more like the middle one? <span class="muted" id="count"></span></p>
 <div class="trio">
-<figure><img id="left" alt="left picture"><figcaption>left</figcaption></figure>
+<figure><img id="left" alt="left image"><figcaption>left</figcaption></figure>
 <figure class="truth"><img id="truth" alt="the truth"><figcaption>the truth</figcaption></figure>
-<figure><img id="right" alt="right picture"><figcaption>right</figcaption></figure>
+<figure><img id="right" alt="right image"><figcaption>right</figcaption></figure>
 </div>
 <div class="choose"><button id="choose-left">&#8592; Left</button><button id="back">Take back</button>
 <button id="choose-right">Right &#8594;</button></div>
@@ -163,7 +163,7 @@ std::string ScriptSource(const std::string& script) {
 }  // namespace
 
 std::string StudyPageHtml(const StudySpec& spec, const std::string& sha256, const std::vector<StudyQuestion>& questions) {
-  const std::string title = EscapeHtml(spec.title.empty() ? "Which picture is closer?" : spec.title);
+  const std::string title = EscapeHtml(spec.title.empty() ? "Which image is closer?" : spec.title);
   return "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src "

@@ -49,7 +49,7 @@ StudyAnswers ReadStudyAnswers(const std::string& path) {
   for (size_t i = 0; i < json["answers"].items().size(); ++i) {
     const std::string where = "answers[" + std::to_string(i) + "]";
     file.answers.push_back(ReadAnswer(json["answers"].At(i), file, where));
-    if (!seen.insert(file.answers.back().picture).second) throw FormatError(path, where, "answers a picture a second time");
+    if (!seen.insert(file.answers.back().picture).second) throw FormatError(path, where, "answers an image a second time");
   }
   if (file.answers.empty()) throw FormatError(path, "answers", "is empty: nothing was answered");
   return file;

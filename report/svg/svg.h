@@ -73,7 +73,7 @@ std::string StackedBar(const std::string& title, const std::vector<StackPart>& p
 /// so.
 std::string Histogram(const std::string& title, const Axis& value, const std::vector<double>& values, double width = 560);
 
-/// A residual at an image point: x, y and dx, dy in px, y down.
+/// A residual, observed minus projected, at an image point: x, y and dx, dy in px, y down.
 struct ImageArrow {
   double x = 0, y = 0, dx = 0, dy = 0;
 };
@@ -84,8 +84,8 @@ std::string ResidualField(const std::string& title, double image_width_px, doubl
 /// % of them.
 std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 240);
 
-/// One small target per camera with its mean residual as an arrow, all at one scale; those above `suspect_px` are
-/// highlighted.
+/// One small target per camera with its mean residual (observed minus projected, px) as an arrow, all at one scale; those
+/// above `suspect_px` are highlighted.
 struct NamedVector {
   std::string name;
   double dx = 0, dy = 0;

@@ -98,7 +98,7 @@ TEST(AvatarTrainData, ASplitFileDecidesWhereThePersonHasPoses) {
   EXPECT_THAT(split.holdout_frames, ElementsAre(3, 4));
   EXPECT_THAT(SplitOf(Data(), 7, arguments).validation_cameras, IsEmpty()) << "nothing to validate with";
   arguments.validate_camera = "00_00";
-  EXPECT_THAT(Refused(arguments), HasSubstr("validation pictures already"));
+  EXPECT_THAT(Refused(arguments), HasSubstr("validation images already"));
   arguments.validate_camera.clear(), arguments.holdout_frames = "3";
   EXPECT_THAT(Refused(arguments), HasSubstr("option 'split'"));
 }

@@ -40,7 +40,7 @@ const std::vector<bool> kFront = {false, true, false, true};
 
 TEST(PackSpeed, TextNamesEveryWayAndMarksTheFront) {
   const std::string text = PackSpeedText(Report(), kFront);
-  EXPECT_THAT(text, HasSubstr("24 pictures of 640x480\n"));
+  EXPECT_THAT(text, HasSubstr("24 images of 640x480\n"));
   EXPECT_THAT(text, HasSubstr("folder  jpeg:95     128        1       100         2048    41.25 \n"));
   EXPECT_THAT(text, HasSubstr("pack    png         128        1      2500         2048    exact *\n"));
   EXPECT_THAT(text, HasSubstr(" full "));

@@ -54,7 +54,7 @@ TEST(PicturePairs, WhatCannotBePairedIsNamed) {
   };
   EXPECT_THAT(refused("missing", ""), HasSubstr(folder / "missing"));
   EXPECT_THAT(refused("none", ""), HasSubstr("no PNG or JPEG"));
-  EXPECT_THAT(refused("b", ""), HasSubstr("no picture has the name of one in " + (folder / "a")));
+  EXPECT_THAT(refused("b", ""), HasSubstr("no image has the name of one in " + (folder / "a")));
   EXPECT_THAT(refused("a", folder / "masks"), HasSubstr("has no mask called p1"));
   EXPECT_THAT(MessageOf<FormatError>([&] { PairPictures(folder / "a", folder / "twice", ""); }), HasSubstr("p1"));
 }

@@ -83,7 +83,7 @@ dataset::Timeline Timeline() {
 
 TEST(SessionTable, EachCameraOfATimelineHasALine) {
   const std::string text = TimelineText(Timeline());
-  EXPECT_THAT(text, HasSubstr("take walk: 5 instants at 25.0000 Hz, counted by camera left, clocks related by: common"));
+  EXPECT_THAT(text, HasSubstr("take walk: 5 time steps at 25.0000 Hz, counted by camera left, clocks related by: common"));
   EXPECT_THAT(LineOf(text, "left  "), HasSubstr("+0.000"));
   EXPECT_THAT(LineOf(text, "right  "), HasSubstr("-0.250"));
   EXPECT_THAT(LineOf(text, "right  "), HasSubstr(" 7 ")) << "dropped frames";

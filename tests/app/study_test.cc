@@ -69,7 +69,7 @@ TEST(Study, PicturesThatAreNotInAllFoldersAreCounted) {
   EXPECT_EQ(result.metrics["questions"], 2);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "STUDY-UNMATCHED");
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("2 pictures are not in all three folders; the first: p1"));
+  EXPECT_THAT(result.warnings[0].text, HasSubstr("2 images are not in all three folders; the first: p1"));
 }
 
 TEST(Study, WhatIsMissingIsNamedAndOthersFilesStay) {

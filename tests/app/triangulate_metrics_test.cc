@@ -130,7 +130,7 @@ TEST(TriangulateMetrics, ViewsDisagreeFromAPartOfTheDiagonalOn) {
   EXPECT_EQ(bad.exit, kExitQualityGate);
   ASSERT_EQ(bad.errors.size(), 1u);
   EXPECT_EQ(bad.errors[0].code, "TRI-INCONSISTENT");
-  EXPECT_THAT(bad.errors[0].text, HasSubstr("sigma 10.0 px is 2.0 % of the picture's diagonal"));
+  EXPECT_THAT(bad.errors[0].text, HasSubstr("sigma 10.0 px is 2.0 % of the image's diagonal"));
 }
 
 TEST(TriangulateMetrics, CamerasAreWarnedOfOnce) {

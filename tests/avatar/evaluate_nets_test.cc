@@ -54,9 +54,9 @@ TEST(FeatureNet, WhatIsNoFeatureIsRefused) {
     return MessageOf<FormatError>([&] { LoadTorchScriptNet(folder / "bad.pt")->Pooled(pictures); });
   };
   EXPECT_THAT(message("x.mean()"), HasSubstr("bad.pt"));
-  EXPECT_THAT(message("x.mean([2, 3])[0:1]"), HasSubstr("one row of features a picture"));
+  EXPECT_THAT(message("x.mean([2, 3])[0:1]"), HasSubstr("one row of features an image"));
   EXPECT_THAT(message("x.mean([2, 3]) / 0"), HasSubstr("NaN or infinity"));
-  EXPECT_THAT(message("torch.conv2d(x, torch.ones([2, 7, 1, 1]))"), HasSubstr("cannot take pictures"));
+  EXPECT_THAT(message("torch.conv2d(x, torch.ones([2, 7, 1, 1]))"), HasSubstr("cannot take images"));
 }
 
 TEST(DistanceName, IsFidForThePublishedWeightsAlone) {
@@ -78,10 +78,10 @@ TEST(PictureDistance, TakesMinusOneToOneAndGivesOneNumberAPicture) {
   for (int i = 0; i < 3; ++i) EXPECT_DOUBLE_EQ(values[i].item<double>(), expected[i]);
   SaveScript(folder / "sum.pt", "def forward(self, a, b):\n    return (a - b).sum()\n");
   EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadPictureDistance(folder / "sum.pt"))(a, a); }),
-              HasSubstr("one number a picture"));
+              HasSubstr("one number an image"));
   SaveScript(folder / "one.pt", "def forward(self, a):\n    return a\n");
   EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadPictureDistance(folder / "one.pt"))(a, a); }),
-              HasSubstr("two sets of pictures"));
+              HasSubstr("two sets of images"));
   EXPECT_THROW(LoadPictureDistance(folder / "none.pt"), IoError);
 }
 

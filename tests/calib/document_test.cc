@@ -29,7 +29,7 @@ TEST(Literal, JsonAndPython) {
 TEST(Literal, ErrorsNameTheLine) {
   const std::pair<const char*, const char*> cases[] = {{"{'a': 1", "f: line 1: ',' or '}'"},
                                                        {"{'a': \n nan}", "f: line 2: 'nan'"},
-                                                       {"{'a': 1, 'a': 2}", "stands twice"},
+                                                       {"{'a': 1, 'a': 2}", "occurs twice"},
                                                        {"[1, 2)", "',' or ']'"},
                                                        {"{1: 2}", "quoted key"},
                                                        {"[1] 2", "after the value"},
@@ -69,9 +69,9 @@ cam0:   # first
 
 TEST(Yaml, ErrorsNameTheLine) {
   const std::pair<const char*, const char*> cases[] = {
-      {"a: 1\na: 2", "line 2: the key 'a' stands twice"},
-      {"{a: 1, a: 2}", "line 1: the key 'a' stands twice"},
-      {"a: 1\n---\na: 2", "line 3: the key 'a' stands twice"},
+      {"a: 1\na: 2", "line 2: the key 'a' occurs twice"},
+      {"{a: 1, a: 2}", "line 1: the key 'a' occurs twice"},
+      {"a: 1\n---\na: 2", "line 3: the key 'a' occurs twice"},
       {"a: 1\nb", "line 2: 'key: value'"},
       {"a:\n  b: 1\n  c", "line 3: 'key: value'"},
       {"a: &x 1", "line 1: this part of YAML"},

@@ -210,7 +210,7 @@ TEST(Judge, NothingThatEndedBadlyPasses) {
     CalibrateReport report = GoodReport();
     report.status = status;
     EXPECT_EQ(Outcome(report), "fail CAL-UNSOLVED") << ToString(status);
-    report.message = "focal length and distance cannot be told apart";
+    report.message = "focal length and distance cannot be separated";
     EXPECT_EQ(Judge(report).reasons.at(0).text, report.message);
   }
   for (int which = 0; which < 4; ++which) {

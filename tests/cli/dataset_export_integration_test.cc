@@ -63,7 +63,7 @@ TEST(DatasetExport, SaysWhatIsWrongWithTheRightExitCode) {
   EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out, "--frames", "1-3"}, "no joints of frame 1"), 2);
   EXPECT_EQ(exit_of({folder / "nothing", "--to", "zju", "--out", out}, "no such folder"), 3);
   fs::remove(dataset.ImagePath("00_03", 246));
-  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "1 pictures are not in the dataset"), 6);
+  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "1 images are not in the dataset"), 6);
   EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "exists already"), 2);
   EXPECT_EQ(exit_of({d, "--to", "trc", "--out", out, "--overwrite"}, "1 people"), 0);
   EXPECT_FALSE(fs::exists(out + "/annots.npy"));

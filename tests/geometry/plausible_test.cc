@@ -85,7 +85,7 @@ TEST(Plausible, LensesThatFoldInsideThePicture) {
   const std::vector<RigDoubt> doubts = DoubtsAbout(rig);
   ASSERT_EQ(doubts.size(), 1u);
   EXPECT_EQ(doubts[0].code, "CAL-FOLD");
-  EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_0: the lens folds inside the picture"));
+  EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_0: the lens folds inside the image"));
   EXPECT_EQ(ShareWithoutRay(Ordinary().cameras[0].camera), 0);
   EXPECT_GT(ShareWithoutRay(rig.cameras[0].camera), 0.2);
 }

@@ -317,7 +317,7 @@ class TableTest(unittest.TestCase):
                                           dict(base, group="held still", outcome=judge.RIGHT),
                                           dict(base, outcome=judge.RIGHT, true_models=["brown5", "brown2"])]}])
         self.assertIn("| g: a | 3 | 2 | 2 |  |  |  |  |  | 1 |  |", text)
-        self.assertIn("4 are warned of, 0 fail (CAL-X 4)", text)
+        self.assertIn("Warned of are 4, failed 0 (CAL-X 4)", text)
         self.assertIn("| focal | lenses with decentring | 20 | 70.0 % | 90.0 % |", text)
         self.assertIn("| focal | lenses without, some or all | 10 | 70.0 % | 90.0 % |", text)
         self.assertIn("| focal | held still | 10 | 70.0 % | 90.0 % |", text)

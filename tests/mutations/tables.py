@@ -47,9 +47,9 @@ def clean_figures(rows):
     codes = collections.Counter(code for row in clean for code in {m[0] for m in row["messages"]})
     false = sum(bool(row.get("false_alarms")) for row in clean)
     list_of = ", ".join(f"{code or 'stderr'} {n}" for code, n in codes.most_common())
-    return (f"Of {len(clean)} recordings in which nothing is wrong {sum(row['outcome'] == judge.RIGHT for row in clean)} are right; "
-            f"{warned} are warned of, {failed} fail" + (f" ({list_of})" if list_of else "") +
-            f"; {false} are told something that the truth contradicts. " + lens_figure(rows))
+    return (f"Of {len(clean)} recordings in which nothing is wrong {sum(row['outcome'] == judge.RIGHT for row in clean)} are right. "
+            f"Warned of are {warned}, failed {failed}" + (f" ({list_of})" if list_of else "") +
+            f". The truth contradicts what is said of {false}. " + lens_figure(rows))
 
 
 def lens_figure(rows):

@@ -255,7 +255,7 @@ TEST(HostileHdf5, TablesThatContradictThemselvesAreRefused) {
   with("/samples/image_bytes", uint64_t{0}, 2);
   EXPECT_THAT(refusal(), HasSubstr("image outside the blob"));
   with("/samples/size_px", int32_t{0x7fffffff}, 0);
-  EXPECT_THAT(refusal(), HasSubstr("no size of a picture"));
+  EXPECT_THAT(refusal(), HasSubstr("no size of an image"));
   with("/samples/K", std::nan(""), 0);
   EXPECT_THAT(refusal(), HasSubstr("no camera matrix"));
   with("/samples/cam_from_world", 2.0, 0);

@@ -189,7 +189,7 @@ TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
   fs::remove(data.ImagePath("00_01", 6));
   fs::remove(data.MaskPath("00_00", 6));
   const PackBuildReport report = BuildPack(folder / "data", folder / "pack", SmallPack());
-  EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no picture"));
+  EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no image"));
   EXPECT_EQ(report.missing.asked(), 4);
   EXPECT_THAT(report.missing.by_camera.at("00_01").no_picture, ElementsAre(6));
   EXPECT_THAT(report.missing.by_camera.at("00_00").no_mask, ElementsAre(6));

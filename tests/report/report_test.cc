@@ -223,7 +223,7 @@ TEST_F(ReportTest, ScoresStandUnderTheirHeadings) {
   const std::string html = Build().html;
   const size_t begin = html.find("Scores beside the baselines"), end = html.find("</table>", begin);
   const std::string table = std::regex_replace(html.substr(begin, end - begin), std::regex("(<[^>]*>| |\n)+"), "|");
-  EXPECT_THAT(table, HasSubstr("|pictures|SSIM|PSNR|dB|mask|IoU|Fréchet|distance|its|floor|features|n|d|"));
+  EXPECT_THAT(table, HasSubstr("|images|SSIM|PSNR|dB|mask|IoU|Fréchet|distance|its|floor|features|n|d|"));
   EXPECT_THAT(table, HasSubstr("|this|avatar,|held|out|8|0.9125|24.50|0.9500|3.5|0.5|random|8|64|"));
 }
 
@@ -346,7 +346,7 @@ TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
     Save(std::string(command) + "/" + command + ".result.json", result);
   }
   const Report report = Build();
-  EXPECT_THAT(report.html, AllOf(HasSubstr("Footage, key points and masks"), HasSubstr("0.0125"), HasSubstr("background")));
+  EXPECT_THAT(report.html, AllOf(HasSubstr("Footage, keypoints and masks"), HasSubstr("0.0125"), HasSubstr("background")));
   size_t pictures = 0;
   for (size_t at = report.html.find("data:image/png"); at != std::string::npos; at = report.html.find("data:image/png", at + 1))
     ++pictures;

@@ -135,7 +135,7 @@ TEST(Cause, PicturesOfHalfTheSize) {
       }
     }
   }
-  ExpectFound(Search(rig, frames), Cause::kImageSize, "the pictures half the calibrated size");
+  ExpectFound(Search(rig, frames), Cause::kImageSize, "the images half the calibrated size");
 }
 
 TEST(Cause, PicturesCroppedFrom1088To1080) {
@@ -150,7 +150,7 @@ TEST(Cause, PicturesCroppedFrom1088To1080) {
       for (Keypoint& key : person) key.px.y() -= 8;
     }
   }
-  ExpectFound(Search(rig, frames), Cause::kImageSize, "the pictures of cam_3 cropped to 1080 px high at the top");
+  ExpectFound(Search(rig, frames), Cause::kImageSize, "the images of cam_3 cropped to 1080 px high at the top");
 }
 
 TEST(Cause, ACameraThatIsSecondsLate) {
@@ -186,7 +186,7 @@ TEST(Cause, AMirroredCamera) {
         std::swap(person[static_cast<size_t>(left)], person[static_cast<size_t>(right)]);
     }
   }
-  ExpectFound(Search(rig, frames), Cause::kMirrored, "the pictures of cam_1 mirrored");
+  ExpectFound(Search(rig, frames), Cause::kMirrored, "the images of cam_1 mirrored");
 }
 
 TEST(Cause, DoesNotDependOnThreads) {

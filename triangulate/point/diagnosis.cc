@@ -16,7 +16,7 @@ constexpr double kMinSigmas = 4;
 
 /// Residuals of one camera.
 struct Samples {
-  std::vector<Eigen::Vector2d> residuals_px;           // detection - projection
+  std::vector<Eigen::Vector2d> residuals_px;           // observed minus projected
   std::vector<Eigen::Vector2d> left_out_residuals_px;  // against the point of the other cameras
   std::vector<Eigen::Vector2d> from_center_px;         // projection - principal point
   std::set<int> frames;

@@ -9,13 +9,12 @@
 
 namespace mvstudio::triangulate {
 
-/// Residuals of one camera's detections against the points triangulated from all cameras.
+/// Residuals, observed minus projected, of one camera's detections against the points triangulated from all cameras.
 struct CameraDiagnosis {
   std::string name;
-  int num_detections = 0;  ///< of points with status kOk
-  int num_rejected = 0;    ///< of these, those not used for their point
-  Eigen::Vector2d mean_residual_px =
-      Eigen::Vector2d::Zero();  ///< detection - projection; farther than 5 robust sigmas left out
+  int num_detections = 0;                                       ///< of points with status kOk
+  int num_rejected = 0;                                         ///< of these, those not used for their point
+  Eigen::Vector2d mean_residual_px = Eigen::Vector2d::Zero();   ///< without those farther than 5 robust sigmas
   Eigen::Vector2d sigma_residual_px = Eigen::Vector2d::Zero();  ///< robust standard deviation of a residual
   Eigen::Vector2d mean_error_px = Eigen::Vector2d::Zero();      ///< standard deviation of the mean, one sample per frame
   /// The same against points from the other cameras alone: the whole error of this camera. `mean_residual_px` is smaller,

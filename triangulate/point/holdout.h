@@ -28,7 +28,7 @@ struct LeftOutSample {
   size_t point = 0;  ///< index into the points
   int camera_idx = 0;
   Status status = Status::kTooFewViews;                      ///< of the point, or of its projection into the left-out camera
-  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();     ///< detection - projection
+  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();     ///< observed minus projected
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();  ///< predicted: detection and propagated covariance of the point
   double sigma_px = 0;                                       ///< sqrt(trace / 2) of it
 };

@@ -16,8 +16,9 @@ struct Refinement {
   double worst_sigmas = 0;                                ///< largest |r| / sigma
 };
 
-/// Maximum-likelihood point for Gaussian pixel noise: Levenberg-Marquardt on the residuals in px through the full lens,
-/// each divided by its sigma. A step that leaves the cameras' valid region is rejected, never counted as a zero residual.
+/// Maximum-likelihood point for Gaussian pixel noise: Levenberg-Marquardt on the residuals (projected minus observed, px)
+/// through the full lens, each divided by its sigma. A step that leaves the cameras' valid region is rejected, never counted
+/// as a zero residual.
 Refinement Refine(const std::vector<View>& views, const Eigen::Vector3d& start_in_local, int max_iterations = 50);
 
 /// The same quantities at a given point, without moving it.

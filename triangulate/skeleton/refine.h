@@ -30,9 +30,9 @@ void VisitFields(Visitor&& visit, SkeletonRefineOptions& o) {
   visit("refine-smoothness", o.smoothness, "auto | on | off; accelerations of each joint are small");
   visit("refine-bone-lengths", o.bone_lengths, "auto | on | off; each bone of a person keeps its length");
   visit("refine-max-fill-frames", o.max_fill_frames,
-        "frames; longest way to a seen instant of a joint that smoothness may bridge");
+        "frames; longest gap to a time step with that joint which smoothness may fill");
   visit("refine-max-fill-sigmas", o.max_fill_sigmas,
-        "a bridged joint is kept up to this many times the median uncertainty of the seen ones");
+        "a filled joint is kept up to this many times the median uncertainty of the observed ones");
   visit("refine-choice-frames", o.choice_frames, "frames on which terms are chosen, in three runs");
   visit("refine-choice-cameras", o.choice_cameras, "cameras left out in turn to choose terms");
 }

@@ -52,7 +52,7 @@ std::optional<TimedView> See(const PreparedRig& rig, size_t camera_idx, const Jo
 }
 
 struct Residual {
-  Eigen::Vector2d px;  // detection - projection
+  Eigen::Vector2d px;  // observed minus projected
   Eigen::Matrix<double, 2, 3> d_px_d_x;
 };
 

@@ -209,7 +209,7 @@ void Judge(CameraSync* sync) {
          Format("other offsets fit as well (median cost only %.0f %% above the best)", 100 * sync->contrast), sync);
   } else if (sync->peak_ratio > kMaxPeakRatio) {
     Fail(SyncStatus::kAmbiguous,
-         Format("%.0f and %.0f frames fit alike; is the motion periodic?", static_cast<double>(sync->coarse_frames),
+         Format("%.0f and %.0f frames fit equally well; is the motion periodic?", static_cast<double>(sync->coarse_frames),
                 sync->runner_up_frames),
          sync);
   } else if (sync->agreement < kMinAgreement) {

@@ -32,7 +32,7 @@ struct SyncOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, SyncOptions& o) {
-  visit("max-offset-frames", o.max_offset_frames, "frames; offsets of two cameras are looked for within plus and minus this");
+  visit("max-offset-frames", o.max_offset_frames, "frames; offsets of two cameras are searched within plus and minus this");
   visit("min-score", o.min_score, "0..1; detections with a lower score are left out");
   visit("min-frames", o.min_frames, "frames that two cameras must have in common at the right offset");
   visit("min-overlap", o.min_overlap, "0..1; the same as a part of the most they can have in common at any offset");

@@ -43,7 +43,7 @@ struct CauseTrial {
   /// Fraction of these that contribute to a point with three or more views (two, where three cameras almost never see a
   /// joint).
   double carried = 0;
-  /// Mean residual over all of them; 4 sigma for larger or missing ones.
+  /// Mean length of their residuals; 4 sigma for larger or missing ones.
   double residual_px = 0;
   /// The residual falls by at least 30 % against the take as given and by 4 standard errors (one sample per frame), and at
   /// least half of the detections fit.

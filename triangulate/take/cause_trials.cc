@@ -40,7 +40,7 @@ void AddDistortion(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   const auto changed = WithLens(rig, pinhole, -1);
   if (!changed) return;
   list->push_back({Cause::kDistortion, "without distortion",
-                   "if the pictures are undistorted already, give the calibration of the undistorted ones (triangulate: "
+                   "if the images are undistorted already, give the calibration of the undistorted ones (triangulate: "
                    "option 'ignore-distortion')",
                    *changed, frames});
 }
@@ -119,10 +119,9 @@ void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std
     for (int only = -1; only < num_cameras; ++only) {
       const auto changed = WithLens(rig, resize.change, only);
       if (!changed) continue;
-      const std::string whose =
-          only < 0 ? "the pictures" : "the pictures of " + rig.cameras[static_cast<size_t>(only)].camera.name;
+      const std::string whose = only < 0 ? "the images" : "the images of " + rig.cameras[static_cast<size_t>(only)].camera.name;
       list->push_back({Cause::kImageSize, "with " + whose + " " + resize.text,
-                       "detect in pictures of the calibrated size, or calibrate in the size and crop of the pictures", *changed,
+                       "detect in images of the calibrated size, or calibrate in the size and crop of the images", *changed,
                        frames});
     }
   }
@@ -167,10 +166,10 @@ void AddFlips(const Rig& rig, const std::vector<DetectedFrame>& frames, const Mi
     for (const Flip& flip : flips) {
       if (flip.sides && mirror.empty()) continue;
       const Camera& camera = rig.cameras[c].camera;
-      Assumption& other = list->emplace_back(Assumption{
-          Cause::kMirrored, "with the pictures of " + camera.name + " " + flip.text,
-          "the pictures of " + camera.name + " are flipped against the calibration's: flip them back and detect again", rig,
-          frames});
+      Assumption& other = list->emplace_back(
+          Assumption{Cause::kMirrored, "with the images of " + camera.name + " " + flip.text,
+                     "the images of " + camera.name + " are flipped against the calibration's: flip them back and detect again",
+                     rig, frames});
       for (DetectedFrame& frame : other.frames) {
         for (DetectedPerson& person : frame.people[c]) {
           FlipPerson(camera, flip.across, flip.down, flip.sides ? mirror : MirrorGroups(), &person);

@@ -71,7 +71,7 @@ OffsetTrial TryOffsets(const geometry::Rig& rig, const std::vector<DetectedFrame
   trial.confirmed = enough && Worse(with, without) > kSigmas && Worse(with, reversed) > kSigmas;
   const std::string text = Format("left-out cameras err by %.2f px with them, %.2f px without, %.2f px with them reversed",
                                   with.median_px, without.median_px, reversed.median_px);
-  trial.reason = enough ? text : "too few joints are seen by three cameras to tell";
+  trial.reason = enough ? text : "too few joints are seen by three cameras to decide";
   return trial;
 }
 

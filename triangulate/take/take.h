@@ -44,13 +44,13 @@ void VisitFields(Visitor&& visit, TakeOptions& o) {
   visit("sigma-px", o.sigma_px, "px; standard deviation of a detection with score 1; 0 estimates it from the take");
   visit("min-score", o.min_score, "0..1; detections with a lower score are left out");
   visit("score-power", o.score_power, "a detection's sigma is sigma-px / score^power; 0 ignores scores");
-  visit("max-residual-sigmas", o.max_residual_sigmas, "a view with a larger residual does not carry the point");
+  visit("max-residual-sigmas", o.max_residual_sigmas, "a view with a larger residual does not support the point");
   visit("min-parallax-sigmas", o.min_parallax_sigmas, "distance over its own uncertainty below which a point is LowParallax");
   visit("max-distance-m", o.max_distance_m, "m; points farther from every camera are FarPoint; 0: no limit");
   visit("min-views", o.min_views, "views that a point needs, at least 2");
   visit("max-error-px", o.max_error_px, "px; exhaustive-dlt: mean reprojection error that ends the search");
   visit("ignore-distortion", o.ignore_distortion, "take every lens as a pinhole; exhaustive-dlt always does");
-  visit("fix-sides", o.fix_sides, "swap left and right back where a camera's detector took them the wrong way round");
+  visit("fix-sides", o.fix_sides, "swap left and right back where a camera's detector confused them");
   visit("calibration-covariance", o.calibration_covariance,
         "a point's covariance holds the calibration's own uncertainty, where the calibration carries one");
   visit("max-persons", o.max_persons, "the best supported persons of the take are kept");

@@ -38,13 +38,13 @@ using metrics::PictureScore;
 namespace fs = std::filesystem;
 
 constexpr char kConvention[] =
-    "Truth: the dataset's picture on black behind its mask. Render: on black behind its own predicted mask. Crops as in "
+    "Truth: the dataset's image on black behind its mask. Render: on black behind its own predicted mask. Crops as in "
     "training, 8-bit sRGB, "
     "RGB in [0, 1]. Primary region: bounding box of the true mask grown by 5 %; also given: full (the whole crop) and masked "
     "(pixels of the true mask). SSIM: Wang 2004, Gaussian 11x11 sigma 1.5, K 0.01 0.03, L 1, population covariance, valid "
     "windows, mean of R, "
     "G, B. PSNR: mean "
-    "of the pictures' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
+    "of the images' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
     "crops; it is called FID only with the Inception weights of 2015. LPIPS, where given: of full crops.";
 
 struct Rendered {
@@ -91,7 +91,7 @@ void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config)
   for (const std::string& camera : config.split.train_cameras) {
     if (data.rig.Find(camera) < 0) {
       throw UsageError(data.root + " has no camera " + camera +
-                       ", which the run was trained on: the baselines need its pictures; give a dataset that has them");
+                       ", which the run was trained on: the baselines need its images; give a dataset that has them");
     }
   }
   for (const auto* frames : {&config.split.train_frames, &config.split.holdout_frames}) {

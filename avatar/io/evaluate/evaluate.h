@@ -36,23 +36,22 @@ void VisitFields(Visitor&& visit, EvaluateOptions& o) {
   visit("cameras", o.cameras,
         "cameras scored instead of those that the run held out, e.g. cam_02,cam_03: for a run that was trained on another "
         "dataset of the same take");
-  visit("pictures", o.pictures, "picture strips kept for each held-out camera");
+  visit("pictures", o.pictures, "image strips kept for each held-out camera");
   visit("other-pictures", o.other_pictures,
-        "pictures scored of each other split (held-out cameras in training frames and the reverse); 0: none");
+        "images scored of each other split (held-out cameras in training frames and the reverse); 0: none");
   visit("renders", o.renders,
         "held-out renders kept as PNG in eval/render beside their truths in eval/truth, evenly over the frames, for "
         "user studies and other programs; -1: all, 0: none");
-  visit("batch", o.batch, "pictures rendered at a time");
+  visit("batch", o.batch, "images rendered at a time");
   visit("score-size", o.score_size,
-        "edge of the crops that are compared, px: renders are scaled to it, so that avatars of several picture sizes meet the "
+        "edge of the crops that are compared, px: renders are scaled to it, so that avatars of several image sizes meet the "
         "same truth; 0: the training's");
   visit("motions", o.motions,
         "held-out motions scored one by one, e.g. walk=90-104,turn=105-119; runs of consecutive held-out frames unless given");
   visit("features", o.features,
         "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d), e.g. "
         "inception-2015-12-05.pt for the FID, or auto: posenet when it is installed");
-  visit("lpips", o.lpips,
-        "TorchScript file that takes two pictures in [-1, 1] and gives their LPIPS; no such score without it");
+  visit("lpips", o.lpips, "TorchScript file that takes two images in [-1, 1] and gives their LPIPS; no such score without it");
 }
 
 /// Scores of one set of images; `fd` is missing below 4 images, `lpips` (mean, of whole crops) is NaN without a net.

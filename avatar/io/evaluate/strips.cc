@@ -19,7 +19,7 @@ at::Tensor Heat(const at::Tensor& value) {
 
 Image MakeStrip(const at::Tensor& truth, const at::Tensor& render, const at::Tensor& baseline) {
   MVS_CHECK(truth.dim() == 3 && truth.sizes() == render.sizes() && truth.sizes() == baseline.sizes(),
-            "pictures of different sizes");
+            "images of different sizes");
   const at::Tensor a = truth.to(at::kDouble), b = render.to(at::kDouble), c = baseline.to(at::kDouble);
   const int64_t zoom = truth.size(1) < 192 ? 2 : 1;
   const auto enlarged = [&](const at::Tensor& x) { return x.repeat_interleave(zoom, 1).repeat_interleave(zoom, 2); };

@@ -25,17 +25,16 @@ struct LiftSampleOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, LiftSampleOptions& o) {
-  visit(
-      "pose-jitter-deg", o.pose_jitter_deg,
-      "degrees; trunk and limbs are turned at random by so much (standard deviation), so that poses come that the datasets do "
-      "not hold; 0: never");
+  visit("pose-jitter-deg", o.pose_jitter_deg,
+        "degrees; standard deviation of random rotations of trunk and limbs, for poses that the datasets do not contain; 0: "
+        "none");
   visit("min-distance", o.min_distance, "nearest random camera, in sizes (trunk + thigh + shank, 0.78 of the height)");
   visit("max-distance", o.max_distance, "farthest random camera, in sizes");
   visit("min-pitch-deg", o.min_pitch_deg, "degrees; lowest random camera, negative looks up");
   visit("max-pitch-deg", o.max_pitch_deg, "degrees; highest random camera");
   visit("noise", o.noise, "standard deviation of a detection that differs from frame to frame, in sizes");
   visit("bias", o.bias, "standard deviation of a detection that is the same in all five frames, in sizes");
-  visit("drop", o.drop, "share of joints that are dropped in all five frames, and once more frame by frame");
+  visit("drop", o.drop, "share of joints that are dropped in all five frames, and again in each single frame");
 }
 
 /// Throws UsageError naming the option.

@@ -42,7 +42,7 @@ body::PartUvMap ReadIuv(const std::string& path, const geometry::RigCamera& came
   const Image image = dataset::ReadImage(path);
   if (image.width != camera.camera.width_px || image.height != camera.camera.height_px) {
     throw FormatError(path, "",
-                      "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", pictures of camera " +
+                      "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", images of camera " +
                           camera.camera.name + " are " + std::to_string(camera.camera.width_px) + "x" +
                           std::to_string(camera.camera.height_px));
   }

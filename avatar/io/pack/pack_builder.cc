@@ -369,7 +369,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   SetTime(data, plan.person, plan.frames, options.frame_step, &pack);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);
-  ProgressStage stage(run, "cropping pictures", count);
+  ProgressStage stage(run, "cropping images", count);
   constexpr int64_t kChunk = 64;
   for (int64_t begin = 0; begin < count; begin += kChunk) {
     const int64_t size = std::min(kChunk, count - begin);
@@ -385,7 +385,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   }
   if (good.empty()) {
     throw FormatError(data.root, "",
-                      "no picture can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()) +
+                      "no image can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()) +
                           (plan.missing.missing() > 0 ? "; " + dataset::MissingText(plan.missing) : std::string()));
   }
   result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);

@@ -46,11 +46,10 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
         "folder with points.csv (`triangulate`): toes, heels, hands and face for option 'inputs' 21, 24 and 27, beside the "
         "dataset's own files");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
-  visit(
-      "iuv", o.iuv,
-      "folder with DensePose's map of each picture, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
-      "the first guess in place of the posed body template");
-  visit("fit-pictures", o.fit_pictures, "training pictures used for that fit");
+  visit("iuv", o.iuv,
+        "folder with DensePose's map of each image, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
+        "the first guess in place of the posed body template");
+  visit("fit-pictures", o.fit_pictures, "training images used for that fit");
 }
 
 /// Disjoint halves of the cameras and of the frames of one dataset. Held-out scores use held-out cameras in held-out frames.

@@ -189,7 +189,7 @@ void PlanTurntable(const RunConfig& config, const dataset::PanopticDataset& data
     job.pose = static_cast<size_t>(k) * count / static_cast<size_t>(o.turntable);
     const Eigen::Vector3d middle = MiddleOf(plan->track.poses[job.pose]);
     if (!middle.allFinite()) {
-      plan->skipped.push_back("picture " + std::to_string(k) + ": the pose has no joints");
+      plan->skipped.push_back("image " + std::to_string(k) + ": the pose has no joints");
       continue;
     }
     const double azimuth = orbit.azimuth_rad + 2 * kPi * k / o.turntable;

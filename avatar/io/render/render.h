@@ -74,16 +74,16 @@ void VisitFields(Visitor&& visit, RenderOptions& o) {
   visit("place", o.place,
         "where poses of option 'poses' and option 'bvh' stand: keep (as given), training (their middle where the trained "
         "person's was), or auto: training for option 'bvh', else keep");
-  visit("turntable", o.turntable, "pictures of a camera that goes once round the person; 0: calibrated cameras instead");
+  visit("turntable", o.turntable, "images of a camera that orbits the person once; 0: calibrated cameras instead");
   visit("elevation-deg", o.elevation_deg,
-        "degrees; how far above the person's middle the turning camera stands; -1000: the median of the training cameras");
+        "degrees; elevation of the orbiting camera above the person's middle; -1000: the median of the training cameras");
   visit("frame", o.frame,
-        "crop: square pictures around the person as in training; camera: the whole picture of the calibrated camera, through "
+        "crop: square images around the person as in training; camera: the whole image of the calibrated camera, through "
         "its lens");
-  visit("size", o.size_px, "edge of the square pictures, px; 0: as in training");
+  visit("size", o.size_px, "edge of the square images, px; 0: as in training");
   visit("network-size", o.network_size_px,
-        "edge at which the network runs before its pictures are resized, px, a multiple of 2^downs; 0: as in training");
-  visit("batch", o.batch, "pictures rendered at a time");
+        "edge at which the network runs before its images are resized, px, a multiple of 2^downs; 0: as in training");
+  visit("batch", o.batch, "images rendered at a time");
 }
 
 /// One image to render.
