@@ -1,3 +1,5 @@
+#include "dataset/pack/codec.h"
+
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -8,7 +10,6 @@
 
 #include "core/check.h"
 #include "core/error.h"
-#include "dataset/pack/codec_internal.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -8,8 +8,9 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "dataset/json/json_internal.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
