@@ -7,7 +7,7 @@
 
 #include "bench/calibration.h"
 #include "bench/quality.h"
-#include "calib/bundle/mrcal_internal.h"
+#include "calib/bundle/mrcal_problem.h"
 #include "core/error.h"
 
 namespace mvstudio::bench {
@@ -30,8 +30,7 @@ class Factorization {
     const int nonzero =
         _mrcal_num_j_nonzero(observations, 0, problem.width, problem.height, problem.num_lenses(), poses, frames, 0, 0,
                              problem.observations.data(), nullptr, problem.selections, &problem.lens);
-    cholmod_sparse* jt =
-        cholmod_allocate_sparse(states, measurements, nonzero, 1, 1, 0, CHOLMOD_REAL, &common_);
+    cholmod_sparse* jt = cholmod_allocate_sparse(states, measurements, nonzero, 1, 1, 0, CHOLMOD_REAL, &common_);
     std::vector<double> packed(states), x(measurements);
     const mrcal_problem_constants_t ranges{1e-6, 1e6};
     const bool ok = mrcal_optimizer_callback(
@@ -124,8 +123,8 @@ Solution SolveByMrcal(const RigScene& scene, const calib::BundleOptions& options
   return solution;
 }
 
-UncertaintyMap MapByMrcal(const Solution& solution, const calib::Board& board, const calib::BundleOptions& options, int camera_idx,
-                          int cols, int rows, double distance_m, double sigma_px) {
+UncertaintyMap MapByMrcal(const Solution& solution, const calib::Board& board, const calib::BundleOptions& options,
+                          int camera_idx, int cols, int rows, double distance_m, double sigma_px) {
   const MrcalProblem problem = calib::internal::MakeMrcalProblem(solution.views, solution.state, {{board}, options, false});
   const geometry::Camera& camera = solution.state.cameras[camera_idx];
   const std::vector<Eigen::Vector2d> pixels = MapPixels(camera, cols, rows);
@@ -138,7 +137,8 @@ UncertaintyMap MapByMrcal(const Solution& solution, const calib::Board& board, c
     d_packed.middleRows<2>(2 * static_cast<Eigen::Index>(i)) =
         PixelByState(problem, camera_idx, distance_m * projector.Unproject(pixels[i]).ray_in_cam);
   }
-  for (Eigen::Index row = 0; row < d_packed.rows(); ++row) {  // d / d packed = d / d state * scale, which is what unpacking does
+  for (Eigen::Index row = 0; row < d_packed.rows();
+       ++row) {  // d / d packed = d / d state * scale, which is what unpacking does
     mrcal_unpack_solver_state_vector(d_packed.row(row).data(), problem.num_lenses(), poses, frames, 0, 0, problem.selections,
                                      &problem.lens);
   }

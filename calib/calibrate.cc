@@ -14,8 +14,8 @@
 #include "calib/covariance/omitted_terms.h"
 #include "calib/covariance/uncertainty.h"
 #include "calib/held_doubt.h"
+#include "calib/judgement.h"
 #include "calib/rig/init.h"
-#include "calib/verdict_internal.h"
 #include "core/error.h"
 #include "core/parallel.h"
 

@@ -1,8 +1,8 @@
 #include "calib/calibrate_steps.h"
 #include "calib/check/camera_motion.h"
+#include "calib/judgement.h"
 #include "calib/motion_kind.h"
 #include "calib/motion_rival.h"
-#include "calib/verdict_internal.h"
 
 /// What moved or changed while the boards were filmed, once there is a solution.
 namespace mvstudio::calib::internal {
@@ -53,7 +53,8 @@ std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const Ca
 
 }  // namespace
 
-void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved) {
+void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                    CalibrateReport* solved) {
   if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || input.cameras.size() < 2) return;
   solved->motions = FindMotions(solved->rig, input);
   const std::string name = solved->motions.empty() ? MostContradictory(*solved) : "";

@@ -4,7 +4,7 @@
 
 #include "calib/calibrate.h"
 #include "calib/film_next.h"
-#include "calib/verdict_internal.h"
+#include "calib/judgement.h"
 #include "core/format.h"
 #include "core/statistics.h"
 

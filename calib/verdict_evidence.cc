@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/verdict_internal.h"
+#include "calib/judgement.h"
 #include "core/format.h"
 #include "core/join.h"
 #include "core/units.h"

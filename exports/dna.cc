@@ -2,7 +2,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "dataset/pack/hdf5_internal.h"
+#include "dataset/pack/hdf5_writer.h"
 #include "exports/joint_files.h"
 
 /// The SMC files of DNA-Rendering (HDF5), as read by its SMCReader: main/SEQ.smc with the encoded pictures,

@@ -111,7 +111,7 @@ void RequireAny(const std::string& root, const dataset::MissingPictures& missing
   int without = 0;
   for (const auto& [camera, of] : missing.by_camera) without += static_cast<int>(of.no_picture.size());
   if (without > 0 && without == missing.asked())
-    throw FormatError(root, "hdImgs", "holds none of the " + std::to_string(without) + " pictures of these cameras and frames");
+    throw FormatError(root, "hdImgs", "holds none of the " + std::to_string(without) + " images of these cameras and frames");
 }
 
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {

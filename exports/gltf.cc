@@ -2,7 +2,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "body/files/glb_internal.h"
+#include "body/files/glb.h"
 #include "body/skeleton.h"
 #include "exports/frustum.h"
 #include "exports/joint_files.h"

@@ -1,6 +1,6 @@
 #include "calib/board/board.h"
+#include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/formats_internal.h"
 #include "fuzz/fuzz.h"
 #include "geometry/rig/rig_io.h"
 

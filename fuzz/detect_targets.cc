@@ -1,5 +1,5 @@
-#include "detect/models/models_internal.h"
-#include "detect/tfjs/tfjs_internal.h"
+#include "detect/models/npm_package.h"
+#include "detect/tfjs/parsed_graph.h"
 #include "fuzz/fuzz.h"
 
 /// Network files: the TensorFlow.js graph with its weights, and the archive that models come in. Nothing is run here.

@@ -1,5 +1,5 @@
 #include "core/disk/files.h"
-#include "dataset/pack/done_internal.h"
+#include "dataset/pack/pack_json.h"
 #include "fuzz/fuzz.h"
 
 /// The JSON files beside the shards of a pack. The shards themselves: docs/fuzzing.md.

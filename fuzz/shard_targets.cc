@@ -2,9 +2,9 @@
 #include <sstream>
 
 #include "core/hash/sha256.h"
-#include "dataset/pack/codec_internal.h"
+#include "dataset/pack/image_codec.h"
 #include "dataset/pack/pack.h"
-#include "dataset/pack/shard_internal.h"
+#include "dataset/pack/shard.h"
 #include "fuzz/fuzz.h"
 
 /// HDF5 shards. The library behind them is not instrumented, and its metadata carry checksums that mutations break: so one

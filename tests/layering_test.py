@@ -26,7 +26,7 @@ MAY_INCLUDE = {
     "body/fit": CORE | GEOMETRY | {"body"},
     "body/texture": CORE | GEOMETRY | {"body"},
     "body/makehuman": CORE | GEOMETRY | {"body"},
-    "body/smpl": CORE | GEOMETRY | {"body"},
+    "body/smpl": CORE | GEOMETRY | {"body", "body/files"},
     "body/files": CORE | GEOMETRY | {"body"},
     "triangulate/point": CORE | GEOMETRY,
     "triangulate/batch": CORE | GEOMETRY | {"triangulate/point"},
@@ -135,7 +135,7 @@ HEADER_EXCEPTIONS = {
     ("fuzz", re.compile(r".*")),
     ("bench", re.compile(r".*")),
 }
-INTERNAL_HEADER = re.compile(r"_internal\.h$")
+PRIVATE = re.compile(r"// Private: \S")  # how a header begins that is not installed (cmake/InstallHeaders.cmake)
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 # A library's text names an option as: option 'max-error-px' (core/fields.h); only the program makes --max-error-px of it.
 FLAG = re.compile(r'--[a-z]|^"--"$')
@@ -168,10 +168,16 @@ def is_third_party(name):
     return name not in STANDARD and not POSIX.match(name)
 
 
-def check_own(layer, target, root):
-    """Reason why `layer` may not include the project header `target`, or None."""
+def is_private(path, text):
+    return path.endswith(".h") and bool(PRIVATE.match(text))
+
+
+def check_own(layer, target, root, installed=False):
+    """Reason why a file of `layer` may not include the project header `target`, or None. `installed`: the file is a header that is."""
     if not (root / target).is_file():
         return f'"{target}" is no file of the project: the include path is the file path from the root'
+    if installed and is_private(target, (root / target).read_text(encoding="utf-8")):
+        return f"a header that is installed includes {target}, which is private"
     other = folder_of(target)
     if other is None or other == layer or layer in FREE:
         return None
@@ -181,8 +187,8 @@ def check_own(layer, target, root):
     return f"{layer}/ includes {target}; it may include only {allowed}"
 
 
-def check_foreign(layer, name, path):
-    """Reason why the file `path` may not include <name>, or None."""
+def check_foreign(layer, name, path, private=False):
+    """Reason why the file `path`, a private header or not, may not include <name>, or None."""
     if not is_third_party(name):
         if path.endswith(".h") and POSIX.match(name) and layer.split("/")[0] not in EVERYTHING:
             return f"system header <{name}> in a header; keep it in the .cc file"
@@ -191,12 +197,12 @@ def check_foreign(layer, name, path):
     forbidden = None if layer.startswith("avatar/io") else NOT_IN_LAYER.get(module)
     if forbidden and forbidden.match(name):
         return f"{layer}/ includes <{name}>, which its layer does not allow"
-    if path.endswith(".h"):
-        if EIGEN.match(name) or (TORCH.match(name) and module == "avatar") or INTERNAL_HEADER.search(path):
+    if path.endswith(".h") and not private:
+        if EIGEN.match(name) or (TORCH.match(name) and module == "avatar"):
             return None
         if any(module == folder and pattern.match(name) for folder, pattern in HEADER_EXCEPTIONS):
             return None
-        return f"third-party <{name}> in a header; only Eigen and torch may stand there (or name it *_internal.h)"
+        return f"third-party <{name}> in a header; only Eigen and torch may stand there (or it begins with // Private: WHY)"
     if TORCH.match(name) and module not in ("avatar", "detect", "app") and module not in EVERYTHING:
         return f"{layer}/ includes <{name}>: torch belongs to avatar/ and detect/"
     return None
@@ -226,6 +232,8 @@ def check_file(path, root):
         yield 1, "lies in a folder that the table does not know"
         return
     text = (root / path).read_text(encoding="utf-8")
+    private = is_private(path, text)
+    installed = path.endswith(".h") and not private and layer.split("/")[0] not in EVERYTHING
     if path.endswith(".h") and "#pragma once" not in text:
         yield 1, "header without #pragma once"
     for number, line in enumerate(text.splitlines(), 1):
@@ -234,7 +242,7 @@ def check_file(path, root):
             continue
         quoted, name = found.group(1) == '"', found.group(2)
         own = quoted or folder_of(name) is not None and (root / name).is_file()
-        reason = check_own(layer, name, root) if own else check_foreign(layer, name, path)
+        reason = check_own(layer, name, root, installed) if own else check_foreign(layer, name, path, private)
         if reason:
             yield number, reason
     if layer == "tests":
@@ -274,12 +282,16 @@ def self_test():
     assert check_foreign("avatar", "torch/torch.h", "avatar/a.h") is None
     assert check_foreign("calib", "ceres/ceres.h", "calib/a.h")
     assert check_foreign("calib", "ceres/ceres.h", "calib/a.cc") is None
+    assert check_foreign("calib", "ceres/ceres.h", "calib/a.h", private=True) is None
+    assert check_foreign("calib", "torch/torch.h", "calib/a.h", private=True)
+    assert is_private("a.h", "// Private: its types.\n") and not is_private("a.h", "#pragma once\n// Private: its types.\n")
     assert check_foreign("geometry", "Eigen/Core", "geometry/a.h") is None
     assert check_foreign("dataset", "torch/torch.h", "dataset/a.cc")
     assert check_foreign("core", "vector", "core/a.h") is None
     assert folder_of("avatar/io/pack/a.h") == "avatar/io/pack" and folder_of("tests/calib/a.h") == "tests"
     assert folder_of("calib/lens/a.h") == "calib/lens" and folder_of("calib/a.h") == "calib"
     assert check_own("calib/board", "calib/calibrate.h", pathlib.Path(__file__).parent.parent)
+    assert check_own("calib", "calib/judgement.h", pathlib.Path(__file__).parent.parent, installed=True)
     assert lines_with_flags('a("b");  // "--c"\nd = \'"\'; e("f --g");\nh(1\'000, R"(\n--i)"); /* "--j" */ --k;\n') == [2, 3]
     assert lines_with_flags('a("b -- c", "-d", "<!--");\ne("--" + f);') == [2]
     assert list(check_flags("calib/a.cc", 'a("give --b");')) and not list(check_flags("calib/a.cc", "a(\"give option 'b'\");"))

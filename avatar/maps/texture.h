@@ -2,6 +2,8 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <cstdint>
+
 namespace mvstudio::avatar {
 
 /// Samples all 24 textures and blends them. part_prob (B, 25, H, W) with channel 0 the background, uv (B, 48, H, W) in

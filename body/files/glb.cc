@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "body/files/glb_internal.h"
+#include "body/files/glb.h"
 #include "core/check.h"
 #include "core/error.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "body/files/glb_internal.h"
+#include "body/files/glb.h"
 #include "body/surface_nets.h"
 #include "core/check.h"
 #include "core/disk/files.h"

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <set>
 
-#include "body/files/person_internal.h"
+#include "body/files/person_check.h"
 #include "core/label.h"
 
 namespace mvstudio::body::internal {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "body/files/npz.h"
-#include "body/files/person_internal.h"
+#include "body/files/person_check.h"
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/npy_write.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "body/makehuman/words_internal.h"
+#include "body/makehuman/number_words.h"
 
 namespace mvstudio::body {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "body/makehuman/words_internal.h"
+#include "body/makehuman/number_words.h"
 
 namespace mvstudio::body {
 namespace {

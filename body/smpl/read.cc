@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "body/files/npz.h"
 #include "body/rig_rules.h"
 #include "body/smpl/layout.h"
-#include "body/smpl/npz_internal.h"
 #include "body/smpl/pickle.h"
 #include "body/template_atlas.h"
 #include "core/disk/files.h"
@@ -107,7 +107,12 @@ BodyTemplate ReadSmpl(const std::string& path) {
   };
   if (ends_in(".pkl")) return SmplFromArrays(ReadSmplPickle(path), path);
   if (!ends_in(".npz")) throw FormatError(path, "", "must be a .npz or .pkl file");
-  return SmplFromArrays(internal::ArraysFromNpz(ReadFile(path), path, internal::SmplArrayNames()), path);
+  std::map<std::string, NpyArray> arrays;  // others may hold objects
+  const std::vector<std::string> wanted = internal::SmplArrayNames();
+  for (const auto& [name, bytes] : ReadNpzMembers(path)) {
+    if (std::find(wanted.begin(), wanted.end(), name) != wanted.end()) arrays[name] = ParseNpy(bytes, path + ": " + name);
+  }
+  return SmplFromArrays(arrays, path);
 }
 
 }  // namespace mvstudio::body

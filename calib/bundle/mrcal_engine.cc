@@ -3,13 +3,13 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <cmath>
+#include <cstdio>
 #include <mutex>
 #include <optional>
 #include <set>
 
-#include "calib/bundle/mrcal_internal.h"
+#include "calib/bundle/mrcal_problem.h"
 #include "calib/bundle/rig_problem.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -136,7 +136,8 @@ std::optional<BundleReport> CheckInput(const std::vector<View>& views, const Rig
   for (const View& view : views) {
     MVS_CHECK(view.camera_idx >= 0 && view.camera_idx < static_cast<int>(state.cameras.size()), "camera " << view.camera_idx);
     MVS_CHECK(view.frame >= 0 && view.frame < static_cast<int>(state.world_from_board.size()), "frame " << view.frame);
-    if (!view.px.allFinite()) report.status = Status::kNonFiniteInput, report.message = "a corner position is not a finite number";
+    if (!view.px.allFinite())
+      report.status = Status::kNonFiniteInput, report.message = "a corner position is not a finite number";
     corners += (view.weights.array() > 0).count();
   }
   if (report.status == Status::kOk && corners < 4) {
@@ -213,7 +214,8 @@ std::string WhyNotMrcal(const std::vector<View>& views, const RigState& state, c
   for (double offset : state.time_offset_frames) {
     if (offset != 0) return "mrcal knows no time offsets between cameras";
   }
-  if (Any(options.bundle.fix_lens) || Any(options.bundle.fix_camera)) return "mrcal fixes the lenses or poses of all cameras or of none";
+  if (Any(options.bundle.fix_lens) || Any(options.bundle.fix_camera))
+    return "mrcal fixes the lenses or poses of all cameras or of none";
   return "";
 }
 
@@ -221,7 +223,8 @@ BundleReport SolveWithMrcal(std::vector<View>* views, RigState* state, const Mrc
   const std::string why_not = WhyNotMrcal(*views, *state, options);
   if (!why_not.empty()) throw UsageError(why_not);
   if (const auto failed = CheckInput(*views, *state)) return *failed;
-  if (!Projects(*views, *state)) return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
+  if (!Projects(*views, *state))
+    return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
   internal::MrcalProblem problem = internal::MakeMrcalProblem(*views, *state, options);
   const std::vector<View> start = *views;
   std::string said;
@@ -234,7 +237,8 @@ BundleReport SolveWithMrcal(std::vector<View>* views, RigState* state, const Mrc
   const double improvement = PossibleImprovement(*views, *state, options.bundle);
   if (improvement > kMaxImprovement) {
     report.status = Status::kNotConverged;
-    report.message = "mrcal stopped early: one more step would lower the sum of squares by a share of " + std::to_string(improvement);
+    report.message =
+        "mrcal stopped early: one more step would lower the sum of squares by a share of " + std::to_string(improvement);
   }
   return report;
 }

@@ -1,9 +1,10 @@
+#include "calib/bundle/mrcal_problem.h"
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numeric>
 
-#include "calib/bundle/mrcal_internal.h"
 #include "core/check.h"
 
 namespace mvstudio::calib::internal {

@@ -6,7 +6,8 @@
 #include <limits>
 #include <optional>
 
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
+#include "calib/check/pose_problem.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -158,7 +159,8 @@ double ShiftPx(const CheckWork& work, const std::vector<int>& boards, int camera
       const View& view = work.problem.views[static_cast<size_t>(v)];
       if (view.camera_idx != camera) continue;
       for (Eigen::Index i = 0; i < view.size(); ++i) {
-        const Eigen::Vector3d x = work.state.world_from_board[static_cast<size_t>(board)] * Eigen::Vector3d(view.x_in_board.col(i));
+        const Eigen::Vector3d x =
+            work.state.world_from_board[static_cast<size_t>(board)] * Eigen::Vector3d(view.x_in_board.col(i));
         const geometry::Projection pa = projector.Project(a * x), pb = projector.Project(b * x);
         if (pa.status != Status::kOk || pb.status != Status::kOk) continue;
         sum += (pa.px - pb.px).squaredNorm();
@@ -218,7 +220,8 @@ std::optional<Change> SteadyChange(const CheckWork& work, int camera, const std:
   const Eigen::Matrix<double, 12, 1> line = covariance * right;
   double scatter = 0;
   for (size_t i = 0; i < poses.size(); ++i) {
-    const Vector6d off = Step(poses[0].cam_from_world, poses[i].cam_from_world) - line.head<6>() - (time(i) - first) / span * line.tail<6>();
+    const Vector6d off =
+        Step(poses[0].cam_from_world, poses[i].cam_from_world) - line.head<6>() - (time(i) - first) / span * line.tail<6>();
     scatter += off.dot(poses[i].information * off);
   }
   const double widening = std::max(1.0, scatter / (6.0 * (static_cast<double>(poses.size()) - 2)));
@@ -249,8 +252,15 @@ std::optional<Change> LargestChange(const CheckWork& work, int camera) {
     const Vector6d step = b.mean - a.mean;
     const double gain = step.dot(covariance.ldlt().solve(step)) / widening;
     if (!(gain > (largest ? largest->gain : 0))) continue;
-    Change change{camera, {}, {}, geometry::Perturb(a.mean, poses[0].cam_from_world), geometry::Perturb(b.mean, poses[0].cam_from_world),
-                  0, std::sqrt(gain / 6), gain, 0};
+    Change change{camera,
+                  {},
+                  {},
+                  geometry::Perturb(a.mean, poses[0].cam_from_world),
+                  geometry::Perturb(b.mean, poses[0].cam_from_world),
+                  0,
+                  std::sqrt(gain / 6),
+                  gain,
+                  0};
     for (size_t i = 0; i < poses.size(); ++i) {
       std::vector<int>& side = i < cut ? change.before : change.after;
       side.insert(side.end(), poses[i].boards.begin(), poses[i].boards.end());
@@ -332,7 +342,8 @@ std::vector<std::string> Rivals(const std::vector<Change>& changes, const std::v
   for (size_t i = 1; i < changes.size(); ++i) {
     const bool remains =
         std::any_of(left.begin(), left.end(), [&](const Change& change) { return change.camera == changes[i].camera; });
-    if (changes[i].gain >= kTie * changes[0].gain && !remains) names.push_back(work.checks[static_cast<size_t>(changes[i].camera)].name);
+    if (changes[i].gain >= kTie * changes[0].gain && !remains)
+      names.push_back(work.checks[static_cast<size_t>(changes[i].camera)].name);
   }
   return names;
 }

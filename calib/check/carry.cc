@@ -1,7 +1,8 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
+#include "calib/check/pose_problem.h"
 #include "geometry/rigid/cross_matrix.h"
 
 namespace mvstudio::calib::internal {
@@ -67,8 +68,8 @@ Eigen::MatrixXd PoseRows(const CheckWork& work, const PoseState& state, const st
 
 }  // namespace
 
-void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera, const Matrix6d& own,
-                     geometry::StatedCovariance* stated) {
+void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera,
+                     const Matrix6d& own, geometry::StatedCovariance* stated) {
   const Index pose = stated->PoseRow(static_cast<size_t>(camera));
   Eigen::MatrixXd rows = PoseRows(work, state, boards, camera, *stated);
   const Matrix6d hessian = rows.middleCols<6>(pose);

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "calib/bundle/board_shape.h"
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
 #include "core/statistics.h"
 #include "geometry/rig/alignment.h"
 

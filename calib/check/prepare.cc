@@ -5,7 +5,8 @@
 #include <optional>
 
 #include "calib/bundle/board_shape.h"
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
+#include "calib/check/pose_problem.h"
 #include "calib/lens/resection.h"
 #include "core/statistics.h"
 

@@ -7,7 +7,8 @@
 #include <limits>
 #include <map>
 
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
+#include "calib/check/pose_problem.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/statistics.h"

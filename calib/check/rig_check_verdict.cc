@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "calib/check/rig_check_internal.h"
+#include "calib/check/check_steps.h"
 #include "core/format.h"
 #include "core/units.h"
 

@@ -3,7 +3,8 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/corners/corner_files_internal.h"
+#include "calib/corners/corner_readers.h"
+#include "calib/corners/detection_builder.h"
 #include "calib/formats/csv_table.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -2,7 +2,7 @@
 
 #include <tuple>
 
-#include "calib/corners/corner_files_internal.h"
+#include "calib/corners/corner_readers.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {

@@ -4,8 +4,10 @@
 #include <cstring>
 #include <sstream>
 
-#include "calib/corners/corner_files_internal.h"
+#include "calib/corners/corner_readers.h"
+#include "calib/corners/detection_builder.h"
 #include "calib/formats/csv_table.h"
+#include "calib/formats/format_text.h"
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/corners/corner_files_internal.h"
-#include "calib/formats/xml_internal.h"
+#include "calib/corners/corner_readers.h"
+#include "calib/corners/detection_builder.h"
+#include "calib/formats/format_text.h"
+#include "calib/formats/xml.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

@@ -7,7 +7,9 @@
 #include <sstream>
 #include <tuple>
 
-#include "calib/corners/corner_files_internal.h"
+#include "calib/corners/corner_readers.h"
+#include "calib/corners/detection_builder.h"
+#include "calib/formats/format_text.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

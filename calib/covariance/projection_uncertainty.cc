@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/covariance/projection_uncertainty_internal.h"
+#include "calib/covariance/projection_uncertainty_prepared.h"
 #include "core/check.h"
 #include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"

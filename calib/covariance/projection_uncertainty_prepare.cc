@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "calib/covariance/omitted_terms.h"
-#include "calib/covariance/projection_uncertainty_internal.h"
+#include "calib/covariance/projection_uncertainty_prepared.h"
 #include "core/check.h"
 #include "core/statistics.h"
 #include "geometry/rigid/cross_matrix.h"

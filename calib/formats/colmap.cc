@@ -3,7 +3,8 @@
 #include <filesystem>
 
 #include "calib/board/pixel_origin.h"
-#include "calib/formats/colmap_internal.h"
+#include "calib/formats/colmap_files.h"
+#include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
 #include "core/check.h"
 #include "core/error.h"

@@ -1,8 +1,9 @@
+#include "calib/formats/colmap_files.h"
+
 #include <cmath>
 #include <cstring>
 #include <sstream>
 
-#include "calib/formats/colmap_internal.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

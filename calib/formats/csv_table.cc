@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/format_text.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -1,4 +1,6 @@
-#include "calib/formats/document_internal.h"
+#include "calib/formats/document.h"
+
+#include "calib/formats/format_camera.h"
 #include "core/error.h"
 #include "geometry/rigid/rigid3.h"
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "calib/formats/document_internal.h"
+#include "calib/formats/document.h"
 #include "core/error.h"
 #include "core/utf8.h"
 

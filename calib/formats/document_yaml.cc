@@ -7,7 +7,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "calib/formats/document_internal.h"
+#include "calib/formats/document.h"
 #include "core/error.h"
 
 /// Parsed by yaml-cpp; what it says becomes our values at once, so that its own tree, aliases and recursion play no part.

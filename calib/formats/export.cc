@@ -2,8 +2,9 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/writers.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/format.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/format_text.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"

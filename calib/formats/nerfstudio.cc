@@ -3,9 +3,11 @@
 #include <filesystem>
 
 #include "calib/board/pixel_origin.h"
-#include "calib/formats/document_internal.h"
+#include "calib/formats/document.h"
+#include "calib/formats/format_camera.h"
+#include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "calib/formats/format_camera.h"
+#include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/formats_internal.h"
-#include "calib/formats/opencv_internal.h"
+#include "calib/formats/opencv_yaml.h"
+#include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

@@ -1,7 +1,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "calib/formats/opencv_internal.h"
+#include "calib/formats/format_camera.h"
+#include "calib/formats/opencv_yaml.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 

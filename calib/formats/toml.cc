@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/formats/format_camera.h"
+#include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/toml_depth.h"

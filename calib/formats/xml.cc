@@ -1,9 +1,10 @@
+#include "calib/formats/xml.h"
+
 #include <algorithm>
 #include <set>
 #include <string_view>
 
-#include "calib/formats/formats_internal.h"
-#include "calib/formats/xml_internal.h"
+#include "calib/formats/format_text.h"
 #include "core/error.h"
 
 namespace mvstudio::calib::internal {

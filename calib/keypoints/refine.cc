@@ -4,7 +4,7 @@
 #include <cmath>
 #include <deque>
 
-#include "calib/keypoints/refine_internal.h"
+#include "calib/keypoints/refine_steps.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "geometry/rig/rig_covariance.h"

@@ -1,7 +1,8 @@
+#include "calib/keypoints/refine_steps.h"
+
 #include <algorithm>
 #include <cmath>
 
-#include "calib/keypoints/refine_internal.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "calib/points/point_bundle.h"
-#include "calib/points/point_resection_internal.h"
+#include "calib/points/resection_problem.h"
 #include "core/check.h"
 #include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"

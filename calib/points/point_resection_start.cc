@@ -6,7 +6,7 @@
 #include <opengv/absolute_pose/NoncentralAbsoluteAdapter.hpp>
 #include <opengv/absolute_pose/methods.hpp>
 
-#include "calib/points/point_resection_internal.h"
+#include "calib/points/resection_problem.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "geometry/lens/lens_derivatives.h"

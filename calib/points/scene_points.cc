@@ -7,7 +7,7 @@
 #include <set>
 
 #include "calib/formats/csv_table.h"
-#include "calib/formats/formats_internal.h"
+#include "calib/formats/format_text.h"
 #include "calib/points/scene_carry.h"
 #include "core/error.h"
 #include "core/format.h"

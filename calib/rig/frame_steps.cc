@@ -13,7 +13,8 @@ namespace {
 using geometry::Rigid3;
 
 constexpr int kReach = 6, kShifts = 2 * kReach + 1;  // frames
-constexpr size_t kMaxFrames = 120, kCandidatesPerShift = 12, kMinFrames = 12;
+constexpr size_t kMaxFrames = 120, kCandidatesPerShift = 12;
+constexpr size_t kMinFrames = 12;
 constexpr double kChangeNats = 8, kNeededNats = 15, kMissingNats = 2;
 constexpr double kNoiseFloor = 0.003;  // of the board's distance
 constexpr double kNone = std::numeric_limits<double>::infinity();

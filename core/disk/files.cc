@@ -15,9 +15,10 @@
 #include <thread>
 
 #include "core/check.h"
-#include "core/disk/io_internal.h"
 #include "core/disk/lock.h"
 #include "core/disk/output.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
 

@@ -14,8 +14,9 @@
 #include <vector>
 
 #include "core/disk/files.h"
-#include "core/disk/io_internal.h"
 #include "core/disk/manifest.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/hash/sha256.h"
 

@@ -10,8 +10,9 @@
 #include <set>
 
 #include "core/disk/files.h"
-#include "core/disk/io_internal.h"
-#include "core/disk/manifest_internal.h"
+#include "core/disk/manifest_write.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"

@@ -1,3 +1,5 @@
+#include "core/disk/manifest_write.h"
+
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -9,9 +11,9 @@
 #include <thread>
 
 #include "core/disk/files.h"
-#include "core/disk/io_internal.h"
 #include "core/disk/lock.h"
-#include "core/disk/manifest_internal.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
 #include "core/parallel.h"

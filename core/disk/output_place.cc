@@ -5,7 +5,6 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "core/disk/io_internal.h"
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/error.h"

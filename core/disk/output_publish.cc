@@ -1,3 +1,5 @@
+#include "core/disk/output_publish.h"
+
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -9,9 +11,9 @@
 #include <set>
 
 #include "core/disk/files.h"
-#include "core/disk/io_internal.h"
-#include "core/disk/manifest_internal.h"
-#include "core/disk/output_internal.h"
+#include "core/disk/manifest_write.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
 #include "core/log.h"

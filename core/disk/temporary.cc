@@ -17,9 +17,10 @@
 #include <vector>
 
 #include "core/disk/files.h"
-#include "core/disk/io_internal.h"
 #include "core/disk/lock.h"
 #include "core/disk/manifest.h"
+#include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
 #include "core/error.h"
 
 namespace mvstudio {

@@ -5,7 +5,7 @@
 
 #include "core/check.h"
 #include "dataset/colour/colour_match.h"
-#include "dataset/colour/colour_match_internal.h"
+#include "dataset/colour/colour_space.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -12,7 +12,8 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/statistics.h"
-#include "dataset/colour/colour_match_internal.h"
+#include "dataset/colour/channel_fit.h"
+#include "dataset/colour/colour_space.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::dataset {

@@ -5,7 +5,7 @@
 
 #include "core/parallel.h"
 #include "core/random.h"
-#include "dataset/colour/colour_match_internal.h"
+#include "dataset/colour/colour_space.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::dataset {

@@ -1,4 +1,4 @@
-#include "dataset/footage/video_internal.h"
+#include "dataset/footage/video_checksum.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>

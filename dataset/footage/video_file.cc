@@ -1,3 +1,5 @@
+#include "dataset/footage/video_file.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,7 +9,6 @@
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/libav_util.h"
-#include "dataset/footage/video_internal.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>

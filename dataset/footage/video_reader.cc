@@ -9,7 +9,8 @@
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/libav_util.h"
-#include "dataset/footage/video_internal.h"
+#include "dataset/footage/video_checksum.h"
+#include "dataset/footage/video_file.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>

@@ -1,6 +1,6 @@
-#include "dataset/import/panoptic_import_internal.h"
+#include "dataset/import/import_steps.h"
 #include "dataset/panoptic/panoptic.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/panoptic/panoptic_json.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

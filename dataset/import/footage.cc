@@ -7,7 +7,7 @@
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
-#include "dataset/import/panoptic_import_internal.h"
+#include "dataset/import/import_steps.h"
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::dataset::internal {

@@ -2,9 +2,8 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "dataset/import/panoptic_import_internal.h"
+#include "dataset/import/import_steps.h"
 #include "dataset/panoptic/panoptic.h"
-#include "dataset/panoptic/panoptic_internal.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -10,9 +10,10 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
-#include "dataset/import/panoptic_import_internal.h"
+#include "dataset/import/import_steps.h"
 #include "dataset/panoptic/panoptic.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/panoptic/panoptic_json.h"
+#include "dataset/verify/verify_steps.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::dataset {

@@ -5,7 +5,7 @@
 
 #include "core/check.h"
 #include "core/statistics.h"
-#include "dataset/masks/mask_internal.h"
+#include "dataset/masks/masks.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/statistics.h"
-#include "dataset/masks/mask_internal.h"
+#include "dataset/masks/limbs.h"
 #include "dataset/masks/mask_take.h"
 
 namespace mvstudio::dataset {

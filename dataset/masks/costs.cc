@@ -1,7 +1,11 @@
+#include "dataset/masks/costs.h"
+
 #include <algorithm>
 #include <cmath>
 
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/cut.h"
+#include "dataset/masks/limbs.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

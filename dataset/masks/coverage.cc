@@ -1,9 +1,13 @@
+#include "dataset/masks/coverage.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/costs.h"
+#include "dataset/masks/cut.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

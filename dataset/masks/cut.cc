@@ -1,9 +1,9 @@
+#include "dataset/masks/cut.h"
+
 #include <cmath>
 #include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc/detail/gcgraph.hpp>
-
-#include "dataset/masks/mask_internal.h"
 
 namespace mvstudio::dataset::internal {
 void SolveCut(CutProblem* problem) {

@@ -4,7 +4,8 @@
 #include <optional>
 
 #include "core/check.h"
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/limbs.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset {
 namespace {

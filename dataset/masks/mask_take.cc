@@ -9,7 +9,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "dataset/footage/frames.h"
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset {
 namespace {

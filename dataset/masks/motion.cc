@@ -3,7 +3,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/limbs.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset {
 namespace {

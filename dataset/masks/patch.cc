@@ -1,10 +1,12 @@
+#include "dataset/masks/patch.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "core/statistics.h"
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/limbs.h"
 
 namespace mvstudio::dataset::internal {
 

@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
-#include "dataset/masks/mask_patch_internal.h"
+#include "dataset/masks/patch.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -6,7 +6,8 @@
 #include "core/check.h"
 #include "core/choice/heldout_choice.h"
 #include "core/statistics.h"
-#include "dataset/masks/mask_internal.h"
+#include "dataset/masks/costs.h"
+#include "dataset/masks/limbs.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -10,11 +10,12 @@
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
 #include "core/disk/paths.h"
+#include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
-#include "dataset/pack/done_internal.h"
-#include "dataset/pack/make_shard_internal.h"
-#include "dataset/pack/shard_internal.h"
+#include "dataset/pack/make_shard.h"
+#include "dataset/pack/pack_json.h"
+#include "dataset/pack/shard.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

@@ -77,7 +77,7 @@ struct PackBuildReport {
   int num_shards = 0;                          ///< of the pack
   std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by another process
   std::vector<std::string> notes;              ///< why a shard was made again
-  std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no picture"
+  std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no image"
   MissingPictures missing;                     ///< of the whole pack's pictures and masks; nothing after a merge
   int frames_without_person = 0;               ///< that were asked for; nothing after a merge
   int64_t samples = 0;                         ///< in built and kept shards

@@ -1,7 +1,9 @@
 #include <limits>
 #include <set>
 
-#include "dataset/pack/hdf5_internal.h"
+#include "core/error.h"
+#include "dataset/pack/hdf5_handle.h"
+#include "dataset/pack/hdf5_reader.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

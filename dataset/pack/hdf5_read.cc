@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/error.h"
 #include "core/join.h"
-#include "dataset/pack/hdf5_internal.h"
+#include "dataset/pack/hdf5_handle.h"
+#include "dataset/pack/hdf5_reader.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "dataset/pack/hdf5_internal.h"
+#include "core/error.h"
+#include "dataset/pack/hdf5_handle.h"
+#include "dataset/pack/hdf5_writer.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -1,12 +1,13 @@
+#include "dataset/pack/make_shard.h"
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
 
+#include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
-#include "dataset/pack/codec_internal.h"
-#include "dataset/pack/make_shard_internal.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

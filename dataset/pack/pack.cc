@@ -11,7 +11,8 @@
 #include <set>
 
 #include "core/check.h"
-#include "dataset/pack/open_internal.h"
+#include "core/error.h"
+#include "dataset/pack/pack_data.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::dataset {

@@ -1,3 +1,5 @@
+#include "dataset/pack/plan.h"
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -5,11 +7,11 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/statistics.h"
-#include "dataset/json/json_internal.h"
-#include "dataset/pack/plan_internal.h"
-#include "dataset/pack/shard_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/pack/shard.h"
 #include "dataset/views/split.h"
 #include "geometry/rig/rig_io.h"
 

@@ -2,10 +2,11 @@
 #include <cstring>
 
 #include "core/check.h"
+#include "core/error.h"
 #include "core/hash/sha256.h"
-#include "dataset/pack/codec_internal.h"
+#include "dataset/pack/image_codec.h"
 #include "dataset/pack/pack.h"
-#include "dataset/pack/shard_internal.h"
+#include "dataset/pack/shard.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -5,9 +5,10 @@
 
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
+#include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
-#include "dataset/pack/open_internal.h"
+#include "dataset/pack/pack_data.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

@@ -4,8 +4,11 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/panoptic/panoptic_camera.h"
+#include "dataset/panoptic/panoptic_json.h"
+#include "dataset/panoptic/panoptic_units.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rig/rig_io.h"
 

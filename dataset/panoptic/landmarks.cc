@@ -3,7 +3,9 @@
 #include "core/disk/files.h"
 #include "core/join.h"
 #include "core/statistics.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/panoptic/panoptic_json.h"
+#include "dataset/panoptic/panoptic_units.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -21,7 +21,7 @@ std::vector<std::string> Names(const MissingPictures& missing, int most) {
   std::vector<std::string> names;
   for (const auto& [camera, of] : missing.by_camera) {
     std::map<int, const char*> reasons;
-    for (const int frame : of.no_picture) reasons[frame] = "no picture";
+    for (const int frame : of.no_picture) reasons[frame] = "no image";
     for (const int frame : of.no_mask) reasons[frame] = "no mask";
     for (const auto& [frame, reason] : reasons) {
       if (static_cast<int>(names.size()) == most) return names;
@@ -94,7 +94,7 @@ std::string MissingText(const MissingPictures& missing) {
   const std::string why = masks == 0     ? "are not in the dataset"
                           : masks == all ? "have no mask"
                                          : "are not in the dataset or, " + std::to_string(masks) + " of them, have no mask";
-  return std::to_string(all) + " of " + std::to_string(missing.asked()) + " pictures " + why +
+  return std::to_string(all) + " of " + std::to_string(missing.asked()) + " images " + why +
          (all > 0 ? " (" + MissingCamerasText(missing) + ")" : "");
 }
 
@@ -104,7 +104,7 @@ std::string MissingHint(const MissingPictures& missing) {
                                   [](const auto& of) { return 2 * of.second.missing() > of.second.asked; });
   return sparse
              ? "the dataset holds only some frames of these cameras; what there is was taken"
-             : "pictures or masks that were lost or not copied? `mvstudio dataset verify` counts them; what there is was taken";
+             : "images or masks that were lost or not copied? `mvstudio dataset verify` counts them; what there is was taken";
 }
 
 std::string MissingToJsonText(const MissingPictures& missing) {

@@ -41,7 +41,7 @@ std::string MissingCamerasText(const MissingPictures& missing);
 /// The likely cause, and what can be done.
 std::string MissingHint(const MissingPictures& missing);
 /// {"asked", "missing", "pictures", "masks", "cameras": {"00_01": {"asked", "pictures", "masks"}}, "names": […]}: cameras
-/// that miss some, and at most 20 names like "camera 00_01, frame 3: no picture".
+/// that miss some, and at most 20 names like "camera 00_01, frame 3: no image".
 std::string MissingToJsonText(const MissingPictures& missing);
 
 }  // namespace mvstudio::dataset

@@ -5,7 +5,7 @@
 
 #include "core/disk/paths.h"
 #include "core/format.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/panoptic/sequence.h"
 
 namespace mvstudio::dataset {

@@ -4,7 +4,9 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/format.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/panoptic/panoptic_json.h"
+#include "dataset/panoptic/panoptic_units.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
-#include "dataset/panoptic/panoptic_internal.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

@@ -1,5 +1,6 @@
 #include "core/disk/files.h"
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/panoptic/panoptic_json.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -10,7 +10,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/json_tree.h"
-#include "dataset/pose/pose2d_internal.h"
+#include "dataset/pose/pose2d_parse.h"
 
 namespace mvstudio::dataset {
 namespace internal {

@@ -11,7 +11,7 @@
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/label.h"
-#include "dataset/pose/pose2d_internal.h"
+#include "dataset/pose/pose2d_parse.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "core/disk/files.h"
-#include "dataset/pose/pose2d_internal.h"
+#include "dataset/pose/pose2d_parse.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -14,7 +14,7 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -10,9 +10,9 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/toml_depth.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
-#include "dataset/session/session_internal.h"
+#include "dataset/session/session_scan.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

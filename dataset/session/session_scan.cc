@@ -8,7 +8,6 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
-#include "dataset/session/session_internal.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

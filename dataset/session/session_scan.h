@@ -21,4 +21,11 @@ ScannedSession ScanSession(const std::string& folder);
 /// The footage in one folder, as a take with the folder's name.
 SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* cameras);
 
+namespace internal {
+
+/// The footage in raw/TAKE/CAMERA.* and raw/plate/CAMERA.*, for the session's cameras that have any. Throws FormatError when a
+/// camera has two.
+std::vector<SessionFootage> ScanFootage(const Session& session, const std::string& take);
+
+}  // namespace internal
 }  // namespace mvstudio::dataset

@@ -7,7 +7,7 @@
 
 #include "core/csv.h"
 #include "core/error.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/session/timeline_source.h"
 
 namespace mvstudio::dataset {

@@ -3,7 +3,7 @@
 
 #include "core/disk/files.h"
 #include "core/format.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
 
 namespace mvstudio::dataset {

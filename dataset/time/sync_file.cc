@@ -5,7 +5,7 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
 namespace {

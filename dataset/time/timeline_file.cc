@@ -5,7 +5,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/fields.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/time/timeline.h"
 
 namespace mvstudio::dataset {

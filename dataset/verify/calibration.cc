@@ -1,8 +1,11 @@
 #include <cmath>
 #include <set>
 
-#include "dataset/panoptic/panoptic_internal.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/panoptic/panoptic_camera.h"
+#include "dataset/panoptic/panoptic_json.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 #include "geometry/rig/plausible.h"
 
 namespace mvstudio::dataset::internal {

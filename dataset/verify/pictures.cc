@@ -7,7 +7,8 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset::internal {
 namespace fs = std::filesystem;

@@ -2,9 +2,10 @@
 #include <cmath>
 #include <set>
 
-#include "dataset/panoptic/panoptic_internal.h"
+#include "dataset/json/json_file.h"
 #include "dataset/panoptic/time.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -8,8 +8,9 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "dataset/json/json_internal.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/json/json_file.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -68,7 +69,7 @@ void CheckFolders(const PanopticSequence& sequence, const geometry::Rig& rig, Fi
       if (fs::is_directory(folder / camera) && !told && rig.Find(camera) < 0)
         findings->Error("DAT-NAME", (folder / camera).string(), "the calibration has no such camera");
       if (rig.Find(camera) >= 0 && !sequence.footage.count(camera) && HasOwnFolder(sequence, camera, name))
-        findings->Error("DAT-IMAGE", (folder / camera).string(), "holds no picture of this camera");
+        findings->Error("DAT-IMAGE", (folder / camera).string(), "holds no image of this camera");
     }
   }
 }

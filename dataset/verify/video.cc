@@ -4,7 +4,8 @@
 
 #include "core/error.h"
 #include "dataset/footage/video_io.h"
-#include "dataset/verify/verify_internal.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

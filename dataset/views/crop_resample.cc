@@ -5,8 +5,8 @@
 
 #include "core/check.h"
 #include "core/parallel.h"
+#include "dataset/views/bilinear_taps.h"
 #include "dataset/views/crop.h"
-#include "dataset/views/crop_taps_internal.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -8,7 +8,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/join.h"
-#include "dataset/json/json_internal.h"
+#include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
 namespace {

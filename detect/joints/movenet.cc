@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "detect/joints/joint_net.h"
-#include "detect/joints/joint_net_internal.h"
+#include "detect/joints/net_values.h"
 #include "detect/models/models.h"
 
 namespace mvstudio::detect {

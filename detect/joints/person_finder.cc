@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "detect/joints/joint_net.h"
-#include "detect/joints/joint_net_internal.h"
+#include "detect/joints/posenet.h"
 
 namespace mvstudio::detect {
 

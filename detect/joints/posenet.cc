@@ -1,8 +1,10 @@
+#include "detect/joints/posenet.h"
+
 #include <cmath>
 
 #include "core/error.h"
 #include "detect/joints/joint_net.h"
-#include "detect/joints/joint_net_internal.h"
+#include "detect/joints/net_values.h"
 #include "detect/models/models.h"
 
 namespace mvstudio::detect {

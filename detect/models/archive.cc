@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "core/error.h"
-#include "detect/models/models_internal.h"
+#include "detect/models/npm_package.h"
 
 namespace mvstudio::detect::internal {
 namespace {

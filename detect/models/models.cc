@@ -9,10 +9,10 @@
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/join.h"
-#include "detect/models/models_internal.h"
+#include "detect/models/npm_package.h"
 #include "detect/models/sha512.h"
-#include "detect/tfjs/json_internal.h"
-#include "detect/tfjs/tfjs_internal.h"
+#include "detect/tfjs/json_parse.h"
+#include "detect/tfjs/parsed_graph.h"
 
 namespace mvstudio::detect {
 namespace fs = std::filesystem;

@@ -4,7 +4,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/process.h"
-#include "detect/models/models_internal.h"
+#include "detect/models/npm_package.h"
 
 namespace mvstudio::detect::internal {
 namespace {

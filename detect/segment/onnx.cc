@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/error.h"
-#include "detect/segment/segment_internal.h"
+#include "detect/segment/crop_segmenter.h"
 
 namespace mvstudio::detect {
 namespace {

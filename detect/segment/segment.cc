@@ -8,7 +8,7 @@
 #include "core/check.h"
 #include "core/error.h"
 #include "detect/models/models.h"
-#include "detect/segment/segment_internal.h"
+#include "detect/segment/crop_segmenter.h"
 
 namespace mvstudio::detect {
 namespace {

@@ -1,4 +1,4 @@
-#include "detect/tfjs/tfjs_ops_internal.h"
+#include "detect/tfjs/ops.h"
 
 namespace mvstudio::detect::internal {
 namespace {

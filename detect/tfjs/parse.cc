@@ -2,9 +2,9 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
-#include "detect/tfjs/json_internal.h"
-#include "detect/tfjs/tfjs_internal.h"
-#include "detect/tfjs/tfjs_weights_internal.h"
+#include "detect/tfjs/json_parse.h"
+#include "detect/tfjs/parsed_graph.h"
+#include "detect/tfjs/weights.h"
 
 namespace mvstudio::detect {
 namespace internal {

@@ -4,7 +4,7 @@
 #include <mutex>
 #include <thread>
 
-#include "detect/tfjs/tfjs_ops_internal.h"
+#include "detect/tfjs/ops.h"
 // torch has macros of its own
 #include "core/check.h"
 

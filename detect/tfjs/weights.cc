@@ -1,7 +1,7 @@
+#include "detect/tfjs/weights.h"
+
 #include <cmath>
 #include <cstring>
-
-#include "detect/tfjs/tfjs_weights_internal.h"
 
 namespace mvstudio::detect::internal {
 namespace {

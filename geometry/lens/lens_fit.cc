@@ -8,7 +8,7 @@
 #include "core/check.h"
 #include "core/units.h"
 #include "geometry/lens/lens_derivatives.h"
-#include "geometry/lens/lens_fit_internal.h"
+#include "geometry/lens/lens_fit_starts.h"
 #include "geometry/lens/models/spline_grid.h"
 #include "geometry/rigid/rigid3.h"
 

@@ -1,3 +1,5 @@
+#include "geometry/lens/lens_fit_starts.h"
+
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
@@ -5,7 +7,6 @@
 #include <optional>
 
 #include "geometry/lens/lens_fit.h"
-#include "geometry/lens/lens_fit_internal.h"
 #include "geometry/lens/models.h"
 #include "geometry/lens/models/spline_grid.h"
 

@@ -12,7 +12,7 @@
 #include "core/json_view.h"
 #include "core/label.h"
 #include "core/log.h"
-#include "geometry/rig/rig_io_internal.h"
+#include "geometry/rig/message_text.h"
 
 namespace mvstudio::geometry {
 namespace {

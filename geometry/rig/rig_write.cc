@@ -6,9 +6,9 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/label.h"
+#include "geometry/rig/message_text.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
-#include "geometry/rig/rig_io_internal.h"
 
 namespace mvstudio::geometry {
 namespace {
@@ -58,8 +58,8 @@ std::string CameraToText(const RigCamera& camera) {
   return text + "\n    }";
 }
 
-/// One line a row of the lower triangle; why it is left out where it is too large for a text file; nothing where it is absent or
-/// stale. Rows of unknown blocks are zero.
+/// One line a row of the lower triangle; why it is left out where it is too large for a text file; nothing where it is absent
+/// or stale. Rows of unknown blocks are zero.
 std::string JointCovarianceToText(const Rig& rig) {
   if (!HasJointCovariance(rig)) return "";
   const std::string why = WhyJointCovarianceLeftOut(rig);
@@ -122,7 +122,8 @@ std::string RigToJsonText(const Rig& rig) {
   ValidateForWriting(rig);
   try {
     std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() +
-                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n" + BoardsToText(rig) + "  \"cameras\": [\n";
+                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n" + BoardsToText(rig) +
+                       "  \"cameras\": [\n";
     for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
     return text + "\n  ]" + JointCovarianceToText(rig) + "\n}\n";
   } catch (const Json::exception& error) {

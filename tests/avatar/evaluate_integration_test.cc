@@ -202,7 +202,7 @@ TEST_F(EvaluateRun, ScoresThePicturesThatExistAndCountsTheOthers) {
   EXPECT_NE(e.nearest_camera.at("00_01"), whole.nearest_camera.at("00_01")) << "it has no training picture any more";
   EXPECT_NE(e.protocol.sha256, whole.protocol.sha256) << "other pictures were scored";
   EXPECT_THAT(ToJsonText(e),
-              AllOf(HasSubstr("\"missing\":{\"asked\":6,\"missing\":2"), HasSubstr("camera 00_01, frame 7: no picture")));
+              AllOf(HasSubstr("\"missing\":{\"asked\":6,\"missing\":2"), HasSubstr("camera 00_01, frame 7: no image")));
   options.motions = "gone=7-7,rest=8-8";
   EXPECT_EQ(Evaluate(run(), options, {}).per_motion.at(0).mean.n, 1) << "of 00_03";
   remove_picture("00_03", 7);

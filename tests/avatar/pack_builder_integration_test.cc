@@ -181,7 +181,7 @@ TEST_F(PackBuilder, RefusesSidesWithTooFewPictures) {
   EXPECT_EQ(RequirePictures(data_, HoldoutSide(split)).missing(), 1);
   EXPECT_EQ(FramesWithPictures(data_, HoldoutSide(split)), std::vector<int>({5}));
   std::filesystem::remove(data_.MaskPath("00_03", 5));
-  EXPECT_THAT(refused(HoldoutSide(split)), AllOf(HasSubstr("held-out cameras"), HasSubstr("no picture with a mask is left")));
+  EXPECT_THAT(refused(HoldoutSide(split)), AllOf(HasSubstr("held-out cameras"), HasSubstr("no image with a mask is left")));
   for (const int frame : {0, 1}) {
     for (const char* camera : {"00_00", "00_01", "00_02"}) std::filesystem::remove(data_.ImagePath(camera, frame));
   }

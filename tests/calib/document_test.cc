@@ -1,6 +1,7 @@
+#include "calib/formats/document.h"
+
 #include <gtest/gtest.h>
 
-#include "calib/formats/document_internal.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 

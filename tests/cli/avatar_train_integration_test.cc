@@ -213,7 +213,7 @@ TEST_F(AvatarTrain, TakesThePicturesThatExist) {
   EXPECT_EQ(json["metrics"]["missing"]["asked"], 15);
   EXPECT_EQ(json["metrics"]["missing"]["missing"], 2);
   EXPECT_EQ(json["metrics"]["missing"]["cameras"]["00_01"]["masks"], 1);
-  EXPECT_EQ(json["metrics"]["missing"]["names"][0], "camera 00_00, frame 3: no picture");
+  EXPECT_EQ(json["metrics"]["missing"]["names"][0], "camera 00_00, frame 3: no image");
   ASSERT_EQ(json["warnings"].size(), 2u) << json["warnings"].dump();
   EXPECT_EQ(json["warnings"][0]["code"], "AVA-MISSING");
   EXPECT_THAT(json["warnings"][0]["text"].get<std::string>(), AllOf(HasSubstr("2 of 15"), HasSubstr("00_00: 1 of 5")));

@@ -41,12 +41,12 @@ TEST_F(SparseDataset, VerifyPassesWithCountsAndFailsForACameraWithoutAny) {
   EXPECT_EQ(json["metrics"]["num_errors"], 0);
   EXPECT_EQ(json["metrics"]["missing_pictures"], (nlohmann::json{{"00_01", 4}}));
   EXPECT_EQ(json["metrics"]["missing_masks"], (nlohmann::json{{"00_02", 1}}));
-  EXPECT_THAT(run.out, AllOf(HasSubstr("no picture for 4 of 6 frames with joints; 4 frames: 1, 2, 3, 4"),
+  EXPECT_THAT(run.out, AllOf(HasSubstr("no image for 4 of 6 frames with joints; 4 frames: 1, 2, 3, 4"),
                              HasSubstr("no mask for 1 of 6 frames with joints; 1 frame: 3")));
   fs::remove(Path("hdImgs", "00_01", 0)), fs::remove(Path("hdImgs", "00_01", 5));
   const CliRun without = RunCli({"dataset", "verify", data_, "--json"});
   EXPECT_EQ(without.exit, 6);
-  EXPECT_THAT(without.out, HasSubstr("holds no picture of this camera"));
+  EXPECT_THAT(without.out, HasSubstr("holds no image of this camera"));
 }
 
 TEST_F(SparseDataset, PackAndExportTakeWhatThereIs) {
@@ -63,7 +63,7 @@ TEST_F(SparseDataset, PackAndExportTakeWhatThereIs) {
   EXPECT_EQ(exported.exit, 6) << exported.err;
   EXPECT_EQ(exported.Json()["metrics"]["pictures"], 14);
   EXPECT_EQ(exported.Json()["metrics"]["missing"]["cameras"]["00_01"]["pictures"], 4);
-  EXPECT_THAT(exported.out, HasSubstr("4 pictures are not in the dataset (00_01: 4 of 6)"));
+  EXPECT_THAT(exported.out, HasSubstr("4 images are not in the dataset (00_01: 4 of 6)"));
 }
 
 }  // namespace

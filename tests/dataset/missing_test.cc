@@ -41,7 +41,7 @@ class Missing : public ::testing::Test {
 TEST_F(Missing, NothingIsMissingOfAWholeDataset) {
   EXPECT_EQ(Find().asked(), 30);
   EXPECT_EQ(Find().missing(), 0);
-  EXPECT_EQ(MissingText(Find()), "0 of 30 pictures are not in the dataset");
+  EXPECT_EQ(MissingText(Find()), "0 of 30 images are not in the dataset");
   const auto json = nlohmann::json::parse(MissingToJsonText(Find()));
   EXPECT_EQ(json["cameras"], nlohmann::json::object());
   EXPECT_EQ(json["names"], nlohmann::json::array());
@@ -69,7 +69,7 @@ TEST_F(Missing, PicturesAndMasksAreCountedByCameraAndNamed) {
   EXPECT_EQ(json["masks"], 2);
   EXPECT_EQ(json["cameras"]["00_01"], (nlohmann::json{{"asked", 10}, {"pictures", 6}, {"masks", 1}}));
   EXPECT_EQ(json["names"].size(), 8u);
-  EXPECT_EQ(json["names"][0], "camera 00_01, frame 1: no picture");
+  EXPECT_EQ(json["names"][0], "camera 00_01, frame 1: no image");
   EXPECT_EQ(json["names"][6], "camera 00_01, frame 9: no mask");
 }
 

@@ -116,7 +116,7 @@ TEST_F(VerifyTest, MissingPicture) {
   EXPECT_EQ(Only("DAT-IMAGE-MISSING"), 1);
   const VerifyReport report = VerifyDataset(folder_.path());
   EXPECT_EQ(report.num_errors(), 0) << "a dataset need not hold every picture";
-  EXPECT_EQ(report.findings.at(0).text, "no picture for 1 of 3 frames with joints; 1 frame: 6");
+  EXPECT_EQ(report.findings.at(0).text, "no image for 1 of 3 frames with joints; 1 frame: 6");
   EXPECT_EQ(report.no_picture, (std::map<std::string, int>{{"00_00", 1}}));
   EXPECT_TRUE(report.no_mask.empty()) << "the mask of a picture that is not there is not missed";
 }

@@ -10,7 +10,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "detect/models/models_internal.h"
+#include "detect/models/npm_package.h"
 #include "detect/models/sha512.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

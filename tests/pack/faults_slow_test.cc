@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "core/random.h"
-#include "dataset/pack/done_internal.h"
+#include "dataset/pack/pack_json.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
 

@@ -8,8 +8,9 @@
 #include <fstream>
 #include <functional>
 
-#include "dataset/pack/hdf5_internal.h"
-#include "dataset/pack/isolate_internal.h"
+#include "dataset/pack/child_process.h"
+#include "dataset/pack/hdf5_handle.h"
+#include "dataset/pack/hdf5_reader.h"
 #include "dataset/pack/pack.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"

@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "tests/triangulate/support.h"
 #include "triangulate/skeleton/refine.h"
-#include "triangulate/skeleton/refine_internal.h"
+#include "triangulate/skeleton/window.h"
 
 /// A walking stick figure with bones of constant length, and others without.
 namespace mvstudio::triangulate {

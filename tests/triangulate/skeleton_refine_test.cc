@@ -1,11 +1,10 @@
-#include "triangulate/skeleton/refine.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
 #include "core/random.h"
-#include "triangulate/skeleton/refine_internal.h"
+#include "triangulate/skeleton/refine.h"
+#include "triangulate/skeleton/selected_inverse.h"
 
 /// The parts of the refinement; skeleton_refine_motion_integration_test.cc has the whole.
 namespace mvstudio::triangulate {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 
-#include "triangulate/sync/sync_internal.h"
+#include "triangulate/sync/joint_tracks.h"
 
 /// The parts of the synchronisation; sync_motion_integration_test.cc has the whole.
 namespace mvstudio::triangulate {

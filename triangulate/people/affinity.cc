@@ -1,3 +1,5 @@
+#include "triangulate/people/affinity.h"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
@@ -5,7 +7,6 @@
 #include <limits>
 
 #include "core/statistics.h"
-#include "triangulate/people/association_internal.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {

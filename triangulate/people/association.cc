@@ -4,8 +4,9 @@
 #include <map>
 
 #include "core/parallel.h"
+#include "triangulate/people/affinity.h"
 #include "triangulate/people/assignment.h"
-#include "triangulate/people/association_internal.h"
+#include "triangulate/people/cluster.h"
 #include "triangulate/people/tracks.h"
 
 namespace mvstudio::triangulate {

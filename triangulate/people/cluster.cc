@@ -1,9 +1,11 @@
+#include "triangulate/people/cluster.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "triangulate/people/affinity.h"
 #include "triangulate/people/assignment.h"
-#include "triangulate/people/association_internal.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {

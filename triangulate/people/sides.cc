@@ -6,7 +6,7 @@
 
 #include "core/check.h"
 #include "core/parallel.h"
-#include "triangulate/people/association_internal.h"
+#include "triangulate/people/affinity.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -84,7 +84,8 @@ class Bundle {
   internal::RaySum sum_;
 };
 
-SideFit FitLabels(const std::vector<Candidate>& views, const MirrorGroups& groups, const Eigen::VectorXd& label, double sigma_px) {
+SideFit FitLabels(const std::vector<Candidate>& views, const MirrorGroups& groups, const Eigen::VectorXd& label,
+                  double sigma_px) {
   SideFit fit{Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(groups.size()), label.size()), 0};
   for (size_t g = 0; g < groups.size(); ++g) {
     for (const auto& [l, r] : groups[g]) {

@@ -1,10 +1,12 @@
+#include "triangulate/skeleton/choice.h"
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "core/parallel.h"
 #include "core/statistics.h"
-#include "triangulate/skeleton/refine_internal.h"
+#include "triangulate/skeleton/window.h"
 
 /// Terms chosen by cameras that were left out.
 namespace mvstudio::triangulate::internal {

@@ -8,7 +8,8 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
-#include "triangulate/skeleton/refine_internal.h"
+#include "triangulate/skeleton/choice.h"
+#include "triangulate/skeleton/window.h"
 
 namespace mvstudio::triangulate {
 

@@ -5,7 +5,8 @@
 
 #include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
-#include "triangulate/skeleton/refine_internal.h"
+#include "triangulate/skeleton/selected_inverse.h"
+#include "triangulate/skeleton/window.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {
@@ -336,8 +337,7 @@ Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const Selected
 std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const SelectedInverse& inverse) {
   const Window& window = *problem.window;
   const double shared = problem.terms->shared_error;
-  std::vector<Point> points;
-  for (const Cell& cell : window.cells) points.push_back(cell.point);
+  std::vector<Point> points = PointsOf(window);
   for (size_t j = 0; j < window.num_joints; ++j) {
     std::vector<double> sigmas, ratios;
     for (const bool bridged : {false, true}) {

@@ -11,7 +11,8 @@
 #include "core/join.h"
 #include "core/random.h"
 #include "core/statistics.h"
-#include "triangulate/sync/sync_internal.h"
+#include "triangulate/sync/pair_curves.h"
+#include "triangulate/sync/refine_offsets.h"
 
 namespace mvstudio::triangulate {
 namespace {

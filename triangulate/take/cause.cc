@@ -11,7 +11,7 @@
 #include "core/parallel.h"
 #include "triangulate/point/point.h"
 #include "triangulate/sync/sync.h"
-#include "triangulate/take/cause_internal.h"
+#include "triangulate/take/cause_trials.h"
 
 namespace mvstudio::triangulate {
 namespace {

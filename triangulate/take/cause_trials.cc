@@ -1,3 +1,5 @@
+#include "triangulate/take/cause_trials.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -9,7 +11,6 @@
 #include "core/format.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
-#include "triangulate/take/cause_internal.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {

@@ -41,11 +41,11 @@ int64_t NearestPose(const AvatarPack& candidates, const AvatarPack& truth, int64
   return best;
 }
 
-/// Training cameras of which the dataset has no picture are none to choose from, but may be scored.
+/// Training cameras of which the dataset has no image are none to choose from, but may be scored.
 DatasetSplit WithPictures(const dataset::PanopticDataset& data, DatasetSplit split) {
   const std::vector<std::string> without = dataset::FindMissing(data, split.train_cameras, split.train_frames).CamerasWithout();
   if (without.size() == split.train_cameras.size())
-    throw FormatError(data.root, "", "holds no picture that the run was trained on: the baselines are made of them");
+    throw FormatError(data.root, "", "holds no image that the run was trained on: the baselines are made of them");
   auto& cameras = split.train_cameras;
   const auto gone = [&](const std::string& name) { return std::count(without.begin(), without.end(), name) > 0; };
   split.holdout_cameras.insert(split.holdout_cameras.end(), without.begin(), without.end());

@@ -25,10 +25,10 @@ dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, c
     throw FormatError(data.root, "", side.kind + ": " + why + "; " + dataset::MissingText(missing));
   };
   const std::vector<std::string> without = missing.CamerasWithout();
-  if (missing.asked() > 0 && missing.missing() == missing.asked()) refuse("no picture with a mask is left");
-  if (!without.empty()) refuse("no picture with a mask of camera " + Join(without, ", ") + ": leave it out");
+  if (missing.asked() > 0 && missing.missing() == missing.asked()) refuse("no image with a mask is left");
+  if (!without.empty()) refuse("no image with a mask of camera " + Join(without, ", ") + ": leave it out");
   if (missing.missing() > most * missing.asked())
-    refuse("more than half of the pictures are missing: choose cameras and frames that the dataset holds");
+    refuse("more than half of the images are missing: choose cameras and frames that the dataset holds");
   return missing;
 }
 

@@ -1,0 +1,52 @@
+// Private: the state and the steps of CheckRig.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "calib/check/pose_problem.h"
+#include "calib/check/rig_check.h"
+#include "geometry/rig/rig_covariance.h"
+
+namespace mvstudio::calib::internal {
+
+/// State of one check.
+struct CheckWork {
+  const geometry::Rig& rig;
+  RigCheckOptions options;
+  PoseProblem problem;
+  PoseState state;
+  std::vector<std::vector<int>> all_views_of_board;  // problem.views_of_board with every camera's
+  std::vector<geometry::Rigid3> own_pose;            // per view: cam_from_board
+  std::vector<std::vector<int>> boards_of;           // per camera, those that it shares
+  std::vector<CameraCheck> checks;                   // per camera of the rig
+  std::vector<bool> present, moved;
+};
+
+/// Fits every view by itself, drops corners and views that do not fit, and estimates each camera's noise. Keeps the views
+/// of boards that two cameras share at one time step, with weights in px^-2.
+void PrepareCheck(const CalibrateInput& input, CheckWork* work);
+
+/// Enters a camera's new pose, which SolveCamera found at `state` from `boards`, into the rig's stated covariance. `own`
+/// is its covariance for an exact calibration. Added is the part that comes from its own lens and from the lenses and
+/// poses of the cameras that placed the boards, with the correlation. Unknown covariances add nothing. For two repaired
+/// cameras, the noise of the boards that placed them counts as independent.
+void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera,
+                     const Matrix6d& own, geometry::StatedCovariance* stated);
+
+/// Distances of the corners from their projections, px; infinity for those that do not project.
+Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);
+
+/// Lengths between corners that two or more cameras see, triangulated with the calibration unchanged, compared with the
+/// board. `edge`: the shortest lengths on the board; `pair`: all of them.
+BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);
+
+/// Lengths by the calibration over lengths on the board. For each pair of cameras: the median over time steps of the scale
+/// of the similarity that maps the board to its triangulated corners. Of the pairs, sorted by |scale - 1|, the one at a
+/// third is taken, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
+double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
+
+/// Sets check->verdict from the other fields.
+void JudgeCheck(const RigCheckOptions& options, RigCheck* check);
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,70 @@
+// Private: steps of COLMAP's readers and writers, for colmap*.cc.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/formats/format_text.h"
+#include "calib/formats/writers.h"
+
+/// COLMAP's model files in their own conventions.
+/// https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
+namespace mvstudio::calib::internal {
+
+struct ColmapModel {
+  int id;
+  const char* name;
+  int num_params;
+};
+/// Null for ids and names that COLMAP 3.8 does not have.
+const ColmapModel* FindColmapModel(int id);
+const ColmapModel* FindColmapModel(const std::string& name);
+
+struct ColmapCamera {
+  const ColmapModel* model = nullptr;
+  double width_px = 0, height_px = 0;
+  std::vector<double> params;  ///< principal point relative to the corner of the image
+  Place place;
+};
+
+struct ColmapImage {
+  Eigen::Quaterniond rotation;  ///< cam_from_world
+  Eigen::Vector3d translation;
+  uint32_t camera_id = 0;
+  std::string name;
+  Place place;
+  struct Feature {
+    Eigen::Vector2d px_from_corner;
+    uint64_t point_id;
+  };
+  std::vector<Feature> features = {};  ///< written only
+};
+
+struct ColmapPoint {
+  Eigen::Vector3d x_in_world;
+  std::array<uint8_t, 3> rgb;
+  double error_px;
+  std::vector<std::pair<uint32_t, uint32_t>> track;  ///< image id, index into its features
+};
+
+struct ColmapFiles {
+  std::map<uint32_t, ColmapCamera> cameras;
+  std::vector<ColmapImage> images;
+  std::vector<ColmapPoint> points = {};  ///< written only; ids from 1
+};
+
+ColmapFiles ReadColmapText(const std::string& folder);
+ColmapFiles ReadColmapBinary(const std::string& folder);
+/// cameras, images and points3D; return the files.
+Files WriteColmapText(const ColmapFiles& model, const std::string& folder);
+Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder);
+
+/// From a quaternion w, x, y, z of a file; throws FormatError when it is far from unit length.
+Eigen::Quaterniond ColmapRotation(double w, double x, double y, double z, const Place& place);
+
+}  // namespace mvstudio::calib::internal

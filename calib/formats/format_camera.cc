@@ -1,0 +1,116 @@
+#include "calib/formats/format_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/format.h"
+#include "core/utf8.h"
+#include "geometry/rig/plausible.h"
+#include "geometry/rigid/rigid3.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr double kMaxSizePx = 1 << 20;
+
+void CheckSize(double width_px, double height_px, const Place& place) {
+  const auto is_size = [](double size) { return size >= 1 && size <= kMaxSizePx && size == std::floor(size); };
+  if (is_size(width_px) && is_size(height_px)) return;
+  throw FormatError(place.path, place.where,
+                    "image size " + std::to_string(width_px) + " x " + std::to_string(height_px) + " px is out of range");
+}
+
+/// The perspective lens that has so many coefficients in OpenCV's order.
+std::optional<geometry::LensModel> ModelOfCount(Eigen::Index count) {
+  for (const geometry::LensModel model : geometry::kAllLensModels) {
+    if (geometry::HasOpenCvOrder(model) && geometry::NumDistortionParams(model) == count) return model;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place) {
+  const std::string wrong = geometry::WhyNotARotation(matrix);
+  if (!wrong.empty()) throw FormatError(place.path, place.where, wrong);
+  return geometry::NearestRotation(matrix);
+}
+
+geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
+                            const Eigen::VectorXd& distortion, bool fisheye, const Place& place) {
+  const auto fail = [&](const std::string& what) { throw FormatError(place.path, place.where, what); };
+  if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
+    fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
+  if (k(0, 1) != 0) fail("the camera matrix has skew " + std::to_string(k(0, 1)) + ", which no lens model here has");
+  const Eigen::Index count = distortion.isZero(0) && !fisheye ? 0 : distortion.size();
+  if (fisheye && count != 4) {
+    fail("a fisheye lens has 4 distortion coefficients, these are " + std::to_string(count));
+  }
+  const auto model = fisheye ? geometry::LensModel::kKannalaBrandt4 : ModelOfCount(count);
+  if (!model) {
+    fail("no lens model has " + std::to_string(count) + " distortion coefficients (0, 1, 2, 4, 5, 8 and 12 are known)");
+  }
+  Eigen::VectorXd params(4 + count);
+  params << k(0, 0), k(1, 1), k(0, 2), k(1, 2), distortion.head(count);
+  return MakeModelCamera(name, width_px, height_px, *model, params, place);
+}
+
+Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy) {
+  Eigen::Matrix3d k;
+  k << fx, 0, cx, 0, fy, cy, 0, 0, 1;
+  return k;
+}
+
+geometry::Camera Checked(geometry::Camera camera, double width_px, double height_px, const Place& place) {
+  CheckSize(width_px, height_px, place);
+  camera.width_px = static_cast<int>(width_px);
+  camera.height_px = static_cast<int>(height_px);
+  const std::string wrong = geometry::WhyInvalidLens(camera);
+  if (!wrong.empty()) throw FormatError(place.path, place.where, wrong);
+  return camera;
+}
+
+geometry::Camera MakeModelCamera(const std::string& name, double width_px, double height_px, geometry::LensModel model,
+                                 const Eigen::VectorXd& params, const Place& place) {
+  geometry::Camera camera;
+  camera.name = name;
+  camera.model = model;
+  camera.params = params;
+  return Checked(std::move(camera), width_px, height_px, place);
+}
+
+std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera) {
+  if (camera.model == geometry::LensModel::kKannalaBrandt4) return OpenCvLens{camera.params.tail(4), true};
+  const auto terms = geometry::OpenCvTerms(camera);
+  if (!terms) return std::nullopt;
+  // OpenCV takes none, 4, 5, 8 or 12.
+  const Eigen::Index own = camera.params.size() - 4, count = own == 0 ? 0 : std::max<Eigen::Index>(own, 4);
+  return OpenCvLens{terms->head(count), false};
+}
+
+OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {
+  const auto lens = ToOpenCvLens(camera);
+  if (!lens)
+    throw ContractViolation("camera '" + camera.name + "': " + std::string(ToString(camera.model)) + " is not OpenCV's");
+  return *lens;
+}
+
+void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig) {
+  if (camera.camera.name.empty()) throw FormatError(place.path, place.where, "the camera has no name");
+  if (!IsUtf8(camera.camera.name)) {
+    throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is not UTF-8");
+  }
+  if (rig->Find(camera.camera.name) >= 0) {
+    throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is used twice");
+  }
+  rig->cameras.push_back(std::move(camera));
+}
+
+ImportNote UnitNote(double metres_per_unit) {
+  return {"CAL-UNIT",
+          "the format names no unit of length; translations are taken as " + Format("%g", metres_per_unit) + " m per unit",
+          "pass option 'unit' mm, cm or m: that of the program that wrote the file"};
+}
+
+}  // namespace mvstudio::calib::internal

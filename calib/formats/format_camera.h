@@ -1,0 +1,52 @@
+// Private: for the readers and writers of calib/.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <string>
+
+#include "calib/formats/format_text.h"
+#include "calib/formats/formats.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rig/rig.h"
+
+/// Cameras, lenses and poses as several formats have them.
+namespace mvstudio::calib::internal {
+
+/// A camera from a 3x3 matrix and a distortion vector in OpenCV's order; all-zero distortion becomes a pinhole. Throws
+/// FormatError for skew, a matrix that is not a camera matrix, a size out of range, or a number of coefficients that no
+/// lens model has.
+geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
+                            const Eigen::VectorXd& distortion, bool fisheye, const Place& place);
+
+/// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
+Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy);
+
+/// The camera with its size; throws FormatError when the size is out of range or the lens is invalid.
+geometry::Camera Checked(geometry::Camera camera, double width_px, double height_px, const Place& place);
+
+/// Same, for a camera made from these values.
+geometry::Camera MakeModelCamera(const std::string& name, double width_px, double height_px, geometry::LensModel model,
+                                 const Eigen::VectorXd& params, const Place& place);
+
+/// A lens in the form of OpenCV's functions.
+struct OpenCvLens {
+  Eigen::VectorXd distortion;  ///< 0, 4, 5, 8 or 12 coefficients in OpenCV's order; 4 when fisheye
+  bool fisheye = false;
+};
+/// Empty when OpenCV has no such lens.
+std::optional<OpenCvLens> ToOpenCvLens(const geometry::Camera& camera);
+
+/// Same, for a camera that is known to be supported (RigForFormat).
+OpenCvLens OpenCvLensOf(const geometry::Camera& camera);
+
+/// Rotation from a file's matrix; throws FormatError when it is farther than 1e-3 from a rotation.
+Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
+
+/// Adds a camera; throws FormatError when its name is empty, not UTF-8, or already present.
+void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
+
+/// Note for files that name no unit.
+ImportNote UnitNote(double metres_per_unit);
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,42 @@
+// Private: for opencv.cc and easymocap.cc.
+#pragma once
+
+#include <Eigen/Core>
+#include <initializer_list>
+#include <map>
+#include <string>
+
+#include "calib/formats/document.h"
+#include "calib/formats/format_text.h"
+
+/// OpenCV's FileStorage YAML 1.0.
+namespace mvstudio::calib::internal {
+
+/// A top-level entry of a FileStorage file.
+struct Entry {
+  Value value;
+  Place place;
+};
+using Entries = std::map<std::string, Entry>;
+
+/// Keys as written or, if `normalised`, in lower case without underscores, because OpenCV's own samples write
+/// camera_matrix, Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is already there.
+void ReadEntries(const std::string& path, bool normalised, Entries* entries);
+
+const Entry* FindEntry(const Entries& entries, const std::string& key);
+/// The first of several names of the same thing.
+const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*> keys);
+
+double ReadNumber(const Entry& entry);
+Eigen::MatrixXd ReadMatrix(const Entry& entry);
+Eigen::Matrix3d ReadMatrix3(const Entry& entry);
+Eigen::VectorXd ReadVector(const Entry& entry);
+/// Distortion coefficients without the zeros that OpenCV writes for its thin-prism and tilt terms; empty without an entry.
+Eigen::VectorXd ReadDistortion(const Entry* entry);
+/// A Rodrigues vector or a 3x3 matrix.
+Eigen::Quaterniond ReadRotation(const Entry& entry);
+
+/// `key: !!opencv-matrix …`.
+std::string MatrixEntry(const std::string& key, const Eigen::MatrixXd& matrix);
+
+}  // namespace mvstudio::calib::internal

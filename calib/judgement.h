@@ -1,0 +1,37 @@
+// Private: the rules of Judge, for verdict*.cc and calibrate*.cc.
+#pragma once
+
+#include <string>
+
+#include "calib/calibrate.h"
+
+namespace mvstudio::calib::internal {
+
+class Judgement {
+ public:
+  void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }
+  void Fail(const char* code, const std::string& text, const std::string& hint) { Add("fail", {code, text, hint}); }
+  /// Fails above `fail`, warns above `warn`, passes smaller values and NaN.
+  void Limit(double value, double warn, double fail, const char* code, const std::string& text, const std::string& hint) {
+    if (value > fail) return Fail(code, text, hint);
+    if (value > warn) Warn(code, text, hint);
+  }
+  Verdict verdict;
+
+ private:
+  void Add(const std::string& status, const Verdict::Reason& reason) {
+    if (verdict.status != "fail") verdict.status = status;
+    verdict.reasons.push_back(reason);
+  }
+};
+
+/// A camera contradicts the others if its error in the rig exceeds its own by this ratio and this many pixels.
+constexpr double kContradictsRatio = 1.5, kContradictsPx = 0.3;
+
+/// Factor on limits in pixels: 1 up to a full-HD image, in proportion to the diagonal beyond.
+double PixelScale(const CalibrateReport& report, size_t camera);
+
+/// Judges the contradictions of a camera's boards with those of the others, or with each other.
+void JudgeEvidence(const CalibrateReport& report, Judgement* out);
+
+}  // namespace mvstudio::calib::internal

@@ -1,0 +1,11 @@
+# Run by cmake --install: the headers under MVSTUDIO_SOURCE, but not those whose first line is "// Private: WHY".
+foreach(module core metrics geometry body calib triangulate dataset synth exports report avatar detect app)
+  file(GLOB_RECURSE headers RELATIVE ${MVSTUDIO_SOURCE} ${MVSTUDIO_SOURCE}/${module}/*.h)
+  foreach(header ${headers})
+    file(STRINGS ${MVSTUDIO_SOURCE}/${header} first LIMIT_COUNT 1)
+    if(NOT first MATCHES "^// Private: ")
+      get_filename_component(folder ${header} DIRECTORY)
+      file(INSTALL ${MVSTUDIO_SOURCE}/${header} DESTINATION ${CMAKE_INSTALL_PREFIX}/include/mvstudio/${folder})
+    endif()
+  endforeach()
+endforeach()

@@ -1,0 +1,39 @@
+// Private: BuildDataset's work for one camera.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dataset/build/build.h"
+#include "dataset/masks/size_rule.h"
+#include "dataset/pose/pose3d.h"
+
+namespace mvstudio::dataset::internal {
+
+using People = std::map<int, Coco19Pose>;
+
+struct CameraJob {
+  CameraFootage footage;
+  std::string name;            ///< Panoptic's
+  geometry::RigCamera camera;  ///< as calibrated
+  const std::map<int, People>* poses = nullptr;
+  double joint_rms_px = 0;         ///< median reprojection error of the joints
+  std::string folder;              ///< of the dataset under construction
+  std::function<void()> on_image;  ///< after each picture
+};
+
+struct CameraResult {
+  geometry::RigCamera camera;  ///< as the images need it, under Panoptic's name
+  BuiltCamera built;
+  SizeDecision size;
+  double frame_rate_hz = 0;  ///< 0 for images; with a timeline, of its time steps
+  std::vector<int> gaps;     ///< time steps with joints and no image, ascending
+  std::vector<BuildWarning> warnings;
+};
+
+/// Writes pictures and masks of one camera.
+CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,54 @@
+// Private: a step of BuildPack.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dataset/colour/colour_match.h"
+#include "dataset/pack/build.h"
+#include "dataset/pack/codec.h"
+#include "dataset/pack/pack.h"
+#include "dataset/panoptic/missing.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/views/crop.h"
+
+namespace mvstudio::dataset::internal {
+
+/// A person to be cropped from a picture; with whole pictures, the owner of its joints (-1: nobody).
+struct PackTarget {
+  int person = -1;
+  PersonExtent extent;
+};
+
+/// One picture file and its samples.
+struct PackPicture {
+  int camera_idx = 0;
+  int frame = 0;
+  uint8_t part = 0;
+  std::vector<PackTarget> targets;
+};
+
+/// The options with all choices made: the same for every process that works on the pack.
+struct PackPlan {
+  PackOptions options;
+  PackView view = PackView::kCrop;
+  bool masks = false;
+  PanopticDataset dataset;
+  std::vector<geometry::RigCamera> views;  ///< whole pictures: the camera of each, by camera_idx
+  std::map<int, double> half_extent_m;     ///< crops: by person
+  ColourMatch colour;
+  std::map<int, std::string> scene_paths;        ///< body3DScene files
+  std::vector<std::vector<PackPicture>> shards;  ///< in order of frame, camera
+  int frames_without_person = 0;                 ///< of the chosen frames, those without anybody (or the chosen person)
+  MissingPictures missing;                       ///< of the shards' pictures and, with masks, masks
+  std::string json, sha256, rig_json;
+};
+
+/// Throws UsageError for names, frames and sizes that do not fit the dataset, FormatError when a camera has no picture.
+PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& options, const RunContext& run);
+
+std::string ToString(PackView view);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,53 @@
+// Private: nlohmann's JSON, for the readers of 2D poses.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "dataset/pose/pose2d.h"
+
+/// Shared by the readers of 2D poses.
+namespace mvstudio::dataset::internal {
+
+/// Last run of digits of the name without `_keypoints` and extension; empty when there is none or it has more than 9
+/// digits.
+std::optional<int> FrameNumber(const std::string& file_name);
+
+/// Place of an error for messages, and the expected content of the file.
+struct PoseFile {
+  std::string path, place;
+  const body::Skeleton& skeleton;
+
+  [[noreturn]] void Fail(const std::string& where, const std::string& what) const {
+    throw FormatError(path, place + (place.empty() || where.empty() ? "" : ", ") + where, what);
+  }
+};
+
+/// Throws FormatError for damaged JSON, and for JSON nested deeper than 16 levels.
+nlohmann::json ParsePoseJson(const std::string& text, const PoseFile& file);
+
+/// Appends `num_joints` keypoints from a flat list x, y, score, …; `where` names the list.
+void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std::string& where, const PoseFile& file,
+                     Person2d* person);
+
+/// Runs `read` and turns a FormatError into a line of `skipped`. Gives up after tens of thousands of errors with almost
+/// nothing readable.
+class Tolerant {
+ public:
+  explicit Tolerant(std::vector<std::string>* skipped) : skipped_(skipped) {}
+  void Try(const std::function<void()>& read);
+  /// Call after the last Try: throws the first error when more than half failed.
+  void Finish() const;
+
+ private:
+  std::vector<std::string>* skipped_;
+  std::optional<FormatError> first_;
+  int64_t num_tried_ = 0, num_failed_ = 0;
+};
+
+}  // namespace mvstudio::dataset::internal

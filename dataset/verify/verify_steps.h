@@ -1,0 +1,52 @@
+// Private: the steps of VerifyDataset, some of which the import repeats.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/sequence.h"
+#include "dataset/verify/findings.h"
+#include "dataset/verify/verify.h"
+
+namespace mvstudio::dataset::internal {
+
+/// Returns the cameras that are readable.
+geometry::Rig VerifyCalibration(const std::string& path, Findings* findings);
+
+/// Returns the readable scenes, by frame.
+std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* findings);
+
+/// Number of readable files of faces or hands.
+enum class LandmarkKind { kFaces, kHands };
+int VerifyLandmarks(const PanopticFrames& frames, LandmarkKind kind, const std::map<int, Body3dScene>& scenes,
+                    Findings* findings);
+
+/// Checks sync tables, and whether they agree with the times of the joints.
+void VerifySyncTables(const PanopticSequence& sequence, const std::map<int, Body3dScene>& hd_scenes, Findings* findings);
+
+/// A picture reduced to a few grey means, to detect cameras that show the same.
+using Thumbnail = std::array<float, 16 * 16>;
+Thumbnail MakeThumbnail(const Image& picture);
+
+struct FootageCheck {
+  int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
+  int64_t frames = 0;                           ///< existing, or listed as missing
+  int no_picture = 0, no_mask = 0;              ///< frames with joints without a picture; with a picture and without a mask
+  std::map<int, Thumbnail> thumbnails;          ///< of a few frames
+};
+/// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind.
+FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
+                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
+FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
+                         const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
+
+/// Finds cameras whose footage is that of another, and numbers of frames that differ within a kind.
+void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::vector<FootageCheck>& checks,
+                    const PanopticSequence& sequence, Findings* findings);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,14 @@
+// Private: for the nets of keypoints.
+#pragma once
+
+#include "core/image.h"
+#include "detect/tfjs/tfjs_graph.h"
+
+/// The numbers that go into a net, and what comes out of one as a probability.
+namespace mvstudio::detect::internal {
+
+/// (1, h, w, 3) with 0..255 mapped to -1..1.
+FloatTensor ToSymmetric(const Image& rgb);
+float SigmoidOf(float x);
+
+}  // namespace mvstudio::detect::internal

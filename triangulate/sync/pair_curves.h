@@ -1,0 +1,36 @@
+// Private: a step of SynchronizeCameras.
+#pragma once
+
+#include <vector>
+
+#include "triangulate/sync/sync.h"
+
+namespace mvstudio::triangulate::internal {
+
+constexpr int kSyncBlocks = 16;
+
+/// Cost of every whole offset of two cameras: frame f of `a` with frame f + d of `b`. The frames of `a` are divided into
+/// blocks.
+struct PairCurve {
+  int a = 0, b = 0;
+  int first = 0;  ///< d of the first entry
+  struct Entry {
+    double sum[kSyncBlocks] = {};  // truncated distances, px
+    int num[kSyncBlocks] = {};
+    bool admissible = false;  ///< enough frames in common
+  };
+  std::vector<Entry> entries;
+  double typical = 0;  ///< median over admissible offsets of the mean cost; 0: the pair cannot be used
+
+  bool usable() const { return typical > 0; }
+  /// Mean cost over `typical`, blocks weighted; 1 (no information) where not admissible.
+  double Cost(int d, const int* block_weights = nullptr) const;
+  /// The admissible offset of lowest cost.
+  int Best() const;
+};
+
+/// All pairs of cameras.
+std::vector<PairCurve> ComputePairCurves(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                                         const SyncOptions& options, const RunContext& run);
+
+}  // namespace mvstudio::triangulate::internal

@@ -1,0 +1,321 @@
+#include "triangulate/sync/refine_offsets.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "core/parallel.h"
+#include "core/statistics.h"
+#include "triangulate/point/linear.h"
+#include "triangulate/sync/joint_tracks.h"
+#include "triangulate/sync/pair_curves.h"
+
+namespace mvstudio::triangulate::internal {
+namespace {
+
+constexpr int64_t kMaxFrames = 400;
+constexpr int kParams = 3;  // of a camera: offset (frames), shift of its image (px)
+
+/// Variance of a sampled track is about this part of a detection's; samples of neighbouring frames share their noise in turn.
+constexpr double kSampleVariance = 0.33;
+
+/// One camera's view of a point at the current offsets.
+struct TimedView {
+  View view;  // px: sampled minus the image's shift
+  size_t camera_idx;
+  Eigen::Vector2d px_per_frame;
+  double weight = 1;
+};
+
+struct TimedPoint {
+  int frame = 0;
+  size_t person_idx = 0, joint_idx = 0;
+  int block = 0;
+  std::vector<TimedView> views;
+  Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
+};
+
+struct State {
+  std::vector<double> offset_frames;  // NaN: takes no part
+  std::vector<Eigen::Vector2d> shift_px;
+  double scale_px = 0;  // robust standard deviation of a residual's coordinate
+};
+
+std::optional<TimedView> See(const PreparedRig& rig, size_t camera_idx, const JointTrack& track, double frame,
+                             const State& state) {
+  const auto sample = SampleTrack(track, frame);
+  if (!sample) return std::nullopt;
+  Status rejected;
+  const auto views =
+      MakeViews(rig, {{static_cast<int>(camera_idx), sample->px - state.shift_px[camera_idx], 1.0, 1.0}}, &rejected);
+  if (views.empty()) return std::nullopt;
+  return TimedView{views.front(), camera_idx, sample->px_per_frame};
+}
+
+struct Residual {
+  Eigen::Vector2d px;  // observed minus projected
+  Eigen::Matrix<double, 2, 3> d_px_d_x;
+};
+
+std::optional<Residual> Evaluate(const TimedView& seen, const Eigen::Vector3d& x_in_local) {
+  const auto at = seen.view.camera->projector.ProjectWithJacobians(seen.view.camera->ToCam(x_in_local));
+  if (at.status != Status::kOk) return std::nullopt;
+  return Residual{seen.view.px - at.px, at.d_px_d_x * seen.view.camera->cam_from_local_rotation};
+}
+
+/// Cauchy weights at three robust standard deviations; a fixed number of reweighted Gauss-Newton steps.
+bool Triangulate(double scale_px, TimedPoint* point) {
+  constexpr int kSteps = 6;
+  std::vector<View> views;
+  for (const TimedView& seen : point->views) views.push_back(seen.view);
+  const LinearPoint start = WeightedLinear(views);
+  if (start.status != Status::kOk) return false;
+  point->x_in_local = start.x_in_local;
+  for (int step = 0; step < kSteps; ++step) {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    for (TimedView& seen : point->views) {
+      const auto residual = Evaluate(seen, point->x_in_local);
+      if (!residual) return false;
+      seen.weight = scale_px > 0 ? 1 / (1 + residual->px.squaredNorm() / (9 * scale_px * scale_px)) : 1;
+      information += seen.weight * residual->d_px_d_x.transpose() * residual->d_px_d_x;
+      gradient += seen.weight * residual->d_px_d_x.transpose() * residual->px;
+    }
+    const Eigen::LDLT<Eigen::Matrix3d> factor(information);
+    if (factor.info() != Eigen::Success || !(factor.rcond() > 1e-9)) return false;
+    point->x_in_local += factor.solve(gradient);
+  }
+  return point->x_in_local.allFinite();
+}
+
+struct Problem {
+  const PreparedRig* rig;
+  const Tracks* tracks;
+  std::vector<int> frames;  // of the reference's clock, thinned
+  double stride = 1;        // of the thinning
+  size_t num_persons = 0, num_joints = 0;
+};
+
+Problem MakeProblem(const PreparedRig& rig, const Tracks& tracks, const std::vector<int>& frames) {
+  const int64_t count = static_cast<int64_t>(frames.size()), kept = std::min(count, kMaxFrames);
+  Problem problem{&rig, &tracks, {}, static_cast<double>(count) / static_cast<double>(std::max<int64_t>(1, kept)), 0, 0};
+  for (int64_t k = 0; k < kept; ++k) problem.frames.push_back(frames[static_cast<size_t>(k * count / kept)]);
+  for (const auto& camera : tracks) {
+    problem.num_persons = std::max(problem.num_persons, camera.size());
+    for (const auto& person : camera) problem.num_joints = std::max(problem.num_joints, person.size());
+  }
+  return problem;
+}
+
+void MakePointsOfFrame(const Problem& problem, const State& state, size_t index, std::vector<TimedPoint>* points) {
+  for (size_t p = 0; p < problem.num_persons; ++p) {
+    for (size_t j = 0; j < problem.num_joints; ++j) {
+      TimedPoint point{problem.frames[index], p, j, 0, {}, Eigen::Vector3d::Zero()};
+      point.block = static_cast<int>(index * kSyncBlocks / problem.frames.size());
+      for (size_t c = 0; c < problem.tracks->size(); ++c) {
+        const auto& camera = (*problem.tracks)[c];
+        if (std::isnan(state.offset_frames[c]) || p >= camera.size() || j >= camera[p].size()) continue;
+        auto seen = See(*problem.rig, c, camera[p][j], problem.frames[index] + state.offset_frames[c], state);
+        if (seen) point.views.push_back(*seen);
+      }
+      if (point.views.size() >= 2 && Triangulate(state.scale_px, &point)) points->push_back(std::move(point));
+    }
+  }
+}
+
+std::vector<TimedPoint> MakePoints(const Problem& problem, const State& state, int num_threads) {
+  std::vector<std::vector<TimedPoint>> of_frame(problem.frames.size());
+  ParallelFor(static_cast<int64_t>(of_frame.size()), num_threads,
+              [&](int64_t i) { MakePointsOfFrame(problem, state, static_cast<size_t>(i), &of_frame[static_cast<size_t>(i)]); });
+  std::vector<TimedPoint> points;
+  for (auto& each : of_frame) points.insert(points.end(), each.begin(), each.end());
+  return points;
+}
+
+void AddResiduals(const TimedPoint& point, std::vector<double>* residuals) {
+  for (const TimedView& seen : point.views) {
+    const auto residual = Evaluate(seen, point.x_in_local);
+    if (residual) residuals->push_back(residual->px.norm());
+  }
+}
+
+/// Median |residual| over all views.
+double MedianResidual(const std::vector<TimedPoint>& points) {
+  std::vector<double> residuals;
+  for (const TimedPoint& point : points) AddResiduals(point, &residuals);
+  return UpperMedian(std::move(residuals));
+}
+
+bool SameViews(const TimedPoint& a, const TimedPoint& b) {
+  return std::equal(a.views.begin(), a.views.end(), b.views.begin(), b.views.end(),
+                    [](const TimedView& p, const TimedView& q) { return p.camera_idx == q.camera_idx; });
+}
+
+/// The same for two sets of offsets, over the points that the same cameras see under both.
+void CompareResiduals(const std::vector<TimedPoint>& before, const std::vector<TimedPoint>& after, double* before_px,
+                      double* after_px) {
+  const auto key = [](const TimedPoint& p) { return std::make_tuple(p.frame, p.person_idx, p.joint_idx); };
+  std::vector<double> in_before, in_after;
+  for (size_t i = 0, k = 0; i < before.size() && k < after.size();) {
+    const auto a = key(before[i]), b = key(after[k]);
+    if (a == b && SameViews(before[i], after[k])) AddResiduals(before[i], &in_before), AddResiduals(after[k], &in_after);
+    i += a <= b, k += b <= a;
+  }
+  *before_px = UpperMedian(std::move(in_before));
+  *after_px = UpperMedian(std::move(in_after));
+}
+
+/// Normal equations in the offsets and shifts, points eliminated; gradients by block of the take.
+struct Normal {
+  Eigen::MatrixXd information;
+  std::vector<Eigen::VectorXd> gradients;
+};
+
+void AddPoint(const TimedPoint& point, Normal* normal) {
+  using Rows = Eigen::Matrix<double, 3, kParams>;
+  Eigen::Matrix3d xx = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d x_gradient = Eigen::Vector3d::Zero();
+  std::vector<Rows> cross;
+  Eigen::VectorXd& gradient = normal->gradients[static_cast<size_t>(point.block)];
+  std::vector<Eigen::Index> at;
+  for (const TimedView& seen : point.views) {
+    const auto residual = Evaluate(seen, point.x_in_local);
+    if (!residual) return;
+  }
+  for (const TimedView& seen : point.views) {
+    const Residual residual = *Evaluate(seen, point.x_in_local);
+    Eigen::Matrix<double, 2, kParams> by_params;  // of the residual
+    by_params << seen.px_per_frame, -Eigen::Matrix2d::Identity();
+    const Eigen::Matrix<double, 2, 3> by_x = -residual.d_px_d_x;
+    const Eigen::Index first = kParams * static_cast<Eigen::Index>(seen.camera_idx);
+    xx += seen.weight * by_x.transpose() * by_x;
+    x_gradient += seen.weight * by_x.transpose() * residual.px;
+    cross.push_back(seen.weight * by_x.transpose() * by_params);
+    at.push_back(first);
+    normal->information.block<kParams, kParams>(first, first) += seen.weight * by_params.transpose() * by_params;
+    gradient.segment<kParams>(first) += seen.weight * by_params.transpose() * residual.px;
+  }
+  const Eigen::Matrix3d inverse = xx.inverse();
+  for (size_t i = 0; i < cross.size(); ++i) {
+    gradient.segment<kParams>(at[i]) -= cross[i].transpose() * inverse * x_gradient;
+    for (size_t k = 0; k < cross.size(); ++k) {
+      normal->information.block<kParams, kParams>(at[i], at[k]) -= cross[i].transpose() * inverse * cross[k];
+    }
+  }
+}
+
+Normal MakeNormal(const std::vector<TimedPoint>& points, const State& state, size_t reference_idx) {
+  const Eigen::Index size = kParams * static_cast<Eigen::Index>(state.offset_frames.size());
+  Normal normal{Eigen::MatrixXd::Zero(size, size), std::vector<Eigen::VectorXd>(kSyncBlocks, Eigen::VectorXd::Zero(size))};
+  for (const TimedPoint& point : points) AddPoint(point, &normal);
+  // Shifts are free within twice the noise: one more observation of weight (s / 2 s)^2 each.
+  constexpr double kPriorWeight = 0.25;
+  for (size_t c = 0; c < state.offset_frames.size(); ++c) {
+    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
+    for (int k = 1; k < kParams; ++k) {
+      normal.information(first + k, first + k) += kPriorWeight;
+      for (auto& gradient : normal.gradients) gradient[first + k] += kPriorWeight * state.shift_px[c][k - 1] / kSyncBlocks;
+    }
+    if (!std::isnan(state.offset_frames[c]) && c != reference_idx) continue;
+    normal.information.row(first).setZero();
+    normal.information.col(first).setZero();
+    normal.information(first, first) = 1;
+    for (auto& gradient : normal.gradients) gradient[first] = 0;
+  }
+  return normal;
+}
+
+/// Scatter of the blocks' gradients (White, "Maximum likelihood estimation of misspecified models", 1982), neighbouring blocks
+/// half together (Newey and West, 1987).
+Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& gradients) {
+  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(gradients[0].size(), gradients[0].size());
+  int blocks = 0;
+  for (size_t k = 0; k < gradients.size(); ++k) {
+    Eigen::VectorXd with_neighbours = gradients[k];
+    if (k > 0) with_neighbours += 0.5 * gradients[k - 1];
+    if (k + 1 < gradients.size()) with_neighbours += 0.5 * gradients[k + 1];
+    scatter += gradients[k] * with_neighbours.transpose();
+    blocks += gradients[k].norm() > 0;
+  }
+  return blocks > 1 ? Eigen::MatrixXd(scatter * blocks / (blocks - 1.0)) : scatter;
+}
+
+/// Standard deviations of the offsets: the larger of those from the noise, which neighbouring frames share, and those from how
+/// much blocks of the take disagree.
+std::vector<double> Sigmas(const Normal& normal, const State& state, double stride, size_t reference_idx) {
+  const Eigen::MatrixXd inverse = normal.information.inverse();
+  const Eigen::MatrixXd sandwich = inverse * Scatter(normal.gradients) * inverse;
+  const double shared = std::max(1.0, 1 / kSampleVariance / stride);
+  std::vector<double> sigmas;
+  for (size_t c = 0; c < state.offset_frames.size(); ++c) {
+    const Eigen::Index i = kParams * static_cast<Eigen::Index>(c);
+    const double variance = std::max(sandwich(i, i), inverse(i, i) * state.scale_px * state.scale_px * shared);
+    sigmas.push_back(c == reference_idx ? 0.0 : std::sqrt(variance));
+  }
+  return sigmas;
+}
+
+/// One step on all offsets and shifts; returns the largest change of an offset, NaN when the system is singular.
+double Step(const Normal& normal, State* state) {
+  constexpr double kMaxStepFrames = 1;
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(normal.information.rows());
+  for (const Eigen::VectorXd& each : normal.gradients) gradient += each;
+  const Eigen::LDLT<Eigen::MatrixXd> factor(normal.information);
+  if (factor.info() != Eigen::Success || !factor.isPositive()) return std::nan("");
+  const Eigen::VectorXd step = -factor.solve(gradient);
+  if (!step.allFinite()) return std::nan("");
+  double largest = 0;
+  for (size_t c = 0; c < state->offset_frames.size(); ++c) {
+    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
+    const double change = std::clamp(step[first], -kMaxStepFrames, kMaxStepFrames);
+    state->offset_frames[c] += change;
+    state->shift_px[c] += step.segment<2>(first + 1);
+    largest = std::max(largest, std::abs(change));
+  }
+  return largest;
+}
+
+}  // namespace
+
+FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                       const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
+                       const RunContext& run) {
+  constexpr int kMaxSteps = 25, kMinPoints = 30;
+  constexpr double kTinyFrames = 1e-5;
+  std::vector<int> common_frames;
+  const Tracks tracks = MakeTracks(rig, frames, start_frames, options.min_score, run, &common_frames);
+  FineSync fine;
+  State state{{}, std::vector<Eigen::Vector2d>(rig.cameras.size(), Eigen::Vector2d::Zero()), 0};
+  State unmoved = state;
+  for (const auto& each : start_frames) {
+    state.offset_frames.push_back(each ? *each : std::nan(""));
+    unmoved.offset_frames.push_back(each ? 0 : std::nan(""));
+  }
+  fine.offset_frames = state.offset_frames;
+  fine.sigma_frames.assign(rig.cameras.size(), std::nan(""));
+  fine.residual_before_px = fine.residual_after_px = std::nan("");
+  const Problem problem = MakeProblem(rig, tracks, common_frames);
+  std::vector<TimedPoint> points = MakePoints(problem, state, run.num_threads);
+  for (int k = 0; k < kMaxSteps; ++k) {
+    if (static_cast<int>(points.size()) < kMinPoints) return fine;
+    state.scale_px = std::max(MedianResidual(points) / 1.17741, 1e-6);  // median of |r| of two coordinates
+    const double change = Step(MakeNormal(points, state, static_cast<size_t>(reference_idx)), &state);
+    if (std::isnan(change)) return fine;
+    points = MakePoints(problem, state, run.num_threads);
+    fine.ok = change < 0.01;
+    if (change < kTinyFrames) break;
+  }
+  fine.offset_frames = state.offset_frames;
+  fine.sigma_frames = Sigmas(MakeNormal(points, state, static_cast<size_t>(reference_idx)), state, problem.stride,
+                             static_cast<size_t>(reference_idx));
+  fine.num_points = static_cast<int>(points.size());
+  unmoved.shift_px = state.shift_px;
+  unmoved.scale_px = state.scale_px;
+  CompareResiduals(MakePoints(problem, unmoved, run.num_threads), MakePoints(problem, state, run.num_threads),
+                   &fine.residual_before_px, &fine.residual_after_px);
+  return fine;
+}
+
+}  // namespace mvstudio::triangulate::internal

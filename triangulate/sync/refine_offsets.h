@@ -1,0 +1,23 @@
+// Private: a step of SynchronizeCameras.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "triangulate/sync/sync.h"
+
+namespace mvstudio::triangulate::internal {
+
+struct FineSync {
+  bool ok = false;
+  std::vector<double> offset_frames, sigma_frames;  // (cameras); NaN where the camera takes no part
+  double residual_before_px = 0, residual_after_px = 0;
+  int num_points = 0;
+};
+
+/// `start_frames`: whole offsets, empty for excluded cameras.
+FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                       const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
+                       const RunContext& run);
+
+}  // namespace mvstudio::triangulate::internal
