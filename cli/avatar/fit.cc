@@ -66,8 +66,8 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
       ->check(CLI::Range(64, 4096));
   AddOption(sub, "--texture-px", a->options.texture_px, "edge of each of the 24 charts of the texture")
       ->check(CLI::Range(8, 1024));
-  AddOption(sub, "--brightness", a->options.use_brightness,
-            "align poses by the surface's brightness as well; kept only where held-out images agree");
+  AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
+          "align poses by the surface's brightness as well; kept only where held-out images agree");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });
 }

@@ -8,6 +8,7 @@
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/pack/image_codec.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

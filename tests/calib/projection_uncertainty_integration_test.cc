@@ -70,7 +70,7 @@ ProjectionUncertainty Uncertainty(const Stereo& s, double sigma_px) { return {s.
 TEST(ProjectionUncertaintyOfRecordings, AgreesWithMrcalInStereo) {
   MVS_NEEDS_DATA("opencv_stereo");
   constexpr double kSigmaPx = 0.1624, kRange = 0.4;
-  const Stereo lean = Solve(testing::DataRoot() + "/opencv_stereo/corners-sb.vnl", geometry::LensModel::kBrown4);
+  const Stereo lean = Solve(mvstudio::testing::DataRoot() + "/opencv_stereo/corners-sb.vnl", geometry::LensModel::kBrown4);
   Stereo rich = lean;
   for (geometry::Camera& camera : rich.state.cameras) {
     camera.model = geometry::LensModel::kRational8;
@@ -92,7 +92,7 @@ TEST(ProjectionUncertaintyOfRecordings, AgreesWithMrcalOnAWideLens) {
   CornerFileOptions read;
   read.board = ParseBoard("grid:10x10:77mm");
   read.sizes = {{"", 6016, 4016}};
-  const CornerFile file = ReadCornerFile(testing::DataRoot() + "/mrcal_figueroa/corners-cam0.vnl", read);
+  const CornerFile file = ReadCornerFile(mvstudio::testing::DataRoot() + "/mrcal_figueroa/corners-cam0.vnl", read);
   RigState state;
   std::vector<View> views = MakeViews(file.boards, file.detections, &state.frames);
   double sum = 0, count = 0;
@@ -126,7 +126,7 @@ TEST(ProjectionUncertaintyOfRecordings, AgreesWithMrcalOnAWideLens) {
 /// (SB).
 TEST(BoardMetricsOfRecordings, AgreeWithMrcal) {
   MVS_NEEDS_DATA("opencv_stereo");
-  const std::string folder = testing::DataRoot() + "/opencv_stereo/";
+  const std::string folder = mvstudio::testing::DataRoot() + "/opencv_stereo/";
   for (const char* name : {"corners-classic.vnl", "corners-sb.vnl"}) {
     const Stereo s = Solve(folder + name, geometry::LensModel::kBrown4);
     const BoardMetrics m = ComputeBoardMetrics(s.boards, s.views, s.state);

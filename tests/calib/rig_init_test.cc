@@ -19,7 +19,7 @@ namespace {
 using geometry::Rigid3;
 
 /// Views of a true rig with the poses that single views give.
-struct Scene {
+struct PlacedScene {
   Board board = ParseBoard("chessboard:9x6:60mm");
   RigState truth;
   std::vector<View> views;
@@ -34,18 +34,18 @@ struct Scene {
   }
 };
 
-void AddCamera(Scene* scene, const std::string& name, const Rigid3& cam_from_world, double focal_px = 500) {
+void AddCamera(PlacedScene* scene, const std::string& name, const Rigid3& cam_from_world, double focal_px = 500) {
   scene->truth.cameras.push_back(testing::MakeCamera(name, geometry::LensModel::kPinhole, focal_px));
   scene->truth.cam_from_world.push_back(cam_from_world);
 }
 
-void AddFrame(Scene* scene, int64_t frame_idx, const Rigid3& world_from_board) {
+void AddFrame(PlacedScene* scene, int64_t frame_idx, const Rigid3& world_from_board) {
   scene->truth.frames.push_back(frame_idx);
   scene->truth.world_from_board.push_back(world_from_board);
 }
 
 /// Sees all corners or nothing; true when it did.
-bool See(Scene* scene, int camera, int frame, int board, double noise_px, Rng* rng) {
+bool See(PlacedScene* scene, int camera, int frame, int board, double noise_px, Rng* rng) {
   View view;
   view.camera_idx = camera, view.frame = frame, view.board = board;
   view.x_in_board = CornersInBoard(scene->board);
@@ -67,7 +67,7 @@ bool See(Scene* scene, int camera, int frame, int board, double noise_px, Rng* r
   return true;
 }
 
-void SeeAll(Scene* scene, double noise_px, uint64_t seed) {
+void SeeAll(PlacedScene* scene, double noise_px, uint64_t seed) {
   Rng rng(seed);
   const auto count = [](const auto& list) { return static_cast<int>(list.size()); };
   for (int f = 0; f < count(scene->truth.frames); ++f) {
@@ -90,8 +90,8 @@ Eigen::Vector3d RandomTurn(Rng* rng, double limit) {
 }
 
 /// Cameras on a circle of 0.2 m that look outwards; each board is between two neighbours.
-Scene Ring(int cameras, int frames_per_link, double noise_px, uint64_t seed) {
-  Scene scene;
+PlacedScene Ring(int cameras, int frames_per_link, double noise_px, uint64_t seed) {
+  PlacedScene scene;
   Rng rng(seed);
   const double step = 2 * M_PI / cameras;
   const auto out = [&](double at) { return Eigen::Vector3d(std::cos(at * step), std::sin(at * step), 0); };
@@ -112,7 +112,7 @@ struct Errors {
   double rotation_rad = 0, center_m = 0;
 };
 
-Errors ErrorsOf(const Scene& scene, const RigState& found, int from = 0) {
+Errors ErrorsOf(const PlacedScene& scene, const RigState& found, int from = 0) {
   Errors errors;
   for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
     const Rigid3 wanted = scene.truth.cam_from_world[c] * geometry::Inverse(scene.truth.cam_from_world[from]);
@@ -125,7 +125,7 @@ Errors ErrorsOf(const Scene& scene, const RigState& found, int from = 0) {
 }
 
 TEST(RigInit, NoiseFreeRingToRounding) {
-  const Scene scene = Ring(8, 4, 0, 1);
+  const PlacedScene scene = Ring(8, 4, 0, 1);
   RigState state = scene.Start();
   const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 3, &state);
   ASSERT_EQ(start.status, Status::kOk) << start.message;
@@ -142,7 +142,7 @@ TEST(RigInit, NoiseFreeRingToRounding) {
 TEST(RigInit, ARingClosesBetterThanItsSpanningTree) {
   double averaged = 0, chained = 0;
   for (uint64_t seed = 1; seed <= 5; ++seed) {
-    const Scene scene = Ring(8, 6, 0.5, seed);
+    const PlacedScene scene = Ring(8, 6, 0.5, seed);
     RigState state = scene.Start();
     const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 0, &state);
     ASSERT_EQ(start.status, Status::kOk) << start.message;
@@ -153,7 +153,7 @@ TEST(RigInit, ARingClosesBetterThanItsSpanningTree) {
     EXPECT_LT(errors.center_m, 0.02);
     averaged += errors.center_m;
     // The tree alone, as the scene without the views of the last camera in the frames between it and camera 0.
-    Scene open = scene;
+    PlacedScene open = scene;
     for (size_t v = 0; v < open.views.size(); ++v) {
       if (open.views[v].camera_idx == 7 && open.views[v].frame % 8 == 7) open.views[v].weights.setZero();
     }
@@ -165,11 +165,11 @@ TEST(RigInit, ARingClosesBetterThanItsSpanningTree) {
 }
 
 TEST(RigInit, TheOrderOfCamerasAndViewsDoesNotMatter) {
-  const Scene scene = Ring(6, 4, 0.3, 3);
+  const PlacedScene scene = Ring(6, 4, 0.3, 3);
   RigState state = scene.Start();
   ASSERT_EQ(InitializeRig(scene.views, scene.cam_from_board, 2, &state).status, Status::kOk);
   const std::vector<int> order = {4, 2, 5, 0, 3, 1};  // new camera i is old camera order[i]
-  Scene mixed = scene;
+  PlacedScene mixed = scene;
   for (int i = 0; i < 6; ++i) mixed.truth.cameras[i] = scene.truth.cameras[order[i]];
   for (View& view : mixed.views) {
     view.camera_idx = static_cast<int>(std::find(order.begin(), order.end(), view.camera_idx) - order.begin());
@@ -191,7 +191,7 @@ TEST(RigInit, TheOrderOfCamerasAndViewsDoesNotMatter) {
 
 /// Cameras beside each other on a wall, 0.4 m apart, one board between two neighbours.
 TEST(RigInit, AChainOf64CamerasWithOneViewPerLink) {
-  Scene scene;
+  PlacedScene scene;
   Rng rng(5);
   for (int c = 0; c < 64; ++c) {
     const Eigen::Vector3d eye(0.4 * c, 0, 0);
@@ -218,7 +218,7 @@ TEST(RigInit, AChainOf64CamerasWithOneViewPerLink) {
 
 TEST(RigInit, TwentyPercentWrongPosesDoNotMatter) {
   for (uint64_t seed = 1; seed <= 4; ++seed) {
-    Scene scene = Ring(8, 10, 0.2, seed);
+    PlacedScene scene = Ring(8, 10, 0.2, seed);
     RigState clean = scene.Start();
     ASSERT_EQ(InitializeRig(scene.views, scene.cam_from_board, 0, &clean).status, Status::kOk);
     Rng rng(seed + 9);
@@ -236,8 +236,8 @@ TEST(RigInit, TwentyPercentWrongPosesDoNotMatter) {
 }
 
 /// Boards on a stick, 0.8 m apart; each camera is in front of one of them and looks away from the others.
-Scene Apart(int boards, int frames, double noise_px, uint64_t seed, bool one_axis = false) {
-  Scene scene;
+PlacedScene Apart(int boards, int frames, double noise_px, uint64_t seed, bool one_axis = false) {
+  PlacedScene scene;
   Rng rng(seed);
   scene.truth.rig_from_board.clear();
   for (int b = 0; b < boards; ++b) {
@@ -268,7 +268,7 @@ Scene Apart(int boards, int frames, double noise_px, uint64_t seed, bool one_axi
 }
 
 TEST(RigInit, CamerasThatSeeDifferentBoardsAreLinkedByTheirMotion) {
-  Scene scene = Apart(2, 30, 0.2, 2);
+  PlacedScene scene = Apart(2, 30, 0.2, 2);
   ASSERT_GT(scene.views.size(), 40u);
   RigState state = scene.Start();
   const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 0, &state);
@@ -294,7 +294,7 @@ TEST(RigInit, CamerasThatSeeDifferentBoardsAreLinkedByTheirMotion) {
 }
 
 TEST(RigInit, BoardsThatTurnAboutOneAxisDoNotLink) {
-  const Scene scene = Apart(2, 30, 0.2, 2, true);
+  const PlacedScene scene = Apart(2, 30, 0.2, 2, true);
   RigState state = scene.Start();
   const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 0, &state);
   EXPECT_EQ(start.status, Status::kDegenerate);
@@ -305,7 +305,7 @@ TEST(RigInit, BoardsThatTurnAboutOneAxisDoNotLink) {
 }
 
 TEST(RigInit, TwoSimultaneousFramesDoNotLink) {
-  const Scene scene = Apart(2, 2, 0, 4);
+  const PlacedScene scene = Apart(2, 2, 0, 4);
   ASSERT_EQ(scene.views.size(), 4u);
   RigState state = scene.Start();
   const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 0, &state);
@@ -314,7 +314,7 @@ TEST(RigInit, TwoSimultaneousFramesDoNotLink) {
 }
 
 TEST(RigInit, ThreeBoardsApartAreLinkedOneByOne) {
-  const Scene scene = Apart(3, 40, 0, 6);
+  const PlacedScene scene = Apart(3, 40, 0, 6);
   RigState state = scene.Start();
   const RigStart start = InitializeRig(scene.views, scene.cam_from_board, 1, &state);
   ASSERT_EQ(start.status, Status::kOk) << start.message;
@@ -325,7 +325,7 @@ TEST(RigInit, ThreeBoardsApartAreLinkedOneByOne) {
 
 /// cam0 sees boards 0 and 1, cam1 sees 1 and 2, cam2 sees 2 only.
 TEST(RigInit, BoardsLinkCamerasTransitively) {
-  Scene scene = Apart(3, 12, 0, 7);
+  PlacedScene scene = Apart(3, 12, 0, 7);
   scene.truth.rig_from_board[1].translation.x() = 0.5, scene.truth.rig_from_board[2].translation.x() = 1.0;
   scene.views.clear(), scene.cam_from_board.clear();
   scene.truth.cam_from_world[0].translation.z() += 0.6;
@@ -360,7 +360,7 @@ TEST(RigInit, BoardsLinkCamerasTransitively) {
 }
 
 TEST(RigInit, GivenPosesDefineTheWorldAndLink) {
-  Scene scene = Ring(8, 4, 0.2, 8);
+  PlacedScene scene = Ring(8, 4, 0.2, 8);
   // Without the links 0-7 and 3-4 the ring falls into two halves.
   for (View& view : scene.views) {
     if (view.frame % 8 == 7 || view.frame % 8 == 3) view.weights.setZero();
@@ -388,7 +388,7 @@ TEST(RigInit, GivenPosesDefineTheWorldAndLink) {
 }
 
 TEST(RigInit, DisconnectedGroupsAreNamedWithTheNearestFrames) {
-  Scene scene = Ring(8, 4, 0, 8);
+  PlacedScene scene = Ring(8, 4, 0, 8);
   for (View& view : scene.views) {
     if (view.frame % 8 == 7 || view.frame % 8 == 3) view.weights.setZero();
   }
@@ -409,7 +409,7 @@ TEST(RigInit, DisconnectedGroupsAreNamedWithTheNearestFrames) {
 }
 
 TEST(RigInit, ManyLongNamesStayShort) {
-  Scene scene = Ring(40, 1, 0, 8);
+  PlacedScene scene = Ring(40, 1, 0, 8);
   for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
     scene.truth.cameras[c].name = std::string(120, 'x') + std::to_string(c);
   }
@@ -424,7 +424,7 @@ TEST(RigInit, ManyLongNamesStayShort) {
 }
 
 TEST(RigInit, NothingSeenAndPosesThatAreNotFinite) {
-  Scene scene = Ring(4, 2, 0, 1);
+  PlacedScene scene = Ring(4, 2, 0, 1);
   RigState state = scene.Start();
   EXPECT_EQ(InitializeRig({}, {}, 0, &state).status, Status::kTooFewViews);
   scene = Ring(8, 4, 0, 1);
@@ -438,7 +438,7 @@ TEST(RigInit, NothingSeenAndPosesThatAreNotFinite) {
 
 /// Boards seen at different times by the same cameras have no place relative to each other; each gets the identity.
 TEST(RigInit, BoardsNeverSeenTogetherStayApart) {
-  Scene scene = Ring(8, 4, 0, 1);
+  PlacedScene scene = Ring(8, 4, 0, 1);
   scene.truth.rig_from_board.resize(2);
   scene.truth.board_warp_m.resize(2, Eigen::Vector2d::Zero());
   for (View& view : scene.views) view.board = view.frame % 2;

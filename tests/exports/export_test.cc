@@ -220,7 +220,7 @@ TEST(Export, NoPictureAtAllIsRefused) {
   EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }),
               HasSubstr("none of the 1"));
   EXPECT_FALSE(fs::exists(folder / "out"));
-  options.pictures = "none";
+  options.pictures = ExportPictures::kNone;
   EXPECT_EQ(ExportDataset(dataset, "zju", folder / "out", options).missing.asked(), 0);
 }
 

@@ -5,7 +5,7 @@
 #include "core/disk/lock.h"
 #include "core/parallel.h"
 #include "dataset/pack/build.h"
-#include "dataset/pack/codec.h"
+#include "dataset/pack/image_codec.h"
 #include "dataset/pack/pack.h"
 #include "dataset/views/crop.h"
 #include "dataset/views/split.h"

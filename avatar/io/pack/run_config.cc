@@ -120,11 +120,11 @@ RunConfig ReadRunConfig(const std::string& path) {
     const int px = config.pack.template_input_px;
     if (px != 0 && px != config.pack.size_px) at("/template/input_px").Fail("must be 0 or the crop's size_px");
   }
-  if (json.contains(Json::json_pointer("/template/body"))) config.body_file = Get<std::string>(json, path, "/template/body");
+  if (file.HasPointer("/template/body")) config.body_file = at("/template/body").Text();
   if (!config.body_file.empty()) {
-    if (config.body_file != kPersonFile) throw FormatError(path, "/template/body", std::string("must be ") + kPersonFile);
-    config.pack.fitted =
-        std::make_shared<TexturedPerson>(ReadPerson((std::filesystem::path(path).parent_path() / kPersonFile).string()));
+    if (config.body_file != kPersonFile) at("/template/body").Fail(std::string("must be ") + kPersonFile);
+    const std::string body = (std::filesystem::path(path).parent_path() / kPersonFile).string();
+    config.pack.fitted = std::make_shared<const TexturedPerson>(ReadPerson(body));
   }
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;
