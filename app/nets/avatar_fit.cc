@@ -100,8 +100,10 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
          "check its calibration, its time offset and its masks");
   }
   if (!WasJudged(fit)) {
-    warn("BODY-NOT-JUDGED", "too few time steps to hold some out: whether the fitted surface is better was not checked",
-         "give at least 10 frames");
+    warn("BODY-NOT-JUDGED",
+         "too few images to hold some out, so nobody can say whether a fitted surface is better: only the lengths of the bones "
+         "were fitted",
+         "give at least four images, better ten frames of several cameras");
   } else if (!fit.stages.empty() && fit.stages.front().kept) {
     warn("BODY-NO-GAIN",
          "offsets of the surface did not improve held-out silhouettes: only the lengths of the bones were fitted",
@@ -125,17 +127,6 @@ std::string ToTable(const avatar::PersonFit& person) {
                    camera.iou_before, camera.iou, camera.shift_px[0], camera.shift_px[1]);
   }
   return text;
-}
-
-Image TextureSheet(const body::Textures& textures) {
-  constexpr int kColumns = 6;
-  const int size = textures[0].width;
-  Image sheet(kColumns * size, (body::kNumParts + kColumns - 1) / kColumns * size, 3);
-  for (int k = 0; k < body::kNumParts; ++k) {
-    for (int y = 0; y < size; ++y)
-      std::copy_n(textures[k].Pixel(0, y), 3 * size, sheet.Pixel(k % kColumns * size, k / kColumns * size + y));
-  }
-  return sheet;
 }
 
 }  // namespace mvstudio::app

@@ -29,7 +29,4 @@ nlohmann::ordered_json ToJson(const avatar::PersonFit& fit);
 void AddFitWarnings(const avatar::PersonFit& fit, CommandResult* result);
 std::string ToTable(const avatar::PersonFit& fit);
 
-/// All charts in one picture, 6 x 4.
-Image TextureSheet(const body::Textures& textures);
-
 }  // namespace mvstudio::app

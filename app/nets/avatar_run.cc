@@ -55,7 +55,7 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
 }  // namespace
 
 std::vector<std::string> AvatarRun::Names() {
-  return {avatar::kCheckpointFile,   avatar::kRunConfigFile, avatar::kPersonFile, "history.csv", "textures.png", "samples", "pictures",
+  return {avatar::kCheckpointFile,   avatar::kRunConfigFile, body::kPersonFileName, "history.csv", "textures.png", "samples", "pictures",
           "avatar_eval.result.json", avatar::kProtocolFile,  "eval"};
 }
 

@@ -79,6 +79,11 @@ Problem BonesProblem(const BodyTemplate& body) {
   if (auto p = NamesProblem(body.bone_names)) return p;
   const auto bones = static_cast<Eigen::Index>(body.bone_names.size());
   if (auto p = SizeProblem("bone_parents", static_cast<Eigen::Index>(body.bone_parents.size()), bones)) return p;
+  if (auto p = SizeProblem("bone_roles", static_cast<Eigen::Index>(body.bone_roles.size()), bones)) return p;
+  for (const BoneRole role : body.bone_roles) {
+    const int number = static_cast<int>(role);
+    if (number < 0 || number >= kNumBoneRoles) return BodyProblem{"bone_roles", "has the role " + std::to_string(number)};
+  }
   if (body.bone_parents[0] != -1) return BodyProblem{"bone_parents", "does not begin with the root, -1"};
   for (int b = 1; b < static_cast<int>(bones); ++b) {
     const int parent = body.bone_parents[static_cast<size_t>(b)];

@@ -48,6 +48,12 @@ std::string IntRows(const Values& values, std::vector<size_t> shape) {
   return NpyOfInts(shape, std::vector<int64_t>(values.data(), values.data() + values.size()));
 }
 
+std::vector<int> RoleNumbers(const BodyTemplate& body) {
+  std::vector<int> numbers;
+  for (const BoneRole role : body.bone_roles) numbers.push_back(static_cast<int>(role));
+  return numbers;
+}
+
 Members MembersOf(const BodyTemplate& body) {
   const auto vertices = static_cast<size_t>(body.vertices.cols()), faces = static_cast<size_t>(body.faces.cols());
   return {{"schema", NpyOfTexts({kSchema})},
@@ -56,6 +62,7 @@ Members MembersOf(const BodyTemplate& body) {
           {"face_part", IntRows(body.face_part, {faces})},
           {"face_uv", FloatRows(body.face_uv, {faces, 3, 2})},
           {"bone_names", NpyOfTexts(body.bone_names)},
+          {"bone_roles", IntRows(RoleNumbers(body), {body.bone_roles.size()})},
           {"bone_parents", IntRows(body.bone_parents, {body.bone_parents.size()})},
           {"bone_heads", DoubleRows(body.bone_heads)},
           {"bone_tails", DoubleRows(body.bone_tails)},
@@ -144,6 +151,7 @@ BodyTemplate BodyFrom(Arrays* arrays) {
   body.face_part = arrays->Ints("face_part", {-1});
   body.face_uv = arrays->Columns<Eigen::Matrix2Xf>("face_uv", {-1, 3, 2});
   body.bone_names = arrays->Texts("bone_names");
+  for (const int role : arrays->Ints("bone_roles", {-1})) body.bone_roles.push_back(static_cast<BoneRole>(role));
   body.bone_parents = arrays->Ints("bone_parents", {-1});
   body.bone_heads = arrays->Columns<Eigen::Matrix3Xd>("bone_heads", {-1, 3});
   body.bone_tails = arrays->Columns<Eigen::Matrix3Xd>("bone_tails", {-1, 3});

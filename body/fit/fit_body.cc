@@ -99,12 +99,12 @@ class Fit {
     return candidate;
   }
 
-  /// The simplest body that held-out silhouettes do not show to be worse. Without any: the stiffest offsets.
+  /// The simplest body that held-out silhouettes do not show to be worse.
   Candidate Choose(std::vector<Candidate>* candidates) {
     std::vector<HeldOutCandidate> losses;
     for (const Candidate& candidate : *candidates) losses.push_back({candidate.name, candidate.loss});
     const HeldOutChoice choice = ChooseHeldOut(losses, {});
-    const int index = choice.status == Status::kOk ? choice.index : 1;
+    const int index = choice.status == Status::kOk ? choice.index : 0;  // nobody can say that offsets are better
     out_.stages[index].kept = true;
     return (*candidates)[index];
   }
@@ -128,6 +128,8 @@ class Fit {
     out_.iou = 1 - Mean(FiniteValues(best.loss));
     FitState state = best.state;
     state.UseAll();
+    const std::vector<RejectedView> rejected = RejectViews(steps_, ViewIous(state, steps_, run_), &state);
+    out_.rejected.insert(out_.rejected.end(), rejected.begin(), rejected.end());
     if (!out_.stages[0].kept) {
       for (int k = 0; k < 2; ++k) state.FitPoses(kReachPx);
       if (out_.stages.back().name == "poses by brightness" && out_.stages.back().kept)
@@ -150,6 +152,19 @@ class Fit {
 };
 
 }  // namespace
+
+void HoldOutViews(std::vector<FitStep>* steps) {
+  constexpr size_t kFewestSteps = 10, kFewestViews = 4;
+  size_t views = 0, at = 0;
+  for (const FitStep& step : *steps) views += step.views.size();
+  for (size_t i = 0; i < steps->size(); ++i) {
+    const bool block = (i * 20 / steps->size()) % 5 == 2;
+    for (FitView& view : (*steps)[i].views) {
+      view.held_out = steps->size() >= kFewestSteps ? block : views >= kFewestViews && at % 4 == 1;
+      ++at;
+    }
+  }
+}
 
 BodyFit FitBody(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options,
                 const RunContext& run) {

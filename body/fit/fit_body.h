@@ -18,6 +18,7 @@ struct FitView {
   geometry::RigCamera camera;
   std::shared_ptr<const MaskOutline> outline;
   std::shared_ptr<const Image> grey;  ///< brightness (H, W, 1); null: outlines alone
+  bool held_out = false;              ///< it judges the fit and takes no part in it until the end
 };
 
 /// One time step.
@@ -25,7 +26,6 @@ struct FitStep {
   int frame = 0;
   JointObservation joints;
   std::vector<FitView> views;
-  bool held_out = false;  ///< its silhouettes judge the fit and take no part in it
 };
 
 struct BodyFitOptions {
@@ -67,6 +67,10 @@ struct BodyFit {
   std::vector<CameraFit> cameras;
   std::vector<RejectedView> rejected;  ///< silhouettes far from all others' agreement
 };
+
+/// Holds out every image of a fifth of the time steps, in four blocks; with fewer than ten time steps every fourth image, and
+/// nothing of fewer than four images.
+void HoldOutViews(std::vector<FitStep>* steps);
 
 BodyFit FitBody(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options,
                 const RunContext& run);

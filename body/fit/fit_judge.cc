@@ -21,7 +21,7 @@ std::vector<double> HeldOutLosses(const PersonBody& person, const std::vector<Fi
   std::vector<double> losses(steps.size(), kNan);
   ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
     const FitStep& step = steps[i];
-    if (!step.held_out || step.views.empty()) return;
+    if (std::none_of(step.views.begin(), step.views.end(), [](const FitView& view) { return view.held_out; })) return;
     const auto pose = PoseByJoints(person, step.joints.x_in_world, step.joints.valid);
     if (pose) losses[i] = loss(step, SkinVertices(person.body, ToBodyPose(person.body, *pose)));
   });
@@ -29,11 +29,11 @@ std::vector<double> HeldOutLosses(const PersonBody& person, const std::vector<Fi
 }
 
 /// What all vertices of one time step show, by vertex.
-std::vector<SeenVertex> SeenIn(const PersonBody& person, const FitStep& step, const Eigen::Matrix3Xf& vertices,
+std::vector<SeenVertex> SeenIn(const PersonBody& person, const FitStep& step, bool held_out, const Eigen::Matrix3Xf& vertices,
                                double sigma_px) {
   std::vector<SeenVertex> all;
   for (const FitView& view : step.views) {
-    if (!view.grey) continue;
+    if (!view.grey || view.held_out != held_out) continue;
     const auto seen =
         SeeVertices(person.body, vertices, view.camera, SmoothBrightness(*view.grey, view.outline->mask(), sigma_px));
     all.insert(all.end(), seen.begin(), seen.end());
@@ -88,9 +88,11 @@ double SilhouetteIou(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_
 
 std::vector<double> OutlineLoss(const PersonBody& person, const std::vector<FitStep>& steps, const RunContext& run) {
   return HeldOutLosses(person, steps, run, [&](const FitStep& step, const Eigen::Matrix3Xf& vertices) {
-    double sum = 0;
-    for (const FitView& view : step.views) sum += SilhouetteIou(person.body, vertices, view);
-    return 1 - sum / static_cast<double>(step.views.size());
+    std::vector<double> ious;
+    for (const FitView& view : step.views) {
+      if (view.held_out) ious.push_back(SilhouetteIou(person.body, vertices, view));
+    }
+    return 1 - Mean(ious);
   });
 }
 
@@ -99,8 +101,8 @@ std::vector<double> BrightnessLoss(const PersonBody& person, const std::vector<F
   std::vector<std::vector<SeenVertex>> seen(steps.size());
   ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
     const auto pose = person.seen.find(steps[i].frame);
-    if (steps[i].held_out || pose == person.seen.end()) return;
-    seen[i] = SeenIn(person, steps[i], SkinVertices(person.body, ToBodyPose(person.body, pose->second)), sigma_px);
+    if (pose == person.seen.end()) return;
+    seen[i] = SeenIn(person, steps[i], false, SkinVertices(person.body, ToBodyPose(person.body, pose->second)), sigma_px);
   });
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(person.body.vertices.cols()), weight = sum;
   for (const auto& step : seen) {
@@ -108,7 +110,7 @@ std::vector<double> BrightnessLoss(const PersonBody& person, const std::vector<F
   }
   return HeldOutLosses(person, steps, run, [&](const FitStep& step, const Eigen::Matrix3Xf& vertices) {
     double deviations = 0, total = 0;
-    for (const SeenVertex& one : SeenIn(person, step, vertices, sigma_px)) {
+    for (const SeenVertex& one : SeenIn(person, step, true, vertices, sigma_px)) {
       if (!(weight[one.vertex] > 1)) continue;
       deviations += one.weight * std::abs(one.value - sum[one.vertex] / weight[one.vertex]), total += one.weight;
     }

@@ -26,7 +26,8 @@ FitState::FitState(const BodyTemplate& body, const std::vector<FitStep>& steps, 
   std::vector<JointObservation> joints;
   for (const FitStep& step : steps) {
     joints.push_back(step.joints);
-    used_.emplace_back(step.views.size(), 1);
+    used_.emplace_back();
+    for (const FitView& view : step.views) used_.back().push_back(view.held_out ? 0 : 1);
   }
   base_ = WithLengthsOf(body, joints);
   prior_ = AnatomicalPrior(base_);
@@ -70,6 +71,18 @@ void FitState::PoseAllByJoints() {
 
 bool FitState::HasPoses() const {
   return std::any_of(posed_.begin(), posed_.end(), [](uint8_t posed) { return posed != 0; });
+}
+
+bool FitState::IsFitted(int step) const {
+  return posed_[step] && std::find(used_[step].begin(), used_[step].end(), 1) != used_[step].end();
+}
+
+void FitState::UseAll() {
+  for (size_t i = 0; i < used_.size(); ++i) {
+    for (size_t k = 0; k < used_[i].size(); ++k) {
+      if ((*steps_)[i].views[k].held_out) used_[i][k] = 1;
+    }
+  }
 }
 
 BodyTemplate FitState::Shaped() const {

@@ -33,10 +33,11 @@ class FitState {
   /// A silhouette that the fit must not use.
   void Reject(int step, int view) { used_[step][view] = 0; }
   bool IsUsed(int step, int view) const { return used_[step][view] != 0; }
-  /// Held-out time steps join in.
-  void UseAll() { use_all_ = true; }
+  /// Held-out images join in.
+  void UseAll();
 
-  bool IsFitted(int step) const { return posed_[step] && (use_all_ || !(*steps_)[step].held_out); }
+  /// Whether the trunk of a time step is determined and an image of it takes part.
+  bool IsFitted(int step) const;
   bool IsPosed(int step) const { return posed_[step] != 0; }
   const ArticulatedPose& pose(int step) const { return poses_[step]; }
   /// Of the surface along the rest normals, those of the shapes included.
@@ -73,12 +74,11 @@ class FitState {
   double joint_sigma_m_, joint_error_m_ = 0;
   std::vector<ArticulatedPose> poses_;
   std::vector<uint8_t> posed_;              // the trunk is determined
-  std::vector<std::vector<uint8_t>> used_;  // (steps, views)
-  bool use_all_ = false;
-  Eigen::Matrix3Xf normals_;       // (3, V) of the rest pose
-  Eigen::MatrixXd shape_offsets_;  // (V, S)
-  Eigen::VectorXd coefficients_;   // (S)
-  Eigen::VectorXd offsets_;        // (V) beyond the shapes
+  std::vector<std::vector<uint8_t>> used_;  // (steps, views) neither held out nor rejected
+  Eigen::Matrix3Xf normals_;                // (3, V) of the rest pose
+  Eigen::MatrixXd shape_offsets_;           // (V, S)
+  Eigen::VectorXd coefficients_;            // (S)
+  Eigen::VectorXd offsets_;                 // (V) beyond the shapes
   Eigen::SparseMatrix<double> laplacian_;
 };
 

@@ -24,7 +24,7 @@ std::vector<int> Neighbours(const BodyTemplate& body, int bone) {
 /// 1, the direction of up in the bone's axes, and the neighbours' rotations; the root's is none: people turn.
 VectorXd Features(const BodyTemplate& body, const ArticulatedPose& pose, const BodyPose& world, int bone) {
   const std::vector<int> near = Neighbours(body, bone);
-  VectorXd out(4 + 3 * static_cast<Eigen::Index>(near.size()));
+  VectorXd out(RotationHabits::NumFeatures(body, bone));
   out[0] = 1;
   out.segment<3>(1) = world.bone_transforms[bone].rotation.conjugate() * Vector3d::UnitZ() - Vector3d::UnitZ();
   for (size_t k = 0; k < near.size(); ++k) {
@@ -77,6 +77,10 @@ RotationHabits::Bone LearnBone(const MatrixXd& features, const MatrixXd& targets
 }
 
 }  // namespace
+
+Eigen::Index RotationHabits::NumFeatures(const BodyTemplate& body, int bone) {
+  return 4 + 3 * static_cast<Eigen::Index>(Neighbours(body, bone).size());
+}
 
 RotationHabits RotationHabits::Learn(const BodyTemplate& body, const std::vector<ArticulatedPose>& by_joints,
                                      const std::vector<ArticulatedPose>& seen) {

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "body/fit/posed_bones.h"
 #include "body/fit/pose_solver.h"
+#include "body/fit/posed_bones.h"
 
 namespace mvstudio::body {
 
@@ -16,6 +16,9 @@ struct RotationHabits {
     double sigma_rad = 0;      ///< rms of what was predicted for time steps left out
   };
   std::vector<Bone> bones;  ///< (B); empty: too few time steps were seen
+
+  /// What a bone's habit depends on.
+  static Eigen::Index NumFeatures(const BodyTemplate& body, int bone);
 
   /// `by_joints` and `seen` are poses of the same time steps in order of time: by joints alone, and by images too.
   static RotationHabits Learn(const BodyTemplate& body, const std::vector<ArticulatedPose>& by_joints,

@@ -3,6 +3,7 @@
 
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_train_data.h"
+#include "body/files/gltf.h"
 #include "cli/avatar/split_options.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -15,33 +16,41 @@
 namespace mvstudio::cli {
 namespace {
 
-constexpr char kTextureFile[] = "body_texture.png";
+constexpr char kGlbFile[] = "body.glb";
 
 struct FitArguments {
   std::string dataset, out;
   app::SplitArguments split;
   avatar::PersonFitOptions options;
   bool overwrite = false;
+  double frame_rate_hz = 30;
 };
+
+void WriteGlb(const body::TexturedPerson& person, double frame_rate_hz, const std::string& path) {
+  const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), "atlas.png"), person.textures[0].width};
+  std::vector<body::ArticulatedPose> poses;
+  for (const auto& [frame, pose] : person.person.seen) poses.push_back(pose);
+  body::WriteBodyGlb(path, person.person.body, atlas, poses, frame_rate_hz);
+}
 
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
-  const std::vector<std::string> names = {avatar::kPersonFile, kTextureFile};
+  const std::vector<std::string> names = {body::kPersonFileName, kGlbFile};
   const OutputFolder place(arguments.out, {arguments.dataset}, names);
-  const std::string body_path = arguments.out + "/" + avatar::kPersonFile, texture_path = arguments.out + "/" + kTextureFile;
+  const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile;
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.options, context.run);
-  RemoveOurs({body_path, texture_path});
+  RemoveOurs({body_path, glb_path});
   MakeFolder(arguments.out);
   WritePerson(fit.result, body_path);
-  dataset::WriteImage(app::TextureSheet(fit.result.textures), texture_path);
+  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
   result.metrics = app::ToJson(fit);
-  result.outputs = {{body_path, "body"}, {texture_path, "texture"}};
+  result.outputs = {{body_path, "body"}, {glb_path, "body-glb"}};
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
   return result;
@@ -68,6 +77,7 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
       ->check(CLI::Range(8, 1024));
   AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
           "align poses by the surface's brightness as well; kept only where held-out images agree");
+  AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });
 }

@@ -198,8 +198,8 @@ std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const d
   config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
   if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
   avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, {}, run);
-  config->pack.fitted = std::make_shared<const avatar::TexturedPerson>(fit.result);
-  config->body_file = avatar::kPersonFile;
+  config->pack.fitted = std::make_shared<const body::TexturedPerson>(fit.result);
+  config->body_file = body::kPersonFileName;
   return fit;
 }
 
@@ -245,7 +245,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
                                  : avatar::Trainer(packs.train, model, options, context.run, net);
   const auto replace_older = [&] {
     files.Clear();
-    if (fit) WritePerson(fit->result, files.Path(avatar::kPersonFile));
+    if (fit) WritePerson(fit->result, files.Path(body::kPersonFileName));
     WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
   };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);

@@ -22,7 +22,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
 }
 
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
-  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE, repeat for each camera")->allow_extra_args(true);
+  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE; repeat for each camera")->allow_extra_args(true);
   AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
   AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: image of the empty scene");
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");

@@ -67,7 +67,7 @@ TEST(AvatarTrainData, NamesAndFramesThatAreNotThereAreRefused) {
   cameras.holdout_cameras = "00_02,00_09";
   EXPECT_THAT(Refused(cameras), HasSubstr("00_09"));
   frames.holdout_frames = "2";
-  EXPECT_THAT(Refused(frames), HasSubstr("frame 2"));
+  EXPECT_THAT(Refused(frames), HasSubstr("person 0 is in none of the frames that are held out"));
   text.holdout_frames = "x";
   EXPECT_THAT(Refused(text), HasSubstr("option 'holdout-frames'"));
   both.holdout_cameras = "left", both.train_cameras = "00_01";

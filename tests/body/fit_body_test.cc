@@ -54,13 +54,13 @@ struct Studio {
 
   void AddStep(int i, const ArticulatedPose& pose, int num_cameras, int num_steps) {
     FitStep step;
-    step.frame = i, step.held_out = num_steps >= 10 && i % 5 == 2;
+    step.frame = i;
     step.joints.x_in_world = PosedCoco19(person, ToBodyPose(person, pose)), step.joints.valid.fill(true);
     const Eigen::Matrix3Xf vertices = SkinVertices(person, ToBodyPose(person, pose));
     for (int c = 0; c < num_cameras; ++c) {
       const geometry::RigCamera camera = CameraAt(2 * M_PI * c / num_cameras, c % 2 ? 1.8 : 0.8);
       auto outline = std::make_shared<MaskOutline>(RasterizeCover(person.faces, vertices, camera));
-      step.views.push_back({"cam" + std::to_string(c), camera, outline, nullptr});
+      step.views.push_back({"cam" + std::to_string(c), camera, outline, nullptr, num_steps >= 10 && i % 5 == 2});
     }
     steps.push_back(step);
     poses.push_back(pose);
@@ -125,6 +125,8 @@ TEST(FitBody, FewStepsAreNotJudgedAndNoneIsAStatus) {
   EXPECT_EQ(fit.status, Status::kOk);
   EXPECT_TRUE(std::isnan(fit.iou));
   EXPECT_TRUE(fit.person.body.vertices.allFinite());
+  EXPECT_TRUE(fit.stages.front().kept) << "nothing was held out";
+  EXPECT_EQ(fit.offsets.cwiseAbs().maxCoeff(), 0);
   std::vector<FitStep> none = three.steps;
   for (FitStep& step : none) step.joints.valid.fill(false);
   EXPECT_EQ(FitBody(three.rest, none, {}, {}).status, Status::kTooFewViews);

@@ -66,7 +66,7 @@ TEST(FilmNext, NamesTheEmptyPartOfTheImage) {
   EXPECT_EQ(hints[0].camera_idx, 0);
   EXPECT_EQ(
       hints[0].text,
-      "camera cam0: the top-right corner of the image holds no corner (9 of the image's 80 cells are empty there): show the "
+      "camera cam0: the top-right corner of the image holds no corners (9 of the image's 80 cells are empty there): show the "
       "board there, tilted about its vertical axis; the nearest board was 1 m away");
 }
 

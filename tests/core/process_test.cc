@@ -180,7 +180,7 @@ TEST(Processes, OneThatFailsEndsTheOthers) {
   EXPECT_FALSE(three.AnyEnded());
   three.Start({"sh", "-c", "exit 7"}, {folder / "third"});
   EXPECT_EQ(three.Wait(), (std::vector<int>{Processes::kWasEnded, Processes::kWasEnded, 7}));
-  EXPECT_EQ(ReadFile(folder / "first"), "saved\n");
+  EXPECT_THAT(ReadFile(folder / "first"), ::testing::EndsWith("saved\n"));  // some shells say of their `sleep`: Terminated
   std::ifstream in(folder / "two");
   std::string parent, child;
   in >> parent >> child;

@@ -267,7 +267,7 @@ void PoseBody(const Plan& plan, const RunContext& run, Filler* filler) {
   for (const Job& job : plan.jobs) poses.emplace(job.frame, job.pose);
   const std::vector<std::pair<int, const dataset::Coco19Pose*>> list(poses.begin(), poses.end());
   std::vector<std::optional<Eigen::Matrix3Xf>> vertices(list.size());
-  const TexturedPerson* fitted = filler->options.fitted.get();
+  const body::TexturedPerson* fitted = filler->options.fitted.get();
   ParallelFor(static_cast<int64_t>(list.size()), run.num_threads, [&](int64_t i) {
     vertices[i] = fitted ? PosedVertices(fitted->person, *list[i].second) : PosedVertices(*filler->body, *list[i].second);
   });

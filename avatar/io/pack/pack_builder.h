@@ -8,7 +8,7 @@
 #include "avatar/data/pack.h"
 #include "avatar/io/pack/body_shape.h"
 #include "avatar/io/pack/joint_source.h"
-#include "avatar/io/pack/person_file.h"
+#include "body/files/textured_person.h"
 #include "core/fields.h"
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"
@@ -33,7 +33,7 @@ struct PackOptions {
   std::vector<int> frames;           ///< frame numbers; empty: all with a pose of the person
   int frame_step = 0;                ///< difference of the numbers of consecutive frames; 0: the usual one of `frames`
   /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
-  std::shared_ptr<const TexturedPerson> fitted;
+  std::shared_ptr<const body::TexturedPerson> fitted;
   BodyShape shape;  ///< girth of the template: start of the fit, or the value when fit_shape is off
 };
 

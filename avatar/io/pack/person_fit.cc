@@ -97,12 +97,6 @@ Crop ReadCrop(const dataset::PanopticDataset& data, const Source& source, const 
   return crop;
 }
 
-/// A fifth of the time steps in four blocks, where there are enough.
-bool IsHeldOut(size_t index, size_t count) {
-  constexpr size_t kFewest = 10;
-  return count >= kFewest && (index * 20 / count) % 5 == 2;
-}
-
 std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const std::vector<Source>& sources,
                                      const PersonFitOptions& options, const RunContext& run) {
   std::vector<body::FitStep> steps(sources.size());
@@ -113,7 +107,6 @@ std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const
     body::FitStep& step = steps[i];
     step.frame = source.frame;
     step.joints.x_in_world = source.pose->x_in_world, step.joints.valid = dataset::PlausibleJoints(*source.pose);
-    step.held_out = IsHeldOut(i, sources.size());
     for (const geometry::RigCamera* camera : source.cameras) {
       Crop crop = ReadCrop(data, source, *camera, options.max_px);
       step.views.push_back({camera->camera.name, crop.camera, std::make_shared<body::MaskOutline>(std::move(crop.mask)),
@@ -122,6 +115,7 @@ std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });
+  body::HoldOutViews(&steps);
   return steps;
 }
 

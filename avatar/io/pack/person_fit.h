@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "avatar/io/pack/person_file.h"
+#include "body/files/textured_person.h"
 #include "body/fit/fit_body.h"
 #include "core/progress.h"
 #include "dataset/panoptic/panoptic.h"
@@ -23,7 +23,7 @@ struct PersonFitOptions {
 };
 
 struct PersonFit {
-  TexturedPerson result;
+  body::TexturedPerson result;
   body::BodyFit fit;                 ///< without `person`, which is in `result`
   double texture_seen = 0;           ///< share of the texels that some image showed
   std::vector<std::string> missing;  ///< "camera 00_03, frame 17": no image or no mask

@@ -122,9 +122,9 @@ RunConfig ReadRunConfig(const std::string& path) {
   }
   if (file.HasPointer("/template/body")) config.body_file = at("/template/body").Text();
   if (!config.body_file.empty()) {
-    if (config.body_file != kPersonFile) at("/template/body").Fail(std::string("must be ") + kPersonFile);
-    const std::string body = (std::filesystem::path(path).parent_path() / kPersonFile).string();
-    config.pack.fitted = std::make_shared<const TexturedPerson>(ReadPerson(body));
+    if (config.body_file != body::kPersonFileName) at("/template/body").Fail(std::string("must be ") + body::kPersonFileName);
+    const std::string body_path = (std::filesystem::path(path).parent_path() / body::kPersonFileName).string();
+    config.pack.fitted = std::make_shared<const body::TexturedPerson>(body::ReadPerson(body_path));
   }
   config.pack.shape = config.shape;
   config.pack.fit_shape = false;

@@ -15,7 +15,7 @@ struct RunConfig {
   DatasetSplit split;
   BodyShape shape;           ///< as fitted on the training pictures
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person
-  std::string body_file;     ///< the fitted body: body.safetensors beside the configuration; empty: the template with `shape`
+  std::string body_file;     ///< the fitted body: body.npz beside the configuration; empty: the template with `shape`
   double template_iou = 0;   ///< mean IoU of the posed template and the masks of the training pictures
 };
 
