@@ -57,20 +57,30 @@ ShiftSums ShiftOf(const PersonBody& person, const Eigen::Matrix3Xf& vertices, co
   return sums;
 }
 
-struct CameraSums {
-  CameraFit fit;
-  std::vector<double> before, after;
-  std::vector<Eigen::Vector2d> shifts;  // one a time step
+/// One silhouette of a camera.
+struct CameraView {
+  bool used = false;
+  double before = kNan, after = kNan;
+  ShiftSums shift;
 };
 
-void Summarise(CameraSums* sums) {
-  CameraFit& fit = sums->fit;
-  fit.iou_before = Mean(FiniteValues(sums->before)), fit.iou = Mean(FiniteValues(sums->after));
-  std::vector<double> x, y;
-  for (const Eigen::Vector2d& shift : sums->shifts) x.push_back(shift[0]), y.push_back(shift[1]);
-  if (x.size() < 2) return;
+/// Over the silhouettes in use; where none is, over all of them: what is wrong with such a camera is what one wants to know.
+CameraFit Summary(const std::string& name, const std::vector<CameraView>& views) {
+  const auto used = std::count_if(views.begin(), views.end(), [](const CameraView& view) { return view.used; });
+  CameraFit fit{name, static_cast<int>(views.size()), static_cast<int>(static_cast<int64_t>(views.size()) - used)};
+  std::vector<double> before, after, x, y;
+  for (const CameraView& view : views) {
+    if (used > 0 && !view.used) continue;
+    before.push_back(view.before), after.push_back(view.after);
+    if (!(view.shift.h.determinant() > 1)) continue;
+    const Eigen::Vector2d shift = view.shift.h.inverse() * view.shift.g;
+    x.push_back(shift[0]), y.push_back(shift[1]);
+  }
+  fit.iou_before = Mean(FiniteValues(before)), fit.iou = Mean(FiniteValues(after));
+  if (x.size() < 2) return fit;
   fit.shift_px = {LinearQuantile(x, 0.5), LinearQuantile(y, 0.5)};
   fit.shift_sigma_px = std::hypot(SampleDeviation(x), SampleDeviation(y)) / std::sqrt(static_cast<double>(x.size()));
+  return fit;
 }
 
 }  // namespace
@@ -156,36 +166,22 @@ std::vector<RejectedView> RejectViews(const std::vector<FitStep>& steps, const s
 std::vector<CameraFit> CompareCameras(const PersonBody& person, const FitState& state, const std::vector<FitStep>& steps,
                                       const std::vector<std::vector<double>>& before, const RunContext& run) {
   const std::vector<std::vector<double>> after = ViewIous(state, steps, run);
-  std::vector<std::vector<ShiftSums>> shifts(steps.size());
+  std::vector<std::vector<CameraView>> views(steps.size());
   ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
     const auto step = static_cast<int>(i);
-    shifts[i].resize(steps[i].views.size());
     if (!state.IsPosed(step)) return;
     const Eigen::Matrix3Xf vertices = SkinVertices(person.body, ToBodyPose(person.body, state.pose(step)));
-    for (size_t k = 0; k < shifts[i].size(); ++k) {
-      if (state.IsUsed(step, static_cast<int>(k))) shifts[i][k] = ShiftOf(person, vertices, steps[i].views[k]);
+    for (size_t k = 0; k < steps[i].views.size(); ++k) {
+      views[i].push_back({state.IsUsed(step, static_cast<int>(k)), before[i][k], after[i][k],
+                          ShiftOf(person, vertices, steps[i].views[k])});
     }
   });
-  std::map<std::string, CameraSums> cameras;
+  std::map<std::string, std::vector<CameraView>> cameras;
   for (size_t i = 0; i < steps.size(); ++i) {
-    for (size_t k = 0; k < steps[i].views.size(); ++k) {
-      CameraSums& sums = cameras[steps[i].views[k].camera_name];
-      sums.fit.name = steps[i].views[k].camera_name;
-      ++sums.fit.views;
-      if (!state.IsUsed(static_cast<int>(i), static_cast<int>(k))) {
-        ++sums.fit.rejected;
-        continue;
-      }
-      sums.before.push_back(before[i][k]), sums.after.push_back(after[i][k]);
-      const ShiftSums& shift = shifts[i][k];
-      if (shift.h.determinant() > 1) sums.shifts.push_back(shift.h.inverse() * shift.g);
-    }
+    for (size_t k = 0; k < views[i].size(); ++k) cameras[steps[i].views[k].camera_name].push_back(views[i][k]);
   }
   std::vector<CameraFit> out;
-  for (auto& [name, sums] : cameras) {
-    Summarise(&sums);
-    out.push_back(sums.fit);
-  }
+  for (const auto& [name, seen] : cameras) out.push_back(Summary(name, seen));
   return out;
 }
 

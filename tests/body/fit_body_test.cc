@@ -112,6 +112,7 @@ TEST(FitBody, AShiftedCameraIsSeen) {
   for (const CameraFit& camera : fit.cameras) {
     if (camera.name == "cam4") {
       EXPECT_NEAR(camera.shift_px[0], -3, 1);
+      EXPECT_EQ(camera.rejected, 15) << "3 px of a person of 45 px: it must not take part";
       EXPECT_GT(camera.shift_px.norm(), 4 * camera.shift_sigma_px);
     } else {
       EXPECT_LT(camera.shift_px.norm(), 1) << camera.name;
