@@ -33,8 +33,9 @@ MVS_FUZZ_TARGET(npz, bytes) {
 
 /// The arrays of a body in the order below, as parts: a checksum of the archive would stop every mutation.
 MVS_FUZZ_TARGET(body_npz, bytes) {
-  const char* names[] = {"schema",     "vertices",   "faces",      "face_part",    "face_uv", "bone_names",  "bone_parents",
-                         "bone_heads", "bone_tails", "skin_bones", "skin_weights", "coco19",  "coco19_bone", "extra.a"};
+  const char* names[] = {"schema",     "vertices",     "faces",        "face_part",   "face_uv",
+                         "bone_names", "bone_roles",   "bone_parents", "bone_heads",  "bone_tails",
+                         "skin_bones", "skin_weights", "coco19",       "coco19_bone", "extra.a"};
   std::vector<std::pair<std::string, std::string>> members;
   for (const std::string_view part : Parts(bytes, std::size(names))) members.emplace_back(names[members.size()], part);
   if (members.back().second.empty()) members.pop_back();
