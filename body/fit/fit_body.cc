@@ -30,6 +30,7 @@ struct Candidate {
   FitState state;
   PersonBody person;
   std::vector<double> loss;
+  bool by_brightness = false;
 };
 
 class Fit {
@@ -73,7 +74,7 @@ class Fit {
   }
 
   void Reject(const std::vector<std::vector<double>>& ious) {
-    const std::vector<RejectedView> rejected = RejectViews(steps_, ious, &state_);
+    const std::vector<RejectedView> rejected = RejectViews(steps_, ious, state_.used());
     out_.rejected.insert(out_.rejected.end(), rejected.begin(), rejected.end());
   }
 
@@ -120,6 +121,7 @@ class Fit {
     const UnitMean worse = DifferenceOverUnits(BrightnessLoss(brighter.person, steps_, kBrightnessSigmaPx[1], run_),
                                                BrightnessLoss(outlines.person, steps_, kBrightnessSigmaPx[1], run_));
     out_.stages.back().kept = worse.mean < 0;
+    brighter.by_brightness = true;
     return worse.mean < 0 ? brighter : outlines;
   }
 
@@ -128,12 +130,14 @@ class Fit {
     out_.iou = 1 - Mean(FiniteValues(best.loss));
     FitState state = best.state;
     state.UseAll();
-    const std::vector<RejectedView> rejected = RejectViews(steps_, ViewIous(state, steps_, run_), &state);
+    const std::vector<RejectedView> rejected = RejectViews(steps_, ViewIous(state, steps_, run_), state.used());
     out_.rejected.insert(out_.rejected.end(), rejected.begin(), rejected.end());
     if (!out_.stages[0].kept) {
       for (int k = 0; k < 2; ++k) state.FitPoses(kReachPx);
-      if (out_.stages.back().name == "poses by brightness" && out_.stages.back().kept)
-        state.FitBrightness(kBrightnessSigmaPx[1], kReachPx);
+    }
+    if (best.by_brightness) {
+      state.FitBrightness(kBrightnessSigmaPx[1], kReachPx);
+      out_.brightness = state.Brightness(kBrightnessSigmaPx[1]);
     }
     out_.person = state.Person();
     out_.offsets = state.Offsets();

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "body/fit/mask_outline.h"
 #include "body/fit/person_body.h"
+#include "body/fit/photometric.h"
 #include "core/progress.h"
 #include "geometry/rig/rig.h"
 
@@ -65,7 +67,8 @@ struct BodyFit {
   double joint_error_m = 0;        ///< median distance of joints from the posed skeleton
   std::vector<BodyFitStage> stages;
   std::vector<CameraFit> cameras;
-  std::vector<RejectedView> rejected;  ///< silhouettes far from all others' agreement
+  std::vector<RejectedView> rejected;        ///< silhouettes far from all others' agreement
+  std::optional<MeanBrightness> brightness;  ///< of the fitted body, where poses by brightness were kept
 };
 
 /// Holds out every image of a fifth of the time steps, in four blocks; with fewer than ten time steps every fourth image, and

@@ -128,27 +128,32 @@ std::vector<double> BrightnessLoss(const PersonBody& person, const std::vector<F
   });
 }
 
+std::vector<double> StepIous(const BodyTemplate& body, const ArticulatedPose& pose, const FitStep& step) {
+  const Eigen::Matrix3Xf vertices = SkinVertices(body, ToBodyPose(body, pose));
+  std::vector<double> ious;
+  for (const FitView& view : step.views) ious.push_back(SilhouetteIou(body, vertices, view));
+  return ious;
+}
+
 std::vector<std::vector<double>> ViewIous(const FitState& state, const std::vector<FitStep>& steps, const RunContext& run) {
   const BodyTemplate body = state.Shaped();
   std::vector<std::vector<double>> ious(steps.size());
   ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
     const auto step = static_cast<int>(i);
     ious[i].assign(steps[i].views.size(), kNan);
-    if (!state.IsPosed(step)) return;
-    const Eigen::Matrix3Xf vertices = SkinVertices(body, ToBodyPose(body, state.pose(step)));
-    for (size_t k = 0; k < ious[i].size(); ++k) ious[i][k] = SilhouetteIou(body, vertices, steps[i].views[k]);
+    if (state.IsPosed(step)) ious[i] = StepIous(body, state.pose(step), steps[i]);
   });
   return ious;
 }
 
 std::vector<RejectedView> RejectViews(const std::vector<FitStep>& steps, const std::vector<std::vector<double>>& ious,
-                                      FitState* state) {
+                                      std::vector<std::vector<uint8_t>>* used) {
   constexpr double kTimesMedian = 4, kFine = 0.15;  // of what does not overlap
   std::vector<double> values;
   const auto for_each = [&](const auto& use) {
     for (int i = 0; i < static_cast<int>(steps.size()); ++i) {
       for (int k = 0; k < static_cast<int>(ious[i].size()); ++k) {
-        if (state->IsUsed(i, k) && std::isfinite(ious[i][k])) use(i, k, ious[i][k]);
+        if ((*used)[i][k] && std::isfinite(ious[i][k])) use(i, k, ious[i][k]);
       }
     }
   };
@@ -157,7 +162,7 @@ std::vector<RejectedView> RejectViews(const std::vector<FitStep>& steps, const s
   std::vector<RejectedView> rejected;
   for_each([&](int i, int k, double iou) {
     if (iou >= least) return;
-    state->Reject(i, k);
+    (*used)[i][k] = 0;
     rejected.push_back({steps[i].frame, steps[i].views[k].camera_name, iou});
   });
   return rejected;
@@ -172,8 +177,8 @@ std::vector<CameraFit> CompareCameras(const PersonBody& person, const FitState& 
     if (!state.IsPosed(step)) return;
     const Eigen::Matrix3Xf vertices = SkinVertices(person.body, ToBodyPose(person.body, state.pose(step)));
     for (size_t k = 0; k < steps[i].views.size(); ++k) {
-      views[i].push_back({state.IsUsed(step, static_cast<int>(k)), before[i][k], after[i][k],
-                          ShiftOf(person, vertices, steps[i].views[k])});
+      views[i].push_back(
+          {state.IsUsed(step, static_cast<int>(k)), before[i][k], after[i][k], ShiftOf(person, vertices, steps[i].views[k])});
     }
   });
   std::map<std::string, std::vector<CameraView>> cameras;

@@ -11,11 +11,6 @@
 namespace mvstudio::body {
 namespace {
 
-using Eigen::Vector3d;
-
-// Neighbouring vertices of an outline err together: each counts for less than a measurement of its own.
-constexpr double kOutlineSigmaPx = 2, kOutlineSigmaOfPosePx = 7;
-constexpr double kBrightnessShare = 0.3;  // likewise, of brightness
 constexpr double kLeastJointSigmaM = 0.003;
 
 }  // namespace
@@ -91,29 +86,12 @@ BodyTemplate FitState::Shaped() const {
   return shaped;
 }
 
-FitState::Seen FitState::LookAtOutlines(const BodyTemplate& shaped, int step, double max_px) const {
-  Seen seen;
-  const PosedBones bones(shaped, poses_[step]);
-  const Eigen::Matrix3Xf vertices = SkinVertices(shaped, bones.pose());
-  for (size_t k = 0; k < (*steps_)[step].views.size(); ++k) {
-    if (!used_[step][k]) continue;
-    const FitView& view = (*steps_)[step].views[k];
-    for (const RimPoint& rim : FindRim(shaped.faces, vertices, view.camera)) {
-      const auto gap = view.outline->Distance(rim.px, rim.outward, max_px);
-      if (!gap) continue;
-      const Vector3d normal = bones.VertexRotation(rim.vertex) * normals_.col(rim.vertex).cast<double>();
-      seen.shape.push_back({rim.vertex, rim.d_out_d_x * normal, *gap, 1 / kOutlineSigmaPx});
-      seen.pose.push_back({rim.vertex, rim.d_out_d_x.transpose(), bones.Vertex(rim.vertex), *gap, 1 / kOutlineSigmaOfPosePx});
-    }
-  }
-  return seen;
-}
-
 std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
   const BodyTemplate shaped = Shaped();
+  const StepPoser poser(shaped, joint_sigma_m_, nullptr);
   std::vector<std::vector<OffsetObservation>> seen(steps_->size());
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
-    if (IsFitted(static_cast<int>(i))) seen[i] = LookAtOutlines(shaped, static_cast<int>(i), max_px).shape;
+    if (IsFitted(static_cast<int>(i))) seen[i] = poser.LookAtOutlines((*steps_)[i], used_[i], poses_[i], max_px).shape;
   });
   std::vector<OffsetObservation> all;
   for (const auto& some : seen) all.insert(all.end(), some.begin(), some.end());
@@ -130,81 +108,33 @@ Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
 }
 
 void FitState::FitPoses(double max_px) {
-  constexpr int kIterations = 4;
   const BodyTemplate shaped = Shaped();
+  const StepPoser poser(shaped, joint_sigma_m_, nullptr);
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
-    if (!IsFitted(static_cast<int>(i))) return;
-    PoseProblemInput input{(*steps_)[i].joints, {prior_}, LookAtOutlines(shaped, static_cast<int>(i), max_px).pose};
-    input.joints.sigma_m.fill(joint_sigma_m_);
-    poses_[i] = SolvePose(shaped, input, poses_[i], kIterations).pose;
+    if (IsFitted(static_cast<int>(i))) poses_[i] = poser.ByOutlines((*steps_)[i], used_[i], prior_, max_px, poses_[i]);
   });
 }
 
-FitState::SeenStep FitState::LookAtBrightness(const BodyTemplate& shaped, int step, double sigma_px) const {
-  const Eigen::Matrix3Xf vertices = SkinVertices(shaped, ToBodyPose(shaped, poses_[step]));
-  SeenStep seen;
-  for (size_t k = 0; k < (*steps_)[step].views.size(); ++k) {
-    const FitView& view = (*steps_)[step].views[k];
-    if (!used_[step][k] || !view.grey) continue;
-    seen.push_back(SeeVertices(shaped, vertices, view.camera, SmoothBrightness(*view.grey, view.outline->mask(), sigma_px)));
-  }
-  return seen;
-}
-
-FitState::MeanBrightness FitState::MeanOf(const std::vector<SeenStep>& seen) const {
-  MeanBrightness mean;
-  mean.value = mean.weight = Eigen::VectorXd::Zero(offsets_.size());
-  const auto for_each = [&](const auto& use) {
-    for (const SeenStep& step : seen) {
-      for (const auto& view : step) {
-        for (const SeenVertex& one : view) use(one);
-      }
-    }
-  };
-  for_each([&](const SeenVertex& one) {
-    const double weight = one.weight * one.weight;
-    mean.value[one.vertex] += weight * one.value, mean.weight[one.vertex] += weight;
+MeanBrightness FitState::Brightness(const StepPoser& poser, double sigma_px) const {
+  std::vector<std::vector<std::vector<SeenVertex>>> seen(steps_->size());
+  ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
+    if (IsFitted(static_cast<int>(i))) seen[i] = poser.LookAtBrightness((*steps_)[i], used_[i], poses_[i], sigma_px);
   });
-  mean.value = mean.value.cwiseQuotient(mean.weight.cwiseMax(1e-9)).eval();
-  std::vector<double> deviations;
-  for_each([&](const SeenVertex& one) { deviations.push_back(std::abs(one.value - mean.value[one.vertex])); });
-  constexpr double kLeastSigma = 0.004;  // a grey level
-  mean.sigma = std::max(kLeastSigma, kSigmaPerMad * UpperMedian(std::move(deviations), 1.0));
-  return mean;
+  return MeanOf(offsets_.size(), seen);
 }
 
-void FitState::AddBrightness(const BodyTemplate& shaped, int step, const SeenStep& seen, const MeanBrightness& mean,
-                             std::vector<SurfaceResidual>* residuals) const {
-  constexpr double kFewest = 3;  // views that a mean needs
-  const PosedBones bones(shaped, poses_[step]);
-  for (const auto& view : seen) {
-    for (const SeenVertex& one : view) {
-      if (mean.weight[one.vertex] < kFewest) continue;
-      residuals->push_back({one.vertex, one.d_value_d_x.transpose(), bones.Vertex(one.vertex),
-                            mean.value[one.vertex] - one.value, kBrightnessShare * one.weight / mean.sigma});
-    }
-  }
+MeanBrightness FitState::Brightness(double sigma_px) const {
+  const BodyTemplate shaped = Shaped();
+  return Brightness(StepPoser(shaped, joint_sigma_m_, nullptr), sigma_px);
 }
 
 void FitState::FitBrightness(double sigma_px, double max_px) {
-  constexpr int kRounds = 3, kIterations = 2;
   const BodyTemplate shaped = Shaped();
-  const auto count = static_cast<int64_t>(steps_->size());
-  std::vector<SeenStep> seen(steps_->size());
-  ParallelFor(count, run_.num_threads, [&](int64_t i) {
-    if (IsFitted(static_cast<int>(i))) seen[i] = LookAtBrightness(shaped, static_cast<int>(i), sigma_px);
-  });
-  const MeanBrightness mean = MeanOf(seen);
-  ParallelFor(count, run_.num_threads, [&](int64_t i) {
-    const auto step = static_cast<int>(i);
-    if (!IsFitted(step)) return;
-    for (int round = 0; round < kRounds; ++round) {
-      if (round > 0) seen[i] = LookAtBrightness(shaped, step, sigma_px);
-      PoseProblemInput input{(*steps_)[i].joints, {prior_}, LookAtOutlines(shaped, step, max_px).pose};
-      input.joints.sigma_m.fill(joint_sigma_m_);
-      AddBrightness(shaped, step, seen[i], mean, &input.surface);
-      poses_[i] = SolvePose(shaped, input, poses_[i], kIterations).pose;
-    }
+  const MeanBrightness mean = Brightness(StepPoser(shaped, joint_sigma_m_, nullptr), sigma_px);
+  const StepPoser poser(shaped, joint_sigma_m_, &mean);
+  ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
+    if (!IsFitted(static_cast<int>(i))) return;
+    poses_[i] = poser.ByBrightness((*steps_)[i], used_[i], prior_, sigma_px, max_px, poses_[i]);
   });
 }
 

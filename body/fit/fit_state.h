@@ -6,7 +6,7 @@
 
 #include "body/fit/fit_body.h"
 #include "body/fit/offsets.h"
-#include "body/fit/photometric.h"
+#include "body/fit/pose_by_images.h"
 
 namespace mvstudio::body {
 
@@ -30,8 +30,10 @@ class FitState {
 
   /// The body as it is, with habits learned from the poses of the time steps in use.
   PersonBody Person() const;
-  /// A silhouette that the fit must not use.
-  void Reject(int step, int view) { used_[step][view] = 0; }
+  /// What vertices look like in the images in use.
+  MeanBrightness Brightness(double sigma_px) const;
+  /// (steps, views) which silhouettes take part.
+  std::vector<std::vector<uint8_t>>* used() { return &used_; }
   bool IsUsed(int step, int view) const { return used_[step][view] != 0; }
   /// Held-out images join in.
   void UseAll();
@@ -48,24 +50,10 @@ class FitState {
   bool HasPoses() const;
 
  private:
-  struct Seen {
-    std::vector<OffsetObservation> shape;
-    std::vector<SurfaceResidual> pose;
-  };
-  using SeenStep = std::vector<std::vector<SeenVertex>>;  // a view each
-  struct MeanBrightness {
-    Eigen::VectorXd value, weight;  // (V)
-    double sigma = 0;
-  };
-
   void FitSkeleton();
   void PoseAllByJoints();
   std::vector<OffsetObservation> LookAtShape(double max_px) const;
-  Seen LookAtOutlines(const BodyTemplate& shaped, int step, double max_px) const;
-  SeenStep LookAtBrightness(const BodyTemplate& shaped, int step, double sigma_px) const;
-  MeanBrightness MeanOf(const std::vector<SeenStep>& seen) const;
-  void AddBrightness(const BodyTemplate& shaped, int step, const SeenStep& seen, const MeanBrightness& mean,
-                     std::vector<SurfaceResidual>* residuals) const;
+  MeanBrightness Brightness(const StepPoser& poser, double sigma_px) const;
 
   const std::vector<FitStep>* steps_;
   RunContext run_;

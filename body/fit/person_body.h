@@ -17,6 +17,16 @@ struct PersonBody {
   std::map<int, ArticulatedPose> seen;  ///< by frame: poses by joints and images
 };
 
+/// A pose by joints alone, and what is expected of its bones.
+struct ExpectedPose {
+  ArticulatedPose pose;
+  RotationPrior prior;
+};
+
+/// As below, with the habits' expectation (without habits: that of people in general).
+std::optional<ExpectedPose> ExpectByJoints(const PersonBody& person, const Eigen::Matrix3Xd& coco19_in_world,
+                                           const std::array<bool, 19>& valid);
+
 /// Pose for joints (3, 19) in world, metres. Empty when neck, shoulders and hips do not determine the trunk.
 std::optional<ArticulatedPose> PoseByJoints(const PersonBody& person, const Eigen::Matrix3Xd& coco19_in_world,
                                             const std::array<bool, 19>& valid);

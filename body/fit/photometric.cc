@@ -6,6 +6,7 @@
 #include "body/mesh_raster.h"
 #include "body/surface_nets.h"
 #include "core/check.h"
+#include "core/statistics.h"
 #include "geometry/lens/camera.h"
 
 namespace mvstudio::body {
@@ -103,6 +104,28 @@ std::vector<SeenVertex> SeeVertices(const BodyTemplate& body, const Eigen::Matri
     seen.push_back(one);
   }
   return seen;
+}
+
+MeanBrightness MeanOf(Eigen::Index num_vertices, const std::vector<std::vector<std::vector<SeenVertex>>>& seen) {
+  MeanBrightness mean;
+  mean.value = mean.weight = Eigen::VectorXd::Zero(num_vertices);
+  const auto for_each = [&](const auto& use) {
+    for (const auto& step : seen) {
+      for (const auto& view : step) {
+        for (const SeenVertex& one : view) use(one);
+      }
+    }
+  };
+  for_each([&](const SeenVertex& one) {
+    const double weight = one.weight * one.weight;
+    mean.value[one.vertex] += weight * one.value, mean.weight[one.vertex] += weight;
+  });
+  mean.value = mean.value.cwiseQuotient(mean.weight.cwiseMax(1e-9)).eval();
+  std::vector<double> deviations;
+  for_each([&](const SeenVertex& one) { deviations.push_back(std::abs(one.value - mean.value[one.vertex])); });
+  constexpr double kLeastSigma = 0.004;  // a grey level
+  mean.sigma = std::max(kLeastSigma, kSigmaPerMad * UpperMedian(std::move(deviations), 1.0));
+  return mean;
 }
 
 }  // namespace mvstudio::body

@@ -37,4 +37,13 @@ struct SeenVertex {
 std::vector<SeenVertex> SeeVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                                     const geometry::RigCamera& camera, const SmoothBrightness& brightness);
 
+/// What a body's vertices look like in the mean over many images.
+struct MeanBrightness {
+  Eigen::VectorXd value, weight;  ///< (V) in [0, 1]; sum of the weights of what was seen
+  double sigma = 0;               ///< of one image against the mean
+};
+
+/// The mean, weighted by the squares of the weights; its `sigma` is robust, at least a grey level.
+MeanBrightness MeanOf(Eigen::Index num_vertices, const std::vector<std::vector<std::vector<SeenVertex>>>& seen);
+
 }  // namespace mvstudio::body
