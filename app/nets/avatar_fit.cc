@@ -43,6 +43,12 @@ bool IsShifted(const body::CameraFit& camera) {
   return camera.shift_px.norm() > std::max(kLeastPx, kSigmas * camera.shift_sigma_px);
 }
 
+std::vector<body::RejectedView> Rejected(const avatar::PersonFit& person) {
+  std::vector<body::RejectedView> all = person.fit.rejected;
+  all.insert(all.end(), person.tracked.rejected.begin(), person.tracked.rejected.end());
+  return all;
+}
+
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
 }  // namespace
@@ -53,8 +59,13 @@ void FromString(const std::string& text, BodyFitMode* mode) {
 }
 
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
-                             avatar::PersonFitOptions options, const RunContext& run) {
+                             avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run) {
   options.cameras = split.train_cameras, options.frames = split.train_frames, options.person = person;
+  if (pose_by == avatar::PoseBy::kImages) options.pose_frames = split.train_frames;
+  if (pose_by == avatar::PoseBy::kImages && !split.holdout_cameras.empty())
+    options.pose_frames.insert(options.pose_frames.end(), split.holdout_frames.begin(), split.holdout_frames.end());
+  if (pose_by == avatar::PoseBy::kImages && !split.validation_cameras.empty())
+    options.pose_frames.insert(options.pose_frames.end(), split.validation_frames.begin(), split.validation_frames.end());
   return avatar::FitPerson(data, options, run);
 }
 
@@ -63,7 +74,7 @@ Json ToJson(const avatar::PersonFit& person) {
   int silhouettes = 0;
   for (const body::CameraFit& camera : fit.cameras) silhouettes += camera.views;
   Json rejected = Json::array();
-  for (const body::RejectedView& view : fit.rejected)
+  for (const body::RejectedView& view : Rejected(person))
     rejected.push_back({{"camera", view.camera}, {"frame", view.frame}, {"iou", view.iou}});
   const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(); };
   return {{"vertices", person.result.person.body.vertices.cols()},
@@ -74,6 +85,10 @@ Json ToJson(const avatar::PersonFit& person) {
           {"joint_error_mm", 1e3 * fit.joint_error_m},
           {"offset_rms_mm", fit.offsets.size() > 0 ? Json(1e3 * fit.offsets.norm() / std::sqrt(fit.offsets.size())) : Json()},
           {"texels_seen", person.texture_seen},
+          {"tracked",
+           {{"frames", person.tracked.frames},
+            {"iou_before", number(person.tracked.iou_before)},
+            {"iou", number(person.tracked.iou)}}},
           {"stages", StagesJson(fit)},
           {"cameras", CamerasJson(fit)},
           {"rejected", rejected}};
@@ -84,10 +99,10 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
   const auto warn = [&](const char* code, const std::string& what, const char* advice) {
     result->warnings.push_back({code, what, advice});
   };
-  if (!fit.rejected.empty()) {
-    const body::RejectedView& first = fit.rejected.front();
+  if (const std::vector<body::RejectedView> rejected = Rejected(person); !rejected.empty()) {
+    const body::RejectedView& first = rejected.front();
     warn("BODY-REJECTED",
-         std::to_string(fit.rejected.size()) + " silhouettes do not fit the person and were left out; the first: camera " +
+         std::to_string(rejected.size()) + " silhouettes do not fit the person and were left out; the first: camera " +
              first.camera + ", frame " + std::to_string(first.frame) + Format(" (IoU %.2f)", first.iou),
          "look at these masks");
   }
@@ -125,6 +140,10 @@ std::string ToTable(const avatar::PersonFit& person) {
   for (const body::CameraFit& camera : person.fit.cameras) {
     text += Format("%-14s%11d%10d%12.4f%8.4f   %.2f, %.2f\n", camera.name.c_str(), camera.views, camera.rejected,
                    camera.iou_before, camera.iou, camera.shift_px[0], camera.shift_px[1]);
+  }
+  if (person.tracked.frames > 0) {
+    text += Format("\n%d further frames posed by images: IoU %.4f by joints alone, %.4f\n", person.tracked.frames,
+                   person.tracked.iou_before, person.tracked.iou);
   }
   return text;
 }

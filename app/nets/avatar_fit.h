@@ -20,9 +20,10 @@ enum class BodyFitMode {
 std::string_view ToString(BodyFitMode mode);
 void FromString(const std::string& text, BodyFitMode* mode);
 
-/// Fits to the training images of a split. Those of held-out cameras and frames are not looked at.
+/// Fits to the training images of a split. Those of held-out cameras are not looked at. Those of training cameras in held-out
+/// frames pose the body there, with PoseBy::kImages and held-out cameras to be scored on; they tell nothing else of it.
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
-                             avatar::PersonFitOptions options, const RunContext& run);
+                             avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run);
 
 /// IoU before and after, stages, cameras, rejected silhouettes; and what the user should know.
 nlohmann::ordered_json ToJson(const avatar::PersonFit& fit);

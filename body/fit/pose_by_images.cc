@@ -138,7 +138,7 @@ StepPoses PoseByImages(const PersonBody& person, const MeanBrightness* brightnes
   for (size_t i = 0; i < steps.size(); ++i) {
     if (poses[i]) out.poses[steps[i].frame] = poses[i]->pose;
   }
-  out.iou_before = Mean(FiniteValues(before)), out.iou = Mean(FiniteValues(after));
+  out.iou_before = FiniteValues(before), out.iou = FiniteValues(after);
   return out;
 }
 

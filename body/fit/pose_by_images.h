@@ -53,7 +53,7 @@ class StepPoser {
 struct StepPoses {
   std::map<int, ArticulatedPose> poses;  ///< time steps whose trunk the joints determine
   std::vector<RejectedView> rejected;    ///< silhouettes far from what joints and the others say
-  double iou_before = 0, iou = 0;        ///< mean over the silhouettes in use: by joints alone, by images too
+  std::vector<double> iou_before, iou;   ///< mean over the silhouettes of each time step: by joints alone, by images too
 };
 
 /// Poses by joints, habits, silhouettes and, with `brightness`, the surface's brightness. A pose that covers the silhouettes

@@ -22,6 +22,7 @@ struct FitArguments {
   std::string dataset, out;
   app::SplitArguments split;
   avatar::PersonFitOptions options;
+  avatar::PoseBy pose_by = avatar::PoseBy::kImages;
   bool overwrite = false;
   double frame_rate_hz = 30;
 };
@@ -42,7 +43,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile;
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
-  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.options, context.run);
+  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, arguments.options, context.run);
   RemoveOurs({body_path, glb_path});
   MakeFolder(arguments.out);
   WritePerson(fit.result, body_path);
@@ -75,6 +76,9 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
       ->check(CLI::Range(64, 4096));
   AddOption(sub, "--texture-px", a->options.texture_px, "edge of each of the 24 charts of the texture")
       ->check(CLI::Range(8, 1024));
+  AddChoice(
+      sub, "--pose-by", a->pose_by,
+      "images: all frames of the split are posed by the images of the training cameras; joints: those that are fitted to");
   AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
           "align poses by the surface's brightness as well; kept only where held-out images agree");
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));

@@ -197,7 +197,7 @@ std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const d
                                         const RunContext& run, RunConfig* config) {
   config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
   if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
-  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, {}, run);
+  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, {}, run);
   config->pack.fitted = std::make_shared<const body::TexturedPerson>(fit.result);
   config->body_file = body::kPersonFileName;
   return fit;

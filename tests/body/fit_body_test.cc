@@ -4,10 +4,12 @@
 
 #include <cmath>
 
+#include "body/fit/pose_by_images.h"
 #include "body/fit/rim.h"
 #include "body/surface_nets.h"
 #include "body/texture/bake.h"
 #include "core/random.h"
+#include "core/statistics.h"
 
 namespace mvstudio::body {
 namespace {
@@ -132,6 +134,64 @@ TEST(FitBody, FewStepsAreNotJudgedAndNoneIsAStatus) {
   for (FitStep& step : none) step.joints.valid.fill(false);
   EXPECT_EQ(FitBody(three.rest, none, {}, {}).status, Status::kTooFewViews);
   EXPECT_EQ(FitBody(three.rest, {}, {}, {}).status, Status::kTooFewViews);
+}
+
+/// Mean distance of a pose's vertices from those of the truth.
+double PoseError(const Studio& studio, const PersonBody& person, const std::map<int, ArticulatedPose>& poses) {
+  double sum = 0;
+  for (const auto& [frame, pose] : poses) {
+    const Eigen::Matrix3Xf truth = SkinVertices(studio.person, ToBodyPose(studio.person, studio.poses[frame]));
+    sum += (SkinVertices(person.body, ToBodyPose(person.body, pose)) - truth).colwise().norm().mean();
+  }
+  return sum / static_cast<double>(poses.size());
+}
+
+class PosesOfOtherSteps : public ::testing::Test {
+ protected:
+  PosesOfOtherSteps() : studio_(26) {
+    others_.assign(studio_.steps.begin() + 20, studio_.steps.end());
+    const std::vector<FitStep> fitted(studio_.steps.begin(), studio_.steps.begin() + 20);
+    person_ = FitBody(studio_.rest, fitted, {}, {}).person;
+  }
+  std::map<int, ArticulatedPose> ByJoints() const {
+    std::map<int, ArticulatedPose> poses;
+    for (const FitStep& step : others_) poses[step.frame] = *PoseByJoints(person_, step.joints.x_in_world, step.joints.valid);
+    return poses;
+  }
+  ArticulatedPose ByJointsAt(int frame) const {
+    const FitStep& step = studio_.steps[frame];
+    return *PoseByJoints(person_, step.joints.x_in_world, step.joints.valid);
+  }
+  Studio studio_;
+  std::vector<FitStep> others_;
+  PersonBody person_;
+};
+
+TEST_F(PosesOfOtherSteps, ImagesShowWhatJointsDoNot) {
+  const StepPoses posed = PoseByImages(person_, nullptr, others_, {});
+  ASSERT_EQ(posed.poses.size(), 6u);
+  EXPECT_GT(Mean(posed.iou), Mean(posed.iou_before) + 0.005);
+  EXPECT_LT(PoseError(studio_, person_, posed.poses), 0.9 * PoseError(studio_, person_, ByJoints()));
+  EXPECT_TRUE(posed.rejected.empty());
+}
+
+TEST_F(PosesOfOtherSteps, AWrongSilhouetteIsNamedAndDoesNotTurnTheBody) {
+  const StepPoses right = PoseByImages(person_, nullptr, others_, {});
+  others_[2].views[1].outline = others_[4].views[3].outline;
+  const StepPoses posed = PoseByImages(person_, nullptr, others_, {});
+  ASSERT_EQ(posed.rejected.size(), 1u);
+  EXPECT_EQ(posed.rejected[0].frame, 22);
+  EXPECT_EQ(posed.rejected[0].camera, "cam1");
+  EXPECT_LT(PoseError(studio_, person_, posed.poses), PoseError(studio_, person_, right.poses) + 0.002);
+}
+
+TEST_F(PosesOfOtherSteps, WithoutSilhouettesJointsPose) {
+  for (FitStep& step : others_) step.views.clear();
+  others_[0].joints.valid.fill(false);
+  const StepPoses posed = PoseByImages(person_, nullptr, others_, {});
+  EXPECT_EQ(posed.poses.size(), 5u) << "no trunk in the first";
+  EXPECT_TRUE(posed.iou.empty());
+  for (const auto& [frame, pose] : posed.poses) EXPECT_EQ(pose.shift, ByJointsAt(frame).shift);
 }
 
 TEST(TextureBaker, BringsTheColoursBack) {

@@ -105,6 +105,14 @@ void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config)
   }
 }
 
+/// Images of training cameras pose held-out frames, so they cannot be scored there.
+bool ShowsItsPoses(const DatasetSplit& split, const SplitSide& selection) {
+  const auto shared = [](const auto& some, const auto& all) {
+    return std::any_of(some.begin(), some.end(), [&](const auto& one) { return std::count(all.begin(), all.end(), one) > 0; });
+  };
+  return shared(selection.cameras, split.train_cameras) && !shared(selection.frames, split.train_frames);
+}
+
 /// `all`: the frames that those of the selection were chosen from, for what is consecutive.
 PackResult Build(const Session& session, const RunConfig& config, int size_px, const SplitSide& selection,
                  const std::vector<int>& all) {
@@ -114,6 +122,7 @@ PackResult Build(const Session& session, const RunConfig& config, int size_px, c
   options.size_px = size_px;
   options.cameras = selection.cameras;
   options.frames = selection.frames;
+  if (ShowsItsPoses(config.split, selection)) options.pose_by = PoseBy::kJoints;
   return BuildPack(session.data, options, session.run);
 }
 
@@ -310,12 +319,22 @@ void ScoreTemplateAlone(const Session& session, const AvatarModel& model, const 
   result->template_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
 }
 
-/// The fitted body without a network.
-void ScoreBodyAlone(const Session& session, const AvatarPack& pack, const at::Tensor& truth, Evaluation* result) {
-  if (!pack.body_images.defined()) return;
+Scored ScoreBody(const Session& session, const AvatarPack& pack, const at::Tensor& truth) {
   const at::Tensor body = pack.body_images.to(at::kDouble) / 255;
   const Rendered rendered{body.slice(1, 0, 3), body.select(1, 3)};
-  result->body_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+  return Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+}
+
+/// The fitted body without a network.
+void ScoreBodyAlone(const Session& session, const SplitSide& selection, const AvatarPack& pack, const at::Tensor& truth,
+                    Evaluation* result) {
+  if (!pack.body_images.defined()) return;
+  result->body_alone = ScoreBody(session, pack, truth);
+  if (result->config.pack.pose_by == PoseBy::kJoints || ShowsItsPoses(result->config.split, selection)) return;
+  RunConfig by_joints = result->config;
+  by_joints.pack.pose_by = PoseBy::kJoints, by_joints.pack.template_input_px = 0;
+  const AvatarPack posed = Build(session, by_joints, pack.size_px, selection, selection.frames).pack;
+  if (posed.size() == pack.size()) result->body_by_joints = ScoreBody(session, posed, truth);
 }
 
 /// The checkpoint, with what it says of its training.
@@ -384,7 +403,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   crop.size_px = result.size_px;
   const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
   ScoreBaselines(session, pack, truth, baselines, &result);
-  ScoreBodyAlone(session, pack, truth, &result);
+  ScoreBodyAlone(session, selection, pack, truth, &result);
   ScoreTemplateAlone(session, model, pack, truth, &result);
   result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
   const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, model, &result);

@@ -87,6 +87,7 @@ struct Evaluation {
   std::optional<Scored> template_alone;               ///< textured avatars with a template: its textures on the template,
                                                       ///< without the network
   std::optional<Scored> body_alone;                   ///< runs with a fitted body: that in its averaged colours
+  std::optional<Scored> body_by_joints;               ///< the same, posed by joints alone where images posed it above
   std::map<std::string, std::string> nearest_camera;  ///< held-out camera -> camera whose images the baselines show
   std::vector<GroupScore> per_camera, per_motion;
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (metrics/masks.h)

@@ -100,6 +100,7 @@ std::string ToJsonText(const Evaluation& e) {
   AddIntervals(e.intervals, &json["holdout"]);
   json["baselines"] = {{"mean_image", ScoredJson(e, e.mean_image)}, {"nearest_pose", ScoredJson(e, e.nearest_pose)}};
   if (e.body_alone) json["baselines"]["body_alone"] = ScoredJson(e, *e.body_alone);
+  if (e.body_by_joints) json["baselines"]["body_by_joints"] = ScoredJson(e, *e.body_by_joints);
   if (e.template_alone) json["baselines"]["template_alone"] = ScoredJson(e, *e.template_alone);
   json["per_camera"] = json["per_motion"] = Json::array();
   for (const GroupScore& camera : e.per_camera) {
@@ -150,8 +151,9 @@ std::string ToTable(const Evaluation& e) {
   text += "                                             n    SSIM    PSNR     IoU  full: SSIM  PSNR  " + e.distance_name + "\n";
   text += Row("avatar", e.holdout) + Row("baseline: mean image of nearest camera", e.mean_image) +
           Row("baseline: nearest pose", e.nearest_pose);
-  if (e.body_alone) text += Row("the fitted body in averaged colours, no network", *e.body_alone);
-  if (e.template_alone) text += Row("its textures on the template, no network", *e.template_alone);
+  if (e.body_alone) text += Row("no network: the fitted body", *e.body_alone);
+  if (e.body_by_joints) text += Row("no network: the same posed by joints alone", *e.body_by_joints);
+  if (e.template_alone) text += Row("no network: its textures on the template", *e.template_alone);
   for (const auto& [kind, scored] : e.other_splits) text += Row(kind, scored);
   for (const GroupScore& camera : e.per_camera) text += Row("held-out camera " + camera.name, {camera.mean, {}, camera.lpips});
   if (e.per_motion.size() > 1) {

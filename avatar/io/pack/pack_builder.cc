@@ -26,6 +26,7 @@
 namespace mvstudio::avatar {
 namespace {
 
+constexpr ChoiceWords<PoseBy, 2> kPoseBy = {{{PoseBy::kJoints, "joints"}, {PoseBy::kImages, "images"}}};
 constexpr int kFitSizePx = 96;
 constexpr int64_t kMinPersonPx = 16;  // a crop with less of the person is of no use
 
@@ -211,8 +212,8 @@ struct Filler {
   const Plan& plan;
   const body::BodyTemplate* body;  // nullptr: no template is posed
   JointSource joints;
-  std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world: posed by joints alone
-  std::map<int, Eigen::Matrix3Xf> seen;      // by frame, world: posed by images too
+  std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world: posed as the options say
+  std::map<int, Eigen::Matrix3Xf> seen;      // by frame, world: posed by images
 
   // As Fill below.
   std::string FillIuv(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) const {
@@ -274,8 +275,9 @@ void PoseBody(const Plan& plan, const RunContext& run, Filler* filler) {
   for (size_t i = 0; i < list.size(); ++i) {
     if (vertices[i]) filler->vertices[list[i].first] = *vertices[i];
     if (!fitted || !fitted->person.seen.count(list[i].first)) continue;
-    const body::BodyPose seen = ToBodyPose(fitted->person.body, fitted->person.seen.at(list[i].first));
-    filler->seen[list[i].first] = SkinVertices(fitted->person.body, seen);
+    const body::BodyPose pose = ToBodyPose(fitted->person.body, fitted->person.seen.at(list[i].first));
+    const auto seen = filler->seen.emplace(list[i].first, SkinVertices(fitted->person.body, pose)).first;
+    if (filler->options.pose_by == PoseBy::kImages) filler->vertices[list[i].first] = seen->second;
   }
 }
 
@@ -286,6 +288,11 @@ double MeanTemplateIou(const AvatarPack& pack) {
 }
 
 }  // namespace
+
+std::string_view ToString(PoseBy pose_by) { return WordOf(kPoseBy, pose_by); }
+void FromString(const std::string& text, PoseBy* pose_by) {
+  *pose_by = KnownChoice(kPoseBy, text, "option 'pose-by' must be joints or images");
+}
 
 void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop) {
   const auto count = static_cast<int64_t>(pose.valid.size());

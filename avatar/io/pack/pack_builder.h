@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "avatar/data/pack.h"
@@ -15,6 +16,14 @@
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::avatar {
+
+/// What poses the body in a picture.
+enum class PoseBy {
+  kJoints,  ///< the 19 joints alone, as for a motion that nobody filmed
+  kImages,  ///< the images of the training cameras too, where the fitted body holds such a pose
+};
+std::string_view ToString(PoseBy pose_by);
+void FromString(const std::string& text, PoseBy* pose_by);
 
 /// Options for making crops from a dataset's images. Use the same ones for training and evaluation.
 struct PackOptions {
@@ -34,7 +43,8 @@ struct PackOptions {
   int frame_step = 0;                ///< difference of the numbers of consecutive frames; 0: the usual one of `frames`
   /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
   std::shared_ptr<const body::TexturedPerson> fitted;
-  BodyShape shape;  ///< girth of the template: start of the fit, or the value when fit_shape is off
+  PoseBy pose_by = PoseBy::kImages;  ///< of the fitted body, in maps for the network and in body_images
+  BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
 };
 
 template <class Visitor>
@@ -45,6 +55,10 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
   visit("pose3d", o.pose3d,
         "folder with points.csv (`triangulate`): toes, heels, hands and face for option 'inputs' 21, 24 and 27, beside the "
         "dataset's own files");
+  visit(
+      "pose-by", o.pose_by,
+      "what poses the fitted body: images (of the training cameras, held-out frames included), or joints alone, as in a motion "
+      "that nobody filmed");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
   visit("iuv", o.iuv,
         "folder with DensePose's map of each image, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
@@ -92,8 +106,8 @@ struct PackResult {
 /// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. A picture or
 /// mask that is not there is left out (`missing`). Throws FormatError naming camera and frame when one is damaged or of
 /// another size, and when nothing is left; UsageError for cameras or frames that do not exist.
-/// With `fitted`, maps for the network and body_images are posed by joints alone, as for images that nobody has seen; part and
-/// uv by the poses that the fit saw, where it has them.
+/// With `fitted`, maps for the network and body_images are posed as `pose_by` says; part and uv by images, where such poses
+/// are.
 PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

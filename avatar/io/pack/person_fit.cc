@@ -5,11 +5,13 @@
 #include <filesystem>
 #include <mutex>
 
+#include "body/fit/pose_by_images.h"
 #include "body/makehuman/read.h"
 #include "body/smpl/read.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/views/crop.h"
 
@@ -26,9 +28,9 @@ struct Source {
 };
 
 std::vector<Source> FindSources(const dataset::PanopticDataset& data, const PersonFitOptions& options,
-                                std::vector<std::string>* missing) {
+                                const std::vector<int>& frames, std::vector<std::string>* missing) {
   std::vector<Source> sources;
-  for (const int frame : options.frames) {
+  for (const int frame : frames) {
     const auto poses = data.poses.find(frame);
     if (poses == data.poses.end() || !poses->second.count(options.person)) continue;
     Source source{frame, &poses->second.at(options.person), {}};
@@ -98,7 +100,7 @@ Crop ReadCrop(const dataset::PanopticDataset& data, const Source& source, const 
 }
 
 std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const std::vector<Source>& sources,
-                                     const PersonFitOptions& options, const RunContext& run) {
+                                     const PersonFitOptions& options, bool brightness, const RunContext& run) {
   std::vector<body::FitStep> steps(sources.size());
   ProgressStage stage(run, "reading silhouettes", static_cast<int64_t>(sources.size()));
   std::mutex mutex;
@@ -110,12 +112,11 @@ std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const
     for (const geometry::RigCamera* camera : source.cameras) {
       Crop crop = ReadCrop(data, source, *camera, options.max_px);
       step.views.push_back({camera->camera.name, crop.camera, std::make_shared<body::MaskOutline>(std::move(crop.mask)),
-                            options.use_brightness ? std::make_shared<Image>(Grey(crop.image)) : nullptr});
+                            brightness ? std::make_shared<Image>(Grey(crop.image)) : nullptr});
     }
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });
-  body::HoldOutViews(&steps);
   return steps;
 }
 
@@ -147,6 +148,32 @@ void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source
   out->texture_seen = baker.SeenShare();
 }
 
+/// A batch at a time: silhouettes of a whole take need more memory than there is.
+void PoseOthers(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run, PersonFit* out) {
+  constexpr size_t kBatch = 64;
+  std::map<int, body::ArticulatedPose>& seen = out->result.person.seen;
+  std::vector<int> frames;
+  for (const int frame : options.pose_frames) {
+    if (!seen.count(frame)) frames.push_back(frame);
+  }
+  std::vector<std::string> missing;  // nothing that a pose depends on
+  const std::vector<Source> sources = FindSources(data, options, frames, &missing);
+  const body::MeanBrightness* brightness = out->fit.brightness ? &*out->fit.brightness : nullptr;
+  const body::PersonBody person = out->result.person;
+  std::vector<double> before, after;
+  for (size_t at = 0; at < sources.size(); at += kBatch) {
+    const std::vector<Source> batch(sources.begin() + at, sources.begin() + std::min(sources.size(), at + kBatch));
+    const body::StepPoses posed =
+        body::PoseByImages(person, brightness, ReadSteps(data, batch, options, brightness != nullptr, run), run);
+    seen.insert(posed.poses.begin(), posed.poses.end());
+    out->tracked.rejected.insert(out->tracked.rejected.end(), posed.rejected.begin(), posed.rejected.end());
+    before.insert(before.end(), posed.iou_before.begin(), posed.iou_before.end());
+    after.insert(after.end(), posed.iou.begin(), posed.iou.end());
+  }
+  out->tracked.frames = static_cast<int>(after.size());
+  out->tracked.iou_before = Mean(before), out->tracked.iou = Mean(after);
+}
+
 body::BodyTemplate TemplateOf(const std::string& path) {
   if (path.empty()) return body::MakeMannequin();
   return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
@@ -157,7 +184,7 @@ body::BodyTemplate TemplateOf(const std::string& path) {
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
   MVS_CHECK(options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2, "options of the fit");
   PersonFit out;
-  const std::vector<Source> all = FindSources(data, options, &out.missing);
+  const std::vector<Source> all = FindSources(data, options, options.frames, &out.missing);
   if (all.empty())
     throw UsageError(
         "no training frame of person " + std::to_string(options.person) +
@@ -165,9 +192,12 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   const std::vector<Source> sources = Thinned(all, options.max_silhouettes);
   body::BodyFitOptions fit;
   fit.use_brightness = options.use_brightness;
-  out.fit = body::FitBody(TemplateOf(options.body_template), ReadSteps(data, sources, options, run), fit, run);
+  std::vector<body::FitStep> steps = ReadSteps(data, sources, options, options.use_brightness, run);
+  body::HoldOutViews(&steps);
+  out.fit = body::FitBody(TemplateOf(options.body_template), steps, fit, run);
   out.result.person = std::move(out.fit.person);
   BakeTextures(data, sources, options, run, &out);
+  if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);
   return out;
 }
 

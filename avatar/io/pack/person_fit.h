@@ -13,6 +13,7 @@ namespace mvstudio::avatar {
 struct PersonFitOptions {
   std::vector<std::string> cameras;  ///< Panoptic names
   std::vector<int> frames;
+  std::vector<int> pose_frames;  ///< frames that are only posed, by the images of `cameras`: they tell nothing of the body
   int person = -1;
   std::string body_template;  ///< a folder of MakeHuman, a file in SMPL's layout, or empty: the mannequin
   int max_silhouettes = 600;  ///< time steps are thinned evenly until no more are used
@@ -22,15 +23,23 @@ struct PersonFitOptions {
   bool use_brightness = true;
 };
 
+/// How frames were posed by a body that was fitted to others.
+struct TrackedFrames {
+  int frames = 0;
+  double iou_before = 0, iou = 0;  ///< mean over the frames: by joints alone, by images too
+  std::vector<body::RejectedView> rejected;
+};
+
 struct PersonFit {
   body::TexturedPerson result;
-  body::BodyFit fit;                 ///< without `person`, which is in `result`
+  body::BodyFit fit;  ///< without `person`, which is in `result`
+  TrackedFrames tracked;
   double texture_seen = 0;           ///< share of the texels that some image showed
   std::vector<std::string> missing;  ///< "camera 00_03, frame 17": no image or no mask
 };
 
-/// Fits the mannequin to the person of a dataset, and bakes its colours. Images and masks that do not exist are left out.
-/// Throws FormatError for damaged ones, UsageError when nothing can be fitted to.
+/// Fits a body to the person of a dataset, bakes its colours, and poses further frames. Images and masks that do not exist are
+/// left out. Throws FormatError for damaged ones, UsageError when nothing can be fitted to.
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

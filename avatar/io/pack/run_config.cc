@@ -89,7 +89,8 @@ void WriteRunConfig(const RunConfig& config, const std::string& path) {
                           {"input_px", config.pack.template_input_px},
                           {"iou", std::isfinite(config.template_iou) ? Ordered(config.template_iou) : Ordered()},
                           {"iuv", config.pack.iuv},
-                          {"body", config.body_file}}}};
+                          {"body", config.body_file},
+                          {"pose_by", ToString(config.pack.pose_by)}}}};
   WriteFileAtomic(path, json.dump(1) + "\n");
 }
 
@@ -121,6 +122,7 @@ RunConfig ReadRunConfig(const std::string& path) {
     if (px != 0 && px != config.pack.size_px) at("/template/input_px").Fail("must be 0 or the crop's size_px");
   }
   if (file.HasPointer("/template/body")) config.body_file = at("/template/body").Text();
+  if (file.HasPointer("/template/pose_by")) FromString(at("/template/pose_by").Text(), &config.pack.pose_by);
   if (!config.body_file.empty()) {
     if (config.body_file != body::kPersonFileName) at("/template/body").Fail(std::string("must be ") + body::kPersonFileName);
     const std::string body_path = (std::filesystem::path(path).parent_path() / body::kPersonFileName).string();
