@@ -29,7 +29,7 @@ TEST(ColourSpace, ThereAndBackAlsoBeyondWhiteAndBelowBlack) {
 
 TEST(ColourSpace, GainAndOffsetActInTheirSpace) {
   ColourTransform t;
-  t.gain = {2, 1, 0.5}, t.offset = {0, 0.1, 0};
+  t.gain = Eigen::Array3d(2, 1, 0.5), t.offset = Eigen::Array3d(0, 0.1, 0);
   EXPECT_DOUBLE_EQ(Corrected(0.3, t, 0, ColourSpace::kSrgb), 0.6);
   EXPECT_DOUBLE_EQ(Corrected(0.3, t, 1, ColourSpace::kSrgb), 0.4);
   const double light = Corrected(0.3, t, 2, ColourSpace::kLinear);
