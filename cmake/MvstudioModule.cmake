@@ -18,6 +18,9 @@ if(MVSTUDIO_WERROR)
   target_compile_options(mvstudio_warnings INTERFACE -Werror)
 endif()
 
+# Enums have words in JSON. The library would write their numbers where nobody gives it the word.
+add_compile_definitions(JSON_DISABLE_ENUM_SERIALIZATION=1)
+
 if(MVSTUDIO_SANITIZE)
   add_compile_options(-fsanitize=${MVSTUDIO_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=undefined)
   add_link_options(-fsanitize=${MVSTUDIO_SANITIZE})

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """unity_groups.py SIZE FILE…: which files may be compiled as one translation unit. Prints GROUP FILE lines for CMake.
 
-Two files of a group must not use one name at file scope (in an anonymous namespace, or static). Files are taken in the given order;
-each goes to the first group with room and without its names. A name that this reading misses shows as a redefinition when compiled.
+Two files of a group must not use one name at file scope (in an anonymous namespace, static, or `using ns::Name;`), unless both take it
+from the same namespace. Files are taken in the given order; each goes to the first group with room and without its names. A name that
+this reading misses shows as a redefinition when compiled.
 """
 import re
 import sys
@@ -14,22 +15,37 @@ PATTERNS = [re.compile(p) for p in (
     r'[\w:<>,&*\s\[\]]+?[\s&*](\w+)\(',
     r'#define (\w+)',
 )]
+USING = re.compile(r'using ([\w:]+)::(\w+);')
+OWN = 'the file itself'
+
+
+def namespace_of(qualifier):
+    """`mvstudio::a`, `::mvstudio::a` and `a` are one namespace within the project; `::a` is another's."""
+    return re.sub(r'^(::)?mvstudio::', '', qualifier)
 
 
 def file_scope_names(path):
-    """Names that stand at file scope, at the start of a line, in the anonymous namespaces of `path`; and its macros."""
-    names, anonymous = set(), False
+    """{name: where it is from} of what stands at file scope, at the start of a line, in the anonymous namespaces of `path`; macros and
+    using-declarations everywhere. Where from: a namespace, or OWN."""
+    names, anonymous = {}, False
     for line in open(path, encoding='utf-8'):
+        using = USING.match(line)
         if re.match(r'namespace \{', line):
             anonymous = True
         elif re.match(r'\}  // namespace$', line):
             anonymous = False
+        elif using:
+            names[using.group(2)] = namespace_of(using.group(1))
         elif line.startswith('#define') or ((anonymous or line.startswith('static ')) and line[0] not in ' }#/)\n'):
             line = re.sub(r'^template <.*?>\s+', '', line)
             match = next(filter(None, (p.match(line) for p in PATTERNS)), None)
             if match:
-                names.add(match.group(1))
+                names[match.group(1)] = OWN
     return names
+
+
+def clash(names, used):
+    return any(name in used and (OWN in (where, used[name]) or where != used[name]) for name, where in names.items())
 
 
 def main():
@@ -37,13 +53,13 @@ def main():
     for path in sys.argv[2:]:
         names = file_scope_names(path)
         for index, (count, used) in enumerate(groups):
-            if count < size and not names & used:
+            if count < size and not clash(names, used):
                 break
         else:
             index = len(groups)
-            groups.append([0, set()])
+            groups.append([0, {}])
         groups[index][0] += 1
-        groups[index][1] |= names
+        groups[index][1].update(names)
         print(f'g{index} {path}')
 
 

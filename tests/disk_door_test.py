@@ -9,7 +9,7 @@ import pathlib
 import re
 import sys
 
-SOURCES = ["body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "avatar", "metrics", "report", "synth", "triangulate"]
+SOURCES = ["app", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "avatar", "metrics", "report", "synth", "triangulate"]
 # The door itself.
 DOOR = re.compile(r"^core/disk/(files|lock|manifest|manifest_write|output|output_publish|temporary)\.cc$")
 FORBIDDEN = {

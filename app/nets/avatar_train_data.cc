@@ -1,7 +1,6 @@
 #include "app/nets/avatar_train_data.h"
 
 #include <algorithm>
-#include <sstream>
 
 #include "app/words.h"
 #include "avatar/io/pack/frame_runs.h"
@@ -13,15 +12,6 @@
 
 namespace mvstudio::app {
 namespace {
-
-std::vector<std::string> SplitCommas(const std::string& text) {
-  std::vector<std::string> names;
-  std::istringstream in(text);
-  for (std::string name; std::getline(in, name, ',');) {
-    if (!name.empty()) names.push_back(name);
-  }
-  return names;
-}
 
 /// Those of `frames` in which the person has a pose.
 std::vector<int> WithPose(const dataset::PanopticDataset& data, int person, const std::vector<int>& frames) {

@@ -1,7 +1,8 @@
+#include "body/files/glb.h"
+
 #include <algorithm>
 #include <cstring>
 
-#include "body/files/glb.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -24,7 +25,10 @@ void AppendWord(size_t value, std::string* bytes) {
 }
 
 GlbJson Accessor(int view, GlbComponent component, size_t count, size_t components) {
-  return {{"bufferView", view}, {"componentType", component}, {"count", count / components}, {"type", TypeOf(components)}};
+  return {{"bufferView", view},
+          {"componentType", static_cast<int>(component)},
+          {"count", count / components},
+          {"type", TypeOf(components)}};
 }
 
 }  // namespace
@@ -63,7 +67,7 @@ int GlbBuilder::Words(const std::vector<uint32_t>& values, size_t components, Gl
 
 int GlbBuilder::View(const void* data, size_t size, GlbTarget target) {
   GlbJson view = {{"buffer", 0}, {"byteOffset", bytes_.size()}, {"byteLength", size}};
-  if (target != kNoTarget) view["target"] = target;
+  if (target != kNoTarget) view["target"] = static_cast<int>(target);
   bytes_.append(static_cast<const char*>(data), size);
   bytes_.append((4 - bytes_.size() % 4) % 4, '\0');
   return Add("bufferViews", view);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <sstream>
 
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -22,21 +21,9 @@ struct Arguments {
   exports::ExportOptions options;
 };
 
-/// "00_00,00_03" and repeated flags alike.
-std::vector<std::string> SplitCommas(const std::vector<std::string>& words) {
-  std::vector<std::string> names;
-  for (const std::string& word : words) {
-    std::istringstream stream(word);
-    for (std::string name; std::getline(stream, name, ',');) {
-      if (!name.empty()) names.push_back(name);
-    }
-  }
-  return names;
-}
-
 exports::ExportOptions OptionsOf(const Arguments& arguments) {
   exports::ExportOptions options = arguments.options;
-  options.cameras = SplitCommas(options.cameras);
+  options.cameras = SplitCommas(Join(options.cameras, ","));  // "00_00,00_03" and repeated flags alike
   options.all_frames = arguments.frames == "all";
   if (!arguments.frames.empty() && !options.all_frames) options.frames = ParseRanges("--frames", arguments.frames);
   return options;

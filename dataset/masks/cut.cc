@@ -14,10 +14,15 @@ void SolveCut(CutProblem* problem) {
   for (int i = 0; i < n; ++i) count += p.label[i] == Label::kFree;
   if (count == 0) return;
   cv::detail::GCGraph<double> graph(count, 8 * count);
+  std::vector<double> favour(n, 0);  // cost as background minus cost as person, decided neighbours included
+  const auto add_costs = [&](int i, double as_background, double as_person) {
+    graph.addTermWeights(node[i], as_background, as_person);
+    favour[i] += as_background - as_person;
+  };
   for (int i = 0; i < n; ++i) {
     if (p.label[i] != Label::kFree) continue;
     node[i] = graph.addVtx();
-    graph.addTermWeights(node[i], p.background_cost[i], p.person_cost[i]);
+    add_costs(i, p.background_cost[i], p.person_cost[i]);
   }
   const double beta = 1.0 / (2.0 * p.mean_contrast2);
   bool connected = false;
@@ -29,7 +34,7 @@ void SolveCut(CutProblem* problem) {
     } else if (node[i] >= 0 || node[j] >= 0) {
       const int free = node[i] >= 0 ? i : j, fixed = node[i] >= 0 ? j : i;
       const bool person = p.label[fixed] == Label::kPerson;
-      graph.addTermWeights(node[free], person ? weight : 0, person ? 0 : weight);
+      add_costs(free, person ? weight : 0, person ? 0 : weight);
     }
   };
   for (int y = 0; y < p.height; ++y) {
@@ -43,7 +48,7 @@ void SolveCut(CutProblem* problem) {
   }
   if (!connected) {  // the solver refuses a graph without edges; pixels decide alone
     for (int i = 0; i < n; ++i) {
-      if (node[i] >= 0) p.label[i] = p.background_cost[i] > p.person_cost[i] ? Label::kPerson : Label::kBackground;
+      if (node[i] >= 0) p.label[i] = favour[i] > 0 ? Label::kPerson : Label::kBackground;
     }
     return;
   }

@@ -2,6 +2,7 @@
 
 #include <poll.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -86,6 +87,12 @@ void Limit(int resource, uint64_t value) {
   setrlimit(static_cast<__rlimit_resource_t>(resource), &limit);
 }
 
+/// The system ends this process with `parent`, or rather with its thread that waits for the answer.
+void EndWith(pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(1);  // it was gone before
+}
+
 [[noreturn]] void RunChild(int pipe_fd, const ChildLimits& limits, const std::function<std::string()>& work) {
   for (const int signal_number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGSEGV, SIGABRT, SIGBUS, SIGFPE})
     signal(signal_number, SIG_DFL);
@@ -133,12 +140,14 @@ int WaitFor(pid_t child) {
 std::string RunInChild(const std::string& path, const ChildLimits& limits, const std::function<std::string()>& work) {
   int ends[2];
   if (pipe(ends) != 0) throw ResourceError("cannot make a pipe to check " + path + ": " + std::strerror(errno));
+  const pid_t parent = getpid();
   pid_t child = -1;
   {
     // The child gets HDF5 in a state in which nobody else is using it.
     const auto lock = LockHdf5();
     child = fork();
     if (child == 0) {
+      EndWith(parent);
       RenewHdf5LockInChild();
       close(ends[0]);
       RunChild(ends[1], limits, work);

@@ -1,4 +1,5 @@
-// Private: for the files of packs from others; it forks the process.
+// Private: for the files of packs from others; it forks the process. core/process.h starts programs; this runs a function of
+// this program on its data.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +15,7 @@ struct ChildLimits {
 
 /// Runs `work` in a copy of this process with limits on memory, processor time and wall time, and returns its text. Its
 /// exceptions are rethrown here (IoError, FormatError, ResourceError and UsageError as such). A child that crashes or
-/// exceeds memory or time is a FormatError that names `path`.
+/// exceeds memory or time is a FormatError that names `path`. It ends when this process ends, however that happens.
 std::string RunInChild(const std::string& path, const ChildLimits& limits, const std::function<std::string()>& work);
 
 }  // namespace mvstudio::dataset::internal

@@ -79,7 +79,7 @@ class PersonFinder {
   explicit PersonFinder(const std::string& models_folder);
   ~PersonFinder();
   /// Sorted by size times score (capped at a score that is certain); the largest person is assumed to be the subject.
-  /// `levels`: 1 the image alone, 2 also tiles of half its longer side, 3 of a quarter.
+  /// `levels`: 1 the image alone, 2 also tiles of 0.7 of its longer side, 3 also of 0.49.
   std::vector<CoarsePerson> Find(const Image& rgb, int max_persons, int levels) const;
 
  private:

@@ -91,5 +91,27 @@ TEST(AvatarScores, TheFirstDifferenceIsThatOfTheFirstFilesOrder) {
   EXPECT_NO_THROW(RequireSameProtocol(first, first));
 }
 
+TEST(AvatarScores, ARunIsReadWithItsProtocolAndRefusedWithThePlace) {
+  const TempDir folder;
+  const std::string run = folder / "run";
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(run); }), HasSubstr("no such folder"));
+  Put(folder / "run/protocol.json", ProtocolJson(kBody, kDigest));
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(run); }), HasSubstr("mvstudio avatar eval"));
+  const auto place_of = [&](const std::string& metrics) {
+    Put(folder / "run/avatar_eval.result.json", R"({"metrics": )" + metrics + "}");
+    return PlaceOf([&] { ReadScoredRun(run); });
+  };
+  EXPECT_EQ(place_of(R"({"holdout": {"psnr_db": 20}})"), "metrics.holdout.ssim");
+  EXPECT_EQ(place_of(R"({"holdout": {"ssim": null}})"), "metrics.holdout.ssim");
+  const std::string scored = R"({"holdout": {"ssim": 0.75}, "protocol_sha256": ")";
+  EXPECT_EQ(place_of(scored + std::string(64, '0') + "\"}"), "metrics.protocol_sha256") << "scored by another protocol";
+  EXPECT_EQ(place_of(scored + kDigest + "\"}"), "no FormatError");
+  const ScoredRun read = ReadScoredRun("ours=" + run + "//");
+  EXPECT_EQ(read.label, "ours");
+  EXPECT_EQ(read.folder, run);
+  EXPECT_EQ(read.metrics["holdout"]["ssim"].Number(), 0.75);
+  EXPECT_EQ(read.protocol.sha256, kDigest);
+}
+
 }  // namespace
 }  // namespace mvstudio::app

@@ -127,8 +127,8 @@ TEST(AvatarTable, SplitsOfOtherPicturesAreMarked) {
 }
 
 TEST(AvatarTable, MarkdownAndTextHaveTheSameColumns) {
-  const Comparison comparison =
-      CompareRuns({MakeRun({"a1", "tna", "1", 0.90}), MakeRun({"a2", "tna", "2", 0.92}), MakeRun({"d", "direct", "1", 0.5})}, true);
+  const Comparison comparison = CompareRuns(
+      {MakeRun({"a1", "tna", "1", 0.90}), MakeRun({"a2", "tna", "2", 0.92}), MakeRun({"d", "direct", "1", 0.5})}, true);
   std::istringstream markdown(MarkdownTable(comparison));
   std::vector<std::string> lines;
   for (std::string line; std::getline(markdown, line) && !line.empty();) lines.push_back(line);

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "tests/triangulate/support.h"
+#include "triangulate/sync/sync.h"
 
 namespace mvstudio::app {
 namespace {
@@ -110,6 +111,86 @@ TEST(CalibrationUse, OffsetsThatMoveNothingAreNone) {
   ReportOffsetsUnused(WithOffset(1), "why", &some);
   EXPECT_EQ(some.metrics["calibration_offsets"]["applied"], false);
   EXPECT_EQ(some.metrics["calibration_offsets"]["reason"], "why");
+}
+
+/// Five joints on paths of their own, filmed by a ring whose camera 1 is late: its frame n shows the time n - late_frames.
+PoseInput Filmed(double late_frames, double stated_frames) {
+  PoseInput input;
+  input.rig = triangulate::MakeRing(5);
+  input.rig.cameras[1].time_offset = geometry::TimeOffset{stated_frames, 0.01};
+  input.skeleton = body::PointsSkeleton({"a", "b", "c", "d", "e"});
+  Rng rng(5);
+  for (int f = 0; f < 60; ++f) {
+    triangulate::DetectedFrame& frame = input.frames.emplace_back();
+    frame.frame = f, frame.people.resize(input.rig.cameras.size());
+    for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
+      const double t = f - (c == 1 ? late_frames : 0);
+      triangulate::DetectedPerson& person = frame.people[c].emplace_back();
+      for (int j = 0; j < 5; ++j) {
+        const Eigen::Vector3d x(0.4 * std::sin(0.2 * t + j), 0.3 * std::cos(0.27 * t - j),
+                                0.2 * j - 0.4 + 0.1 * std::sin(0.4 * t));
+        const auto seen = geometry::Project(input.rig.cameras[c].camera, input.rig.cameras[c].cam_from_world * x);
+        person.push_back({seen.px + Eigen::Vector2d(rng.Normal(), rng.Normal()), 0.9});
+      }
+    }
+  }
+  return input;
+}
+
+Eigen::Vector2d PixelAt(const PoseInput& input, size_t frame, size_t camera) {
+  return input.frames[frame].people[camera][0][0].px;
+}
+
+TEST(ApplyCalibrationOffsets, AreAppliedWhereTheTakeConfirmsThem) {
+  PoseInput input = Filmed(1.5, 1.5);
+  const PoseInput before = input;
+  CommandResult result;
+  ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result);
+  EXPECT_EQ(result.metrics["calibration_offsets"]["applied"], true) << result.metrics.dump();
+  EXPECT_EQ(result.metrics["calibration_offsets"]["frames"], nlohmann::ordered_json::array({0, 1.5, 0, 0, 0}));
+  EXPECT_THAT(result.warnings, IsEmpty());
+  // Frame 20 now holds what the late camera saw halfway between its frames 21 and 22.
+  const Eigen::Vector2d between = 0.5 * (PixelAt(before, 21, 1) + PixelAt(before, 22, 1));
+  EXPECT_LT((PixelAt(input, 20, 1) - between).norm(), 6) << "noise of 1 px and the curve of the path";
+  EXPECT_GT((PixelAt(before, 20, 1) - between).norm(), 12);
+  EXPECT_EQ(PixelAt(input, 20, 0), PixelAt(before, 20, 0));
+}
+
+TEST(ApplyCalibrationOffsets, AreLeftOutWithAWarningWhereTheTakeContradicts) {
+  PoseInput input = Filmed(0, 1.5);
+  const Eigen::Vector2d before = PixelAt(input, 20, 1);
+  CommandResult result;
+  ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result);
+  EXPECT_EQ(result.metrics["calibration_offsets"]["applied"], false);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_EQ(result.warnings[0].code, "TRI-OFFSETS-UNUSED");
+  EXPECT_EQ(PixelAt(input, 20, 1), before);
+}
+
+TEST(ApplyCalibrationOffsets, OnAndOffAskNobody) {
+  PoseInput on = Filmed(0, 1.5), off = Filmed(1.5, 1.5), none = Filmed(1.5, 0);
+  const Eigen::Vector2d before = PixelAt(off, 20, 1);
+  CommandResult forced, refused, silent;
+  ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &on, &forced);
+  ApplyCalibrationOffsets(AutoOnOff::kOff, {}, {}, &off, &refused);
+  ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &none, &silent);
+  EXPECT_EQ(forced.metrics["calibration_offsets"]["applied"], true);
+  EXPECT_NE(PixelAt(on, 20, 1), PixelAt(Filmed(0, 1.5), 20, 1));
+  EXPECT_EQ(refused.metrics["calibration_offsets"]["applied"], false);
+  EXPECT_EQ(PixelAt(off, 20, 1), before);
+  EXPECT_TRUE(silent.metrics.empty()) << "the calibration states no offset";
+}
+
+TEST(CalibrationUse, ARigThatIsWrittenNamesCamerasWithoutCovariance) {
+  CommandResult known, partly;
+  WarnOfCovariance(Known(), &known);
+  EXPECT_EQ(known.metrics["covariance_missing"], nlohmann::ordered_json::array());
+  EXPECT_THAT(known.warnings, IsEmpty());
+  WarnOfCovariance(Partly(), &partly, {"c", "d"});
+  EXPECT_EQ(partly.metrics["covariance_missing"], nlohmann::ordered_json::array({"b", "c", "d"})) << "c once";
+  EXPECT_EQ(partly.metrics["joint_covariance_written"], false);
+  ASSERT_EQ(partly.warnings.size(), 1u);
+  EXPECT_EQ(partly.warnings[0].code, "CAL-COVARIANCE-MISSING");
 }
 
 }  // namespace

@@ -3,13 +3,20 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "core/error.h"
+#include "tests/dataset/clip_writer.h"
+#include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio::app {
 namespace {
 
 using mvstudio::testing::MessageOf;
+using mvstudio::testing::Put;
+using mvstudio::testing::TempDir;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -64,6 +71,72 @@ TEST(SessionInput, ATimelineThatMovesNothingChangesNothing) {
   input.tracks = {Track("a", {0, 1, 3})};
   EXPECT_FALSE(RenumberByTimeline(timeline, &input));
   EXPECT_THAT(Numbers(input.tracks[0]), ElementsAre(std::pair(0, 0), std::pair(1, 1), std::pair(3, 3)));
+}
+
+/// A session with one take of people, filmed by cameras a (a video), b and c (pictures).
+FoundTake PeopleTake(const TempDir& folder) {
+  FoundTake found;
+  found.session.folder = folder.path(), found.session.units = "m";
+  found.take.name = "walk";
+  for (const char* name : {"a", "b", "c"}) {
+    found.session.cameras.push_back({name, "", "", 0, 0});
+    const std::string path = std::string("raw/") + name + (name[0] == 'a' ? ".mkv" : "");
+    found.take.footage.push_back({name, path, ""});
+    if (name[0] != 'a') Put(folder / (path + "/0001.png"), "");
+  }
+  found.session.takes = {found.take};
+  return found;
+}
+
+TEST(SessionInput, PosesAndCalibrationAreWhereTheSessionKeepsThem) {
+  const TempDir folder;
+  const FoundTake found = PeopleTake(folder);
+  PoseArguments pose;
+  EXPECT_THAT(MessageOf<UsageError>([&] { FillPoses(found, {}, &pose); }), HasSubstr("has no calibration"));
+  Put(folder / "calib/calibration.json", "{}");
+  EXPECT_THAT(MessageOf<UsageError>([&] { FillPoses(found, {}, &pose); }), HasSubstr("pose2d/walk: no 2D poses"));
+  for (const char* name : {"a", "c"}) std::filesystem::create_directories(folder / ("pose2d/walk/" + std::string(name)));
+  pose = {};
+  FillPoses(found, {}, &pose);
+  EXPECT_EQ(pose.calib, folder / "calib/calibration.json");
+  ASSERT_EQ(pose.pose2d.size(), 2u) << "b has no poses";
+  EXPECT_EQ(pose.pose2d[0].name, "a");
+  EXPECT_EQ(pose.pose2d[1].path, folder / "pose2d/walk/c");
+}
+
+TEST(SessionInput, WhatIsGivenIsNotReplacedByTheSessions) {
+  const TempDir folder;
+  const FoundTake found = PeopleTake(folder);
+  std::filesystem::create_directories(folder / "pose2d/walk/a");
+  PoseArguments pose, points;
+  pose.calib = points.calib = "own.json";
+  pose.pose2d = {{"b", "elsewhere"}}, points.points2d = "points.csv";
+  FillPoses(found, {}, &pose), FillPoses(found, {}, &points);
+  EXPECT_EQ(pose.calib, "own.json");
+  ASSERT_EQ(pose.pose2d.size(), 1u);
+  EXPECT_EQ(pose.pose2d[0].path, "elsewhere");
+  EXPECT_TRUE(points.pose2d.empty());
+}
+
+/// The third and the fourth image of the video were dropped: its frame 2 was filmed at tick 4.
+TEST(SessionInput, FramesOfAVideoThatDroppedSomeGetTheirTicks) {
+  const TempDir folder;
+  const FoundTake found = PeopleTake(folder);
+  std::vector<int64_t> pts;
+  std::vector<int> codes;
+  for (int n = 0; n < 20; ++n) {
+    if (n == 2 || n == 3) continue;
+    pts.push_back(3003 * n), codes.push_back(n);
+  }
+  mvstudio::testing::WriteClip(folder / "raw/a.mkv", pts, {}, codes);
+  PoseInput input;
+  input.tracks = {Track("a", {0, 1, 2, 7}), Track("b", {0, 2}), Track("other", {2})};
+  EXPECT_TRUE(RenumberByClock(found, {}, &input));
+  EXPECT_THAT(Numbers(input.tracks[0]), ElementsAre(std::pair(0, 0), std::pair(1, 1), std::pair(4, 2), std::pair(9, 7)));
+  EXPECT_THAT(Numbers(input.tracks[1]), ElementsAre(std::pair(0, 0), std::pair(2, 2))) << "pictures are numbered by ticks";
+  EXPECT_THAT(Numbers(input.tracks[2]), ElementsAre(std::pair(2, 2))) << "a camera that the take does not have";
+  input.tracks = {Track("b", {0, 2})};
+  EXPECT_FALSE(RenumberByClock(found, {}, &input));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -166,11 +167,14 @@ TEST(RigIo, ErrorsNameThePlace) {
 }
 
 TEST(RigIo, ErrorsOfSplinedLensesNameThePlace) {
-  const auto place = [](const auto& edit) {
-    const std::string complaint = Complaint(Edited([&](auto& j) { edit(j["cameras"][17]); }));
+  const std::vector<Camera> lenses = testing::OrdinaryLenses();
+  const auto is_splined = [](const Camera& lens) { return lens.model == LensModel::kSplined; };
+  const auto splined = static_cast<size_t>(std::find_if(lenses.begin(), lenses.end(), is_splined) - lenses.begin());
+  const auto place = [&](const auto& edit) {
+    const std::string complaint = Complaint(Edited([&](auto& j) { edit(j["cameras"][splined]); }));
     return complaint.substr(0, complaint.find(": ", std::string("calib.json: ").size()));
   };
-  const std::string camera = "calib.json: cameras[17]";
+  const std::string camera = "calib.json: cameras[" + std::to_string(splined) + "]";
   EXPECT_EQ(place([](auto& c) { c.erase("spline"); }), camera);
   EXPECT_EQ(place([](auto& c) { c["spline"]["order"] = 4; }), camera + ".spline");
   EXPECT_EQ(place([](auto& c) { c["spline"]["cols"] = 1 << 29; }), camera + ".spline");

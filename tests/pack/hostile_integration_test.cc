@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <hdf5.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -307,6 +309,30 @@ TEST(RunInChild, SurvivesCrashesLoopsAndGreed) {
   small.max_memory_bytes = 32 * kMiB;
   if (mvstudio::testing::kSanitized) return;  // the sanitizer ends a program that runs out of memory
   EXPECT_THAT(refusal(small, [] { return std::string(256 * kMiB, 'x'); }), HasSubstr("more memory"));
+}
+
+/// The child says that it runs and sleeps; its end of the pipe closes when it is gone.
+TEST(RunInChild, EndsWithTheProcessThatAskedForIt) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  const pid_t asking = fork();
+  if (asking == 0) {
+    RunInChild("p", {}, [&]() -> std::string {
+      if (write(ends[1], "x", 1) != 1) _exit(1);
+      for (;;) pause();
+    });
+    _exit(0);
+  }
+  close(ends[1]);
+  char byte = 0;
+  ASSERT_EQ(read(ends[0], &byte, 1), 1);
+  kill(asking, SIGKILL);
+  ASSERT_EQ(waitpid(asking, nullptr, 0), asking);
+  constexpr int kPatienceMs = 10000;  // the child would sleep for ever
+  pollfd closing = {ends[0], POLLIN, 0};
+  EXPECT_EQ(poll(&closing, 1, kPatienceMs), 1);
+  EXPECT_EQ(read(ends[0], &byte, 1), 0);
+  close(ends[0]);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <sstream>
 
 #include "avatar/io/pack/body_shape.h"
 #include "avatar/io/pack/template_view.h"
@@ -102,15 +101,6 @@ void TakeJoints(const RunConfig& config, const dataset::PanopticDataset& data, R
   const JointSource source(data, config.pack.person, count, config.pack.pose3d, plan->track.frames);
   for (size_t i = 0; i < plan->track.poses.size(); ++i)
     plan->joints.push_back(source.At(plan->track.frames[i], plan->track.poses[i]));
-}
-
-std::vector<std::string> SplitCommas(const std::string& text) {
-  std::vector<std::string> names;
-  std::istringstream in(text);
-  for (std::string name; std::getline(in, name, ',');) {
-    if (!name.empty()) names.push_back(name);
-  }
-  return names;
 }
 
 RigCamera CameraNamed(const geometry::Rig& rig, const std::string& name, const std::string& asked, const std::string& where) {
