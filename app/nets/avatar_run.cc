@@ -55,8 +55,16 @@ at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pac
 }  // namespace
 
 std::vector<std::string> AvatarRun::Names() {
-  return {avatar::kCheckpointFile,   avatar::kRunConfigFile, body::kPersonFileName, "history.csv", "textures.png", "samples", "pictures",
-          "avatar_eval.result.json", avatar::kProtocolFile,  "eval"};
+  return {avatar::kCheckpointFile,
+          avatar::kRunConfigFile,
+          body::kPersonFileName,
+          "history.csv",
+          "textures.png",
+          "samples",
+          "pictures",
+          "avatar_eval.result.json",
+          avatar::kProtocolFile,
+          "eval"};
 }
 
 void AvatarRun::RequireFree(bool overwrite) const {
@@ -130,7 +138,7 @@ void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& 
     const avatar::Rendering r = avatar::Render(model, PosesOf(one), one.size_px, one.size_px);
     const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
     const at::Tensor maps = avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px,
-                                                 one.template_maps)[0]
+                                                 PosesOf(one).body)[0]
                                 .slice(0, 0, model.options.inputs);
     const bool slopes = maps.size(0) == 2 * avatar::kNumBones;
     const at::Tensor bones = maps.slice(0, 0, slopes ? avatar::kNumBones : maps.size(0));

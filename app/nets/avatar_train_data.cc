@@ -132,6 +132,7 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   RequireSides(data, config->split, &packs);
   config->pack.cameras = config->split.train_cameras;
   config->pack.frames = config->split.train_frames;
+  config->pack.template_colours = CorrectsColours(model);
   avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
   config->shape = config->pack.shape = built.shape;
   config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;

@@ -36,6 +36,7 @@ const std::vector<Field>& Fields() {
       {"part", &AvatarPack::part, at::kByte, {kSize, kSize}},
       {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
       {"template_maps", &AvatarPack::template_maps, at::kFloat, {kTemplateMaps, kNetworkSize, kNetworkSize}, true},
+      {"template_colours", &AvatarPack::template_colours, at::kByte, {3, kNetworkSize, kNetworkSize}, true},
       {"body_images", &AvatarPack::body_images, at::kByte, {4, kSize, kSize}, true},
       {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
       {"frame", &AvatarPack::frame, at::kLong, {}}};
@@ -72,8 +73,15 @@ void RequireEach(const AvatarPack& pack, const at::Tensor& good, const char* wha
 
 }  // namespace
 
-PoseBatch PosesOf(const AvatarPack& pack) {
-  return {pack.joints_in_cam, pack.joint_valid, pack.intrinsics, pack.template_maps};
+PoseBatch PosesOf(const AvatarPack& pack) { return PosesOf(pack, at::arange(pack.joint_valid.size(0), at::kLong)); }
+
+PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows) {
+  const auto of = [&](const at::Tensor& t) { return t.defined() ? t.index_select(0, rows) : at::Tensor(); };
+  const at::Tensor colours = of(pack.template_colours);
+  return {of(pack.joints_in_cam),
+          of(pack.joint_valid),
+          of(pack.intrinsics),
+          {of(pack.template_maps), colours.defined() ? colours.to(at::kFloat) / 255 : at::Tensor()}};
 }
 
 std::string PictureName(const AvatarPack& pack, int64_t i) {

@@ -27,6 +27,9 @@ struct AvatarPack {
   /// (N, 4, P, P) float32, for networks with the template as their prior (template_maps.h), P their image size; undefined:
   /// none
   at::Tensor template_maps;
+  /// (N, 3, P, P) uint8: colours of the fitted body beside template_maps, beyond its outline those of the nearest pixel; for
+  /// networks that correct them; undefined: none
+  at::Tensor template_colours;
   /// (N, 4, H, W) uint8: the fitted body in its averaged colours, posed by the joints: RGB on black, coverage; undefined: none
   at::Tensor body_images;
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
@@ -38,16 +41,23 @@ struct AvatarPack {
   int64_t size() const { return images.defined() ? images.size(0) : 0; }
 };
 
+/// The posed body as a network's input.
+struct TemplateView {
+  at::Tensor maps;     ///< (B, 4, H, W) float32, as in AvatarPack; undefined for networks without the template
+  at::Tensor colours;  ///< (B, 3, H, W) float32 in [0, 1]; undefined for networks that do not correct them
+};
+
 /// Network input for B images.
 struct PoseBatch {
   at::Tensor joints_in_cam;  ///< (B, J, 3), as in AvatarPack
   at::Tensor joint_valid;    ///< (B, J) bool
   at::Tensor intrinsics;     ///< (B, 4)
-  at::Tensor template_maps;  ///< (B, 4, H, W) for networks with the template as their prior, else undefined
+  TemplateView body;
 };
 
-/// The poses of all pictures of a pack.
+/// The poses of all pictures of a pack, or of some rows.
 PoseBatch PosesOf(const AvatarPack& pack);
+PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows);
 
 /// "camera 00_03, frame 17" of picture i, for messages.
 std::string PictureName(const AvatarPack& pack, int64_t i);

@@ -153,7 +153,7 @@ GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
   InitWeights(*this, seed);
   if (options.prior == Prior::kNone) return;
   parts_->first->BeginAtZero();
-  if (options.method == Method::kTna) parts_->second->BeginAtZero();
+  if (options.method == Method::kTna || CorrectsColours(options)) parts_->second->BeginAtZero();
 }
 
 GeneratorImpl::~GeneratorImpl() = default;

@@ -83,6 +83,14 @@ at::Tensor PreviousOrBlack(const AvatarModel& model, const at::Tensor& previous,
   return previous.to(maps.options());
 }
 
+/// Share of a picture that is not carried over from the one before, by the network's weight logit. Of a network that starts
+/// from the template in colours an output of 0 carries nothing.
+at::Tensor FreshShare(const at::Tensor& logit, bool from_template) {
+  if (!from_template) return at::sigmoid(logit);
+  constexpr double kAtZero = 4;
+  return 1 - (at::sigmoid(logit - kAtZero) - at::sigmoid(at::full_like(logit, -kAtZero)));
+}
+
 /// Most likely part and its coordinates.
 void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
   const at::Tensor part = (logits.slice(1, 1).argmax(1) + 1) * (out->mask_prob > 0.5);
@@ -112,7 +120,7 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
 }
 
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
-                        const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps) {
+                        const at::Tensor& joints_px, int64_t height, int64_t width, const TemplateView& seen) {
   const InputLayout& layout = LayoutOf(model.options.inputs);
   MVS_CHECK(
       NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
@@ -121,10 +129,12 @@ at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_ca
   const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
   std::vector<at::Tensor> maps = {RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth)};
   if (layout.slopes) maps.push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
-  MVS_CHECK(template_maps.defined() == (NumTemplateChannels(model.options) > 0),
-            "a network with prior " << ToString(model.options.prior) << (template_maps.defined() ? " takes no" : " needs")
+  MVS_CHECK(seen.maps.defined() == (NumTemplateChannels(model.options) > 0),
+            "a network with prior " << ToString(model.options.prior) << (seen.maps.defined() ? " takes no" : " needs")
                                     << " template maps");
-  if (template_maps.defined()) maps.push_back(TemplateChannels(template_maps));
+  const bool colours = CorrectsColours(model.options);
+  MVS_CHECK(seen.colours.defined() || !colours, "a network that corrects the template's colours needs them");
+  if (seen.maps.defined()) maps.push_back(TemplateChannels(seen.maps, colours ? seen.colours : at::Tensor()));
   return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
 }
 
@@ -132,7 +142,7 @@ std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& 
   auto [first, second] = model.generator->forward(previous.defined() ? at::cat({maps, previous}, 1) : maps);
   first = first.to(at::kFloat), second = second.to(at::kFloat);
   const int64_t bones = model.options.inputs, channels = NumTemplateChannels(model.options);
-  if (channels > 0) AddTemplate(model.options.method, maps.slice(1, bones, bones + channels), &first, &second);
+  if (channels > 0) AddTemplate(model.options, maps.slice(1, bones, bones + channels), &first, &second);
   return {first, second};
 }
 
@@ -151,16 +161,15 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
   if (model.options.method == Method::kTna) {
     return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
   }
-  at::Tensor colour = 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
+  const bool corrected = CorrectsColours(model.options);
+  at::Tensor colour = corrected ? second_head.slice(1, 0, 3) : 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
   if (model.options.method == Method::kV2v) {
-    const at::Tensor fresh = at::sigmoid(second_head.slice(1, 5, 6));
+    const at::Tensor fresh = FreshShare(second_head.slice(1, 5, 6), corrected);
     colour = fresh * colour + (1 - fresh) * Warp(previous.slice(1, 0, 3), FlowOf(second_head));
   }
   const at::Tensor person = at::sigmoid(first_head);
   return person * colour + (1 - person) * background.view({1, 3, 1, 1});
 }
-
-at::Tensor CleanAlpha(const at::Tensor& mask_prob) { return ((mask_prob - 0.05) / 0.9).clamp(0, 1); }
 
 Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background,
                  const at::Tensor& previous) {
@@ -170,8 +179,7 @@ Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int
   CheckPoses(poses.joints_in_cam, poses.joint_valid, poses.intrinsics);
   const at::Tensor joints_px = ProjectPinhole(poses.intrinsics, poses.joints_in_cam);
   const at::Tensor maps =
-      NetworkInput(model, poses.joints_in_cam, poses.joint_valid, joints_px, height, width, poses.template_maps)
-          .to(like.device());
+      NetworkInput(model, poses.joints_in_cam, poses.joint_valid, joints_px, height, width, poses.body).to(like.device());
   const at::Tensor before = PreviousOrBlack(model, previous, maps);
   const auto [first, second] = Predict(model, maps, before);
   const at::Tensor behind = Background(background, like);
@@ -207,7 +215,7 @@ TensorFile ModelToTensors(const AvatarModel& model) {
 }
 
 ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path) {
-  ModelOptions options;
+  ModelOptions options = OptionsOfOlderRuns();
   for (const auto& [name, value] : FieldsAsText(options)) {
     const auto found = file.metadata.find("model." + name);
     if (found == file.metadata.end()) continue;

@@ -29,17 +29,16 @@ struct AvatarModel {
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
 /// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H,
-/// W). Where the template is the prior, the channels of `template_maps` (B, 4, H, W) follow; the argument must be given
-/// then, and only then. J includes the body that the inputs need (bone_lists.h); where J has no hands and face, their maps
-/// are background.
+/// W). Where the template is the prior, the channels of `seen` follow; it must be given then, and only then. J includes the
+/// body that the inputs need (bone_lists.h); where J has no hands and face, their maps are background.
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
-                        const at::Tensor& joints_px, int64_t height, int64_t width, const at::Tensor& template_maps = {});
+                        const at::Tensor& joints_px, int64_t height, int64_t width, const TemplateView& seen = {});
 
 /// The network's two outputs (see Generator) for such input; corrections to the template where that is the prior.
 /// `previous`: as in ComposeImage.
 std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous = {});
 
-/// Blends the network's two outputs into an image (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
+/// Blends the two outputs of Predict into an image (B, 3, H, W), with gradients; background (3) in [0, 1]. `previous`: the
 /// previous images, only for `v2v` (B, 3 kNumPrevious, H, W), the latest first, on black.
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
                         const at::Tensor& background, const at::Tensor& previous = {});
@@ -56,9 +55,6 @@ struct Rendering {
   at::Tensor part;       ///< (B, H, W) uint8, most likely part where mask_prob > 0.5, else 0; all 1 on the person for `direct`
   at::Tensor uv;         ///< (B, 2, H, W) float32 in [0, 1], coordinates of that part, 0 on background
 };
-
-/// Opacity of the person in a rendered image: 0 below a probability of 5 %, 1 above 95 %, linear in between.
-at::Tensor CleanAlpha(const at::Tensor& mask_prob);
 
 /// Renders poses; `background` (3) in [0, 1], black when undefined. No gradients are recorded; the image is clamped to [0,
 /// 1], and pixels with less than 5 % person are background. H and W must be multiples of 2^downs. `previous`: as in

@@ -30,10 +30,7 @@ int64_t UsualStep(const std::map<int64_t, std::map<int64_t, int64_t>>& cameras) 
 }
 
 Rendering RenderRows(AvatarModel& model, const AvatarPack& pack, const std::vector<int64_t>& rows, const at::Tensor& previous) {
-  const at::Tensor index = at::tensor(rows, at::kLong);
-  const auto of = [&](const at::Tensor& t) { return t.defined() ? t.index_select(0, index) : at::Tensor(); };
-  const PoseBatch poses = {of(pack.joints_in_cam), of(pack.joint_valid), of(pack.intrinsics), of(pack.template_maps)};
-  return Render(model, poses, pack.size_px, pack.size_px, {}, previous);
+  return Render(model, PosesOf(pack, at::tensor(rows, at::kLong)), pack.size_px, pack.size_px, {}, previous);
 }
 
 /// Groups of rows in the order in which they can be rendered: every row's past is in an earlier group.

@@ -98,6 +98,16 @@ template std::vector<std::pair<std::string, std::string>> FieldsAsText(const Tra
 template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 
+bool CorrectsColours(const ModelOptions& options) {
+  return options.prior == Prior::kTemplate && options.method != Method::kTna && options.template_colours;
+}
+
+ModelOptions OptionsOfOlderRuns() {
+  ModelOptions options;
+  options.template_colours = false;
+  return options;
+}
+
 int InitSteps(const TrainOptions& options, const ModelOptions& model, bool transferred) {
   if (options.init_steps >= 0) return options.init_steps;
   return transferred || model.prior == Prior::kTemplate ? 0 : options.steps / 3;

@@ -47,6 +47,7 @@ struct ModelOptions {
   bool skips = true;
   int inputs = 36;
   Prior prior = Prior::kNone;
+  bool template_colours = true;
   int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
@@ -75,6 +76,9 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
       "what the network starts from. template: the body template posed by the joints, whose outline, parts and coordinates are "
       "further inputs and are corrected by the network; none: the bones alone, as in the paper; auto (`avatar train` alone): "
       "template, or none with option 'iuv'");
+  visit("template-colours", o.template_colours,
+        "direct and v2v with option 'prior' template: the fitted body in its colours is a further input, and the network "
+        "corrects that image; off: it learns the colours");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the image size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
@@ -83,6 +87,12 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("bone-half-width-px", o.bone_half_width_px,
         "half-width of a drawn bone in a 512 px image; scales with the image, at least 1 px (the paper: 4)");
 }
+
+/// Whether the network sees the fitted body in its colours and predicts corrections of that image.
+bool CorrectsColours(const ModelOptions& options);
+
+/// What checkpoints mean that lack an option: they were made before there was one.
+ModelOptions OptionsOfOlderRuns();
 
 /// The published network: 17,167,552 parameters with 21 inputs.
 inline ModelOptions PaperModel() {

@@ -48,16 +48,18 @@ void MoveJoints(const Jitter& j, int size_px, int64_t num_joints, float* joints)
   }
 }
 
-/// Raw template maps of moved pictures: the cover is a smooth quantity, parts and coordinates are labels.
-at::Tensor MoveTemplate(const at::Tensor& maps, const at::Tensor& grid) {
-  return at::cat({at::grid_sampler_2d(maps.slice(1, 0, 1), grid, 0, 0, false).clamp(0, 1),
-                  at::grid_sampler_2d(maps.slice(1, 1, kTemplateMaps), grid, 1, 0, false)},
-                 1);
+/// The body in moved pictures: cover and colours are smooth quantities, parts and coordinates are labels.
+void MoveBody(const at::Tensor& grid, TemplateView* body) {
+  if (body->maps.defined())
+    body->maps = at::cat({at::grid_sampler_2d(body->maps.slice(1, 0, 1), grid, 0, 0, false).clamp(0, 1),
+                          at::grid_sampler_2d(body->maps.slice(1, 1, kTemplateMaps), grid, 1, 0, false)},
+                         1);
+  if (body->colours.defined()) body->colours = at::grid_sampler_2d(body->colours, grid, 0, /*border*/ 1, false);
 }
 
-/// Applies one random motion each to the batch, its keypoints and its template.
+/// Applies one random motion each to the batch, its keypoints and its body.
 void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, int64_t first, TrainBatch& batch,
-                 at::Tensor& joints_px, at::Tensor& template_maps) {
+                 at::Tensor& joints_px, TemplateView* body) {
   const auto count = static_cast<int64_t>(batch.pictures.size());
   at::Tensor theta = at::zeros({count, 2, 3}, at::kFloat);
   Rng random(seed * 0x9e3779b97f4a7c15ull + static_cast<uint64_t>(step) * 2 + 1);
@@ -76,7 +78,7 @@ void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_
   batch.mask = smooth.select(1, 3).contiguous();
   batch.part = labels.select(1, 0).round().to(at::kLong);
   batch.uv = labels.slice(1, 1, 3).contiguous();
-  if (template_maps.defined()) template_maps = MoveTemplate(template_maps, grid);
+  MoveBody(grid, body);
 }
 
 }  // namespace
@@ -105,12 +107,11 @@ TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const Tra
   batch.image = pack.images.index_select(0, rows).to(at::kFloat) / 255 * batch.mask.unsqueeze(1);
   batch.part = pack.part.index_select(0, rows).to(at::kLong);
   batch.uv = pack.uv.index_select(0, rows);
-  const at::Tensor joints = pack.joints_in_cam.index_select(0, rows), valid = pack.joint_valid.index_select(0, rows);
-  at::Tensor joints_px = ProjectPinhole(pack.intrinsics.index_select(0, rows), joints);
-  at::Tensor template_maps = pack.template_maps.defined() ? pack.template_maps.index_select(0, rows) : at::Tensor();
-  if (jitter) ApplyJitter(options, pack.size_px, seed, step, first, batch, joints_px, template_maps);
+  PoseBatch poses = PosesOf(pack, rows);
+  at::Tensor joints_px = ProjectPinhole(poses.intrinsics, poses.joints_in_cam);
+  if (jitter) ApplyJitter(options, pack.size_px, seed, step, first, batch, joints_px, &poses.body);
   batch.uv = batch.uv * 2 - 1;
-  batch.maps = NetworkInput(model, joints, valid, joints_px, pack.size_px, pack.size_px, template_maps);
+  batch.maps = NetworkInput(model, poses.joints_in_cam, poses.joint_valid, joints_px, pack.size_px, pack.size_px, poses.body);
   const at::Device device = model.generator->parameters()[0].device();
   for (at::Tensor* t : {&batch.maps, &batch.image, &batch.mask, &batch.part, &batch.uv}) *t = t->to(device);
   return batch;

@@ -33,6 +33,12 @@ void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
     throw UsageError("option 'prior' " + std::string(ToString(model.options.prior)) + (wants_maps ? " needs" : " takes no") +
                      " template maps of the images' size in the pack");
   }
+  const at::Tensor& colours = pack.template_colours;
+  if (CorrectsColours(model.options) && !(colours.defined() && colours.size(3) == pack.size_px)) {
+    throw UsageError(
+        "option 'template-colours' needs the fitted body's colours in the pack, of the images' size: fit a body (option 'fit' "
+        "auto), or leave the option off");
+  }
 }
 
 }  // namespace

@@ -181,6 +181,18 @@ std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
   return from;
 }
 
+/// Without a fitted body there are no colours that a network could correct.
+void SettleColours(const TrainArguments& arguments, bool transferred, avatar::ModelOptions* model) {
+  if (!CorrectsColours(*model) || arguments.fit == app::BodyFitMode::kAuto) return;
+  const std::string fit(ToString(arguments.fit));
+  if (transferred)
+    throw UsageError("--fit " + fit + ": the network of --init-from " + arguments.init_from +
+                     " corrects the fitted body's colours; take --fit auto");
+  if (arguments.given("template-colours"))
+    throw UsageError("--template-colours needs the colours of a fitted body, which --fit " + fit + " has not; take --fit auto");
+  model->template_colours = false;
+}
+
 /// The network's options with every choice made.
 avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
   avatar::ModelOptions model = from ? from->options : arguments.model;
@@ -188,6 +200,7 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
   if (model.prior == avatar::Prior::kAuto) model.prior = labelled ? avatar::Prior::kNone : avatar::Prior::kTemplate;
   if (model.prior == avatar::Prior::kTemplate && labelled)
     throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
+  SettleColours(arguments, from.has_value(), &model);
   Validate(model);
   return model;
 }

@@ -81,6 +81,30 @@ TEST_F(PackBuilder, TemplateMapsAreTheTemplateWithSmoothBorders) {
   EXPECT_FALSE(BuildPack(data_, options, {}).pack.template_maps.defined());
 }
 
+TEST_F(PackBuilder, TheFittedBodysColoursAndCoverAreItsImage) {
+  body::TexturedPerson person;
+  person.person.body = body::MakeMannequin(1.75, 0.5);
+  person.textures = body::MannequinTextures(16, 1);
+  PackOptions options;
+  options.size_px = 64, options.template_input_px = 64, options.template_colours = true;
+  options.cameras = {"00_00", "00_02"}, options.frames = {1, 4};
+  options.fitted = std::make_shared<const body::TexturedPerson>(person);
+  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  Validate(pack);
+  const at::Tensor shown = pack.template_colours.to(at::kFloat) * pack.template_maps.slice(1, 0, 1);
+  const at::Tensor image = pack.body_images.slice(1, 0, 3).to(at::kFloat);
+  EXPECT_LE((shown - image).abs().max().item<double>(), 1.01) << "two roundings";
+  EXPECT_GT(image.max().item<double>() - image.min().item<double>(), 100);
+  const at::Tensor beyond = at::logical_and(pack.template_maps.select(1, 0) == 0,
+                                            at::max_pool2d(pack.template_maps.slice(1, 0, 1), 3, 1, 1).squeeze(1) > 0);
+  EXPECT_GT(pack.template_colours.sum(1, false, at::kInt).masked_select(beyond).min().item<int>(), 0)
+      << "colours go on outside";
+  options.template_input_px = 32;  // an evaluation at another size than the network's
+  EXPECT_EQ(BuildPack(data_, options, {}).pack.template_colours.sizes(), at::IntArrayRef({4, 3, 32, 32}));
+  options.template_colours = false;
+  EXPECT_FALSE(BuildPack(data_, options, {}).pack.template_colours.defined());
+}
+
 TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
   PackOptions options;
   options.size_px = 96;

@@ -6,6 +6,7 @@
 
 #include "avatar/io/render/backdrop.h"
 #include "avatar/io/render/render.h"
+#include "avatar/maps/template_maps.h"
 #include "avatar/nets/sequence.h"
 #include "avatar/scores/picture_scores.h"
 #include "core/disk/files.h"
@@ -40,6 +41,7 @@ class RenderRun : public ::testing::Test {
     ModelOptions options;
     FromString(method, &options.method);
     FromString(prior, &options.prior);
+    options.template_colours = method == "direct";
     options.width = 4, options.downs = 2, options.encoder_blocks = options.decoder_blocks = 1, options.texture_px = 8;
     AvatarModel model = MakeModel(options, 64, {-0.5, 0.5}, 1);
     at::manual_seed(3);
@@ -55,6 +57,14 @@ class RenderRun : public ::testing::Test {
         model, config_, MakeRenderPlan(config_, data_, options), options, {},
         [&](const RenderJob& job, const Image& image) { pictures[job.view + " " + std::to_string(job.frame)] = image; });
     return pictures;
+  }
+
+  /// The dataset's person with colours of its own.
+  static std::shared_ptr<const body::TexturedPerson> Mannequin() {
+    body::TexturedPerson person;
+    person.person.body = body::MakeMannequin(1.75, 0.5);
+    person.textures = body::MannequinTextures(16, 1);
+    return std::make_shared<const body::TexturedPerson>(person);
   }
 
   /// The dataset's joints scaled about `about`, as a folder of body3DScene files.
@@ -93,6 +103,7 @@ TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
   AvatarModel model = Model(GetParam().first, GetParam().second);
   config_.pack.template_input_px = model.options.prior == Prior::kTemplate ? 64 : 0;
   config_.pack.fit_shape = false;
+  if (CorrectsColours(model.options)) config_.pack.fitted = Mannequin(), config_.pack.template_colours = true;
   PackOptions crop = config_.pack;
   crop.template_maps = false;
   crop.cameras = {"00_00", "00_03"}, crop.frames = {2, 3, 4};  // trained and held out
@@ -118,7 +129,7 @@ TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
 INSTANTIATE_TEST_SUITE_P(All, RenderMethods,
                          ::testing::Values(MethodAndPrior("tna", "none"), MethodAndPrior("direct", "none"),
                                            MethodAndPrior("v2v", "none"), MethodAndPrior("tna", "template"),
-                                           MethodAndPrior("v2v", "template")));
+                                           MethodAndPrior("direct", "template"), MethodAndPrior("v2v", "template")));
 
 TEST_F(RenderRun, AfterAGapAMethodWithMemoryBeginsAnew) {
   AvatarModel model = Model("v2v");

@@ -7,6 +7,7 @@
 
 #include "avatar/maps/spread_labels.h"
 #include "avatar/maps/template_maps.h"
+#include "avatar/nets/sequence.h"
 #include "avatar/train/batch.h"
 #include "avatar/train/train.h"
 #include "core/error.h"
@@ -39,7 +40,15 @@ at::Tensor MapsOf(const AvatarPack& pack) {
 AvatarPack Pack(int64_t count = 8) {
   AvatarPack pack = MakeSyntheticPack(count, kSize, 1, 0.05);
   pack.template_maps = MapsOf(pack);
+  // Smooth borders, and colours of the body that are not those of the images.
+  pack.template_maps.select(1, 0).copy_(at::avg_pool2d(pack.template_maps.slice(1, 0, 1), 3, 1, 1).squeeze(1));
+  pack.template_colours = (255 - pack.images).clone();
   return pack;
+}
+
+/// The template's image on black: (n, 3, H, W).
+at::Tensor BodyImages(const AvatarPack& pack) {
+  return pack.template_colours.to(at::kFloat) / 255 * pack.template_maps.slice(1, 0, 1);
 }
 
 ModelOptions Tiny(const std::string& method) {
@@ -80,7 +89,7 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   at::Tensor raw = at::zeros({1, 4, 1, 1});
   raw[0][0] = 0.7, raw[0][1] = 5, raw[0][2] = 0.8, raw[0][3] = 0.1;
   at::Tensor logits = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});
-  AddTemplate(Method::kTna, TemplateChannels(raw), &logits, &uv);
+  AddTemplate(Tiny("tna"), TemplateChannels(raw), &logits, &uv);
   const at::Tensor prob = at::softmax(logits, 1).flatten();
   const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
   EXPECT_NEAR(prob[0].item<double>(), 1 / total, 1e-6);
@@ -89,9 +98,26 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   EXPECT_NEAR(at::tanh(uv)[0][24 + 4].item<double>(), -0.8, 1e-6);
   EXPECT_EQ(uv.count_nonzero().item<int64_t>(), 2);
   at::Tensor mask = at::zeros({1, 1, 1, 1}), colour = at::zeros({1, 3, 1, 1});
-  AddTemplate(Method::kDirect, TemplateChannels(raw), &mask, &colour);
+  ModelOptions direct = Tiny("direct");
+  const at::Tensor colours = at::tensor({0.0f, 0.4f, 1.0f}).view({1, 3, 1, 1});
+  AddTemplate(direct, TemplateChannels(raw, colours), &mask, &colour);
+  EXPECT_NEAR(CleanAlpha(at::sigmoid(mask)).item<double>(), 0.7, 1e-6);
+  EXPECT_TRUE(at::equal(colour, colours));
+  direct.template_colours = false;
+  mask.zero_(), colour.zero_();
+  AddTemplate(direct, TemplateChannels(raw), &mask, &colour);
   EXPECT_NEAR(at::sigmoid(mask).item<double>(), 0.7, 1e-6);
   EXPECT_EQ(colour.count_nonzero().item<int64_t>(), 0);
+}
+
+TEST(TemplateChannels, BlackAndWhiteAreCorrectedAsEasilyAsGrey) {
+  at::Tensor raw = at::ones({1, 4, 1, 3}), mask = at::zeros({1, 1, 1, 3});
+  const at::Tensor colours = at::tensor({0.0f, 0.5f, 1.0f}).view({1, 1, 1, 3}).expand({1, 3, 1, 3});
+  const at::Tensor output = at::zeros({1, 3, 1, 3}).requires_grad_();
+  at::Tensor colour = output;
+  AddTemplate(Tiny("direct"), TemplateChannels(raw, colours), &mask, &colour);
+  colour.sum().backward();
+  EXPECT_TRUE(at::equal(output.grad(), at::ones_like(output)));
 }
 
 TEST(SpreadLabels, TakesTheNearestLabelAndKeepsToTheMask) {
@@ -123,10 +149,10 @@ TEST(TemplatePrior, WithoutAStepTheAvatarIsTheTemplateInAveragedColours) {
   EXPECT_EQ(report.steps_done, 0);
   for (int64_t row = 0; row < pack.size(); ++row) {
     const Rendering r = RenderRow(trainer.model(), pack, row);
-    EXPECT_TRUE(at::equal(r.part[0], pack.part[row])) << row;
-    const at::Tensor person = (pack.part[row] > 0).to(at::kFloat);
+    const at::Tensor cover = pack.template_maps[row][0], person = (cover == 1).to(at::kFloat);
+    EXPECT_TRUE(at::equal(r.part[0].masked_select(cover == 1), pack.part[row].masked_select(cover == 1))) << row;
     EXPECT_LT(((r.uv[0] - pack.uv[row].clamp(0.01, 0.99)) * person).abs().max().item<double>(), 1e-5);
-    EXPECT_LT((CleanAlpha(r.mask_prob[0]) - person).abs().max().item<double>(), 1e-6);
+    EXPECT_TRUE(at::equal(r.mask_prob[0] > 0.5, cover > 0.5));
     const at::Tensor truth = pack.images[row].to(at::kFloat) / 255;
     EXPECT_LT(((r.image[0] - truth).abs().mean(0) * person).sum().item<double>() / person.sum().item<double>(), 0.02)
         << "colours depend on part and coordinates alone";
@@ -147,13 +173,53 @@ TEST(TemplatePrior, ANetworkThatWasNotTrainedIsNotRun) {
   EXPECT_GT(generator->forward(maps).first.abs().max().item<double>(), 0);
 }
 
-TEST(TemplatePrior, DirectBeginsWithTheTemplatesOutline) {
+TEST(TemplatePrior, DirectBeginsAtTheBodyInItsColours) {
   const AvatarPack pack = Pack();
   for (const char* method : {"direct", "v2v"}) {
     Trainer trainer(pack, Tiny(method), Steps(0), OneThread());
+    const RenderedPack rendered = RenderPack(trainer.model(), pack, 3);  // v2v: with its past
+    EXPECT_LT((rendered.images - BodyImages(pack)).abs().max().item<double>(), 1e-6) << method;
+    EXPECT_LT((CleanAlpha(rendered.masks) - pack.template_maps.select(1, 0)).abs().max().item<double>(), 1e-6) << method;
+  }
+}
+
+TEST(TemplatePrior, WithoutColoursDirectBeginsWithTheTemplatesOutline) {
+  AvatarPack pack = Pack();
+  pack.template_maps = MapsOf(pack), pack.template_colours = at::Tensor();
+  for (const char* method : {"direct", "v2v"}) {
+    ModelOptions options = Tiny(method);
+    EXPECT_THAT(MessageOf<UsageError>([&] { Trainer(pack, options, Steps(0), OneThread()); }),
+                AllOf(HasSubstr("option 'template-colours'"), HasSubstr("option 'fit'")));
+    options.template_colours = false;
+    Trainer trainer(pack, options, Steps(0), OneThread());
     const Rendering r = RenderRow(trainer.model(), pack, 0);
     EXPECT_LT((CleanAlpha(r.mask_prob[0]) - (pack.part[0] > 0).to(at::kFloat)).abs().max().item<double>(), 1e-6) << method;
   }
+}
+
+TEST(TemplatePrior, CheckpointsThatDoNotSayAreOfNetworksThatLearnedTheColours) {
+  const AvatarPack pack = Pack();
+  ModelOptions options = Tiny("direct");
+  options.template_colours = false;
+  AvatarModel older = MakeModel(options, kSize, {-0.5, 0.5}, 1);
+  TensorFile file = ModelToTensors(older);
+  ASSERT_EQ(file.metadata.erase("model.template-colours"), 1u);
+  AvatarModel read = ModelFromTensors(file, "older");
+  EXPECT_FALSE(read.options.template_colours);
+  EXPECT_TRUE(at::equal(RenderRow(read, pack, 0).image, RenderRow(older, pack, 0).image));
+  EXPECT_TRUE(
+      ModelFromTensors(ModelToTensors(MakeModel(Tiny("direct"), kSize, {-0.5, 0.5}, 1)), "new").options.template_colours);
+}
+
+TEST(TemplatePrior, DirectImprovesOnTheColoursOfTheBody) {
+  const AvatarPack pack = Pack();
+  ModelOptions options = Tiny("direct");
+  options.width = 8;
+  TrainOptions training = Steps(40);
+  training.learning_rate = 3e-3;
+  Trainer trainer(pack, options, training, OneThread());
+  const TrainReport report = trainer.Run(nullptr, {});
+  EXPECT_LT(report.history.back()["l1"], 0.7 * report.history.front()["l1"]);
 }
 
 class TemplatePriorMethods : public ::testing::TestWithParam<const char*> {};
@@ -190,8 +256,10 @@ TEST(TemplatePrior, TrainingImprovesOnTheTemplate) {
 }
 
 TEST(TemplatePrior, TheMapsMoveWithThePictures) {
-  const AvatarPack pack = Pack();
-  const Trainer trainer(pack, Tiny("tna"), Steps(1), OneThread());
+  AvatarPack pack = Pack();
+  pack.template_maps = MapsOf(pack);
+  pack.template_colours = pack.images.clone();
+  AvatarModel direct = MakeModel(Tiny("direct"), kSize, {-0.5, 0.5}, 1);
   AvatarModel model = MakeModel(Tiny("tna"), kSize, {-0.5, 0.5}, 1);
   TrainOptions options;
   options.jitter_scale = 0.2, options.jitter_shift = 0.1, options.jitter_roll_deg = 20;
@@ -206,6 +274,9 @@ TEST(TemplatePrior, TheMapsMoveWithThePictures) {
     EXPECT_LT(uv.abs().max().item<double>(), 1e-6);
     EXPECT_LT((channels.select(1, 0) - batch->mask).abs().max().item<double>(), 1e-6) << "both moved as smooth quantities";
   }
+  const TrainBatch coloured = MakeBatch(pack, direct, options, {0, 1, 2}, true, 1, 0);
+  const at::Tensor same = (coloured.maps.slice(1, 36 + 27) - coloured.image).abs() < 1e-6;
+  EXPECT_GT(same.to(at::kFloat).mean().item<double>(), 0.97) << "colours go on beyond the edge";
 }
 
 TEST(TemplatePrior, WhatDoesNotFitIsSaid) {

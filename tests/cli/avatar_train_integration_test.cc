@@ -106,6 +106,25 @@ TEST_F(AvatarTrain, BeginsWithAnotherAvatarsNetwork) {
   EXPECT_EQ(RunCli(usual).exit, 2) << "asked for, although it is the default";
 }
 
+TEST_F(AvatarTrain, DirectBeginsAtTheFittedBodyInItsColours) {
+  const std::vector<std::string> direct = {"--method", "direct", "--holdout-cameras", "00_02", "--holdout-frames", "6-7"};
+  ASSERT_EQ(TrainTiny("direct", Joined(direct, {"--steps", "0"})).exit, 0);
+  const auto scores = RunCli({"avatar", "eval", out("direct"), "--features", "gabor", "--json"}).Json()["metrics"];
+  const double network = scores["holdout"]["ssim"], body = scores["baselines"]["body_alone"]["ssim"];
+  EXPECT_NEAR(network, body, 2e-3) << "8 bits and rounding";
+  EXPECT_GT(body, 0.5);
+  const CliRun refused = TrainTiny("colours", Joined(direct, {"--fit", "girths", "--template-colours"}));
+  EXPECT_EQ(refused.exit, 2);
+  EXPECT_THAT(refused.Json()["errors"][0]["text"].get<std::string>(),
+              AllOf(HasSubstr("--template-colours"), HasSubstr("--fit auto")));
+  ASSERT_EQ(TrainTiny("outline", Joined(direct, {"--fit", "girths", "--steps", "0"})).exit, 0);
+  EXPECT_EQ(RunCli({"avatar", "info", out("outline"), "--json"}).Json()["metrics"]["model"]["template-colours"], "0");
+  const CliRun other = RunCli({"avatar", "train", data(), "--out", out("third"), "--init-from", out("direct"), "--fit",
+                               "girths", "--size", "32", "--steps", "1", "--json"});
+  EXPECT_EQ(other.exit, 2);
+  EXPECT_THAT(other.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--init-from"));
+}
+
 TEST_F(AvatarTrain, AnOlderRunStaysUntilTheNewOneCanBeginAndItsScoresDoNotSurviveIt) {
   const std::vector<std::string> held_out = {"--holdout-cameras", "00_02", "--holdout-frames", "6-7"};
   const auto train = [&](const std::vector<std::string>& more) { return TrainTiny("again", Joined(held_out, more)); };

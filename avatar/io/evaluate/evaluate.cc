@@ -383,6 +383,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   const Session session = MakeSession(data, options, run);
   DescribeNets(session, &result);
   AvatarModel model = ReadModel(run_folder + "/" + kCheckpointFile, &result);
+  result.config.pack.template_colours = CorrectsColours(model.options);
 
   const PackResult built = Build(session, result.config, result.size_px, selection, selection.frames);
   const AvatarPack& pack = built.pack;

@@ -11,6 +11,7 @@
 
 #include "avatar/io/pack/frame_runs.h"
 #include "avatar/io/pack/iuv.h"
+#include "avatar/io/pack/pack_rows.h"
 #include "avatar/io/pack/shape_fit.h"
 #include "avatar/io/pack/template_view.h"
 #include "avatar/maps/template_maps.h"
@@ -154,51 +155,6 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   return FitShape(body, options.shape, views, run).shape;
 }
 
-AvatarPack EmptyPack(const Plan& plan, int size_px, int num_joints, int template_px, bool body_images) {
-  const auto n = static_cast<int64_t>(plan.jobs.size());
-  AvatarPack pack;
-  pack.size_px = size_px;
-  pack.cameras = plan.cameras;
-  pack.images = at::zeros({n, 3, size_px, size_px}, at::kByte);
-  pack.masks = at::zeros({n, size_px, size_px}, at::kByte);
-  pack.joints_in_cam = at::zeros({n, num_joints, 3}, at::kFloat);
-  pack.joint_valid = at::zeros({n, num_joints}, at::kBool);
-  pack.intrinsics = at::zeros({n, 4}, at::kFloat);
-  pack.part = at::zeros({n, size_px, size_px}, at::kByte);
-  pack.uv = at::zeros({n, 2, size_px, size_px}, at::kFloat);
-  if (template_px > 0) pack.template_maps = at::zeros({n, kTemplateMaps, template_px, template_px}, at::kFloat);
-  if (body_images) pack.body_images = at::zeros({n, 4, size_px, size_px}, at::kByte);
-  pack.camera_idx = at::zeros({n}, at::kLong);
-  pack.frame = at::zeros({n}, at::kLong);
-  return pack;
-}
-
-void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& mask) {
-  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
-  uint8_t* out = pack.images.data_ptr<uint8_t>() + 3 * area * i;
-  for (int64_t p = 0; p < area; ++p) {
-    for (int k = 0; k < 3; ++k) out[k * area + p] = image.pixels[3 * p + k];
-  }
-  std::copy(mask.pixels.begin(), mask.pixels.end(), pack.masks.data_ptr<uint8_t>() + area * i);
-}
-
-void FillBodyImage(AvatarPack& pack, int64_t i, const body::RenderedBody& rendered) {
-  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
-  uint8_t* out = pack.body_images.data_ptr<uint8_t>() + 4 * area * i;
-  for (int64_t p = 0; p < area; ++p) {
-    for (int k = 0; k < 3; ++k) out[k * area + p] = rendered.image.pixels[3 * p + k];
-    out[3 * area + p] = rendered.cover.pixels[p];
-  }
-}
-
-void FillTemplate(AvatarPack& pack, int64_t i, const body::PartUvMap& map) {
-  const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
-  std::copy(map.part.begin(), map.part.end(), pack.part.data_ptr<uint8_t>() + area * i);
-  float* uv = pack.uv.data_ptr<float>() + 2 * area * i;
-  std::copy(map.u.begin(), map.u.end(), uv);
-  std::copy(map.v.begin(), map.v.end(), uv + area);
-}
-
 JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan) {
   std::vector<int> frames;
   for (const Job& job : plan.jobs) frames.push_back(job.frame);
@@ -220,7 +176,7 @@ struct Filler {
     const std::string& camera = job.camera->camera.name;
     const std::string path = IuvPath(options.iuv, camera, data.ImagePath(camera, job.frame));
     if (!std::filesystem::exists(path)) return path + " is missing: no IUV map";
-    FillTemplate(pack, i, ReadIuv(path, *job.camera, crop));
+    FillLabels(pack, i, ReadIuv(path, *job.camera, crop));
     return "";
   }
 
@@ -244,14 +200,21 @@ struct Filler {
     if (found == vertices.end()) return "neck, shoulders and hips do not fix the trunk of the body template";
     const auto better = seen.find(job.frame);
     const Eigen::Matrix3Xf& labels = better == seen.end() ? found->second : better->second;
-    if (options.template_maps && !labelled) FillTemplate(pack, i, body::RasterizeBody(*body, labels, crop));
+    if (options.template_maps && !labelled) FillLabels(pack, i, body::RasterizeBody(*body, labels, crop));
     if (pack.body_images.defined())
       FillBodyImage(pack, i, body::RenderBody(*body, options.fitted->textures, found->second, crop));
-    const int64_t px = options.template_input_px;
-    if (px > 0)
-      FillTemplateMaps(*body, found->second, crop, options.template_input_px,
-                       pack.template_maps.data_ptr<float>() + i * kTemplateMaps * px * px);
+    FillNetworkInput(pack, i, found->second, crop);
     return "";
+  }
+
+  void FillNetworkInput(AvatarPack& pack, int64_t i, const Eigen::Matrix3Xf& posed, const geometry::RigCamera& crop) const {
+    const int px = options.template_input_px;
+    const int64_t area = int64_t{px} * px;
+    if (pack.template_maps.defined())
+      FillTemplateMaps(*body, posed, crop, px, pack.template_maps.data_ptr<float>() + i * kTemplateMaps * area);
+    if (pack.template_colours.defined())
+      FillTemplateColours(*body, options.fitted->textures, posed, crop, px,
+                          pack.template_colours.data_ptr<uint8_t>() + i * 3 * area);
   }
 };
 
@@ -292,23 +255,6 @@ double MeanTemplateIou(const AvatarPack& pack) {
 std::string_view ToString(PoseBy pose_by) { return WordOf(kPoseBy, pose_by); }
 void FromString(const std::string& text, PoseBy* pose_by) {
   *pose_by = KnownChoice(kPoseBy, text, "option 'pose-by' must be joints or images");
-}
-
-void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop) {
-  const auto count = static_cast<int64_t>(pose.valid.size());
-  MVS_CHECK(pack.joint_valid.size(1) == count, count << " joints for a pack of " << pack.joint_valid.size(1));
-  for (int64_t j = 0; j < count; ++j) {
-    const Eigen::Vector3d x = crop.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j));
-    const bool valid = pose.valid[static_cast<size_t>(j)] && x.z() > 0;
-    pack.joint_valid.data_ptr<bool>()[i * count + j] = valid;
-    for (int k = 0; valid && k < 3; ++k)
-      pack.joints_in_cam.data_ptr<float>()[(i * count + j) * 3 + k] = static_cast<float>(x[k]);
-  }
-  for (int k = 0; k < 4; ++k) pack.intrinsics.data_ptr<float>()[4 * i + k] = static_cast<float>(crop.camera.params[k]);
-}
-
-void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop) {
-  FillPose(pack, i, BodyAlone(pose, static_cast<int>(pack.joint_valid.size(1))), crop);
 }
 
 int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
@@ -363,6 +309,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
     throw UsageError("size " + std::to_string(options.size_px) + " px: must be 16 to 4096");
   if (!(options.fill > 0.1 && options.fill <= 1))
     throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
+  MVS_CHECK(options.fitted || !options.template_colours, "a body without a fit has no colours");
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.missing = plan.missing;
@@ -372,7 +319,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   const body::BodyTemplate body = posed ? BodyOf(data, options, plan, run, &result.shape) : body::BodyTemplate{};
   Filler filler{data, options, plan, posed ? &body : nullptr, SourceOf(data, options, plan), {}, {}};
   if (posed) PoseBody(plan, run, &filler);
-  AvatarPack pack = EmptyPack(plan, options.size_px, options.num_joints, options.template_input_px, options.fitted != nullptr);
+  AvatarPack pack = EmptyPack(plan.cameras, static_cast<int64_t>(plan.jobs.size()), options);
   SetTime(data, plan.person, plan.frames, options.frame_step, &pack);
   const auto count = static_cast<int64_t>(plan.jobs.size());
   std::vector<std::string> reasons(count);

@@ -33,7 +33,8 @@ struct PackOptions {
   bool template_maps = true;
   bool fit_shape = true;
   int fit_pictures = 24;
-  int template_input_px = 0;  ///< edge of the pack's template_maps: the image size of their network; 0: none
+  int template_input_px = 0;      ///< edge of the pack's template_maps: the image size of their network; 0: none
+  bool template_colours = false;  ///< the pack gets the colours of `fitted` at that size
   double half_extent_m = 0;
   int num_joints = 19;  ///< the list of joints that the network's inputs need: LayoutOf(inputs).num_joints
   std::string pose3d;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "avatar/maps/spread_labels.h"
@@ -61,6 +62,22 @@ void FillTemplateMaps(const body::BodyTemplate& body, const Eigen::Matrix3Xf& ve
   }
   SpreadLabels(size_px, nullptr, parts.data(), uv);
   std::copy(parts.begin(), parts.end(), maps + area);
+}
+
+void FillTemplateColours(const body::BodyTemplate& body, const body::Textures& textures,
+                         const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& crop, int size_px,
+                         uint8_t* colours) {
+  const body::RenderedBody seen = RenderBody(body, textures, vertices_in_world, dataset::ResizedCrop(crop, size_px));
+  const std::vector<int64_t> nearest = NearestPixels(size_px, nullptr, seen.cover.pixels.data());
+  const int64_t area = int64_t{size_px} * size_px;
+  for (int64_t p = 0; p < area; ++p) {
+    const int64_t from = nearest[p];
+    for (int k = 0; k < 3; ++k) {
+      const int cover = from < 0 ? 0 : seen.cover.pixels[from];
+      const double colour = cover > 0 ? 255.0 * seen.image.pixels[3 * from + k] / cover : 0;
+      colours[k * area + p] = static_cast<uint8_t>(std::lround(std::min(colour, 255.0)));
+    }
+  }
 }
 
 }  // namespace mvstudio::avatar

@@ -4,6 +4,7 @@
 
 #include "body/body_template.h"
 #include "body/fit/person_body.h"
+#include "body/texture/bake.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
@@ -22,5 +23,11 @@ std::optional<Eigen::Matrix3Xf> PosedVertices(const body::PersonBody& person, co
 /// 0.
 void FillTemplateMaps(const body::BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                       const geometry::RigCamera& crop, int size_px, float* maps);
+
+/// Fills `colours` (3, size_px, size_px) with those of the textured body in the same view: not multiplied by its cover, and
+/// beyond its outline those of the nearest pixel. Without any pixel on the body: all 0.
+void FillTemplateColours(const body::BodyTemplate& body, const body::Textures& textures,
+                         const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& crop, int size_px,
+                         uint8_t* colours);
 
 }  // namespace mvstudio::avatar

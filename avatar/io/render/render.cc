@@ -7,6 +7,7 @@
 
 #include "avatar/io/pack/template_view.h"
 #include "avatar/maps/template_maps.h"
+#include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "dataset/pose/cuts.h"
@@ -32,20 +33,30 @@ Sizes SizesOf(const AvatarModel& model, const RunConfig& config, const RenderOpt
   return sizes;
 }
 
-at::Tensor TemplateMapsOf(const RenderPlan& plan, size_t begin, size_t end, int size_px, int num_threads) {
-  if (!plan.HasBody()) return {};
-  const auto n = static_cast<int64_t>(end - begin);
-  const at::Tensor maps = at::zeros({n, kTemplateMaps, size_px, size_px}, at::kFloat);
+/// The posed body in each image of a batch, as the network wants it.
+void FillBodies(const RenderPlan& plan, size_t begin, const ModelOptions& options, int size_px, int num_threads,
+                AvatarPack* pack) {
+  const int64_t n = pack->joint_valid.size(0), area = int64_t{size_px} * size_px;
+  if (!plan.HasBody()) return;
+  pack->template_maps = at::zeros({n, kTemplateMaps, size_px, size_px}, at::kFloat);
+  if (CorrectsColours(options)) {
+    MVS_CHECK(plan.fitted, "a network that corrects the body's colours was trained with a fitted body");
+    pack->template_colours = at::zeros({n, 3, size_px, size_px}, at::kByte);
+  }
+  const body::BodyTemplate& body = plan.fitted ? plan.fitted->person.body : *plan.body;
   ParallelFor(n, num_threads, [&](int64_t i) {
     const RenderJob& job = plan.jobs[begin + static_cast<size_t>(i)];
     const auto vertices = plan.Vertices(plan.track.poses[job.pose]);
-    float* out = maps.data_ptr<float>() + i * kTemplateMaps * size_px * size_px;
-    if (vertices) FillTemplateMaps(plan.fitted ? plan.fitted->person.body : *plan.body, *vertices, job.crop, size_px, out);
+    if (!vertices) return;
+    FillTemplateMaps(body, *vertices, job.crop, size_px, pack->template_maps.data_ptr<float>() + i * kTemplateMaps * area);
+    if (pack->template_colours.defined())
+      FillTemplateColours(body, plan.fitted->textures, *vertices, job.crop, size_px,
+                          pack->template_colours.data_ptr<uint8_t>() + i * 3 * area);
   });
-  return maps;
 }
 
-PoseBatch PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_px, int num_threads) {
+PoseBatch PosesOf(const RenderPlan& plan, size_t begin, size_t end, const ModelOptions& options, int network_px,
+                  int num_threads) {
   const auto n = static_cast<int64_t>(end - begin);
   AvatarPack pack;
   const auto num_joints = static_cast<int64_t>(plan.joints.front().valid.size());
@@ -55,7 +66,7 @@ PoseBatch PosesOf(const RenderPlan& plan, size_t begin, size_t end, int network_
   for (size_t i = begin; i < end; ++i)
     FillPose(pack, static_cast<int64_t>(i - begin), plan.joints[plan.jobs[i].pose],
              dataset::ResizedCrop(plan.jobs[i].crop, network_px));
-  pack.template_maps = TemplateMapsOf(plan, begin, end, network_px, num_threads);
+  FillBodies(plan, begin, options, network_px, num_threads, &pack);
   return PosesOf(pack);
 }
 
@@ -107,7 +118,7 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
   for (size_t begin = 0; begin < plan.jobs.size(); begin += batch) {
     const size_t end = std::min(plan.jobs.size(), begin + batch);
     if (begin > 0 && starts_anew(begin)) past = at::Tensor();
-    const PoseBatch poses = PosesOf(plan, begin, end, sizes.network_px, run.num_threads);
+    const PoseBatch poses = PosesOf(plan, begin, end, model.options, sizes.network_px, run.num_threads);
     const Rendering r = Render(model, poses, sizes.network_px, sizes.network_px, {}, past);
     if (memory) past = WithPast(r.image, past);
     const at::Tensor rgba = ToSize(at::cat({r.image, CleanAlpha(r.mask_prob).unsqueeze(1)}, 1), sizes.out_px);
