@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/format.h"
+#include "core/join.h"
+#include "detect/models/models.h"
 
 namespace mvstudio::app {
 namespace {
@@ -22,6 +25,21 @@ Json StagesJson(const body::BodyFit& fit) {
         {{"name", stage.name}, {"held_out_iou", stage.held_out_iou}, {"seconds", stage.seconds}, {"kept", stage.kept}});
   }
   return stages;
+}
+
+Json TemplatesJson(const avatar::PersonFit& person) {
+  Json templates = Json::array();
+  for (const avatar::TemplateFit& one : person.templates) {
+    const Json iou = std::isfinite(one.held_out_iou) ? Json(one.held_out_iou) : Json();
+    templates.push_back({{"name", one.name}, {"held_out_iou", iou}, {"seconds", one.seconds}, {"kept", one.kept}});
+  }
+  return templates;
+}
+
+Json GainsJson(const avatar::PersonFit& person) {
+  Json gains = Json::object();
+  for (const auto& [camera, gain] : person.camera_gains) gains[camera] = {gain[0], gain[1], gain[2]};
+  return gains;
 }
 
 Json CamerasJson(const body::BodyFit& fit) {
@@ -58,6 +76,26 @@ void FromString(const std::string& text, BodyFitMode* mode) {
   *mode = KnownChoice(kModes, text, "option 'fit' " + text + ": must be auto, girths or off");
 }
 
+std::vector<std::string> TemplatesOf(const std::string& text) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> templates;
+  if (text == "auto") {
+    const fs::path bodies = fs::path(detect::ModelsFolder()) / "bodies";
+    if (fs::is_directory(bodies)) {
+      for (const auto& entry : fs::directory_iterator(bodies)) templates.push_back(entry.path().string());
+    }
+    std::sort(templates.begin(), templates.end());
+    templates.insert(templates.begin(), "");
+    return templates;
+  }
+  for (const std::string& name : SplitCommas(text)) {
+    if (name != "mannequin" && !fs::exists(name))
+      throw UsageError("option 'template' " + name + ": no such file or folder; it must be mannequin, auto, or a body");
+    templates.push_back(name == "mannequin" ? "" : name);
+  }
+  return templates;
+}
+
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
                              avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run) {
   options.cameras = split.train_cameras, options.frames = split.train_frames, options.person = person;
@@ -89,6 +127,8 @@ Json ToJson(const avatar::PersonFit& person) {
            {{"frames", person.tracked.frames},
             {"iou_before", number(person.tracked.iou_before)},
             {"iou", number(person.tracked.iou)}}},
+          {"camera_gains", GainsJson(person)},
+          {"templates", TemplatesJson(person)},
           {"stages", StagesJson(fit)},
           {"cameras", CamerasJson(fit)},
           {"rejected", rejected}};
@@ -133,7 +173,13 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
 }
 
 std::string ToTable(const avatar::PersonFit& person) {
-  std::string text = "stage                               held-out IoU   seconds\n";
+  std::string text;
+  for (const avatar::TemplateFit& one : person.templates) {
+    if (person.templates.size() > 1)
+      text += Format("template %s: held-out IoU %.4f, %.1f s%s\n", one.name.c_str(), one.held_out_iou, one.seconds,
+                     one.kept ? ", kept" : "");
+  }
+  text += "stage                               held-out IoU   seconds\n";
   for (const body::BodyFitStage& stage : person.fit.stages)
     text += Format("%-36s%12.4f%10.1f%s\n", stage.name.c_str(), stage.held_out_iou, stage.seconds, stage.kept ? "  kept" : "");
   text += "\ncamera        silhouettes  rejected  IoU before   after   shift, px\n";

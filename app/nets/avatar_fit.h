@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "app/result.h"
 #include "avatar/io/pack/person_fit.h"
@@ -19,6 +20,10 @@ enum class BodyFitMode {
 };
 std::string_view ToString(BodyFitMode mode);
 void FromString(const std::string& text, BodyFitMode* mode);
+
+/// "mannequin", a path, several with commas between them, or "auto": the mannequin and all bodies in the models' folder, in
+/// `bodies`. As options of the fit take them. Throws UsageError for a path that does not exist.
+std::vector<std::string> TemplatesOf(const std::string& text);
 
 /// Fits to the training images of a split. Those of held-out cameras are not looked at. Those of training cameras in held-out
 /// frames pose the body there, with PoseBy::kImages and held-out cameras to be scored on; they tell nothing else of it.

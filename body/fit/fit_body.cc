@@ -127,6 +127,7 @@ class Fit {
 
   /// Held-out time steps join the others: they have done their work.
   void Finish(const Candidate& best) {
+    out_.held_out_loss = best.loss;
     out_.iou = 1 - Mean(FiniteValues(best.loss));
     FitState state = best.state;
     state.UseAll();

@@ -61,10 +61,11 @@ struct RejectedView {
 struct BodyFit {
   Status status = Status::kOk;  ///< kTooFewViews: no time step with a trunk and a silhouette; then `person` is the template
   PersonBody person;
-  Eigen::VectorXd coefficients;    ///< (S) of the template's shapes
-  Eigen::VectorXd offsets;         ///< (V) metres along the rest normals
-  double iou_before = 0, iou = 0;  ///< held-out silhouettes, posed by joints alone: the template, the fitted body
-  double joint_error_m = 0;        ///< median distance of joints from the posed skeleton
+  Eigen::VectorXd coefficients;       ///< (S) of the template's shapes
+  Eigen::VectorXd offsets;            ///< (V) metres along the rest normals
+  double iou_before = 0, iou = 0;     ///< held-out silhouettes, posed by joints alone: the template, the fitted body
+  std::vector<double> held_out_loss;  ///< (steps) 1 - IoU of the fitted body as above; NaN where nothing is held out
+  double joint_error_m = 0;           ///< median distance of joints from the posed skeleton
   std::vector<BodyFitStage> stages;
   std::vector<CameraFit> cameras;
   std::vector<RejectedView> rejected;        ///< silhouettes far from all others' agreement

@@ -99,7 +99,7 @@ void TextureBaker::AddTexel(const TextureView& view, const std::vector<Vector3f>
   if (at.status != Status::kOk || !InsideMask(view.mask, at.px)) return;
   if (!Visible(depth, view.image.width, view.image.height, at.px, x[2])) return;
   const float near = static_cast<float>(view.camera.camera.fx()) / x[2];
-  const Sample sample{cosine * cosine * near * near, Bilinear(view.image, at.px)};
+  const Sample sample{cosine * cosine * near * near, view.camera_idx, Bilinear(view.image, at.px)};
   Sample* list = samples_.data() + texel * kSamples;
   Sample* least =
       std::min_element(list, list + kSamples, [](const Sample& a, const Sample& b2) { return a.weight < b2.weight; });
@@ -107,6 +107,7 @@ void TextureBaker::AddTexel(const TextureView& view, const std::vector<Vector3f>
 }
 
 void TextureBaker::Add(const TextureView& view, const RunContext& run) {
+  num_cameras_ = std::max(num_cameras_, view.camera_idx + 1);
   const PartUvMap map = RasterizeBody(body_, view.vertices_in_world, view.camera);
   std::vector<Vector3f> in_cam(view.vertices_in_world.cols());
   for (size_t i = 0; i < in_cam.size(); ++i)
@@ -117,32 +118,79 @@ void TextureBaker::Add(const TextureView& view, const RunContext& run) {
   });
 }
 
+bool TextureBaker::ColourOf(size_t texel, const std::vector<Eigen::Array3d>& gains, Eigen::Array3d* colour) const {
+  constexpr double kLevels = 15;  // samples that differ by more grey levels from the median are doubted
+  const Sample* list = samples_.data() + texel * kSamples;
+  std::array<Eigen::Array3d, kSamples> values;
+  std::array<std::vector<double>, 3> channels;
+  for (int k = 0; k < kSamples; ++k) {
+    if (!(list[k].weight > 0)) continue;
+    for (int c = 0; c < 3; ++c) values[k][c] = list[k].colour[c] / gains[list[k].camera_idx][c];
+    for (int c = 0; c < 3; ++c) channels[c].push_back(values[k][c]);
+  }
+  if (channels[0].empty()) return false;
+  Eigen::Array3d median, sum = Eigen::Array3d::Zero();
+  for (int c = 0; c < 3; ++c) median[c] = LinearQuantile(channels[c], 0.5);
+  double total = 0;
+  for (int k = 0; k < kSamples; ++k) {
+    if (!(list[k].weight > 0)) continue;
+    const double weight = list[k].weight / (1 + (values[k] - median).square().mean() / (kLevels * kLevels));
+    sum += weight * values[k], total += weight;
+  }
+  *colour = sum / total;
+  return true;
+}
+
+/// One round: medians over the texels of a camera's samples against the colour of all.
+std::vector<Eigen::Array3d> TextureBaker::RelativeGains(const std::vector<Eigen::Array3d>& gains) const {
+  constexpr double kDark = 16, kBright = 240;  // grey levels between which a ratio says something
+  constexpr size_t kFewest = 50;               // texels
+  std::vector<std::array<std::vector<double>, 3>> logs(gains.size());
+  for (size_t t = 0; t < map_.face.size(); ++t) {
+    Eigen::Array3d colour;
+    if (!ColourOf(t, gains, &colour)) continue;
+    const Sample* list = samples_.data() + t * kSamples;
+    for (int k = 0; k < kSamples; ++k) {
+      for (int c = 0; list[k].weight > 0 && c < 3; ++c) {
+        if (list[k].colour[c] >= kDark && list[k].colour[c] <= kBright && colour[c] >= kDark)
+          logs[list[k].camera_idx][c].push_back(std::log(list[k].colour[c] / colour[c]));
+      }
+    }
+  }
+  std::vector<Eigen::Array3d> out(gains.size(), Eigen::Array3d::Ones());
+  for (size_t i = 0; i < gains.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      if (logs[i][c].size() >= kFewest) out[i][c] = std::exp(LinearQuantile(std::move(logs[i][c]), 0.5));
+    }
+  }
+  return out;
+}
+
+std::vector<Eigen::Array3d> TextureBaker::Gains() const {
+  constexpr int kRounds = 4;
+  std::vector<Eigen::Array3d> gains(num_cameras_, Eigen::Array3d::Ones());
+  for (int round = 0; round < kRounds && num_cameras_ > 1; ++round) {
+    gains = RelativeGains(gains);
+    Eigen::Array3d mean = Eigen::Array3d::Zero();
+    for (const Eigen::Array3d& gain : gains) mean += gain.log() / num_cameras_;
+    for (Eigen::Array3d& gain : gains) gain /= mean.exp();
+  }
+  return gains;
+}
+
 Textures TextureBaker::Finish() const {
   Textures out;
+  const std::vector<Eigen::Array3d> gains = Gains();
   const int size = map_.size_px;
   const size_t chart = static_cast<size_t>(size) * size;
   for (int part = 0; part < kNumParts; ++part) {
     out[part] = Image(size, size, 3, 128);
     std::vector<uint8_t> seen(chart, 0);
     for (size_t t = 0; t < chart; ++t) {
-      const Sample* list = samples_.data() + (part * chart + t) * kSamples;
-      std::array<std::vector<double>, 3> values;
-      for (int k = 0; k < kSamples; ++k) {
-        if (list[k].weight > 0)
-          for (int c = 0; c < 3; ++c) values[c].push_back(list[k].colour[c]);
-      }
-      if (values[0].empty()) continue;
-      double median[3], sum[3] = {0, 0, 0}, total = 0;
-      for (int c = 0; c < 3; ++c) median[c] = LinearQuantile(values[c], 0.5);
-      for (int k = 0; k < kSamples; ++k) {
-        if (!(list[k].weight > 0)) continue;
-        double square = 0;
-        for (int c = 0; c < 3; ++c) square += (list[k].colour[c] - median[c]) * (list[k].colour[c] - median[c]);
-        const double weight = list[k].weight / (1 + square / (3 * 15 * 15));
-        for (int c = 0; c < 3; ++c) sum[c] += weight * list[k].colour[c];
-        total += weight;
-      }
-      for (int c = 0; c < 3; ++c) out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(sum[c] / total));
+      Eigen::Array3d colour;
+      if (!ColourOf(part * chart + t, gains, &colour)) continue;
+      for (int c = 0; c < 3; ++c)
+        out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(std::clamp(colour[c], 0.0, 255.0)));
       seen[t] = 1;
     }
     Fill(&seen, &out[part]);

@@ -19,7 +19,7 @@ namespace {
 constexpr char kGlbFile[] = "body.glb";
 
 struct FitArguments {
-  std::string dataset, out;
+  std::string dataset, out, body_template = "mannequin";
   app::SplitArguments split;
   avatar::PersonFitOptions options;
   avatar::PoseBy pose_by = avatar::PoseBy::kImages;
@@ -38,12 +38,14 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
+  avatar::PersonFitOptions options = arguments.options;
+  options.templates = app::TemplatesOf(arguments.body_template);
   const std::vector<std::string> names = {body::kPersonFileName, kGlbFile};
   const OutputFolder place(arguments.out, {arguments.dataset}, names);
   const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile;
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
-  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, arguments.options, context.run);
+  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   RemoveOurs({body_path, glb_path});
   MakeFolder(arguments.out);
   WritePerson(fit.result, body_path);
@@ -67,9 +69,10 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   AddSplitOptions(sub, a->split);
   AddOption(sub, "--person", a->options.person, "person id in the dataset; -1: the one with most frames");
   AddOption(
-      sub, "--template", a->options.body_template,
-      "body that is fitted: a folder of MakeHuman's base mesh, rigs and targets, or a .npz or .pkl file in SMPL's layout; "
-      "without it the mannequin");
+      sub, "--template", a->body_template,
+      "body that is fitted: mannequin, a folder of MakeHuman's base mesh, rigs and targets, or a .npz or .pkl file in SMPL's "
+      "layout. Of several with commas between them held-out silhouettes choose; auto: the mannequin and all in the models' "
+      "folder, in bodies");
   AddOption(sub, "--max-silhouettes", a->options.max_silhouettes, "time steps are thinned until no more are used")
       ->check(CLI::Range(1, 100000));
   AddOption(sub, "--max-px", a->options.max_px, "longest edge of the person in the images that are fitted to")

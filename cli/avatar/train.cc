@@ -30,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
   TrainArguments() { model.prior = avatar::Prior::kAuto; }
-  std::string dataset, out, init_from;
+  std::string dataset, out, init_from, body_template = "mannequin";
   app::BodyFitMode fit = app::BodyFitMode::kAuto;
   app::SplitArguments split;
   RankArguments ranks;
@@ -210,7 +210,9 @@ std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const d
                                         const RunContext& run, RunConfig* config) {
   config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
   if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
-  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, {}, run);
+  avatar::PersonFitOptions options;
+  options.templates = app::TemplatesOf(arguments.body_template);
+  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, options, run);
   config->pack.fitted = std::make_shared<const body::TexturedPerson>(fit.result);
   config->body_file = body::kPersonFileName;
   return fit;
@@ -353,6 +355,8 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddChoice(sub, "--fit", a->fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
             "mannequin's four girths; off takes it as it is");
+  AddOption(sub, "--template", a->body_template,
+            "body that --fit auto takes, as in `avatar fit`: mannequin, a path, several, auto");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);

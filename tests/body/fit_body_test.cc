@@ -10,65 +10,16 @@
 #include "body/texture/bake.h"
 #include "core/random.h"
 #include "core/statistics.h"
+#include "tests/body/fit_studio.h"
 
 namespace mvstudio::body {
 namespace {
 
 using Eigen::Vector3d;
+using testing::CameraAt;
+using testing::Studio;
 
-constexpr int kSizePx = 200;
-
-geometry::RigCamera CameraAt(double angle_rad, double height_m) {
-  const Vector3d target(0, 0, 0.9), place(3 * std::sin(angle_rad), -3 * std::cos(angle_rad), height_m);
-  const Vector3d forward = (target - place).normalized(), right = forward.cross(Vector3d::UnitZ()).normalized();
-  Eigen::Matrix3d axes;
-  axes << right.transpose(), forward.cross(right).transpose(), forward.transpose();
-  geometry::RigCamera camera;
-  camera.camera = geometry::MakePinhole("cam", kSizePx, kSizePx, 1.2 * kSizePx);
-  camera.cam_from_world.rotation = geometry::NearestRotation(axes);
-  camera.cam_from_world.translation = -(axes * place);
-  return camera;
-}
-
-/// A person who is not the mannequin: taller, with a belly and thick legs.
-struct Studio {
-  BodyTemplate rest = MakeMannequin(1.75, 0.5);
-  BodyTemplate person = MakeMannequin(1.82, 0.5);
-  std::vector<FitStep> steps;
-
-  explicit Studio(int num_steps, int num_cameras = 5) {
-    const Eigen::Matrix3Xf normals = VertexNormals(person.vertices, person.faces);
-    for (Eigen::Index v = 0; v < person.vertices.cols(); ++v) {
-      const double z = person.vertices(2, v) / 1.82;
-      const double belly = 0.035 * std::exp(-std::pow((z - 0.6) / 0.08, 2)), leg = z < 0.45 ? 0.012 : 0;
-      person.vertices.col(v) += static_cast<float>(belly + leg) * normals.col(v);
-    }
-    Rng rng(11);
-    for (int i = 0; i < num_steps; ++i) {
-      ArticulatedPose pose;
-      for (size_t b = 0; b < person.bone_names.size(); ++b) {
-        const double spread = b == 0 ? 0.15 : person.bone_names[b].find("hand") != std::string::npos ? 0.02 : 0.15;
-        pose.local_rotations.push_back(geometry::RotationExp(spread * Vector3d(rng.Normal(), rng.Normal(), rng.Normal())));
-      }
-      AddStep(i, pose, num_cameras, num_steps);
-    }
-  }
-
-  void AddStep(int i, const ArticulatedPose& pose, int num_cameras, int num_steps) {
-    FitStep step;
-    step.frame = i;
-    step.joints.x_in_world = PosedCoco19(person, ToBodyPose(person, pose)), step.joints.valid.fill(true);
-    const Eigen::Matrix3Xf vertices = SkinVertices(person, ToBodyPose(person, pose));
-    for (int c = 0; c < num_cameras; ++c) {
-      const geometry::RigCamera camera = CameraAt(2 * M_PI * c / num_cameras, c % 2 ? 1.8 : 0.8);
-      auto outline = std::make_shared<MaskOutline>(RasterizeCover(person.faces, vertices, camera));
-      step.views.push_back({"cam" + std::to_string(c), camera, outline, nullptr, num_steps >= 10 && i % 5 == 2});
-    }
-    steps.push_back(step);
-    poses.push_back(pose);
-  }
-  std::vector<ArticulatedPose> poses;
-};
+constexpr int kSizePx = Studio::kSizePx;
 
 double MeanSurfaceError(const Studio& studio, const BodyFit& fit) {
   double sum = 0;
@@ -194,29 +145,53 @@ TEST_F(PosesOfOtherSteps, WithoutSilhouettesJointsPose) {
   for (const auto& [frame, pose] : posed.poses) EXPECT_EQ(pose.shift, ByJointsAt(frame).shift);
 }
 
-TEST(TextureBaker, BringsTheColoursBack) {
-  const BodyTemplate body = MakeMannequin(1.75, 0.6);
-  const Textures truth = MannequinTextures(32, 5);
+/// Views from all around; camera 3 shows everything `gain` times as bright.
+TextureBaker BakeFrom(const BodyTemplate& body, const Textures& truth, double gain) {
   TextureBaker baker(body, 32);
   for (int c = 0; c < 12; ++c) {
     geometry::RigCamera camera = CameraAt(2 * M_PI * c / 12, c % 3 == 0 ? 2.4 : 1.0);
     camera.camera.width_px = camera.camera.height_px = 500;
     camera.camera.params << 600, 600, 249.5, 249.5;
-    const RenderedBody rendered = RenderBody(body, truth, body.vertices, camera);
-    baker.Add({camera, rendered.image, rendered.cover, body.vertices}, {});
+    RenderedBody rendered = RenderBody(body, truth, body.vertices, camera);
+    for (uint8_t& value : rendered.image.pixels) value = static_cast<uint8_t>(std::lround(value * (c == 3 ? gain : 1)));
+    baker.Add({camera, rendered.image, rendered.cover, body.vertices, c}, {});
   }
-  EXPECT_GT(baker.SeenShare(), 0.7);
-  const Textures found = baker.Finish();
+  return baker;
+}
+
+/// Mean difference in grey levels of the body in two coats.
+double ColourError(const BodyTemplate& body, const Textures& a, const Textures& b) {
   const geometry::RigCamera camera = CameraAt(0.3, 1.4);
-  const Image a = RenderBody(body, truth, body.vertices, camera).image,
-              b = RenderBody(body, found, body.vertices, camera).image;
+  const Image one = RenderBody(body, a, body.vertices, camera).image, other = RenderBody(body, b, body.vertices, camera).image;
   double sum = 0;
   int count = 0;
-  for (size_t i = 0; i < a.pixels.size(); ++i) {
-    if (a.pixels[i] == 0) continue;
-    sum += std::abs(a.pixels[i] - b.pixels[i]), ++count;
+  for (size_t i = 0; i < one.pixels.size(); ++i) {
+    if (one.pixels[i] > 0) sum += std::abs(one.pixels[i] - other.pixels[i]), ++count;
   }
-  EXPECT_LT(sum / count, 12) << "grey levels of " << count;
+  return sum / count;
+}
+
+TEST(TextureBaker, BringsTheColoursBack) {
+  const BodyTemplate body = MakeMannequin(1.75, 0.6);
+  const Textures truth = MannequinTextures(32, 5);
+  const TextureBaker baker = BakeFrom(body, truth, 1);
+  EXPECT_GT(baker.SeenShare(), 0.7);
+  EXPECT_LT(ColourError(body, truth, baker.Finish()), 12);
+  for (const Eigen::Array3d& gain : baker.Gains()) EXPECT_LT((gain - 1).abs().maxCoeff(), 0.02);
+}
+
+TEST(TextureBaker, ADarkCameraIsMeasuredAndDoesNotStain) {
+  const BodyTemplate body = MakeMannequin(1.75, 0.6);
+  const Textures truth = MannequinTextures(32, 5);
+  const TextureBaker right = BakeFrom(body, truth, 1), baker = BakeFrom(body, truth, 0.7);
+  const std::vector<Eigen::Array3d> gains = baker.Gains();
+  const double others = gains[0][1];
+  EXPECT_LT((gains[3] / others - 0.7).abs().maxCoeff(), 0.02);
+  Textures found = baker.Finish();
+  for (Image& texture : found) {
+    for (uint8_t& value : texture.pixels) value = static_cast<uint8_t>(std::lround(std::min(255.0, value * others)));
+  }
+  EXPECT_LT(ColourError(body, right.Finish(), found), 2) << "beyond the brightness of all, which nothing determines";
 }
 
 }  // namespace

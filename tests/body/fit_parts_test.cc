@@ -3,11 +3,11 @@
 #include <cmath>
 #include <limits>
 
-#include "body/fit/posed_bones.h"
 #include "body/fit/mask_outline.h"
 #include "body/fit/offsets.h"
 #include "body/fit/photometric.h"
 #include "body/fit/pose_solver.h"
+#include "body/fit/posed_bones.h"
 #include "body/fit/rim.h"
 #include "body/fit/rotation_habits.h"
 #include "core/random.h"

@@ -1,14 +1,17 @@
 #include "avatar/io/pack/person_fit.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <mutex>
 
 #include "body/fit/pose_by_images.h"
 #include "body/makehuman/read.h"
 #include "body/smpl/read.h"
 #include "core/check.h"
+#include "core/choice/heldout_choice.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
@@ -136,16 +139,21 @@ void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source
   }
   const size_t count = std::min(views.size(), static_cast<size_t>(options.max_texture_views));
   body::TextureBaker baker(person.body, options.texture_px);
+  std::map<std::string, int> cameras;
   ProgressStage stage(run, "baking the texture", static_cast<int64_t>(count));
   for (size_t k = 0; k < count; ++k) {
     const auto& [source, camera] = views[(2 * k + 1) * views.size() / (2 * count)];
     Crop crop = ReadCrop(data, *source, *camera, options.max_px);
     const body::BodyPose pose = ToBodyPose(person.body, person.seen.at(source->frame));
-    baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose)}, run);
+    baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose),
+               cameras.emplace(camera->camera.name, static_cast<int>(cameras.size())).first->second},
+              run);
     stage.Advance();
   }
   out->result.textures = baker.Finish();
   out->texture_seen = baker.SeenShare();
+  const std::vector<Eigen::Array3d> gains = baker.Gains();
+  for (const auto& [name, index] : cameras) out->camera_gains[name] = gains[static_cast<size_t>(index)];
 }
 
 /// A batch at a time: silhouettes of a whole take need more memory than there is.
@@ -179,10 +187,32 @@ body::BodyTemplate TemplateOf(const std::string& path) {
   return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
 }
 
+/// The simplest template that held-out silhouettes do not show to be worse than the best; where none are held out, the first.
+void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOptions& options, const RunContext& run,
+                  PersonFit* out) {
+  body::BodyFitOptions fit;
+  fit.use_brightness = options.use_brightness;
+  std::vector<body::BodyFit> fits;
+  std::vector<HeldOutCandidate> losses;
+  for (const std::string& path : options.templates) {
+    const auto begin = std::chrono::steady_clock::now();
+    fits.push_back(body::FitBody(TemplateOf(path), steps, fit, run));
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const std::string name = path.empty() ? "mannequin" : path;
+    out->templates.push_back({name, fits.back().iou, seconds, false});
+    losses.push_back({name, fits.back().held_out_loss});
+  }
+  const HeldOutChoice choice = ChooseHeldOut(losses, {});
+  const size_t index = choice.status == Status::kOk ? static_cast<size_t>(choice.index) : 0;
+  out->templates[index].kept = true;
+  out->fit = std::move(fits[index]);
+}
+
 }  // namespace
 
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
-  MVS_CHECK(options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2, "options of the fit");
+  MVS_CHECK(!options.templates.empty() && options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2,
+            "options of the fit");
   PersonFit out;
   const std::vector<Source> all = FindSources(data, options, options.frames, &out.missing);
   if (all.empty())
@@ -190,11 +220,9 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
         "no training frame of person " + std::to_string(options.person) +
         " has an image with a mask: a body cannot be fitted; build masks (`mvstudio mask`) or take option 'fit' off");
   const std::vector<Source> sources = Thinned(all, options.max_silhouettes);
-  body::BodyFitOptions fit;
-  fit.use_brightness = options.use_brightness;
   std::vector<body::FitStep> steps = ReadSteps(data, sources, options, options.use_brightness, run);
   body::HoldOutViews(&steps);
-  out.fit = body::FitBody(TemplateOf(options.body_template), steps, fit, run);
+  FitTemplates(steps, options, run, &out);
   out.result.person = std::move(out.fit.person);
   BakeTextures(data, sources, options, run, &out);
   if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -15,12 +17,21 @@ struct PersonFitOptions {
   std::vector<int> frames;
   std::vector<int> pose_frames;  ///< frames that are only posed, by the images of `cameras`: they tell nothing of the body
   int person = -1;
-  std::string body_template;  ///< a folder of MakeHuman, a file in SMPL's layout, or empty: the mannequin
+  /// Folders of MakeHuman, files in SMPL's layout, or empty: the mannequin. Simplest first; held-out silhouettes choose.
+  std::vector<std::string> templates = {""};
   int max_silhouettes = 600;  ///< time steps are thinned evenly until no more are used
   int max_px = 512;           ///< longest edge of a person in the images that are fitted to
   int texture_px = 64;        ///< edge of each of the 24 charts
   int max_texture_views = 150;
   bool use_brightness = true;
+};
+
+/// One of several templates.
+struct TemplateFit {
+  std::string name;         ///< the path, or "mannequin"
+  double held_out_iou = 0;  ///< NaN where nothing was held out
+  double seconds = 0;
+  bool kept = false;
 };
 
 /// How frames were posed by a body that was fitted to others.
@@ -33,9 +44,11 @@ struct TrackedFrames {
 struct PersonFit {
   body::TexturedPerson result;
   body::BodyFit fit;  ///< without `person`, which is in `result`
+  std::vector<TemplateFit> templates;
   TrackedFrames tracked;
-  double texture_seen = 0;           ///< share of the texels that some image showed
-  std::vector<std::string> missing;  ///< "camera 00_03, frame 17": no image or no mask
+  std::map<std::string, Eigen::Array3d> camera_gains;  ///< red, green, blue, by camera; taken out of the colours
+  double texture_seen = 0;                             ///< share of the texels that some image showed
+  std::vector<std::string> missing;                    ///< "camera 00_03, frame 17": no image or no mask
 };
 
 /// Fits a body to the person of a dataset, bakes its colours, and poses further frames. Images and masks that do not exist are
