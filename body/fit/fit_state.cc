@@ -104,7 +104,12 @@ Status FitState::FitShapes(double max_px) {
 
 Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
   constexpr double kOffsetSigmaM = 0.1;
-  return StepOffsets(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
+  const Status status = StepOffsets(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
+  const Eigen::VectorXd shapes = shape_offsets_ * coefficients_;
+  Eigen::VectorXd all = shapes + offsets_;
+  UnfoldOffsets(base_.vertices, base_.faces, normals_, laplacian_, &all);
+  offsets_ = all - shapes;
+  return status;
 }
 
 void FitState::FitPoses(double max_px) {

@@ -30,6 +30,14 @@ struct OffsetSmoothness {
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets);
 
+/// Faces whose normals turn over when `vertices` (3, V) move by `offsets` (V) along `normals` (3, V).
+std::vector<int> TurnedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
+                             const Eigen::VectorXd& offsets);
+
+/// Smooths, then shrinks offsets about turned faces until none is turned.
+void UnfoldOffsets(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
+                   const Eigen::SparseMatrix<double>& laplacian, Eigen::VectorXd* offsets);
+
 /// How far each shape of a body moves its vertices along the rest normals, its skeleton held: (V, S), metres per unit.
 Eigen::MatrixXd ShapeOffsets(const BodyTemplate& body, const Eigen::Matrix3Xf& normals);
 
