@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "avatar/data/safetensors.h"
 #include "avatar/io/evaluate/baselines.h"
@@ -70,22 +69,6 @@ SplitSide Holdout(const DatasetSplit& split, const std::string& folder) {
   return side;
 }
 
-/// Scores `names` (commas between them) in place of the cameras that the run held out.
-void UseCameras(const dataset::PanopticDataset& data, const std::string& names, RunConfig* config) {
-  if (names.empty()) return;
-  DatasetSplit& split = config->split;
-  split.holdout_cameras.clear();
-  std::istringstream in(names);
-  for (std::string name; std::getline(in, name, ',');) {
-    const std::string camera = data.Resolve(name);
-    if (camera.empty()) throw UsageError("option 'cameras' " + name + " is not in " + data.root);
-    if (std::count(split.train_cameras.begin(), split.train_cameras.end(), camera) > 0) {
-      throw UsageError("option 'cameras' " + name + ": the run was trained on it");
-    }
-    split.holdout_cameras.push_back(camera);
-  }
-}
-
 /// The frames of the split, and the training cameras, whose pictures the baselines are made of.
 void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config) {
   for (const std::string& camera : config.split.train_cameras) {
@@ -103,14 +86,6 @@ void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config)
                        ": the dataset is not the one that was trained on");
     }
   }
-}
-
-/// Images of training cameras pose held-out frames, so they cannot be scored there.
-bool ShowsItsPoses(const DatasetSplit& split, const SplitSide& selection) {
-  const auto shared = [](const auto& some, const auto& all) {
-    return std::any_of(some.begin(), some.end(), [&](const auto& one) { return std::count(all.begin(), all.end(), one) > 0; });
-  };
-  return shared(selection.cameras, split.train_cameras) && !shared(selection.frames, split.train_frames);
 }
 
 /// `all`: the frames that those of the selection were chosen from, for what is consecutive.
@@ -371,7 +346,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.size_px = options.score_size > 0 ? options.score_size : result.config.pack.size_px;
   result.convention = kConvention;
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(result.config.dataset);
-  UseCameras(data, options.cameras, &result.config);
+  UseCameras(data, options.cameras, &result.config.split);
   RequireSplit(data, result.config);
   const SplitSide selection = Holdout(result.config.split, run_folder);
   result.missing = RequirePictures(data, selection);

@@ -42,4 +42,24 @@ std::vector<int> FramesWithPictures(const dataset::PanopticDataset& data, const 
   return frames;
 }
 
+void UseCameras(const dataset::PanopticDataset& data, const std::string& names, DatasetSplit* split) {
+  if (names.empty()) return;
+  split->holdout_cameras.clear();
+  for (const std::string& name : SplitCommas(names)) {
+    const std::string camera = data.Resolve(name);
+    if (camera.empty()) throw UsageError("option 'cameras' " + name + " is not in " + data.root);
+    if (std::count(split->train_cameras.begin(), split->train_cameras.end(), camera) > 0) {
+      throw UsageError("option 'cameras' " + name + ": the run was trained on it");
+    }
+    split->holdout_cameras.push_back(camera);
+  }
+}
+
+bool ShowsItsPoses(const DatasetSplit& split, const SplitSide& selection) {
+  const auto shared = [](const auto& some, const auto& all) {
+    return std::any_of(some.begin(), some.end(), [&](const auto& one) { return std::count(all.begin(), all.end(), one) > 0; });
+  };
+  return shared(selection.cameras, split.train_cameras) && !shared(selection.frames, split.train_frames);
+}
+
 }  // namespace mvstudio::avatar

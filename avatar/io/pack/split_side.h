@@ -31,4 +31,11 @@ dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, c
 /// The side's frames in which a camera of it has a picture, so that a choice among them finds some.
 std::vector<int> FramesWithPictures(const dataset::PanopticDataset& data, const SplitSide& side);
 
+/// Scores `names` (commas between them; none: nothing changes) in place of the cameras that were held out. Throws UsageError
+/// for cameras that the dataset lacks or that were trained on.
+void UseCameras(const dataset::PanopticDataset& data, const std::string& names, DatasetSplit* split);
+
+/// Images of training cameras pose held-out frames, so they cannot be scored there.
+bool ShowsItsPoses(const DatasetSplit& split, const SplitSide& selection);
+
 }  // namespace mvstudio::avatar
