@@ -76,7 +76,9 @@ TEST(SolveCut, FindsTheLeastOfAllLabellings) {
     SolveCut(&p);
     for (int i = 0; i < kPixels; ++i) {
       ASSERT_NE(p.label[i], Label::kFree) << trial;
-      if (!free[i]) EXPECT_EQ(p.label[i], given[i]) << "was decided before";
+      if (!free[i]) {
+        EXPECT_EQ(p.label[i], given[i]) << "was decided before";
+      }
     }
     EXPECT_NEAR(Energy(p, free), least, 1e-6) << trial;
   }
