@@ -232,9 +232,8 @@ RefinedCorner RefineCorner(const Board& board, const Image& grey, const CornerGu
   corner.px = guess.px + p.head<2>();
   const double rms = std::sqrt(end.cost / end.weight);
   corner.misfit = rms / std::max(1e-9, p[6]);
-  const Eigen::Matrix2d unit = geometry::ScaledInverse<kNumParams>(end.h).topLeftCorner<2, 2>();
-  if (!unit.allFinite()) return Failed(Status::kDegenerate, guess.px);
-  corner.sigma_px = std::sqrt(unit.trace() / 2 * std::max(rms * rms, 1.0));
+  const Eigen::Matrix2d covariance = end.h.inverse().topLeftCorner<2, 2>() * std::max(rms * rms, 1.0);
+  corner.sigma_px = std::sqrt(std::max(0.0, covariance.trace() / 2));
   const double max_shift = std::max(1.5, (board.has_tags() ? 0.05 : 0.3) * px_per_square);
   const bool plausible = 2 * p[6] >= options.min_contrast && corner.misfit <= options.max_misfit && p[4] < kMaxBlur;
   if (!plausible || p.head<2>().norm() > max_shift || !corner.px.allFinite()) corner.status = Status::kOutlier;

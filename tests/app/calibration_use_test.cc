@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <tuple>
 
 #include "tests/triangulate/support.h"
@@ -137,8 +138,11 @@ PoseInput Filmed(double late_frames, double stated_frames) {
   return input;
 }
 
-Eigen::Vector2d PixelAt(const PoseInput& input, size_t frame, size_t camera) {
-  return input.frames[frame].people[camera][0][0].px;
+/// The first joint; frames have their numbers, offsets leave some out.
+Eigen::Vector2d PixelAt(const PoseInput& input, int frame, size_t camera) {
+  for (const triangulate::DetectedFrame& each : input.frames)
+    if (each.frame == frame) return each.people[camera][0][0].px;
+  return {NAN, NAN};
 }
 
 TEST(ApplyCalibrationOffsets, AreAppliedWhereTheTakeConfirmsThem) {

@@ -83,13 +83,13 @@ TEST(CornerRefine, ThePatternInTheWrongColoursIsNone) {
   EXPECT_NE(RefineCorner(Chessboard(), Draw(negative, &rng), Guess(negative)).status, Status::kOk);
 }
 
-/// Without contrast nothing says where the corner is: a sigma of 0 would make it the best of all.
+/// Without contrast nothing says where the corner is, whatever contrast is asked for.
 TEST(CornerRefine, APlainImageHasNoCorner) {
   const Image plain(kSize, kSize, 1, 128);
   EXPECT_NE(RefineCorner(Chessboard(), plain, Guess({})).status, Status::kOk);
   RefineOptions any_contrast;
   any_contrast.min_contrast = 0;
-  EXPECT_EQ(RefineCorner(Chessboard(), plain, Guess({}), any_contrast).status, Status::kDegenerate);
+  EXPECT_NE(RefineCorner(Chessboard(), plain, Guess({}), any_contrast).status, Status::kOk);
 }
 
 TEST(CornerRefine, GuessesThatCannotBeRefined) {
