@@ -36,6 +36,7 @@ void ExpectSame(const BodyTemplate& a, const BodyTemplate& b) {
   EXPECT_EQ(a.face_part, b.face_part);
   EXPECT_TRUE(SameBits(a.face_uv, b.face_uv));
   EXPECT_EQ(a.bone_names, b.bone_names);
+  EXPECT_EQ(a.bone_roles, b.bone_roles);
   EXPECT_EQ(a.bone_parents, b.bone_parents);
   EXPECT_TRUE(SameBits(a.bone_heads, b.bone_heads));
   EXPECT_TRUE(SameBits(a.bone_tails, b.bone_tails));
@@ -100,8 +101,8 @@ TEST(PersonFile, EveryArrayHasToBeThere) {
 
 TEST(PersonFile, RefusesWrongShapes) {
   const std::string scalar = NpyOfDoubles({}, {1});
-  for (const char* name : {"vertices", "faces", "face_part", "face_uv", "bone_parents", "bone_heads", "bone_tails",
-                           "skin_bones", "skin_weights", "coco19", "coco19_bone"}) {
+  for (const char* name : {"vertices", "faces", "face_part", "face_uv", "bone_roles", "bone_parents", "bone_heads",
+                           "bone_tails", "skin_bones", "skin_weights", "coco19", "coco19_bone"}) {
     EXPECT_THAT(Refusal(name, scalar), HasSubstr(std::string("body.npz: ") + name + ": has another shape")) << name;
     EXPECT_THAT(Refusal(name, NpyOfDoubles({2, 2, 2}, std::vector<double>(8))), HasSubstr(name)) << name;
   }
@@ -120,6 +121,8 @@ TEST(PersonFile, RefusesWrongIndices) {
   EXPECT_THAT(Refusal("faces", NpyOfInts({2, 3}, {0, 1, 2, 0, 1, int64_t{1} << 32})), HasSubstr("faces: holds a number"));
   EXPECT_THAT(Refusal("face_part", NpyOfInts({2}, {1, 25})), HasSubstr("face_part: row 1 has the part 25"));
   EXPECT_THAT(Refusal("face_part", NpyOfInts({2}, {0, 2})), HasSubstr("face_part: row 0 has the part 0"));
+  EXPECT_THAT(Refusal("bone_roles", NpyOfInts({2}, {1, kNumBoneRoles})), HasSubstr("bone_roles: has the role 20"));
+  EXPECT_THAT(Refusal("bone_roles", NpyOfInts({2}, {-1, 0})), HasSubstr("bone_roles: has the role -1"));
   EXPECT_THAT(Refusal("bone_parents", NpyOfInts({2}, {-1, 1})), HasSubstr("bone_parents: row 1 has the parent 1"));
   EXPECT_THAT(Refusal("bone_parents", NpyOfInts({2}, {-1, -1})), HasSubstr("bone_parents: row 1 has the parent -1"));
   EXPECT_THAT(Refusal("bone_parents", NpyOfInts({2}, {0, 0})), HasSubstr("bone_parents: does not begin with the root"));
@@ -153,7 +156,7 @@ TEST(PersonFile, RefusesWrongTexts) {
   EXPECT_THAT(Refusal("bone_names", NpyOfTexts({"a", "b\nc"})), HasSubstr("bone_names: a name holds a control character"));
   EXPECT_THAT(Refusal("bone_names", NpyOfTexts({})), HasSubstr("bone_names: is empty"));
   EXPECT_THAT(Refusal("bone_names", NpyOfInts({2}, {1, 2})), HasSubstr("bone_names: descr"));
-  EXPECT_THAT(Refusal("bone_names", NpyOfTexts({"a"})), HasSubstr("bone_parents: has 2 rows, not 1"));
+  EXPECT_THAT(Refusal("bone_names", NpyOfTexts({"a"})), HasSubstr("has 2 rows, not 1"));
 }
 
 TEST(PersonFile, RefusesArraysThatItDoesNotKnow) {

@@ -42,6 +42,7 @@ inline BodyTemplate Flag() {
   body.face_uv.resize(2, 6);
   body.face_uv << 0, 1, 1, 0, 1, 0, 0, 0, 1, 0, 1, 1;
   body.bone_names = {"pole", "Fähnchen"};
+  body.bone_roles = {BoneRole::kPelvis, BoneRole::kOther};
   body.bone_parents = {-1, 0};
   body.bone_heads.resize(3, 2);
   body.bone_heads << 0, 0.5, 0, 0, 0, 0.25;
