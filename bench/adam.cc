@@ -5,6 +5,7 @@
 #include <malloc.h>
 #include <torch/optim/adam.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -15,7 +16,7 @@
 
 /// avatar::Adam beside torch::optim::Adam on the tensors of whole models, in turns, either of them first in every second step:
 /// milliseconds of processor time a step (all threads), and how far both are from the same steps in double precision.
-/// bench_adam [STEPS]
+/// bench_adam [STEPS] [NUMBER OF MODELS, the smallest first]
 namespace mvstudio::avatar {
 namespace {
 
@@ -144,11 +145,13 @@ int main(int argc, char** argv) {
   // As mvstudio's own main does.
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
-  const int steps = argc > 1 ? std::atoi(argv[1]) : 50;
+  const int steps = argc > 1 ? std::atoi(argv[1]) : 20;
+  std::vector<mvstudio::avatar::Case> cases = mvstudio::avatar::Cases();
+  if (argc > 2) cases.resize(std::min(cases.size(), static_cast<size_t>(std::atoi(argv[2]))));
   std::printf("medians of %d steps; distances from double precision after the last, in learning rates\n", steps);
   std::printf("%-26s %9s %2s %8s %8s %6s   %-7s  %-7s  %s\n", "", "values", "th", "own, ms", "torch", "ratio", "own", "torch",
               "other bits");
-  for (const auto& each : mvstudio::avatar::Cases()) {
+  for (const auto& each : cases) {
     for (const int threads : {1, 2}) mvstudio::avatar::Run(each, threads, steps);
   }
   return 0;

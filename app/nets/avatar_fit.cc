@@ -21,8 +21,10 @@ constexpr ChoiceWords<BodyFitMode, 3> kModes = {
 Json StagesJson(const body::BodyFit& fit) {
   Json stages = Json::array();
   for (const body::BodyFitStage& stage : fit.stages) {
-    stages.push_back(
-        {{"name", stage.name}, {"held_out_iou", stage.held_out_iou}, {"seconds", stage.seconds}, {"kept", stage.kept}});
+    stages.push_back({{"name", stage.name},
+                      {"held_out_iou", FiniteOrNull(stage.held_out_iou)},
+                      {"seconds", stage.seconds},
+                      {"kept", stage.kept}});
   }
   return stages;
 }
@@ -30,8 +32,8 @@ Json StagesJson(const body::BodyFit& fit) {
 Json TemplatesJson(const avatar::PersonFit& person) {
   Json templates = Json::array();
   for (const avatar::TemplateFit& one : person.templates) {
-    const Json iou = std::isfinite(one.held_out_iou) ? Json(one.held_out_iou) : Json();
-    templates.push_back({{"name", one.name}, {"held_out_iou", iou}, {"seconds", one.seconds}, {"kept", one.kept}});
+    templates.push_back(
+        {{"name", one.name}, {"held_out_iou", FiniteOrNull(one.held_out_iou)}, {"seconds", one.seconds}, {"kept", one.kept}});
   }
   return templates;
 }
@@ -47,8 +49,8 @@ Json CamerasJson(const body::BodyFit& fit) {
   for (const body::CameraFit& camera : fit.cameras) {
     cameras[camera.name] = {{"silhouettes", camera.views},
                             {"rejected", camera.rejected},
-                            {"iou_before", camera.iou_before},
-                            {"iou", camera.iou},
+                            {"iou_before", FiniteOrNull(camera.iou_before)},
+                            {"iou", FiniteOrNull(camera.iou)},
                             {"shift_px", {camera.shift_px[0], camera.shift_px[1]}},
                             {"shift_sigma_px", camera.shift_sigma_px}};
   }
@@ -67,6 +69,23 @@ std::vector<body::RejectedView> Rejected(const avatar::PersonFit& person) {
   return all;
 }
 
+/// Training frames, and those in which cameras are scored that were not trained on.
+std::vector<int> PosedFrames(const avatar::DatasetSplit& split) {
+  std::vector<int> frames = split.train_frames;
+  const auto add = [&](const std::vector<std::string>& scored_cameras, const std::vector<int>& more) {
+    if (!scored_cameras.empty()) frames.insert(frames.end(), more.begin(), more.end());
+  };
+  add(split.holdout_cameras, split.holdout_frames);
+  add(split.validation_cameras, split.validation_frames);
+  return frames;
+}
+
+/// What can be a template by its name; other files may lie beside it.
+bool IsBody(const std::filesystem::directory_entry& entry) {
+  const std::string extension = entry.path().extension().string();
+  return entry.is_directory() || extension == ".npz" || extension == ".pkl";
+}
+
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
 }  // namespace
@@ -82,7 +101,9 @@ std::vector<std::string> TemplatesOf(const std::string& text) {
   if (text == "auto") {
     const fs::path bodies = fs::path(detect::ModelsFolder()) / "bodies";
     if (fs::is_directory(bodies)) {
-      for (const auto& entry : fs::directory_iterator(bodies)) templates.push_back(entry.path().string());
+      for (const auto& entry : fs::directory_iterator(bodies)) {
+        if (IsBody(entry)) templates.push_back(entry.path().string());
+      }
     }
     std::sort(templates.begin(), templates.end());
     templates.insert(templates.begin(), "");
@@ -93,17 +114,14 @@ std::vector<std::string> TemplatesOf(const std::string& text) {
       throw UsageError("option 'template' " + name + ": no such file or folder; it must be mannequin, auto, or a body");
     templates.push_back(name == "mannequin" ? "" : name);
   }
+  if (templates.empty()) throw UsageError("option 'template' is empty: it must be mannequin, auto, or a body");
   return templates;
 }
 
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
                              avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run) {
   options.cameras = split.train_cameras, options.frames = split.train_frames, options.person = person;
-  if (pose_by == avatar::PoseBy::kImages) options.pose_frames = split.train_frames;
-  if (pose_by == avatar::PoseBy::kImages && !split.holdout_cameras.empty())
-    options.pose_frames.insert(options.pose_frames.end(), split.holdout_frames.begin(), split.holdout_frames.end());
-  if (pose_by == avatar::PoseBy::kImages && !split.validation_cameras.empty())
-    options.pose_frames.insert(options.pose_frames.end(), split.validation_frames.begin(), split.validation_frames.end());
+  if (pose_by == avatar::PoseBy::kImages) options.pose_frames = PosedFrames(split);
   return avatar::FitPerson(data, options, run);
 }
 
@@ -114,19 +132,18 @@ Json ToJson(const avatar::PersonFit& person) {
   Json rejected = Json::array();
   for (const body::RejectedView& view : Rejected(person))
     rejected.push_back({{"camera", view.camera}, {"frame", view.frame}, {"iou", view.iou}});
-  const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(); };
   return {{"vertices", person.result.person.body.vertices.cols()},
           {"silhouettes", silhouettes},
           {"missing", person.missing.size()},
-          {"held_out_iou_before", number(fit.iou_before)},
-          {"held_out_iou", number(fit.iou)},
+          {"held_out_iou_before", FiniteOrNull(fit.iou_before)},
+          {"held_out_iou", FiniteOrNull(fit.iou)},
           {"joint_error_mm", 1e3 * fit.joint_error_m},
           {"offset_rms_mm", fit.offsets.size() > 0 ? Json(1e3 * fit.offsets.norm() / std::sqrt(fit.offsets.size())) : Json()},
           {"texels_seen", person.texture_seen},
           {"tracked",
            {{"frames", person.tracked.frames},
-            {"iou_before", number(person.tracked.iou_before)},
-            {"iou", number(person.tracked.iou)}}},
+            {"iou_before", FiniteOrNull(person.tracked.iou_before)},
+            {"iou", FiniteOrNull(person.tracked.iou)}}},
           {"camera_gains", GainsJson(person)},
           {"templates", TemplatesJson(person)},
           {"stages", StagesJson(fit)},

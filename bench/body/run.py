@@ -15,6 +15,7 @@ eroded, dilated: masks by 2 px; wrong-masks: one mask of ten is that of another 
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -53,12 +54,12 @@ def calibration_path(folder):
     return [os.path.join(folder, name) for name in os.listdir(folder) if name.startswith("calibration_")][0]
 
 
-def copy_with_links(source, folder, masks):
-    """A dataset whose images are links; `masks`: whether masks are, too."""
+def copy_with_links(source, folder):
+    """A dataset whose images and masks are links."""
     os.makedirs(folder)
     os.symlink(os.path.abspath(os.path.join(source, "hdImgs")), os.path.join(folder, "hdImgs"))
     calibration = calibration_path(source)
-    write_json(os.path.join(folder, "calibration_" + os.path.basename(folder) + ".json"), read_json(calibration))
+    write_json(os.path.join(folder, os.path.basename(calibration)), read_json(calibration))
     joints = os.path.join(folder, "hdPose3d_stage1_coco19")
     os.makedirs(joints)
     for name in os.listdir(os.path.join(source, "hdPose3d_stage1_coco19")):
@@ -148,7 +149,7 @@ def keep_frames(folder, frames, holdout):
 def make_faulty(a, variant, folder):
     cameras = a.train_cameras.split(",")
     rng = np.random.default_rng(5)
-    copy_with_links(a.dataset, folder, variant)
+    copy_with_links(a.dataset, folder)
     if variant.startswith("joints-"):
         noisy_joints(folder, cameras, float(variant[len("joints-"):-len("px")]), rng)
     disk = morphology.disk(2)
@@ -205,7 +206,9 @@ def main():
     for variant in a.variants.split(","):
         dataset = os.path.join(a.out, variant)
         if not os.path.isdir(dataset):
-            make_faulty(a, variant, dataset)
+            shutil.rmtree(dataset + ".part", ignore_errors=True)
+            make_faulty(a, variant, dataset + ".part")
+            os.rename(dataset + ".part", dataset)
         for fit in ("girths", "auto"):
             if fit in results.setdefault(variant, {}):
                 continue

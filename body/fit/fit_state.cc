@@ -12,6 +12,7 @@ namespace mvstudio::body {
 namespace {
 
 constexpr double kLeastJointSigmaM = 0.003;
+constexpr double kShapeSigmaPx = 2;  // of an outline against the surface; neighbours err together
 
 }  // namespace
 
@@ -91,7 +92,12 @@ std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
   const StepPoser poser(shaped, joint_sigma_m_, nullptr);
   std::vector<std::vector<OffsetObservation>> seen(steps_->size());
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
-    if (IsFitted(static_cast<int>(i))) seen[i] = poser.LookAtOutlines((*steps_)[i], used_[i], poses_[i], max_px).shape;
+    if (!IsFitted(static_cast<int>(i))) return;
+    const PosedBones bones(shaped, poses_[i]);
+    for (const SurfaceResidual& rim : poser.LookAtOutlines((*steps_)[i], used_[i], poses_[i], max_px)) {
+      const Eigen::Vector3d along = bones.VertexRotation(rim.vertex) * normals_.col(rim.vertex).cast<double>();
+      seen[i].push_back({rim.vertex, rim.direction.dot(along), rim.gap, 1 / kShapeSigmaPx});
+    }
   });
   std::vector<OffsetObservation> all;
   for (const auto& some : seen) all.insert(all.end(), some.begin(), some.end());

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "body/fit/fit_judge.h"
-#include "body/surface_nets.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
 
@@ -11,7 +10,7 @@ namespace mvstudio::body {
 namespace {
 
 // Neighbouring vertices of an outline err together: each counts for less than a measurement of its own.
-constexpr double kOutlineSigmaPx = 2, kOutlineSigmaOfPosePx = 7;
+constexpr double kOutlineSigmaPx = 7;
 constexpr double kBrightnessShare = 0.3;  // likewise, of brightness
 constexpr double kReachesPx[] = {24, 12, 12};
 constexpr double kBrightnessSigmaPx[] = {4, 2};
@@ -38,14 +37,11 @@ ArticulatedPose FromJoints(const StepPoser& poser, bool brightness, const FitSte
 }  // namespace
 
 StepPoser::StepPoser(const BodyTemplate& body, double joint_sigma_m, const MeanBrightness* brightness)
-    : body_(&body),
-      brightness_(brightness),
-      normals_(VertexNormals(body.vertices, body.faces)),
-      joint_sigma_m_(joint_sigma_m) {}
+    : body_(&body), brightness_(brightness), joint_sigma_m_(joint_sigma_m) {}
 
-SeenOutlines StepPoser::LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used, const ArticulatedPose& pose,
-                                       double max_px) const {
-  SeenOutlines seen;
+std::vector<SurfaceResidual> StepPoser::LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used,
+                                                       const ArticulatedPose& pose, double max_px) const {
+  std::vector<SurfaceResidual> seen;
   const PosedBones bones(*body_, pose);
   const Eigen::Matrix3Xf vertices = SkinVertices(*body_, bones.pose());
   for (size_t k = 0; k < step.views.size(); ++k) {
@@ -53,10 +49,7 @@ SeenOutlines StepPoser::LookAtOutlines(const FitStep& step, const std::vector<ui
     const FitView& view = step.views[k];
     for (const RimPoint& rim : FindRim(body_->faces, vertices, view.camera)) {
       const auto gap = view.outline->Distance(rim.px, rim.outward, max_px);
-      if (!gap) continue;
-      const Eigen::Vector3d normal = bones.VertexRotation(rim.vertex) * normals_.col(rim.vertex).cast<double>();
-      seen.shape.push_back({rim.vertex, rim.d_out_d_x * normal, *gap, 1 / kOutlineSigmaPx});
-      seen.pose.push_back({rim.vertex, rim.d_out_d_x.transpose(), bones.Vertex(rim.vertex), *gap, 1 / kOutlineSigmaOfPosePx});
+      if (gap) seen.push_back({rim.vertex, rim.d_out_d_x.transpose(), bones.Vertex(rim.vertex), *gap, 1 / kOutlineSigmaPx});
     }
   }
   return seen;
@@ -76,7 +69,7 @@ std::vector<std::vector<SeenVertex>> StepPoser::LookAtBrightness(const FitStep& 
 
 PoseProblemInput StepPoser::Outlines(const FitStep& step, const std::vector<uint8_t>& used, const RotationPrior& prior,
                                      double max_px, const ArticulatedPose& pose) const {
-  PoseProblemInput input{step.joints, {prior}, LookAtOutlines(step, used, pose, max_px).pose};
+  PoseProblemInput input{step.joints, {prior}, LookAtOutlines(step, used, pose, max_px)};
   input.joints.sigma_m.fill(joint_sigma_m_);
   return input;
 }

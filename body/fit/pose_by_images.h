@@ -5,17 +5,10 @@
 #include <vector>
 
 #include "body/fit/fit_body.h"
-#include "body/fit/offsets.h"
 #include "body/fit/photometric.h"
 
 /// Poses of a body whose surface is known, by joints, outlines and brightness.
 namespace mvstudio::body {
-
-/// What the images of one time step say of an outline: how the surface should move, and how the bones.
-struct SeenOutlines {
-  std::vector<OffsetObservation> shape;
-  std::vector<SurfaceResidual> pose;
-};
 
 /// A body and how its poses are found.
 class StepPoser {
@@ -23,9 +16,9 @@ class StepPoser {
   /// `brightness`: null for outlines alone; it, `body` and `step`s must outlive this.
   StepPoser(const BodyTemplate& body, double joint_sigma_m, const MeanBrightness* brightness);
 
-  /// `used`: (views) of the time step.
-  SeenOutlines LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used, const ArticulatedPose& pose,
-                              double max_px) const;
+  /// Where the body's outline should move in the views that are `used` (views), as residuals of the pose.
+  std::vector<SurfaceResidual> LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used,
+                                              const ArticulatedPose& pose, double max_px) const;
   /// A view each.
   std::vector<std::vector<SeenVertex>> LookAtBrightness(const FitStep& step, const std::vector<uint8_t>& used,
                                                         const ArticulatedPose& pose, double sigma_px) const;
@@ -45,7 +38,6 @@ class StepPoser {
 
   const BodyTemplate* body_;
   const MeanBrightness* brightness_;
-  Eigen::Matrix3Xf normals_;  // (3, V) of the rest pose
   double joint_sigma_m_;
 };
 

@@ -178,9 +178,8 @@ std::vector<Eigen::Array3d> TextureBaker::Gains() const {
   return gains;
 }
 
-Textures TextureBaker::Finish() const {
+Textures TextureBaker::Finish(const std::vector<Eigen::Array3d>& gains) const {
   Textures out;
-  const std::vector<Eigen::Array3d> gains = Gains();
   const int size = map_.size_px;
   const size_t chart = static_cast<size_t>(size) * size;
   for (int part = 0; part < kNumParts; ++part) {

@@ -33,7 +33,8 @@ class TextureBaker {
 
   /// Adds what one image shows. Thread-safe for different ranges of texels only: call from one thread; it runs `run`'s threads.
   void Add(const TextureView& view, const RunContext& run);
-  Textures Finish() const;
+  /// Colours with the gains of cameras taken out.
+  Textures Finish(const std::vector<Eigen::Array3d>& gains) const;
   /// How much brighter each camera shows a texel than all do, a channel each; their geometric mean is 1. Cameras that share too
   /// few texels with others have 1.
   std::vector<Eigen::Array3d> Gains() const;

@@ -209,7 +209,10 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
   config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
-  if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) return std::nullopt;
+  if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
+    if (arguments.given("template")) throw UsageError("--template needs a body that is fitted: --fit auto, and no --iuv");
+    return std::nullopt;
+  }
   avatar::PersonFitOptions options;
   options.templates = app::TemplatesOf(arguments.body_template);
   avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, options, run);

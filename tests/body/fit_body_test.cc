@@ -176,7 +176,7 @@ TEST(TextureBaker, BringsTheColoursBack) {
   const Textures truth = MannequinTextures(32, 5);
   const TextureBaker baker = BakeFrom(body, truth, 1);
   EXPECT_GT(baker.SeenShare(), 0.7);
-  EXPECT_LT(ColourError(body, truth, baker.Finish()), 12);
+  EXPECT_LT(ColourError(body, truth, baker.Finish(baker.Gains())), 12);
   for (const Eigen::Array3d& gain : baker.Gains()) EXPECT_LT((gain - 1).abs().maxCoeff(), 0.02);
 }
 
@@ -187,11 +187,12 @@ TEST(TextureBaker, ADarkCameraIsMeasuredAndDoesNotStain) {
   const std::vector<Eigen::Array3d> gains = baker.Gains();
   const double others = gains[0][1];
   EXPECT_LT((gains[3] / others - 0.7).abs().maxCoeff(), 0.02);
-  Textures found = baker.Finish();
+  Textures found = baker.Finish(gains);
   for (Image& texture : found) {
     for (uint8_t& value : texture.pixels) value = static_cast<uint8_t>(std::lround(std::min(255.0, value * others)));
   }
-  EXPECT_LT(ColourError(body, right.Finish(), found), 2) << "beyond the brightness of all, which nothing determines";
+  EXPECT_LT(ColourError(body, right.Finish(right.Gains()), found), 2)
+      << "beyond the brightness of all, which nothing determines";
 }
 
 }  // namespace

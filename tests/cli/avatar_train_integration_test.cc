@@ -162,7 +162,11 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   const auto train = [](const std::string& name, const std::vector<std::string>& more) {
     return TrainTiny(name, Joined({"--holdout-cameras", "00_02", "--holdout-frames", "6-7"}, more));
   };
-  ASSERT_EQ(train("template", {"--steps", "0"}).exit, 0);
+  const CliRun template_run = train("template", {"--steps", "0"});
+  ASSERT_EQ(template_run.exit, 0);
+  EXPECT_EQ(template_run.Json()["metrics"]["body"]["camera_gains"].size(),
+            template_run.Json()["metrics"]["train"]["cameras"].get<size_t>())
+      << "the texture takes images of every camera";
   ASSERT_EQ(train("some", {"--steps", "3"}).exit, 0);
   ASSERT_EQ(train("bones", {"--steps", "3", "--prior", "none"}).exit, 0);
   EXPECT_EQ(first_phase("some"), "train");
@@ -175,6 +179,9 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   ASSERT_EQ(bones.exit, 0) << bones.err;
   EXPECT_GT(own.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.9) << "the person is the template";
   EXPECT_LT(bones.Json()["metrics"]["holdout"]["mask_iou"].get<double>(), 0.7);
+  const auto baselines = own.Json()["metrics"]["baselines"];
+  EXPECT_GT(baselines["body_alone"]["mask_iou"].get<double>(), baselines["body_by_joints"]["mask_iou"].get<double>() - 0.005)
+      << "images show no less than joints";
   EXPECT_THAT(own.Json()["warnings"].dump(), ::testing::Not(HasSubstr("AVA-NO-GAIN")));
   ASSERT_EQ(train("wild", {"--steps", "3", "--learning-rate", "0.5", "--clip-norm", "0"}).exit, 0);
   EXPECT_THAT(scored("wild").Json()["warnings"].dump(), HasSubstr("AVA-NO-GAIN")) << "a network that does harm";
@@ -182,6 +189,12 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   EXPECT_EQ(labels.exit, 2);
   EXPECT_THAT(labels.Json()["errors"][0]["text"].get<std::string>(), AllOf(HasSubstr("--iuv"), HasSubstr("--prior none")));
   EXPECT_EQ(train("labels", {"--prior", "some"}).exit, 2);
+  EXPECT_EQ(train("joints", {"--steps", "0", "--pose-by", "joints"}).exit, 0);
+  EXPECT_FALSE(scored("joints").Json()["metrics"]["baselines"].contains("body_by_joints")) << "it is the body as it is";
+  EXPECT_EQ(train("girths", {"--fit", "girths", "--template", "mannequin"}).exit, 2) << "nothing would be fitted to it";
+  const CliRun body = train("body", {"--template", "no-such-body"});
+  EXPECT_EQ(body.exit, 2);
+  EXPECT_THAT(body.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--template no-such-body"));
 }
 
 TEST_F(AvatarTrain, TakesThePicturesThatExist) {

@@ -53,6 +53,7 @@ std::vector<Source> FindSources(const dataset::PanopticDataset& data, const Pers
 std::vector<Source> Thinned(const std::vector<Source>& sources, int most) {
   size_t total = 0;
   for (const Source& source : sources) total += source.cameras.size();
+  if (total == 0) return {};
   const auto count =
       static_cast<size_t>(std::ceil(static_cast<double>(sources.size()) * std::min(1.0, most / static_cast<double>(total))));
   std::vector<Source> some;
@@ -123,36 +124,44 @@ std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const
   return steps;
 }
 
-/// Colours by images spread over time steps and cameras, without the rejected silhouettes.
+/// The time steps that the body was posed in, without the rejected silhouettes.
+std::vector<Source> PosedSources(const std::vector<Source>& sources, const PersonFit& fit) {
+  const auto is_rejected = [&](int frame, const geometry::RigCamera* camera) {
+    return std::any_of(fit.fit.rejected.begin(), fit.fit.rejected.end(), [&](const body::RejectedView& view) {
+      return view.frame == frame && view.camera == camera->camera.name;
+    });
+  };
+  std::vector<Source> posed;
+  for (Source source : sources) {
+    auto& cameras = source.cameras;
+    cameras.erase(std::remove_if(cameras.begin(), cameras.end(),
+                                 [&](const geometry::RigCamera* camera) { return is_rejected(source.frame, camera); }),
+                  cameras.end());
+    if (fit.result.person.seen.count(source.frame) && !cameras.empty()) posed.push_back(source);
+  }
+  return posed;
+}
+
+/// Colours by all cameras in time steps spread evenly.
 void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source>& sources, const PersonFitOptions& options,
                   const RunContext& run, PersonFit* out) {
   const body::PersonBody& person = out->result.person;
-  std::vector<std::pair<const Source*, const geometry::RigCamera*>> views;
-  for (const Source& source : sources) {
-    if (!person.seen.count(source.frame)) continue;
-    for (const geometry::RigCamera* camera : source.cameras) {
-      const bool bad = std::any_of(out->fit.rejected.begin(), out->fit.rejected.end(), [&](const body::RejectedView& view) {
-        return view.frame == source.frame && view.camera == camera->camera.name;
-      });
-      if (!bad) views.emplace_back(&source, camera);
-    }
-  }
-  const size_t count = std::min(views.size(), static_cast<size_t>(options.max_texture_views));
+  const std::vector<Source> posed = Thinned(PosedSources(sources, *out), options.max_texture_views);
   body::TextureBaker baker(person.body, options.texture_px);
   std::map<std::string, int> cameras;
-  ProgressStage stage(run, "baking the texture", static_cast<int64_t>(count));
-  for (size_t k = 0; k < count; ++k) {
-    const auto& [source, camera] = views[(2 * k + 1) * views.size() / (2 * count)];
-    Crop crop = ReadCrop(data, *source, *camera, options.max_px);
-    const body::BodyPose pose = ToBodyPose(person.body, person.seen.at(source->frame));
-    baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose),
-               cameras.emplace(camera->camera.name, static_cast<int>(cameras.size())).first->second},
-              run);
+  ProgressStage stage(run, "baking the texture", static_cast<int64_t>(posed.size()));
+  for (const Source& source : posed) {
+    const body::BodyPose pose = ToBodyPose(person.body, person.seen.at(source.frame));
+    for (const geometry::RigCamera* camera : source.cameras) {
+      Crop crop = ReadCrop(data, source, *camera, options.max_px);
+      const int camera_idx = cameras.emplace(camera->camera.name, static_cast<int>(cameras.size())).first->second;
+      baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose), camera_idx}, run);
+    }
     stage.Advance();
   }
-  out->result.textures = baker.Finish();
-  out->texture_seen = baker.SeenShare();
   const std::vector<Eigen::Array3d> gains = baker.Gains();
+  out->result.textures = baker.Finish(gains);
+  out->texture_seen = baker.SeenShare();
   for (const auto& [name, index] : cameras) out->camera_gains[name] = gains[static_cast<size_t>(index)];
 }
 
@@ -167,12 +176,11 @@ void PoseOthers(const dataset::PanopticDataset& data, const PersonFitOptions& op
   std::vector<std::string> missing;  // nothing that a pose depends on
   const std::vector<Source> sources = FindSources(data, options, frames, &missing);
   const body::MeanBrightness* brightness = out->fit.brightness ? &*out->fit.brightness : nullptr;
-  const body::PersonBody person = out->result.person;
   std::vector<double> before, after;
   for (size_t at = 0; at < sources.size(); at += kBatch) {
     const std::vector<Source> batch(sources.begin() + at, sources.begin() + std::min(sources.size(), at + kBatch));
     const body::StepPoses posed =
-        body::PoseByImages(person, brightness, ReadSteps(data, batch, options, brightness != nullptr, run), run);
+        body::PoseByImages(out->result.person, brightness, ReadSteps(data, batch, options, brightness != nullptr, run), run);
     seen.insert(posed.poses.begin(), posed.poses.end());
     out->tracked.rejected.insert(out->tracked.rejected.end(), posed.rejected.begin(), posed.rejected.end());
     before.insert(before.end(), posed.iou_before.begin(), posed.iou_before.end());

@@ -1,0 +1,89 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "app/nets/avatar_fit.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::app {
+namespace {
+
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+TEST(BodyTemplates, AreNamedOrFoundInTheModelsFolder) {
+  const TempDir folder;
+  const std::string first = folder / "bodies/a.npz", second = folder / "bodies/b";
+  setenv("MVSTUDIO_MODELS", (folder / "").c_str(), 1);
+  EXPECT_THAT(TemplatesOf("auto"), ElementsAre("")) << "the mannequin alone";
+  std::filesystem::create_directories(second);
+  WriteFileAtomic(first, "body");
+  EXPECT_THAT(TemplatesOf("auto"), ElementsAre("", first, second));
+  EXPECT_THAT(TemplatesOf("mannequin"), ElementsAre(""));
+  EXPECT_THAT(TemplatesOf(second + ",mannequin"), ElementsAre(second, ""));
+  unsetenv("MVSTUDIO_MODELS");
+}
+
+TEST(BodyTemplates, ThatDoNotExistAreNamed) {
+  EXPECT_THAT(MessageOf<UsageError>([] { TemplatesOf("mannequin,no-such-body.npz"); }), HasSubstr("no-such-body.npz"));
+  EXPECT_THAT(MessageOf<UsageError>([] { TemplatesOf(","); }), HasSubstr("option 'template'"));
+}
+
+/// A fit in which everything was judged and nothing is wrong.
+avatar::PersonFit SoundFit() {
+  avatar::PersonFit person;
+  person.fit.iou = 0.95, person.fit.iou_before = 0.85;
+  person.fit.stages = {{"lengths of the bones alone", 0.85, 1, false}, {"offsets", 0.95, 2, true}};
+  person.fit.cameras = {{"00_00", 20, 0, 0.85, 0.95, {0.2, 0.1}, 0.1}};
+  return person;
+}
+
+std::vector<std::string> CodesOf(const avatar::PersonFit& person) {
+  CommandResult result;
+  AddFitWarnings(person, &result);
+  std::vector<std::string> codes;
+  for (const auto& warning : result.warnings) codes.push_back(warning.code);
+  return codes;
+}
+
+TEST(FitWarnings, NameEachHarmfulInput) {
+  EXPECT_TRUE(CodesOf(SoundFit()).empty());
+  avatar::PersonFit person = SoundFit();
+  person.tracked.rejected = {{7, "00_01", 0.4}};
+  EXPECT_THAT(CodesOf(person), ElementsAre("BODY-REJECTED")) << "of a frame that was only posed";
+  person = SoundFit();
+  person.fit.cameras[0].shift_px = {1.5, 0};
+  EXPECT_THAT(CodesOf(person), ElementsAre("BODY-CAMERA-SHIFT"));
+  person.fit.cameras[0].shift_sigma_px = 0.5;
+  EXPECT_TRUE(CodesOf(person).empty()) << "1.5 px of 0.5";
+  person = SoundFit();
+  person.fit.stages[0].kept = true;
+  EXPECT_THAT(CodesOf(person), ElementsAre("BODY-NO-GAIN"));
+  person.fit.iou = std::nan("");
+  EXPECT_THAT(CodesOf(person), ElementsAre("BODY-NOT-JUDGED"));
+  person = SoundFit();
+  person.missing = {"camera 00_00, frame 3"};
+  EXPECT_THAT(CodesOf(person), ElementsAre("BODY-MISSING"));
+}
+
+TEST(FitJson, WhatWasNotMeasuredIsNull) {
+  avatar::PersonFit person = SoundFit();
+  person.fit.iou = std::nan("");
+  person.camera_gains["00_00"] = {1, 0.9, 1.1};
+  person.templates = {{"mannequin", std::nan(""), 1.5, true}};
+  const auto json = ToJson(person);
+  EXPECT_TRUE(json["held_out_iou"].is_null());
+  EXPECT_TRUE(json["templates"][0]["held_out_iou"].is_null());
+  EXPECT_EQ(json["camera_gains"]["00_00"][1], 0.9);
+  EXPECT_EQ(json["tracked"]["frames"], 0);
+}
+
+}  // namespace
+}  // namespace mvstudio::app
