@@ -307,7 +307,7 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
   html += Pictures(context, stage, "heldout-picture", "Held-out images", Legend(metrics), "grid");
-  html += Pictures(context, stage, "texture-atlas", "Texture atlas", {}, "grid");
+  html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");
   const std::string all = NumbersTable("", metrics);
   return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
 }
@@ -316,13 +316,14 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
 
 Section AvatarSection(SectionContext* context) {
   Section section{"avatar", "Avatar", ""};
+  section.body_html += FittedBodies(context);
   for (const Stage& stage : context->data.stages) {
     if (stage.command == "avatar eval") section.body_html += EvalBody(context, stage);
   }
   for (const CsvFile& history : context->data.histories) section.body_html += Curves(context, history);
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
-    section.body_html += Pictures(context, stage, "texture-atlas", "Texture atlas", {}, "grid");
+    section.body_html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");
     const std::string all = NumbersTable("", stage.metrics());
     if (!all.empty()) section.body_html += DetailsHtml("All numbers of `" + stage.command + "` (" + stage.file + ")", all);
   }

@@ -55,6 +55,9 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
 /// What to film next, the compared lenses, maps over the images and co-visibility, from a calibration's metrics.
 std::string CalibrationMaps(const Value& metrics);
 
+/// What the fits of bodies found, with their surfaces; empty when none was run.
+std::string FittedBodies(SectionContext* context);
+
 /// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
 std::string RigFigures(const Value& calibration, const CsvFile* points);
 /// name, model, size_px, focal_px (of fx and fy, as `calibrate` gives it), focal_sigma_px (null when unknown),

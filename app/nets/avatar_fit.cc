@@ -8,6 +8,7 @@
 #include "core/fields.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/statistics.h"
 #include "detect/models/models.h"
 
 namespace mvstudio::app {
@@ -63,6 +64,16 @@ bool IsShifted(const body::CameraFit& camera) {
   return camera.shift_px.norm() > std::max(kLeastPx, kSigmas * camera.shift_sigma_px);
 }
 
+/// How well the surface is known: quantiles over the vertices, and the share that images determine to 10 mm.
+Json SigmaJson(const body::BodyFit& fit) {
+  if (fit.offset_sigma_m.size() == 0) return nullptr;
+  const std::vector<double> sigma(fit.offset_sigma_m.begin(), fit.offset_sigma_m.end());
+  const auto known = std::count_if(sigma.begin(), sigma.end(), [](double s) { return s < 0.01; });
+  return {{"median", 1e3 * LinearQuantile(sigma, 0.5)},
+          {"quantile_95", 1e3 * LinearQuantile(sigma, 0.95)},
+          {"share_below_10", static_cast<double>(known) / static_cast<double>(sigma.size())}};
+}
+
 std::vector<body::RejectedView> Rejected(const avatar::PersonFit& person) {
   std::vector<body::RejectedView> all = person.fit.rejected;
   all.insert(all.end(), person.tracked.rejected.begin(), person.tracked.rejected.end());
@@ -84,6 +95,11 @@ std::vector<int> PosedFrames(const avatar::DatasetSplit& split) {
 bool IsBody(const std::filesystem::directory_entry& entry) {
   const std::string extension = entry.path().extension().string();
   return entry.is_directory() || extension == ".npz" || extension == ".pkl";
+}
+
+template <class T>
+bool Holds(const std::vector<T>& list, const T& one) {
+  return std::find(list.begin(), list.end(), one) != list.end();
 }
 
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
@@ -118,6 +134,30 @@ std::vector<std::string> TemplatesOf(const std::string& text) {
   return templates;
 }
 
+body::TexturedPerson BodyForSplit(const std::string& path, const avatar::DatasetSplit& split, avatar::PoseBy pose_by) {
+  namespace fs = std::filesystem;
+  const std::string file = fs::is_directory(path) ? path + "/" + body::kPersonFileName : path;
+  body::TexturedPerson person = body::ReadPerson(file);
+  const auto refuse = [&](const std::string& why) -> void {
+    throw UsageError("option 'body' " + file + " " + why + ": fit it to this split's training images (`mvstudio avatar fit`)");
+  };
+  if (person.cameras.empty() || person.frames.empty()) refuse("does not say which images it was fitted to");
+  for (const auto& [panel, node] : person.cameras) {
+    const std::string name = Format("%02d_%02d", panel, node);
+    if (!Holds(split.train_cameras, name)) refuse("was fitted to camera " + name + ", which is not trained on here");
+  }
+  for (const int frame : person.frames) {
+    if (!Holds(split.train_frames, frame))
+      refuse("was fitted to frame " + std::to_string(frame) + ", which is not trained on here");
+  }
+  const std::vector<int> posed = PosedFrames(split);
+  for (const auto& [frame, pose] : person.person.seen) {
+    const bool may = pose_by == avatar::PoseBy::kImages ? Holds(posed, frame) : Holds(split.train_frames, frame);
+    if (!may) refuse("was posed by images of frame " + std::to_string(frame) + ", whose poses are not to be looked at here");
+  }
+  return person;
+}
+
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
                              avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run) {
   options.cameras = split.train_cameras, options.frames = split.train_frames, options.person = person;
@@ -139,6 +179,7 @@ Json ToJson(const avatar::PersonFit& person) {
           {"held_out_iou", FiniteOrNull(fit.iou)},
           {"joint_error_mm", 1e3 * fit.joint_error_m},
           {"offset_rms_mm", fit.offsets.size() > 0 ? Json(1e3 * fit.offsets.norm() / std::sqrt(fit.offsets.size())) : Json()},
+          {"surface_sigma_mm", SigmaJson(fit)},
           {"texels_seen", person.texture_seen},
           {"tracked",
            {{"frames", person.tracked.frames},
@@ -203,6 +244,12 @@ std::string ToTable(const avatar::PersonFit& person) {
   for (const body::CameraFit& camera : person.fit.cameras) {
     text += Format("%-14s%11d%10d%12.4f%8.4f   %.2f, %.2f\n", camera.name.c_str(), camera.views, camera.rejected,
                    camera.iou_before, camera.iou, camera.shift_px[0], camera.shift_px[1]);
+  }
+  const Json sigma = SigmaJson(person.fit);
+  if (!sigma.is_null()) {
+    text +=
+        Format("\nsurface: standard deviation %.1f mm in the median, %.1f at 95 %%; %.0f %% of it known to 10 mm\n",
+               sigma["median"].get<double>(), sigma["quantile_95"].get<double>(), 100 * sigma["share_below_10"].get<double>());
   }
   if (person.tracked.frames > 0) {
     text += Format("\n%d further frames posed by images: IoU %.4f by joints alone, %.4f\n", person.tracked.frames,

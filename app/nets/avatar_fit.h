@@ -30,6 +30,10 @@ std::vector<std::string> TemplatesOf(const std::string& text);
 avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, int person,
                              avatar::PoseBy pose_by, avatar::PersonFitOptions options, const RunContext& run);
 
+/// A body that `avatar fit` or `avatar train` wrote: its file, or the folder with it. Throws UsageError when it was fitted to
+/// images that the split does not train on, or does not say to which.
+body::TexturedPerson BodyForSplit(const std::string& path, const avatar::DatasetSplit& split, avatar::PoseBy pose_by);
+
 /// IoU before and after, stages, cameras, rejected silhouettes; and what the user should know.
 nlohmann::ordered_json ToJson(const avatar::PersonFit& fit);
 void AddFitWarnings(const avatar::PersonFit& fit, CommandResult* result);

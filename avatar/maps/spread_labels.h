@@ -5,9 +5,9 @@
 
 namespace mvstudio::avatar {
 
-/// For each pixel of a square image the index of the nearest one where `from` (H, W) is not 0, by steps to the four
-/// neighbours; -1: none is reached. With a mask (H, W; null: all pixels) nothing outside it counts.
-std::vector<int64_t> NearestPixels(int64_t size_px, const uint8_t* mask, const uint8_t* from);
+/// For each pixel of an image the index of the nearest one where `from` (H, W) is not 0, by steps to the four neighbours;
+/// -1: none is reached. With a mask (H, W; null: all pixels) nothing outside it counts.
+std::vector<int64_t> NearestPixels(int64_t height, int64_t width, const uint8_t* mask, const uint8_t* from);
 
 /// Gives each unlabelled pixel (part 0) of a square image the part (H, W) and the coordinates (2, H, W) of the nearest
 /// labelled one, by steps to the four neighbours. With a mask (H, W; null: all pixels), labels outside it are removed

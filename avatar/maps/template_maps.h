@@ -21,10 +21,17 @@ int NumTemplateChannels(const ModelOptions& options);
 /// parts as 0 or 1, and `colours` (B, 3, H, W) in [0, 1] where given.
 at::Tensor TemplateChannels(const at::Tensor& template_maps, const at::Tensor& colours = {});
 
-/// Adds the template's prediction to a network's two outputs, so that an output of 0 gives the template. Added are the
-/// logit of its coverage and, for `tna`, its part before all others and its coordinates before tanh. Where the network
-/// corrects colours, the second output's first three channels become colours in [0, 1] or a little beyond: the template's
-/// plus the tanh of the output. `channels` as from TemplateChannels; outputs as from the Generator.
+/// Adds the template's prediction to a network's two outputs, so that an output of 0 gives the template. `channels` as from
+/// TemplateChannels; outputs as from the Generator.
+///
+/// All methods: the logit of the template's cover. `tna`: the parts share it by their distances in the image, and the second
+/// output becomes coordinates in [-1, 1] or a little beyond, the template's plus the tanh of the output; those of a part that
+/// is not there are of its nearest pixel (without `spread_parts`: its part before all others, its coordinates before tanh).
+/// Where the network corrects colours, the second output's first three channels become the template's plus the tanh of the
+/// output.
 void AddTemplate(const ModelOptions& options, const at::Tensor& channels, at::Tensor* first, at::Tensor* second);
+
+/// Texture coordinates (B, 48, H, W) by tna's second output, after AddTemplate.
+at::Tensor CoordinatesOf(const ModelOptions& options, const at::Tensor& second);
 
 }  // namespace mvstudio::avatar

@@ -23,6 +23,7 @@ class Script {
     try {
       module_ = torch::jit::load(path, at::kCPU);
       module_.eval();
+      for (const at::Tensor& weight : module_.parameters()) at::Tensor(weight).requires_grad_(false);
       module_.get_method("forward");
     } catch (const c10::Error& error) {
       throw FormatError(path, "", "is not a TorchScript file (" + FirstLine(error.msg()) + ")");
@@ -129,6 +130,18 @@ class TorchScriptDistance : public PictureDistance {
 
 }  // namespace
 
+namespace {
+
+/// Mean of a level by the weights of the pixels below; of one that has no place in the image the plain mean.
+at::Tensor WeightedMean(const at::Tensor& level, const at::Tensor& weights) {
+  if (level.dim() != 4) return level.mean();
+  const at::Tensor of_level = at::adaptive_avg_pool2d(weights, {level.size(2), level.size(3)});
+  const double pixels_each = static_cast<double>(weights.size(2) * weights.size(3)) / (level.size(2) * level.size(3));
+  return pixels_each * (level.mean(1, true) * of_level).sum();
+}
+
+}  // namespace
+
 at::Tensor FeatureNet::Pooled(const at::Tensor& rgb) const {
   const at::Tensor last = Levels(rgb).back();
   return last.dim() == 4 ? last.mean({2, 3}) : last.flatten(1);
@@ -144,7 +157,7 @@ std::string DistanceName(const std::string& features, const std::string& sha256)
   return sha256 == kInceptionSha256 ? "FID" : "FD (" + features + ")";
 }
 
-at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::Tensor& b) {
+at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::Tensor& b, const at::Tensor& weights) {
   std::vector<at::Tensor> of_b;
   {
     const at::NoGradGuard no_gradients;
@@ -153,7 +166,7 @@ at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::
   const std::vector<at::Tensor> of_a = net.Levels(a);
   at::Tensor sum;
   for (size_t i = 0; i < of_a.size(); ++i) {
-    const at::Tensor loss = (of_a[i] - of_b[i]).abs().mean();
+    const at::Tensor loss = WeightedMean((of_a[i] - of_b[i]).abs(), weights);
     sum = sum.defined() ? sum + loss : loss;
   }
   return sum / static_cast<double>(of_a.size());

@@ -39,9 +39,10 @@ inline constexpr char kInceptionSha256[] = "f58cb9b6ec323ed63459aa4fb441fe750cfe
 /// Name of a Frechet distance over these features: "FID" for the file above, whatever its name, else "FD (name)".
 std::string DistanceName(const std::string& features, const std::string& sha256);
 
-/// Mean over levels of the mean |difference| of the activations; `b` gets no gradient. Johnson et al., "Perceptual losses
-/// for real-time style transfer and super-resolution", ECCV 2016, with L1 as in the avatar paper.
-at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::Tensor& b);
+/// Mean over levels of the mean |difference| of the activations; `b` gets no gradient. Activations with a place in the image
+/// weigh as the pixels below them do: `weights` (B, 1, H, W) sum to one. Johnson et al., "Perceptual losses for real-time style
+/// transfer and super-resolution", ECCV 2016, with L1 as in the avatar paper.
+at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::Tensor& b, const at::Tensor& weights);
 
 /// A learned distance between two images (LPIPS, Zhang et al., CVPR 2018): a TorchScript file that takes two tensors (B,
 /// 3, H, W) in [-1, 1] and returns one number per image, in any shape of B elements.

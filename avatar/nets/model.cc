@@ -97,7 +97,7 @@ void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
   const at::Tensor channel = (part - 1).clamp_min(0).unsqueeze(1);
   const at::Tensor chosen = at::cat({uv.slice(1, 0, 24).gather(1, channel), uv.slice(1, 24, 48).gather(1, channel)}, 1);
   out->part = part.to(at::kByte);
-  out->uv = (0.5 * chosen + 0.5) * (part > 0).unsqueeze(1);
+  out->uv = (0.5 * chosen + 0.5).clamp(0, 1) * (part > 0).unsqueeze(1);
 }
 
 }  // namespace
@@ -159,7 +159,7 @@ at::Tensor FlowOf(const at::Tensor& second_head) { return 20 * second_head.slice
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
                         const at::Tensor& background, const at::Tensor& previous) {
   if (model.options.method == Method::kTna) {
-    return SampleTextures(model.textures, at::softmax(first_head, 1), at::tanh(second_head), background);
+    return SampleTextures(model.textures, at::softmax(first_head, 1), CoordinatesOf(model.options, second_head), background);
   }
   const bool corrected = CorrectsColours(model.options);
   at::Tensor colour = corrected ? second_head.slice(1, 0, 3) : 0.5 * at::tanh(second_head.slice(1, 0, 3)) + 0.5;
@@ -188,7 +188,7 @@ Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int
   const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind, before), out.mask_prob, behind);
   out.image = image.clamp(0, 1).to(at::kCPU).contiguous();
   if (model.options.method == Method::kTna) {
-    FillParts(first, at::tanh(second), &out);
+    FillParts(first, CoordinatesOf(model.options, second), &out);
   } else {
     out.part = (out.mask_prob > 0.5).to(at::kByte);
     out.uv = at::zeros({maps.size(0), 2, height, width}, like.options());

@@ -102,9 +102,13 @@ bool CorrectsColours(const ModelOptions& options) {
   return options.prior == Prior::kTemplate && options.method != Method::kTna && options.template_colours;
 }
 
+bool CorrectsParts(const ModelOptions& options) {
+  return options.prior == Prior::kTemplate && options.method == Method::kTna && options.spread_parts;
+}
+
 ModelOptions OptionsOfOlderRuns() {
   ModelOptions options;
-  options.template_colours = false;
+  options.template_colours = false, options.spread_parts = false;
   return options;
 }
 
@@ -156,6 +160,7 @@ void Validate(const TrainOptions& o) {
           "at least 1");
   Require(o.ema >= 0 && o.ema < 1, "ema", "in [0, 1)");
   Require(o.patience >= 0, "patience", "at least 0");
+  Require(o.least_gain >= 0 && o.least_gain <= 1, "least-gain", "in [0, 1]");
   Require(o.picture_every >= 0, "picture-every", "at least 0");
   Require(o.device == "auto" || o.device == "cpu" || o.device.rfind("cuda", 0) == 0, "device", "auto, cpu or cuda");
 }

@@ -48,6 +48,7 @@ struct ModelOptions {
   int inputs = 36;
   Prior prior = Prior::kNone;
   bool template_colours = true;
+  bool spread_parts = true;
   int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
@@ -79,6 +80,9 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("template-colours", o.template_colours,
         "direct and v2v with option 'prior' template: the fitted body in its colours is a further input, and the network "
         "corrects that image; off: it learns the colours");
+  visit("spread-parts", o.spread_parts,
+        "tna with option 'prior' template: at each pixel every part has coordinates, and a likelihood that falls with its "
+        "distance, so that the network can move the parts' borders and coordinates; off: it holds the visible part fast");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the image size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
@@ -90,6 +94,10 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
 
 /// Whether the network sees the fitted body in its colours and predicts corrections of that image.
 bool CorrectsColours(const ModelOptions& options);
+
+/// Whether the network corrects the parts and coordinates that the template gives at each pixel: the second output then holds
+/// the coordinates themselves.
+bool CorrectsParts(const ModelOptions& options);
 
 /// What checkpoints mean that lack an option: they were made before there was one.
 ModelOptions OptionsOfOlderRuns();
@@ -138,6 +146,7 @@ struct TrainOptions {
   int report_every = 20;
   int validate_pictures = 8;
   int patience = 0;
+  double least_gain = 0.01;
   int picture_every = 0;
   std::string device = "auto";
   bool amp = false;
@@ -195,6 +204,9 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("patience", o.patience,
         "training ends after this many checkpoints in a row without a better score on the validation images, and the weights "
         "of the best one are used; 0: train to the end and use the last");
+  visit("least-gain", o.least_gain,
+        "a network that raises SSIM on the validation images by less than this over the fitted body that it began with is left "
+        "out of the result; 0: kept whatever it adds");
   visit("picture-every", o.picture_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");

@@ -3,7 +3,10 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <vector>
 
 namespace mvstudio::avatar {
 namespace {
@@ -15,9 +18,9 @@ struct Rates {
 bool IsPlain(const at::Tensor& x) { return x.is_cpu() && x.scalar_type() == at::kFloat && x.is_contiguous(); }
 
 /// One pass over the memory instead of eight. Clones without fused multiply-add: machines agree to the last bit.
-__attribute__((target_clones("avx2", "default"), optimize("no-math-errno"))) void StepRange(
-    const float* gradient, float* __restrict first, float* __restrict second, float* __restrict value, int64_t count,
-    float rate, float inverse_correction2) {
+__attribute__((target_clones("avx2", "default"))) void StepRange(const float* gradient, float* __restrict first,
+                                                                 float* __restrict second, float* __restrict value,
+                                                                 int64_t count, float rate, float inverse_correction2) {
   for (int64_t i = 0; i < count; ++i) {
     const float g = gradient[i], m = 0.9f * first[i] + 0.1f * g, v = 0.999f * second[i] + 0.001f * g * g;
     first[i] = m, second[i] = v;
@@ -35,6 +38,51 @@ void StepPlain(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& 
   });
 }
 
+/// Corrections of a value's moments at its n-th own step.
+struct OwnStep {
+  float rate, inverse_correction2;
+};
+
+OwnStep OwnStepOf(double n) {
+  static const char* half = std::getenv("MVS_HALF");
+  const double h = half ? std::atof(half) : 1e30;
+  const double fall = 1 / std::sqrt(1 + n / h);
+  return {static_cast<float>(fall / (1 - std::pow(0.9, n))), static_cast<float>(1 / (1 - std::pow(0.999, n)))};
+}
+
+/// For n = 0, 1, …, as long as they differ from 1 in single precision.
+const std::vector<OwnStep>& OwnSteps() {
+  static const std::vector<OwnStep> steps = [] {
+    std::vector<OwnStep> all;
+    for (int n = 0; n < 20000; ++n) all.push_back(OwnStepOf(n));
+    return all;
+  }();
+  return steps;
+}
+
+void StepSparsePlain(const Adam::Slot& slot, const at::Tensor& gradient, double rate) {
+  const std::vector<OwnStep>& steps = OwnSteps();
+  const float* g = gradient.data_ptr<float>();
+  float *first = slot.first.data_ptr<float>(), *second = slot.second.data_ptr<float>(), *value = slot.value.data_ptr<float>();
+  float* count = slot.count.data_ptr<float>();
+  for (int64_t i = 0; i < gradient.numel(); ++i) {
+    if (g[i] == 0) continue;
+    const OwnStep& own = steps[std::min(static_cast<size_t>(++count[i]), steps.size() - 1)];
+    first[i] = 0.9f * first[i] + 0.1f * g[i], second[i] = 0.999f * second[i] + 0.001f * g[i] * g[i];
+    value[i] -= static_cast<float>(rate) * own.rate * first[i] / (std::sqrt(second[i] * own.inverse_correction2) + 1e-8f);
+  }
+}
+
+void StepSparseTensors(const Adam::Slot& slot, const at::Tensor& gradient, double rate) {
+  const at::Tensor seen = gradient.ne(0);
+  slot.count.add_(seen);
+  slot.first.copy_(at::where(seen, 0.9 * slot.first + 0.1 * gradient, slot.first));
+  slot.second.copy_(at::where(seen, 0.999 * slot.second + 0.001 * gradient.square(), slot.second));
+  const at::Tensor correction1 = 1 - at::pow(0.9, slot.count), correction2 = 1 - at::pow(0.999, slot.count);
+  const at::Tensor move = slot.first / correction1 / ((slot.second / correction2).sqrt() + 1e-8);
+  slot.value.detach().sub_(at::where(seen, rate * move, at::zeros_like(move)));
+}
+
 void StepTensors(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& rates) {
   slot.first.mul_(0.9).add_(gradient, 0.1);
   slot.second.mul_(0.999).addcmul_(gradient, gradient, 0.001);
@@ -48,6 +96,11 @@ void Adam::Add(const std::string& name, const at::Tensor& value) {
   slots.push_back({name, value, at::zeros_like(value.detach()), at::zeros_like(value.detach())});
 }
 
+void Adam::AddSparse(const std::string& name, const at::Tensor& value) {
+  Add(name, value);
+  slots.back().count = at::zeros_like(value.detach());
+}
+
 void Adam::Step(double learning_rate) {
   ++step;
   const double correction1 = 1 - std::pow(0.9, static_cast<double>(step)),
@@ -57,7 +110,11 @@ void Adam::Step(double learning_rate) {
     const at::Tensor gradient = slot.value.grad();
     if (!gradient.defined()) continue;
     const bool plain = IsPlain(gradient) && IsPlain(slot.value) && IsPlain(slot.first) && IsPlain(slot.second);
-    (plain ? StepPlain : StepTensors)(slot, gradient, rates);
+    if (slot.count.defined()) {
+      (plain ? StepSparsePlain : StepSparseTensors)(slot, gradient, learning_rate);
+    } else {
+      (plain ? StepPlain : StepTensors)(slot, gradient, rates);
+    }
   }
 }
 

@@ -43,6 +43,12 @@ void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, con
     }
   }
   std::istringstream(file.metadata.count(prefix + ".step") ? file.metadata.at(prefix + ".step") : "0") >> adam.step;
+  for (Adam::Slot& slot : adam.slots) {
+    if (!slot.count.defined()) continue;
+    const auto found = file.tensors.find(prefix + ".count." + slot.name);  // older checkpoints have none
+    const bool known = found != file.tensors.end() && found->second.sizes() == slot.count.sizes();
+    slot.count.copy_(known ? found->second : (slot.second > 0) * static_cast<double>(adam.step));
+  }
 }
 
 }  // namespace
@@ -96,6 +102,7 @@ TensorFile Trainer::Checkpoint() const {
     for (const Adam::Slot& slot : adam.slots) {
       file.tensors[prefix + ".first." + slot.name] = slot.first.to(at::kCPU).clone();
       file.tensors[prefix + ".second." + slot.name] = slot.second.to(at::kCPU).clone();
+      if (slot.count.defined()) file.tensors[prefix + ".count." + slot.name] = slot.count.to(at::kCPU).clone();
     }
     file.metadata[prefix + ".step"] = std::to_string(adam.step);
   };

@@ -1,6 +1,7 @@
 #include <ATen/ATen.h>
 #include <torch/torch.h>
 
+#include "avatar/maps/template_maps.h"
 #include "avatar/maps/texture.h"
 #include "avatar/nets/sequence.h"
 #include "avatar/train/batch.h"
@@ -94,7 +95,7 @@ void Trainer::State::AverageTextures() {
   for (const int64_t row : SpreadRows(pack.size(), options.texture_pictures)) {
     const TrainBatch batch = MakeBatch(pack, model, options, {row}, false, seed, 0);
     const auto [logits, raw_uv] = Predict(model, batch.maps);
-    AddPicture(at::softmax(logits, 1).to(at::kCPU), at::tanh(raw_uv).to(at::kCPU), batch, &sums);
+    AddPicture(at::softmax(logits, 1).to(at::kCPU), CoordinatesOf(model.options, raw_uv).to(at::kCPU), batch, &sums);
   }
   constexpr int64_t kGuessesPerPicture = 4;  // they cost no run of the network
   for (const int64_t row : SpreadRows(pack.size(), kGuessesPerPicture * options.texture_pictures)) AddGuess(pack, row, &sums);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "avatar/maps/template_maps.h"
 #include "avatar/train/losses.h"
 #include "core/check.h"
 
@@ -40,7 +41,7 @@ at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outpu
   return ComposeImage(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
 }
 
-enum TotalIndex { kPicture, kSsim, kPerson, kRest, kMoving };
+enum TotalIndex { kPicture, kSsim, kPerson, kMoving };
 
 at::Tensor TotalOf(const StepInput& input, TotalIndex index) {
   return input.totals.defined() ? input.totals[index] : at::Tensor();
@@ -55,9 +56,10 @@ void AddPictureTerms(const TrainOptions& o, const StepInput& input, const at::Te
   terms->Add("l1", o.weight_l1, WeightedL1(image, batch.image, batch.mask, foreground, TotalOf(input, kPicture)));
   if (o.weight_ssim > 0)
     terms->Add("ssim", o.weight_ssim, SsimLoss(image, batch.image, batch.mask, foreground, TotalOf(input, kSsim)));
-  if (o.weight_gradient > 0) terms->Add("gradient", o.weight_gradient, GradientLoss(image, batch.image));
+  const at::Tensor weights = PixelWeights(batch.mask, foreground, TotalOf(input, kPicture));
+  if (o.weight_gradient > 0) terms->Add("gradient", o.weight_gradient, GradientLoss(image, batch.image, weights));
   if (o.weight_perceptual > 0 && context.perceptual)
-    terms->Add("perceptual", o.weight_perceptual, PerceptualLoss(*context.perceptual, image, batch.image));
+    terms->Add("perceptual", o.weight_perceptual, PerceptualLoss(*context.perceptual, image, batch.image, weights));
 }
 
 /// Video-to-video: patches that look real, activations of the discriminator, and a flow that carries the truth of the frame
@@ -88,8 +90,7 @@ at::Tensor LossTotals(const StepInput& input, double foreground_weight) {
   const TrainBatch& batch = input.batch;
   const at::Tensor person = (batch.part > 0).sum().to(at::kFloat);
   const at::Tensor moving = input.has_previous.defined() ? MovingWeight(input).sum() : at::zeros_like(person);
-  return at::stack({PixelTotal(batch.mask, foreground_weight), SsimPixelTotal(batch.mask, foreground_weight), person,
-                    static_cast<double>(batch.part.numel()) - person, moving});
+  return at::stack({PixelTotal(batch.mask, foreground_weight), SsimPixelTotal(batch.mask, foreground_weight), person, moving});
 }
 
 size_t LossColumn(std::string_view name) {
@@ -125,8 +126,9 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
   const bool tna = model.options.method == Method::kTna;
   const double share = init ? 1.0 : KeepInit(o, model.options);
   if (tna && share > 0) {
-    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson), TotalOf(input, kRest)));
-    terms.Add("uv", share * o.weight_uv, UvLoss(at::tanh(out.second), batch.uv, batch.part, TotalOf(input, kPerson)));
+    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson)));
+    terms.Add("uv", share * o.weight_uv,
+              UvLoss(CoordinatesOf(model.options, out.second), batch.uv, batch.part, TotalOf(input, kPerson)));
   }
   if (o.weight_logit > 0) {
     const at::Tensor colours = model.options.method == Method::kV2v ? out.second.slice(1, 0, 3) : out.second;

@@ -5,12 +5,6 @@
 namespace mvstudio::avatar {
 namespace {
 
-/// Pixel weights that sum to one: (B, 1, H, W).
-at::Tensor PixelWeights(const at::Tensor& mask, double foreground_weight, const at::Tensor& total) {
-  const at::Tensor weight = 1 + (foreground_weight - 1) * mask.unsqueeze(1);
-  return weight / (total.defined() ? total : weight.sum());
-}
-
 /// The mask where a 7x7 window lies inside the picture.
 at::Tensor Inner(const at::Tensor& mask) { return mask.slice(1, 3, mask.size(1) - 3).slice(2, 3, mask.size(2) - 3); }
 
@@ -20,6 +14,11 @@ at::Tensor Or(const at::Tensor& total, const at::Tensor& own) { return total.def
 at::Tensor Box7(const at::Tensor& x) { return at::avg_pool2d(at::avg_pool2d(x, {7, 1}, {1, 1}), {1, 7}, {1, 1}); }
 
 }  // namespace
+
+at::Tensor PixelWeights(const at::Tensor& mask, double foreground_weight, const at::Tensor& total) {
+  const at::Tensor weight = 1 + (foreground_weight - 1) * mask.unsqueeze(1);
+  return weight / Or(total, weight.sum());
+}
 
 at::Tensor WeightedL1(const at::Tensor& a, const at::Tensor& b, const at::Tensor& mask, double foreground_weight,
                       const at::Tensor& total) {
@@ -42,11 +41,15 @@ at::Tensor SsimPixelTotal(const at::Tensor& mask, double foreground_weight) {
   return PixelTotal(Inner(mask), foreground_weight);
 }
 
-at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b) {
-  at::Tensor difference = a - b, sum = at::zeros({}, a.options());
+at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b, const at::Tensor& weights) {
+  at::Tensor difference = a - b, weight = weights, sum = at::zeros({}, a.options());
   for (int level = 0; level < 3; ++level) {
-    if (level > 0) difference = at::avg_pool2d(difference, 2);
-    sum = sum + difference.diff(1, 3).abs().mean() + difference.diff(1, 2).abs().mean();
+    if (level > 0) difference = at::avg_pool2d(difference, 2), weight = 4 * at::avg_pool2d(weight, 2);
+    for (const int64_t axis : {2, 3}) {
+      const int64_t size = weight.size(axis);  // a difference lies between two pixels
+      const at::Tensor between = 0.5 * (weight.slice(axis, 1) + weight.slice(axis, 0, size - 1));
+      sum = sum + (difference.diff(1, axis).abs().mean(1, true) * between).sum();
+    }
   }
   return sum / 3;
 }
@@ -62,12 +65,11 @@ at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask) {
   return -(mask * log_person + (1 - mask) * log_background).mean();
 }
 
-at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& person_total,
-                    const at::Tensor& rest_total) {
-  const at::Tensor cost = at::nll_loss_nd(at::log_softmax(logits, 1), part, {}, at::Reduction::None);
-  const at::Tensor person = (part > 0).to(cost.dtype()), rest = 1 - person;
-  return 0.5 * ((cost * person).sum() / Or(person_total, person.sum()).clamp_min(1) +
-                (cost * rest).sum() / Or(rest_total, rest.sum()).clamp_min(1));
+at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& total) {
+  const at::Tensor labelled = (part > 0).to(logits.dtype());
+  const at::Tensor cost =
+      at::nll_loss_nd(at::log_softmax(logits.slice(1, 1), 1), (part - 1).clamp_min(0), {}, at::Reduction::None);
+  return (cost * labelled).sum() / Or(total, labelled.sum()).clamp_min(1);
 }
 
 at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part, const at::Tensor& total) {

@@ -98,7 +98,7 @@ HistoryRow Trainer::State::MeanOverRanks(HistoryRow row) const {
   return row;
 }
 
-HistoryRow Trainer::State::Check(const AvatarPack& validation) {
+HistoryRow Trainer::State::ScoreOnFirstRank(const AvatarPack& validation) {
   HistoryRow row;
   if (!ranks || ranks->rank() == 0) row = ScoreHeldOut(validation);
   if (ranks) {
@@ -107,6 +107,11 @@ HistoryRow Trainer::State::Check(const AvatarPack& validation) {
     SetValues(values, &row);
     row.step = model.step, row.phase = "validation";
   }
+  return row;
+}
+
+HistoryRow Trainer::State::Check(const AvatarPack& validation) {
+  const HistoryRow row = ScoreOnFirstRank(validation);
   Judge(row);
   return row;
 }

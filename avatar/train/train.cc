@@ -61,6 +61,7 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
   const int64_t goal = until_step >= 0 ? std::min(until_step, s.total_steps()) : s.total_steps();
   TrainReport report;
   RowMean mean;
+  if (validation) s.ScoreStart(*validation);
   while (s.model.step < goal && !s.Exhausted()) {
     if (s.tna() && !s.InInit() && !s.textures_ready) s.AverageTextures();
     const int64_t step = s.model.step;
@@ -95,6 +96,8 @@ TrainReport Trainer::Run(const AvatarPack* validation, const StepCallback& callb
   const bool without_steps = s.model.step == s.total_steps() && !s.textures_ready;
   if (s.tna() && without_steps) s.AverageTextures();
   report.best_step = s.best_step;
+  report.gain = s.Gain();
+  report.network_off = s.NetworkIsOff();
   report.ended_early = s.Exhausted();
   if (report.ended_early) report.message = s.WhyEndedEarly();
   return report;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <string>
@@ -35,6 +36,10 @@ struct TrainReport {
   int64_t best_step = -1;    ///< of the weights returned, with `patience`; -1: the last
   bool stopped = false;      ///< the callback, here or on another rank, requested a stop
   bool ended_early = false;  ///< `patience` was exhausted
+  /// SSIM that the network adds to the template it began with, on the validation images at the last check; NaN: not judged,
+  /// for want of such images, of `least_gain` or of a template.
+  double gain = std::nan("");
+  bool network_off = false;  ///< the gain is below `least_gain`: the template is returned without the network
 };
 
 /// Called after each step; `row` is null between reports. Returning false stops the training after this step.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <string>
@@ -56,8 +57,11 @@ struct Trainer::State {
   NamedTensors best;              // all tensors of the best check, with `patience`
   int64_t best_step = -1, idle_checks = 0;
   double best_score = 0;
-  double loss_scale = 1;          // with `amp`
-  int64_t steps_since_scale = 0;  // since it changed
+  at::Tensor start_textures;         // of the template alone, where the network's gain is judged
+  double start_ssim = std::nan("");  // 1 - SSIM of the template alone on the validation images
+  double last_ssim = std::nan("");   // the same of the weights of the last check
+  double loss_scale = 1;             // with `amp`
+  int64_t steps_since_scale = 0;     // since it changed
 
   bool v2v() const { return model.options.method == Method::kV2v; }
   bool tna() const { return model.options.method == Method::kTna; }
@@ -93,8 +97,9 @@ struct Trainer::State {
   /// One step. Returns false, without any change, when the loss or a gradient is not finite.
   bool Step(const StepInput& input, LossTerms* terms);
   bool CheckDue() const;
-  /// Scores the weights that would be returned if they were the best, on rank 0 for all ranks, and records whether they
-  /// are.
+  /// Scores the weights that would be returned if they were the best; ScoreOnFirstRank for all ranks.
+  HistoryRow ScoreOnFirstRank(const AvatarPack& validation);
+  /// The same, and records whether they are the best.
   HistoryRow Check(const AvatarPack& validation);
   std::string WhyEndedEarly() const;
   HistoryRow ScoreHeldOut(const AvatarPack& validation);
@@ -102,7 +107,12 @@ struct Trainer::State {
   /// The model's own tensors by their names in a checkpoint: weights, running statistics, textures.
   NamedTensors Tensors() const;
   /// The weights that a checkpoint returns instead of the last ones; empty: none.
-  const NamedTensors& Handed() const { return best.empty() ? average : best; }
+  NamedTensors Handed() const;
+  /// Scores the template before the first step, where the network's gain is to be judged.
+  void ScoreStart(const AvatarPack& validation);
+  double Gain() const { return start_ssim - last_ssim; }  // NaN: not judged
+  /// Whether training is over and the network added too little to be kept.
+  bool NetworkIsOff() const;
   void UpdateAverage();
   void Judge(const HistoryRow& row);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <string_view>
 
 #include "avatar/train/train_state.h"
 #include "core/error.h"
@@ -10,6 +11,18 @@
 /// Which weights a training hands out: the last ones, their running average, or those of the best check.
 namespace mvstudio::avatar {
 namespace {
+
+/// Zero heads give the template (AddTemplate).
+bool IsHead(const std::string& name) {
+  constexpr std::string_view kEnd = ".head.weight";
+  return name.size() > kEnd.size() && name.compare(name.size() - kEnd.size(), kEnd.size(), kEnd) == 0;
+}
+
+bool HeadsAreZero(const NamedTensors& tensors) {
+  return std::all_of(tensors.begin(), tensors.end(), [](const auto& named) {
+    return !IsHead(named.first) || named.second.count_nonzero().template item<int64_t>() == 0;
+  });
+}
 
 /// What the validation is judged by: the picture and the silhouette, not the terms that only steer the training.
 double ScoreOf(const HistoryRow& row, const TrainOptions& o) {
@@ -85,8 +98,34 @@ std::string Trainer::State::WhyEndedEarly() const {
          (best.empty() ? "no check had a finite one" : "the weights of step " + std::to_string(best_step) + " are kept");
 }
 
+NamedTensors Trainer::State::Handed() const {
+  if (!NetworkIsOff()) return best.empty() ? average : best;
+  NamedTensors off;
+  for (const auto& [name, value] : Tensors()) {
+    if (IsHead(name)) off[name] = at::zeros_like(value.detach());
+  }
+  if (start_textures.defined()) off["textures"] = start_textures;
+  return off;
+}
+
+void Trainer::State::ScoreStart(const AvatarPack& validation) {
+  if (options.least_gain <= 0 || options.validate_pictures == 0 || model.step > 0 || InInit() || !HeadsAreZero(Tensors()))
+    return;
+  if (tna() && !textures_ready) AverageTextures();
+  if (tna()) start_textures = model.textures.detach().clone();
+  start_ssim = ScoreOnFirstRank(validation)["ssim"];
+}
+
+bool Trainer::State::NetworkIsOff() const {
+  const bool over = model.step == total_steps() || Exhausted();
+  return over && Gain() < options.least_gain;  // false for NaN
+}
+
 void Trainer::State::Judge(const HistoryRow& row) {
-  if (options.patience <= 0) return;
+  if (options.patience <= 0) {
+    last_ssim = row["ssim"];
+    return;
+  }
   const double score = std::isfinite(row["total"]) ? ScoreOf(row, options) : std::nan("");
   if (!std::isfinite(score) || (!best.empty() && !(score < best_score))) {
     ++idle_checks;
@@ -95,7 +134,7 @@ void Trainer::State::Judge(const HistoryRow& row) {
   torch::NoGradGuard no_grad;
   const BorrowedWeights borrowed(Tensors(), average);
   for (const auto& [name, value] : Tensors()) best[name] = value.detach().clone();
-  best_score = score, best_step = model.step, idle_checks = 0;
+  best_score = score, best_step = model.step, idle_checks = 0, last_ssim = row["ssim"];
 }
 
 void Trainer::State::SaveHanded(TensorFile* file) const {
@@ -104,7 +143,10 @@ void Trainer::State::SaveHanded(TensorFile* file) const {
     file->tensors[name] = value.to(at::kCPU).clone();
   }
   file->metadata["idle_checks"] = std::to_string(idle_checks);
-  if (best.empty()) return;
+  if (std::isfinite(Gain())) file->metadata["start_ssim"] = ToText(start_ssim), file->metadata["last_ssim"] = ToText(last_ssim);
+  if (start_textures.defined()) file->tensors["start.textures"] = start_textures.to(at::kCPU).clone();
+  file->metadata["network_off"] = NetworkIsOff() ? "1" : "0";
+  if (best.empty() || NetworkIsOff()) return;
   for (const auto& [name, value] : average) file->tensors["average." + name] = value.to(at::kCPU).clone();
   file->metadata["best_step"] = std::to_string(best_step);
   file->metadata["best_score"] = ToText(best_score);
@@ -112,6 +154,13 @@ void Trainer::State::SaveHanded(TensorFile* file) const {
 
 void Trainer::State::TakeUpHanded(const TensorFile& file, const std::string& path) {
   const NamedTensors model_tensors = Tensors(), live = WithPrefix(file, "live.", model_tensors, path);
+  start_ssim = Number<double>(file, "start_ssim", std::nan("")), last_ssim = Number<double>(file, "last_ssim", std::nan(""));
+  if (const auto start = file.tensors.find("start.textures"); start != file.tensors.end())
+    start_textures = start->second.to(model.textures.device());
+  if (Number<int>(file, "network_off", 0) == 1) {  // averages and the best check begin anew
+    CopyInto(live, model_tensors);
+    return;
+  }
   NamedTensors handed;
   for (const auto& [name, value] : live) handed[name] = model_tensors.at(name).detach().clone();
   best_step = Number<int64_t>(file, "best_step", -1);

@@ -2,15 +2,17 @@
 """Textured avatars against their baselines on held-out cameras and motion, as in Table 1 of Shysheya et al., CVPR 2019.
 
 run.py DATASET --out FOLDER --holdout-cameras A,B --holdout-frames 90-119 --cameras 6=A,B,C,D,E,F --cameras 3=A,B,C
-       [--methods tna,direct,v2v,template,tna+template,direct+template] [--seeds 1,2,3] [--train "--size 96 --steps 400 --batch 2"]
-       [--train-bones "--init-steps 100"] [--limit-minutes M] [--program FILE]
+       [--methods girths,fitted,template,tna+template,direct+template,v2v+template,tna,direct,v2v,tna+pretrained] [--seeds 1,2,3]
+       [--train "--size 96 --steps 400 --batch 2"] [--train-bones "--init-steps 100"] [--pretrained FOLDER] [--limit-minutes M] [--program FILE]
 
 Trains every (set of cameras, method, seed) with the same flags, scores it and writes FOLDER/table.md and table.json: the table of `mvstudio
 avatar compare`, which refuses runs of different protocols, and the costs of training. Finished runs are kept and interrupted ones
 resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
 
-A method alone sees the bones (`--prior none`), with +template the posed body template as well; `template` is the template in averaged
-textures without a network (one seed: nothing in it is random). --train-bones: flags of the former alone.
+A method alone sees the bones (`--prior none`), with +pretrained it begins with the network of `avatar pretrain` in --pretrained, with
++template it sees the fitted body. One body is fitted for each set of cameras. Without a network, and without seeds, for nothing in them is
+random: `girths` is the mannequin with fitted girths, `template` the fitted body in textures as a network begins with, `fitted` the body itself.
+--train-bones: flags of the methods without template alone.
 """
 import argparse
 import json
@@ -21,9 +23,10 @@ import subprocess
 import sys
 import time
 
-NAMES = {"template": "template, no network"}
+NAMES = {"girths": "template with fitted girths", "template": "fitted body, textures of TNA", "fitted": "fitted body"}
 for method, text in (("tna", "TNA"), ("direct", "Direct"), ("v2v", "V2V-lite")):
-    NAMES[method], NAMES[method + "+template"] = text, text + " on template"
+    NAMES[method], NAMES[method + "+template"], NAMES[method + "+pretrained"] = text, text + " on fitted", text + ", pretrained"
+WITHOUT_NETWORK = ("girths", "template", "fitted")
 
 
 def arguments():
@@ -37,6 +40,7 @@ def arguments():
     parser.add_argument("--seeds", default="1,2,3")
     parser.add_argument("--train", default="--size 96 --steps 400 --batch 2", help="flags of every training, each with its value")
     parser.add_argument("--train-bones", default="", help="further flags of those that see the bones alone")
+    parser.add_argument("--pretrained", help="folder of `avatar pretrain`")
     parser.add_argument("--features", default="auto")
     parser.add_argument("--limit-minutes", type=float, default=1e9)
     parser.add_argument("--program", default="build/release/bin/mvstudio")
@@ -51,17 +55,34 @@ def call(program, words):
     return json.loads(run.stdout)
 
 
-def flags(a, variant):
+def flags(a, variant, body):
     """Flags of a training: later ones replace earlier ones."""
-    method, _, prior = variant.partition("+")
-    words = f"--method {method} --prior {prior or 'none'} {a.train} {'' if prior else a.train_bones}".split()
-    if variant == "template":
+    method, _, start = variant.partition("+")
+    words = f"--method {method} --prior none {a.train} {a.train_bones}".split()
+    if start == "pretrained":
+        words += ["--init-from", a.pretrained, "--init-steps", "0"]
+    elif start == "template":
+        words = f"--method {method} --prior template --body {body} {a.train}".split()
+    elif variant in WITHOUT_NETWORK:
         words = f"--prior template {a.train} --steps 0 --init-steps 0".split()
+        words += ["--fit", "girths"] if variant == "girths" else ["--body", body]
     chosen = dict(zip(words[::2], words[1::2]))
     return [word for pair in chosen.items() for word in pair]
 
 
-def trained(a, folder, cameras, method, seed):
+def split_flags(a, cameras):
+    return ["--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras, "--holdout-frames", a.holdout_frames]
+
+
+def fitted(a, name, cameras):
+    """The folder of the body fitted to these cameras."""
+    folder = os.path.join(a.out, name + "-body")
+    if not os.path.exists(os.path.join(folder, "avatar_fit.result.json")):
+        call(a.program, ["avatar", "fit", a.dataset, "--out", folder, "--overwrite", *split_flags(a, cameras)])
+    return folder
+
+
+def trained(a, folder, cameras, method, seed, body):
     """Metrics of the training: begins it, resumes it, or reads what is finished."""
     result = os.path.join(folder, "avatar_train.result.json")
     if os.path.exists(os.path.join(folder, "checkpoint.safetensors")):
@@ -69,25 +90,25 @@ def trained(a, folder, cameras, method, seed):
             return call(a.program, ["avatar", "resume", folder])["metrics"]
         with open(result) as file:
             return json.load(file)["metrics"]
-    return call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--seed", str(seed), "--train-cameras", cameras,
-                            "--holdout-cameras", a.holdout_cameras, "--holdout-frames", a.holdout_frames, *flags(a, method)])["metrics"]
+    return call(a.program, ["avatar", "train", a.dataset, "--out", folder, "--overwrite", "--seed", str(seed), *split_flags(a, cameras),
+                            *flags(a, method, body)])["metrics"]
 
 
-def one(a, folder, cameras, method, seed):
+def one(a, folder, cameras, method, seed, body):
     """Trains (or resumes) and scores one avatar; what is finished is read from its folder."""
     scored = os.path.join(folder, "scores.json")
     if os.path.exists(scored) and os.path.exists(os.path.join(folder, "protocol.json")):
         with open(scored) as file:
             return json.load(file)
     begin = time.time()
-    training = trained(a, folder, cameras, method, seed)
+    training = trained(a, folder, cameras, method, seed, body)
     metrics = call(a.program, ["avatar", "eval", folder, "--features", a.features])["metrics"]
-    holdout = metrics["holdout"]
+    holdout = metrics["baselines"]["body_alone"] if method == "fitted" else metrics["holdout"]
     result = {"ssim": holdout["ssim"], "psnr_db": holdout["psnr_db"], "mask_iou": holdout["mask_iou"], "fd": holdout["fd"]["value"],
               "fd_features": holdout["fd"]["features"], "n": holdout["n"], "steps": training["steps"],
-              "train_s": training["wall_s"], "parameters": training["num_parameters"],
+              "train_s": training["wall_s"], "parameters": training["num_parameters"], "ssim_person": holdout["masked"]["ssim"],
               "nearest_pose_ssim": metrics["baselines"]["nearest_pose"]["ssim"],
-              "mean_image_ssim": metrics["baselines"]["mean_image"]["ssim"], "flicker": holdout["flicker"]}
+              "mean_image_ssim": metrics["baselines"]["mean_image"]["ssim"], "flicker": holdout.get("flicker")}
     with open(scored + ".tmp", "w") as file:
         json.dump(result, file, indent=1)
     os.replace(scored + ".tmp", scored)
@@ -104,19 +125,24 @@ def spread(values):
 
 def comparison(a, folders):
     """Table of `avatar compare` over all runs: rows are methods and sets of cameras."""
-    words = [f"{NAMES[method]}, {cameras} cameras={folder}" for (cameras, method), list_ in folders.items() for folder in list_]
+    words = [f"{NAMES[method]}, {cameras} cameras={folder}" for (cameras, method), list_ in folders.items() for folder in list_
+             if method != "fitted"]  # its run has TNA's textures
     out = os.path.join(a.out, "compare.md")
     call(a.program, ["avatar", "compare", *words, "--out", out])
     with open(out) as file:
         return file.read()
 
 
+COLUMNS = (("ssim", "SSIM"), ("ssim_person", "SSIM of the person's pixels"), ("psnr_db", "PSNR, dB"), ("mask_iou", "IoU"), ("fd", "FD"),
+           ("flicker", "flicker"), ("steps", "steps"), ("parameters", "parameters"), ("train_s", "training, s"))
+
+
 def table(a, results):
     lines = [f"`{a.dataset}`, held out {a.holdout_cameras} and frames {a.holdout_frames}; `{a.train}`; seeds {a.seeds}; "
-             f"{platform.machine()}, {os.cpu_count()} cores. Mean ± half the range over seeds.", "",
-             "| training cameras | method | flicker | steps | parameters | training, s |", "|---|---|---:|---:|---:|---:|"]
+             f"{platform.machine()}, {os.cpu_count()} cores. Held-out cameras and motion; mean ± half the range over seeds.", "",
+             "| training cameras | method | " + " | ".join(title for _, title in COLUMNS) + " |", "|---|---|" + "---:|" * len(COLUMNS)]
     for (cameras, method), runs in results.items():
-        cells = [spread([r[key] for r in runs]) for key in ("flicker", "steps", "parameters", "train_s")]
+        cells = ["" if runs[0][key] is None else spread([r[key] for r in runs]) for key, _ in COLUMNS]
         lines.append(f"| {cameras} | {NAMES[method]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -125,14 +151,19 @@ def verdict(results):
     """Is TNA's SSIM higher than each baseline's of the same input for every pair of seeds?"""
     lines = []
     for cameras in dict.fromkeys(key[0] for key in results):
-        for own_name, others in (("tna", ("direct", "v2v")), ("tna+template", ("direct+template", "v2v+template", "template"))):
+        for own_name, others in (("tna", ("direct", "v2v")), ("tna+pretrained", ("direct+pretrained", "v2v+pretrained", "tna", "direct", "v2v")),
+                                 ("tna+template", ("direct+template", "v2v+template", "fitted")), ("direct+template", ("fitted",)),
+                                 ("v2v+template", ("fitted",)), ("fitted", ("girths",))):
             own = [r["ssim"] for r in results.get((cameras, own_name), [])]
             for method in others:
                 other = [r["ssim"] for r in results.get((cameras, method), [])]
                 if own and other:
                     gap = statistics.mean(own) - statistics.mean(other)
-                    lines.append(f"{cameras} cameras: {NAMES[own_name]} - {NAMES[method]} = {gap:+.4f}, "
-                                 + ("outside" if min(own) > max(other) else "NOT outside") + " the spread of seeds")
+                    random = [name for name in (own_name, method) if name not in WITHOUT_NETWORK]
+                    seeds = min((len(results[cameras, name]) for name in random), default=2)
+                    spread_of_seeds = "one seed, so no spread is known" if seeds < 2 else \
+                        ("outside" if min(own) > max(other) or max(own) < min(other) else "NOT outside") + " the spread of seeds"
+                    lines.append(f"{cameras} cameras: {NAMES[own_name]} - {NAMES[method]} = {gap:+.4f}, {spread_of_seeds}")
     return lines
 
 
@@ -144,13 +175,14 @@ def main():
         for cameras in a.cameras:
             name, _, members = cameras.partition("=")
             for method in a.methods.split(","):
-                if method == "template" and seed != a.seeds.split(",")[0]:
+                if method in WITHOUT_NETWORK and seed != a.seeds.split(",")[0]:
                     continue
                 folder = os.path.join(a.out, f"{name}-{method}-{seed}")
                 known = os.path.exists(os.path.join(folder, "scores.json"))
                 if not known and time.time() - begin > 60 * a.limit_minutes:
                     continue
-                results.setdefault((name, method), []).append(one(a, folder, members, method, seed))
+                body = fitted(a, name, members) if "template" in method or method == "fitted" else None
+                results.setdefault((name, method), []).append(one(a, folder, members, method, seed, body))
                 folders.setdefault((name, method), []).append(folder)
     text = comparison(a, folders) + "\n" + table(a, results) + "\n" + "\n".join(verdict(results)) + "\n"
     with open(os.path.join(a.out, "table.md"), "w") as file:

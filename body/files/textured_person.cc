@@ -11,7 +11,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr const char *kSigma = "joint_sigma_m", *kPoses = "poses", *kTextures = "textures", *kHabitSigma = "habit_sigma_rad";
+constexpr const char *kSigma = "joint_sigma_m", *kPoses = "poses", *kTextures = "textures", *kHabitSigma = "habit_sigma_rad",
+                     *kCameras = "cameras", *kFrames = "frames", *kOffsets = "offset_m", *kOffsetSigma = "offset_sigma_m";
 
 std::string HabitName(size_t bone) { return "habit_" + std::to_string(bone); }
 
@@ -26,6 +27,16 @@ MatrixXd PoseRows(const std::map<int, ArticulatedPose>& poses, size_t bones) {
     ++i;
   }
   return rows;
+}
+
+MatrixXd CameraRows(const std::vector<std::array<int, 2>>& cameras) {
+  MatrixXd rows(static_cast<Index>(cameras.size()), 2);
+  for (Index i = 0; i < rows.rows(); ++i) rows.row(i) << cameras[static_cast<size_t>(i)][0], cameras[static_cast<size_t>(i)][1];
+  return rows;
+}
+
+MatrixXd FrameRows(const std::vector<int>& frames) {
+  return Eigen::Map<const Eigen::VectorXi>(frames.data(), static_cast<Index>(frames.size())).cast<double>();
 }
 
 /// A row a chart: its pixels, row by row, R, G, B.
@@ -47,6 +58,15 @@ class Extras {
     throw FormatError(path_, "extra." + name, why);
   }
   bool Has(const std::string& name) const { return file_.extras.count(name) > 0; }
+
+  /// Whole numbers below a billion; none where there is no such array.
+  Eigen::MatrixXi Whole(const std::string& name, Index columns) const {
+    if (!Has(name)) return Eigen::MatrixXi(0, columns);
+    const MatrixXd& matrix = Get(name, -1, columns);
+    if (matrix.size() > 0 && (matrix.array().abs() >= 1e9 || matrix.array() != matrix.array().floor()).any())
+      Refuse(name, "holds something else than whole numbers");
+    return matrix.cast<int>();
+  }
 
   /// -1: any number. All values are finite.
   const MatrixXd& Get(const std::string& name, Index rows, Index columns) const {
@@ -117,6 +137,10 @@ void WritePerson(const TexturedPerson& person, const std::string& path) {
   file.extras[kSigma] = MatrixXd::Constant(1, 1, fitted.joint_sigma_m);
   file.extras[kPoses] = PoseRows(fitted.seen, fitted.body.bone_names.size());
   file.extras[kTextures] = TextureRows(person.textures);
+  file.extras[kCameras] = CameraRows(person.cameras);
+  file.extras[kFrames] = FrameRows(person.frames);
+  if (person.offset_m.size() > 0) file.extras[kOffsets] = person.offset_m;
+  if (person.offset_sigma_m.size() > 0) file.extras[kOffsetSigma] = person.offset_sigma_m;
   const std::vector<RotationHabits::Bone>& habits = fitted.habits.bones;
   if (!habits.empty()) file.extras[kHabitSigma] = MatrixXd(static_cast<Index>(habits.size()), 1);
   for (size_t b = 0; b < habits.size(); ++b) {
@@ -136,6 +160,12 @@ TexturedPerson ReadPerson(const std::string& path) {
   fitted.seen = ReadPoses(extras, file.body.bone_names.size());
   fitted.habits = ReadHabits(extras, file.body);
   person.textures = ReadTextures(extras);
+  const Eigen::MatrixXi cameras = extras.Whole(kCameras, 2), frames = extras.Whole(kFrames, 1);
+  for (Index i = 0; i < cameras.rows(); ++i) person.cameras.push_back({cameras(i, 0), cameras(i, 1)});
+  person.frames.assign(frames.data(), frames.data() + frames.size());
+  const Index vertices = file.body.vertices.cols();
+  if (extras.Has(kOffsets)) person.offset_m = extras.Get(kOffsets, vertices, 1);
+  if (extras.Has(kOffsetSigma)) person.offset_sigma_m = extras.Get(kOffsetSigma, vertices, 1);
   fitted.body = std::move(file.body);
   return person;
 }

@@ -1,16 +1,22 @@
 #pragma once
 
+#include <array>
 #include <string>
+#include <vector>
 
 #include "body/fit/person_body.h"
 #include "body/texture/bake.h"
 
 namespace mvstudio::body {
 
-/// A fitted body with its colours.
+/// A fitted body with its colours, and the images that both were fitted to.
 struct TexturedPerson {
   PersonBody person;
   Textures textures;
+  std::vector<std::array<int, 2>> cameras;  ///< Panoptic's panel and node; empty: not known
+  std::vector<int> frames;                  ///< `person.seen` can hold more, which were only posed
+  /// (V) metres: where the surface lies off the template's along its normals, and the standard deviations; empty: not known.
+  Eigen::VectorXd offset_m, offset_sigma_m;
 };
 
 inline constexpr char kPersonFileName[] = "body.npz";

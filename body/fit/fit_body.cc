@@ -31,6 +31,7 @@ struct Candidate {
   PersonBody person;
   std::vector<double> loss;
   bool by_brightness = false;
+  double smoothness_m = 0;  // of its offsets; 0: none
 };
 
 class Fit {
@@ -54,6 +55,7 @@ class Fit {
       FitState softer = state_;
       for (int k = 0; k < 2; ++k) softer.FitShape(smoothness, kReachPx), softer.FitPoses(kReachPx);
       candidates.push_back(Judge(Format("offsets, smooth to %.1f mm", 1e3 * smoothness), softer));
+      candidates.back().smoothness_m = smoothness;
       stage.Advance();
     }
     Candidate best = Choose(&candidates);
@@ -93,7 +95,7 @@ class Fit {
   }
 
   Candidate Judge(const std::string& name, const FitState& state) {
-    Candidate candidate{name, state, state.Person(), {}};
+    Candidate candidate{name, state, state.Person(), {}, false, 0};
     candidate.loss = OutlineLoss(candidate.person, steps_, run_);
     const double seconds = std::chrono::duration<double>(Clock::now() - begin_).count();
     out_.stages.push_back({name, 1 - Mean(FiniteValues(candidate.loss)), seconds, false});
@@ -121,7 +123,7 @@ class Fit {
     const UnitMean worse = DifferenceOverUnits(BrightnessLoss(brighter.person, steps_, kBrightnessSigmaPx[1], run_),
                                                BrightnessLoss(outlines.person, steps_, kBrightnessSigmaPx[1], run_));
     out_.stages.back().kept = worse.mean < 0;
-    brighter.by_brightness = true;
+    brighter.by_brightness = true, brighter.smoothness_m = kSmoothness[1];
     return worse.mean < 0 ? brighter : outlines;
   }
 
@@ -142,6 +144,7 @@ class Fit {
     }
     out_.person = state.Person();
     out_.offsets = state.Offsets();
+    if (best.smoothness_m > 0) out_.offset_sigma_m = state.OffsetSigma(best.smoothness_m, kReachPx);
     out_.coefficients = state.coefficients();
     out_.joint_error_m = state.joint_error_m();
     out_.cameras = CompareCameras(out_.person, state, steps_, before_, run_);

@@ -61,8 +61,10 @@ struct RejectedView {
 struct BodyFit {
   Status status = Status::kOk;  ///< kTooFewViews: no time step with a trunk and a silhouette; then `person` is the template
   PersonBody person;
-  Eigen::VectorXd coefficients;       ///< (S) of the template's shapes
-  Eigen::VectorXd offsets;            ///< (V) metres along the rest normals
+  Eigen::VectorXd coefficients;  ///< (S) of the template's shapes
+  Eigen::VectorXd offsets;       ///< (V) metres along the rest normals
+  /// (V) standard deviations of `offsets`, metres, given the poses; at 0.1 m nothing is known. Empty without offsets.
+  Eigen::VectorXd offset_sigma_m;
   double iou_before = 0, iou = 0;     ///< held-out silhouettes, posed by joints alone: the template, the fitted body
   std::vector<double> held_out_loss;  ///< (steps) 1 - IoU of the fitted body as above; NaN where nothing is held out
   double joint_error_m = 0;           ///< median distance of joints from the posed skeleton

@@ -12,7 +12,8 @@ namespace mvstudio::body {
 namespace {
 
 constexpr double kLeastJointSigmaM = 0.003;
-constexpr double kShapeSigmaPx = 2;  // of an outline against the surface; neighbours err together
+constexpr double kOffsetSigmaM = 0.1;  // of the surface off the template's
+constexpr double kShapeSigmaPx = 2;    // of an outline against the surface; neighbours err together
 
 }  // namespace
 
@@ -109,13 +110,16 @@ Status FitState::FitShapes(double max_px) {
 }
 
 Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
-  constexpr double kOffsetSigmaM = 0.1;
   const Status status = StepOffsets(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
   const Eigen::VectorXd shapes = shape_offsets_ * coefficients_;
   Eigen::VectorXd all = shapes + offsets_;
   UnfoldOffsets(base_.vertices, base_.faces, normals_, laplacian_, &all);
   offsets_ = all - shapes;
   return status;
+}
+
+Eigen::VectorXd FitState::OffsetSigma(double laplacian_sigma_m, double max_px) const {
+  return body::OffsetSigma(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM});
 }
 
 void FitState::FitPoses(double max_px) {

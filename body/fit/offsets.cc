@@ -2,8 +2,10 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
+#include <cmath>
 
 #include "core/check.h"
+#include "geometry/solve/selected_inverse.h"
 
 namespace mvstudio::body {
 
@@ -16,6 +18,18 @@ double RobustWeight(const OffsetObservation& seen) {
   constexpr double kCauchy = 3;
   const double square = seen.weight * seen.weight;
   return square / (1 + square * seen.gap_px * seen.gap_px / (kCauchy * kCauchy));
+}
+
+double InverseSquare(double sigma) { return 1 / (sigma * sigma); }
+
+/// Gauss-Newton's, of the offsets (V, V).
+Eigen::SparseMatrix<double> Hessian(const Eigen::SparseMatrix<double>& laplacian,
+                                    const std::vector<OffsetObservation>& observations, const OffsetSmoothness& smoothness) {
+  Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(laplacian.cols(), InverseSquare(smoothness.offset_sigma_m));
+  for (const OffsetObservation& seen : observations) diagonal[seen.vertex] += RobustWeight(seen) * seen.scale * seen.scale;
+  Eigen::SparseMatrix<double> h = InverseSquare(smoothness.laplacian_sigma_m) * (laplacian.transpose() * laplacian);
+  h += Eigen::SparseMatrix<double>(diagonal.asDiagonal());
+  return h;
 }
 
 }  // namespace
@@ -48,24 +62,28 @@ Eigen::SparseMatrix<double> UmbrellaLaplacian(const Eigen::Matrix3Xf& vertices, 
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets) {
   MVS_CHECK(offsets->size() == laplacian.cols(), offsets->size() << " offsets for " << laplacian.cols() << " vertices");
-  const double lap = 1 / (smoothness.laplacian_sigma_m * smoothness.laplacian_sigma_m);
-  const double own = 1 / (smoothness.offset_sigma_m * smoothness.offset_sigma_m);
-  Eigen::VectorXd diagonal = Eigen::VectorXd::Constant(offsets->size(), own);
-  Eigen::VectorXd gradient = lap * (laplacian.transpose() * (laplacian * *offsets)) + own * *offsets;
-  for (const OffsetObservation& seen : observations) {
-    const double weight = RobustWeight(seen);
-    diagonal[seen.vertex] += weight * seen.scale * seen.scale;
-    gradient[seen.vertex] -= weight * seen.scale * seen.gap_px;
-  }
-  if (!gradient.allFinite() || !diagonal.allFinite()) return Status::kNonFiniteInput;
-  Eigen::SparseMatrix<double> h = lap * (laplacian.transpose() * laplacian);
-  h += Eigen::SparseMatrix<double>(diagonal.asDiagonal());
+  Eigen::VectorXd gradient = InverseSquare(smoothness.laplacian_sigma_m) * (laplacian.transpose() * (laplacian * *offsets)) +
+                             InverseSquare(smoothness.offset_sigma_m) * *offsets;
+  for (const OffsetObservation& seen : observations) gradient[seen.vertex] -= RobustWeight(seen) * seen.scale * seen.gap_px;
+  const Eigen::SparseMatrix<double> h = Hessian(laplacian, observations, smoothness);
+  if (!gradient.allFinite() || !std::isfinite(h.sum())) return Status::kNonFiniteInput;
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(h);
   if (solver.info() != Eigen::Success) return Status::kDegenerate;
   const Eigen::VectorXd step = solver.solve(-gradient);
   if (!step.allFinite()) return Status::kDegenerate;
   *offsets += step;
   return Status::kOk;
+}
+
+Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
+                            const OffsetSmoothness& smoothness) {
+  const Eigen::SparseMatrix<double> h = Hessian(laplacian, observations, smoothness);
+  if (!std::isfinite(h.sum())) return {};
+  const geometry::SelectedInverse covariance(h);
+  if (!covariance.ok()) return {};
+  Eigen::VectorXd sigma(h.cols());
+  for (Eigen::Index v = 0; v < h.cols(); ++v) sigma[v] = std::sqrt(covariance(v, v));
+  return sigma;
 }
 
 Eigen::MatrixXd ShapeOffsets(const BodyTemplate& body, const Eigen::Matrix3Xf& normals) {

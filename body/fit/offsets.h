@@ -30,6 +30,12 @@ struct OffsetSmoothness {
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets);
 
+/// Standard deviations (V) of the offsets, metres: of the posterior whose optimum StepOffsets seeks, at `offsets` as they are
+/// when the observations are made. Where nothing was seen, smoothness and `offset_sigma_m` alone bound it. Empty when the
+/// problem is not positive definite.
+Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
+                            const OffsetSmoothness& smoothness);
+
 /// Faces whose normals turn over when `vertices` (3, V) move by `offsets` (V) along `normals` (3, V).
 std::vector<int> TurnedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
                              const Eigen::VectorXd& offsets);

@@ -52,32 +52,6 @@ std::array<uint8_t, 3> Bilinear(const Image& image, const Vector2d& px) {
   return out;
 }
 
-/// Unseen texels take the mean of their seen neighbours, from the seams inwards.
-void Fill(std::vector<uint8_t>* seen, Image* texture) {
-  const int size = texture->width;
-  for (bool changed = true; changed;) {
-    changed = false;
-    const std::vector<uint8_t> before = *seen;
-    for (int y = 0; y < size; ++y) {
-      for (int x = 0; x < size; ++x) {
-        if (before[static_cast<size_t>(y) * size + x]) continue;
-        int sum[3] = {0, 0, 0}, count = 0;
-        for (int dy = -1; dy <= 1; ++dy) {
-          for (int dx = -1; dx <= 1; ++dx) {
-            const int nx = x + dx, ny = y + dy;
-            if (nx < 0 || ny < 0 || nx >= size || ny >= size || !before[static_cast<size_t>(ny) * size + nx]) continue;
-            for (int c = 0; c < 3; ++c) sum[c] += texture->Pixel(nx, ny)[c];
-            ++count;
-          }
-        }
-        if (count == 0) continue;
-        for (int c = 0; c < 3; ++c) texture->Pixel(x, y)[c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
-        (*seen)[static_cast<size_t>(y) * size + x] = 1, changed = true;
-      }
-    }
-  }
-}
-
 }  // namespace
 
 TextureBaker::TextureBaker(const BodyTemplate& body, int size_px)
@@ -192,7 +166,7 @@ Textures TextureBaker::Finish(const std::vector<Eigen::Array3d>& gains) const {
         out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(std::clamp(colour[c], 0.0, 255.0)));
       seen[t] = 1;
     }
-    Fill(&seen, &out[part]);
+    FillTexels(&seen, &out[part]);
   }
   return out;
 }

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
+#include <cstdint>
 #include <vector>
 
 #include "body/body_template.h"
+#include "core/image.h"
 
 namespace mvstudio::body {
 
@@ -16,5 +17,9 @@ struct TexelMap {
 };
 
 TexelMap MapTexels(const BodyTemplate& body, int size_px);
+
+/// Texels of a chart (S, S, 3) that are not `known` (S, S) take the mean of their known neighbours, from the seams inwards; in
+/// the end all are known, or none.
+void FillTexels(std::vector<uint8_t>* known, Image* texture);
 
 }  // namespace mvstudio::body

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "app/nets/avatar_fit.h"
+#include "app/nets/avatar_fit_picture.h"
 #include "app/nets/avatar_train_data.h"
 #include "body/files/gltf.h"
 #include "cli/avatar/split_options.h"
@@ -16,7 +17,7 @@
 namespace mvstudio::cli {
 namespace {
 
-constexpr char kGlbFile[] = "body.glb";
+constexpr char kGlbFile[] = "body.glb", kPictureFile[] = "surface.png";
 
 struct FitArguments {
   std::string dataset, out, body_template = "mannequin";
@@ -34,19 +35,28 @@ void WriteGlb(const body::TexturedPerson& person, double frame_rate_hz, const st
   body::WriteBodyGlb(path, person.person.body, atlas, poses, frame_rate_hz);
 }
 
+void WritePicture(const body::TexturedPerson& person, const std::string& path, CommandResult* result) {
+  if (person.offset_sigma_m.size() == 0) return;
+  const app::SurfaceMaps maps = app::MapSurface(person);
+  WriteFileAtomic(path, dataset::EncodeImage(maps.picture, path));
+  result->outputs.push_back({path, "surface-maps"});
+  result->metrics["surface_maps"] = {{"offset_limit_mm", maps.offset_limit_mm}, {"sigma_limit_mm", maps.sigma_limit_mm}};
+}
+
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
   avatar::PersonFitOptions options = arguments.options;
   options.templates = app::TemplatesOf(arguments.body_template);
-  const std::vector<std::string> names = {body::kPersonFileName, kGlbFile};
+  const std::vector<std::string> names = {body::kPersonFileName, kGlbFile, kPictureFile};
   const OutputFolder place(arguments.out, {arguments.dataset}, names);
-  const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile;
+  const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile,
+                    picture_path = arguments.out + "/" + kPictureFile;
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
-  RemoveOurs({body_path, glb_path});
+  RemoveOurs({body_path, glb_path, picture_path});
   MakeFolder(arguments.out);
   WritePerson(fit.result, body_path);
   WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
@@ -54,6 +64,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   result.folder = arguments.out, result.inputs = {arguments.dataset};
   result.metrics = app::ToJson(fit);
   result.outputs = {{body_path, "body"}, {glb_path, "body-glb"}};
+  WritePicture(fit.result, picture_path, &result);
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
   return result;

@@ -1,10 +1,6 @@
-#include <chrono>
-#include <cmath>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <optional>
-#include <sstream>
 #include <utility>
 
 #include "app/nets/avatar_fit.h"
@@ -14,6 +10,7 @@
 #include "avatar/io/pack/pack_builder.h"
 #include "cli/avatar/ranks.h"
 #include "cli/avatar/split_options.h"
+#include "cli/avatar/training.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
@@ -26,11 +23,10 @@ namespace {
 
 using avatar::AvatarPack;
 using avatar::RunConfig;
-using Clock = std::chrono::steady_clock;
 
 struct TrainArguments {
   TrainArguments() { model.prior = avatar::Prior::kAuto; }
-  std::string dataset, out, init_from, body_template = "mannequin";
+  std::string dataset, out, init_from, body, body_template = "mannequin";
   app::BodyFitMode fit = app::BodyFitMode::kAuto;
   app::SplitArguments split;
   RankArguments ranks;
@@ -47,113 +43,6 @@ struct ResumeArguments {
   int steps = -1, patience = -1;
   RankArguments ranks;
 };
-
-/// Trains to the end with checkpoints on the way. A request to stop saves first. `files`: null for ranks that write nothing.
-avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, app::AvatarRun* files, const app::RunPacks& packs,
-                                 const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
-  const Clock::time_point start = Clock::now();
-  const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
-  const AvatarPack* watched = packs.watched ? &*packs.watched : nullptr;
-  const AvatarPack& samples = watched ? *watched : packs.train;
-  ProgressStage stage(context.run, "training", trainer.total_steps() - trainer.model().step);
-  bool stopped = false;
-  bool begun = false;
-  const auto callback = [&](int64_t step, const avatar::HistoryRow* row) {
-    if (files && !std::exchange(begun, true)) files->ForgetScores();
-    if (row && files) files->AddRow(*row, wall_s());
-    if (row && row->phase == "validation") return true;
-    if (files && step % options.save_every == 0) files->Save(trainer, samples);
-    if (files && options.picture_every > 0 && step % options.picture_every == 0) files->SavePicture(trainer, samples);
-    stopped = context.run.progress && context.run.progress->Cancelled();
-    if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string((*row)["total"]) : "");
-    return !stopped;
-  };
-  const avatar::TrainReport report = trainer.Run(watched, callback);
-  if (files) files->Save(trainer, samples);
-  if (report.stopped) {
-    throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) +
-                         ": the checkpoint is saved, `mvstudio avatar resume` goes on");
-  }
-  return report;
-}
-
-CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& trainer, const app::AvatarRun& files, double seconds,
-                       double wall_s) {
-  CommandResult result;
-  auto& m = result.metrics;
-  m["method"] = ToString(trainer.model().options.method);
-  m["num_parameters"] = avatar::NumParameters(trainer.model().options);
-  m["steps"] = trainer.model().step;
-  if (report.best_step >= 0) m["best_step"] = report.best_step;
-  m["ended_early"] = report.ended_early;
-  m["device"] = trainer.device();
-  std::map<std::string, avatar::HistoryRow> last;
-  for (const avatar::HistoryRow& row : report.history) last[row.phase] = row;
-  for (const auto& [phase, row] : last) {
-    m["final"][phase]["step"] = row.step;
-    for (size_t i = 0; i < row.values.size(); ++i) m["final"][phase][avatar::kLossColumns[i]] = row.values[i];
-  }
-  m["it_per_s"] = report.steps_done > 0 ? static_cast<double>(report.steps_done) / seconds : std::nan("");
-  m["wall_s"] = wall_s;
-  result.outputs = files.Outputs();
-  if (report.status != Status::kOk) {
-    result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"AVA-NONFINITE", report.message, "look at these images; train again without them or with a smaller --learning-rate"});
-  }
-  return result;
-}
-
-/// Joins the other ranks, trains, and says how it went. `begin`: called once nothing can be refused any more.
-CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const app::RunPacks& packs,
-                        const avatar::TrainOptions& options, double earlier_s, RankProcesses& ranks, CommandContext& context,
-                        const std::function<void()>& begin = {}) {
-  const Clock::time_point start = Clock::now();
-  if (const auto joined = ranks.Join()) trainer.Join(joined);
-  if (begin && ranks.first()) begin();
-  const avatar::TrainReport report =
-      TrainAndSave(trainer, ranks.first() ? &files : nullptr, packs, options, earlier_s, context);
-  if (!ranks.first()) return {};
-  ranks.Finish();
-  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  CommandResult result = ResultOf(report, trainer, files, seconds, earlier_s + seconds);
-  result.metrics["ranks"] = ranks.place().size;
-  if (report.ended_early) result.text = report.message + "\n";
-  return result;
-}
-
-/// What the dataset does not hold; missing pictures alone are no failure.
-void TellMissing(const app::RunPacks& packs, CommandResult* result) {
-  result->metrics["missing"] = nlohmann::ordered_json::parse(dataset::MissingToJsonText(packs.missing));
-  result->metrics["frames_without_person"] = packs.frames_without_person;
-  const auto warn = [&](const std::string& kind, const dataset::MissingPictures& missing) {
-    result->warnings.push_back({"AVA-MISSING", kind + ": " + dataset::MissingText(missing), dataset::MissingHint(missing)});
-  };
-  if (packs.missing.missing() > 0) warn("training", packs.missing);
-  for (const auto& [kind, missing] : packs.missing_scored) warn(kind, missing);
-}
-
-void FillCommon(const RunConfig& config, const app::RunPacks& packs, const std::string& folder, CommandResult* result) {
-  result->folder = folder;
-  result->inputs = {config.dataset};
-  result->metrics["train"] = {{"cameras", config.split.train_cameras.size()},
-                              {"frames", config.split.train_frames.size()},
-                              {"images", packs.train.size()},
-                              {"template_iou", config.template_iou}};
-  TellMissing(packs, result);
-  if (!packs.skipped.empty()) {
-    result->warnings.push_back(
-        {"AVA-SKIPPED", std::to_string(packs.skipped.size()) + " images were left out; the first: " + packs.skipped.front(),
-         "check these images, masks and joints"});
-    if (result->exit == kExitOk) result->exit = kExitPartial;
-  }
-  std::ostringstream text;
-  const auto& m = result->metrics;
-  text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
-       << packs.train.size() << " images of " << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in "
-       << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
-  result->text = text.str() + result->text;
-}
 
 /// The net of the perceptual loss, null for none. What "auto" became is kept, so that a run goes on with the same.
 std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* options) {
@@ -193,6 +82,15 @@ void SettleColours(const TrainArguments& arguments, bool transferred, avatar::Mo
   model->template_colours = false;
 }
 
+/// Images of the final score must not choose: without validation images the network is not judged.
+void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOptions* options) {
+  const bool judged = !split.validation_cameras.empty() && options->validate_pictures > 0;
+  if (!judged && given && options->least_gain > 0)
+    throw UsageError(
+        "--least-gain needs --validate-camera or a --split with validation images, and --validate-pictures above 0");
+  if (!judged) options->least_gain = 0;
+}
+
 /// The network's options with every choice made.
 avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
   avatar::ModelOptions model = from ? from->options : arguments.model;
@@ -205,19 +103,28 @@ avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optiona
   return model;
 }
 
-/// The person's own body, where the options ask for one. Labels of DensePose have no use for it.
+/// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
   config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
   if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
-    if (arguments.given("template")) throw UsageError("--template needs a body that is fitted: --fit auto, and no --iuv");
+    for (const char* option : {"template", "body"}) {
+      if (arguments.given(option))
+        throw UsageError("--" + std::string(option) + " needs a body that is fitted: --fit auto, and no --iuv");
+    }
+    return std::nullopt;
+  }
+  config->body_file = body::kPersonFileName;
+  if (!arguments.body.empty()) {
+    if (arguments.given("template")) throw UsageError("--body is fitted already: leave --template out");
+    config->pack.fitted =
+        std::make_shared<const body::TexturedPerson>(app::BodyForSplit(arguments.body, config->split, config->pack.pose_by));
     return std::nullopt;
   }
   avatar::PersonFitOptions options;
   options.templates = app::TemplatesOf(arguments.body_template);
   avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, options, run);
   config->pack.fitted = std::make_shared<const body::TexturedPerson>(fit.result);
-  config->body_file = body::kPersonFileName;
   return fit;
 }
 
@@ -245,11 +152,14 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (!config.pack.pose3d.empty())
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
+  avatar::TrainOptions options = arguments.train;
+  SettleGain(arguments.given("least-gain"), config.split, &options);
   app::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
     place.emplace(arguments.out,
-                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d, arguments.init_from},
+                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d, arguments.init_from,
+                                           arguments.body},
                   app::AvatarRun::Names());
     files.RequireFree(arguments.overwrite);
   }
@@ -257,13 +167,12 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   context.run.num_threads = ranks.threads();
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   const app::RunPacks packs = app::BuildPacks(data, model, arguments.train, context.run, &config);
-  avatar::TrainOptions options = arguments.train;
   const auto net = PerceptualNet(&options);
   avatar::Trainer trainer = from ? avatar::Trainer(packs.train, *from, arguments.model.texture_px, options, context.run, net)
                                  : avatar::Trainer(packs.train, model, options, context.run, net);
   const auto replace_older = [&] {
     files.Clear();
-    if (fit) WritePerson(fit->result, files.Path(body::kPersonFileName));
+    if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
     WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
   };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
@@ -360,6 +269,9 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
             "mannequin's four girths; off takes it as it is");
   AddOption(sub, "--template", a->body_template,
             "body that --fit auto takes, as in `avatar fit`: mannequin, a path, several, auto");
+  AddOption(sub, "--body", a->body,
+            "body.npz of `avatar fit` or of another run, or its folder, in place of a new fit; it must have been fitted to "
+            "training images of this split alone");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->model);
   AddOptions(sub, a->train);

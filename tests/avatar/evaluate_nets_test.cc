@@ -46,6 +46,12 @@ TEST(FeatureNet, PlainScriptsTakeFloatsBetweenZeroAndOne) {
   EXPECT_EQ(rows[0][0].item<float>(), 3);
 }
 
+TEST(FeatureNet, WeightsOfAScriptAreFixed) {
+  const TempDir folder;
+  SaveScript(folder / "plain.pt", "def forward(self, x):\n    return x * self.weight\n");
+  EXPECT_FALSE(LoadTorchScriptNet(folder / "plain.pt")->Levels(at::ones({1, 3, 8, 8}))[0].requires_grad());
+}
+
 TEST(FeatureNet, WhatIsNoFeatureIsRefused) {
   const TempDir folder;
   const at::Tensor pictures = at::rand({2, 3, 8, 8});

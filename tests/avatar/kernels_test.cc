@@ -2,6 +2,7 @@
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -144,7 +145,7 @@ TEST(Gradients, PictureTerms) {
   EXPECT_LT(GradientError([&](const Tensors& x) { return SsimLoss(x[0], b, mask, 10); }, {a}), kBound);
   EXPECT_LT(GradientError([&](const Tensors& x) { return SsimLoss(x[0], b, mask, 10); }, {b + 0.01 * a}), kBound)
       << "nearly equal pictures";
-  EXPECT_LT(GradientError([&](const Tensors& x) { return GradientLoss(x[0], b); }, {a}), kBound);
+  EXPECT_LT(GradientError([&](const Tensors& x) { return GradientLoss(x[0], b, PixelWeights(mask, 10)); }, {a}), kBound);
   EXPECT_LT(GradientError([](const Tensors& x) { return SaturationLoss(x[0], 4); }, {8 * a - 4.5}), kBound);
 }
 
@@ -157,9 +158,10 @@ class SquareNet : public FeatureNet {
 
 TEST(Gradients, PerceptualTerm) {
   const SquareNet net;
-  const at::Tensor b = Random({1, 3, 8, 8}, 22, 0, 1);
-  EXPECT_LT(GradientError([&](const Tensors& x) { return PerceptualLoss(net, x[0], b); }, {Random({1, 3, 8, 8}, 23, 0, 1)}),
-            kBound);
+  const at::Tensor b = Random({1, 3, 8, 8}, 22, 0, 1), weights = PixelWeights(Random({1, 8, 8}, 24, 0, 1), 10);
+  EXPECT_LT(
+      GradientError([&](const Tensors& x) { return PerceptualLoss(net, x[0], b, weights); }, {Random({1, 3, 8, 8}, 23, 0, 1)}),
+      kBound);
 }
 
 TEST(Gradients, Projection) {
@@ -234,10 +236,11 @@ TEST(Gradients, PoseNetInFloat) {
   const at::Tensor a = Random({1, 3, 64, 64}, 28, 0.2, 0.8).to(at::kFloat),
                    b = Random({1, 3, 64, 64}, 29, 0.2, 0.8).to(at::kFloat);
   at::Tensor x = a.clone().requires_grad_();
-  PerceptualLoss(*net, x, b).backward();
+  const at::Tensor weights = at::full({1, 1, 64, 64}, 1.0 / 4096);
+  PerceptualLoss(*net, x, b, weights).backward();
   const at::Tensor gradient = x.grad() / x.grad().norm();
   for (const at::Tensor& direction : {gradient, (gradient + Random(a.sizes(), 30).to(at::kFloat) / 100)}) {
-    const auto f = [&](const Tensors& y) { return PerceptualLoss(*net, y[0], b).to(at::kDouble); };
+    const auto f = [&](const Tensors& y) { return PerceptualLoss(*net, y[0], b, weights).to(at::kDouble); };
     const double expected = (direction * x.grad()).sum().item<double>();
     EXPECT_NEAR(AlongDirection(f, {a}, {direction}, 0.01) / expected, 1, 0.02);
   }
@@ -264,6 +267,30 @@ TEST(AdamStep, IsTheDefinition) {
         x -= 0.01 * (m / (1 - std::pow(0.9, n))) / (std::sqrt(v / (1 - std::pow(0.999, n))) + 1e-8);
       }
       EXPECT_NEAR(value[i].item<double>(), x, type == at::kFloat ? 3e-7 : 1e-14) << i;
+    }
+  }
+}
+
+/// Each value by algorithm 1 over the steps that have a gradient for it, alone.
+TEST(AdamStep, OfSparseValuesCountsTheStepsThatShowThem) {
+  for (const at::ScalarType type : {at::kFloat, at::kDouble}) {
+    at::Tensor value = at::zeros({3}, type).requires_grad_();
+    Adam adam;
+    adam.AddSparse("x", value);
+    const std::array<std::array<double, 3>, 4> gradients = {{{1, 0, 0}, {-0.5, 0, 2}, {0, 0, 0}, {0.25, 0, 1}}};
+    for (const auto& g : gradients) {
+      value.mutable_grad() = at::tensor({g[0], g[1], g[2]}, at::kDouble).to(type);
+      adam.Step(0.01);
+    }
+    for (int i = 0; i < 3; ++i) {
+      double x = 0, m = 0, v = 0, n = 0;
+      for (const auto& g : gradients) {
+        if (g[i] == 0) continue;
+        ++n, m = 0.9 * m + 0.1 * g[i], v = 0.999 * v + 0.001 * g[i] * g[i];
+        x -= 0.01 * (m / (1 - std::pow(0.9, n))) / (std::sqrt(v / (1 - std::pow(0.999, n))) + 1e-8);
+      }
+      EXPECT_NEAR(value[i].item<double>(), x, type == at::kFloat ? 1e-7 : 1e-14) << i;
+      EXPECT_EQ(adam.slots[0].count[i].item<double>(), n);
     }
   }
 }

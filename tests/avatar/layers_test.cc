@@ -201,11 +201,27 @@ TEST(Losses, VanishForEqualPicturesAndCountThePersonMore) {
   mask.slice(1, 0, 8).fill_(1);
   EXPECT_NEAR(WeightedL1(a, a, mask, 3).item<double>(), 0, 1e-7);
   EXPECT_NEAR(SsimLoss(a, a, mask, 3).item<double>(), 0, 1e-5);
-  EXPECT_NEAR(GradientLoss(a, a).item<double>(), 0, 1e-7);
-  EXPECT_NEAR(GradientLoss(a, a + 0.3).item<double>(), 0, 1e-6);
+  const at::Tensor weights = PixelWeights(mask, 3);
+  EXPECT_NEAR(weights.sum().item<double>(), 1, 1e-6);
+  EXPECT_NEAR(GradientLoss(a, a, weights).item<double>(), 0, 1e-7);
+  EXPECT_NEAR(GradientLoss(a, a + 0.3, weights).item<double>(), 0, 1e-6);
+  at::Tensor on = a.clone(), beside = a.clone();
+  on.slice(2, 2, 6) += 0.1, beside.slice(2, 10, 14) += 0.1;
+  EXPECT_NEAR(GradientLoss(a, on, weights).item<double>() / GradientLoss(a, beside, weights).item<double>(), 3, 1e-3);
   at::Tensor b = a.clone();
   b.slice(2, 0, 8) += 0.1;  // off by 0.1 on the person alone
   EXPECT_NEAR(WeightedL1(a, b, mask, 3).item<double>(), 0.1 * 3 / 4, 1e-5);
+}
+
+TEST(Losses, PartsAreToldApartWithinThePersonAlone) {
+  at::Tensor logits = at::zeros({1, 25, 1, 2}).requires_grad_();
+  const at::Tensor part = at::tensor({0, 3}).view({1, 1, 2});
+  const at::Tensor loss = PartLoss(logits, part);
+  EXPECT_NEAR(loss.item<double>(), std::log(24.0), 1e-6);
+  loss.backward();
+  EXPECT_EQ(logits.grad()[0][0].count_nonzero().item<int64_t>(), 0) << "the outline is MaskLoss's";
+  EXPECT_EQ(logits.grad().select(3, 0).count_nonzero().item<int64_t>(), 0) << "background";
+  EXPECT_NEAR(logits.grad()[0][3][0][1].item<double>(), 1 / 24.0 - 1, 1e-6);
 }
 
 TEST(Losses, UvCountsTheLabelledPartOnly) {

@@ -9,7 +9,7 @@ namespace mvstudio::avatar {
 
 inline void SaveScript(const std::string& path, const std::string& source) {
   torch::jit::Module module("Net");
-  module.register_parameter("weight", at::full({1}, 2.0f), false);
+  module.register_parameter("weight", at::full({1}, 2.0f).requires_grad_(), false);
   module.define(source);
   module.save(path);
 }

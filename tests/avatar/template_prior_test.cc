@@ -91,12 +91,20 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   at::Tensor logits = at::zeros({1, 25, 1, 1}), uv = at::zeros({1, 48, 1, 1});
   AddTemplate(Tiny("tna"), TemplateChannels(raw), &logits, &uv);
   const at::Tensor prob = at::softmax(logits, 1).flatten();
-  const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
-  EXPECT_NEAR(prob[0].item<double>(), 1 / total, 1e-6);
-  EXPECT_NEAR(prob[5].item<double>(), person / total, 1e-6);
-  EXPECT_NEAR(at::tanh(uv)[0][4].item<double>(), 0.6, 1e-6);
-  EXPECT_NEAR(at::tanh(uv)[0][24 + 4].item<double>(), -0.8, 1e-6);
+  EXPECT_NEAR(prob[0].item<double>(), 0.3, 1e-6) << "the parts share the cover";
+  EXPECT_NEAR(prob[5].item<double>(), 0.7 / (1 + 23 * std::exp(-12.0)), 1e-6);
+  EXPECT_NEAR(uv[0][4].item<double>(), 0.6, 1e-6);
+  EXPECT_NEAR(uv[0][24 + 4].item<double>(), -0.8, 1e-6);
   EXPECT_EQ(uv.count_nonzero().item<int64_t>(), 2);
+  ModelOptions fast = Tiny("tna");
+  fast.spread_parts = false;
+  logits.zero_(), uv = at::zeros({1, 48, 1, 1});
+  AddTemplate(fast, TemplateChannels(raw), &logits, &uv);
+  const at::Tensor held = at::softmax(logits, 1).flatten();
+  const double person = 0.7 / 0.3, others = 23 * std::exp(-8.0), total = 1 + person + others;
+  EXPECT_NEAR(held[0].item<double>(), 1 / total, 1e-6);
+  EXPECT_NEAR(held[5].item<double>(), person / total, 1e-6);
+  EXPECT_NEAR(CoordinatesOf(fast, uv)[0][4].item<double>(), 0.6, 1e-6);
   at::Tensor mask = at::zeros({1, 1, 1, 1}), colour = at::zeros({1, 3, 1, 1});
   ModelOptions direct = Tiny("direct");
   const at::Tensor colours = at::tensor({0.0f, 0.4f, 1.0f}).view({1, 3, 1, 1});
@@ -108,6 +116,38 @@ TEST(TemplateChannels, TheAnswerOfANetworkThatSaysNothingHasTheClosedForm) {
   AddTemplate(direct, TemplateChannels(raw), &mask, &colour);
   EXPECT_NEAR(at::sigmoid(mask).item<double>(), 0.7, 1e-6);
   EXPECT_EQ(colour.count_nonzero().item<int64_t>(), 0);
+}
+
+/// A row of 96 px: part 2 up to pixel 39, part 7 from there on.
+at::Tensor TwoParts() {
+  at::Tensor raw = at::ones({1, 4, 1, 96});
+  raw.select(1, 1).fill_(7).slice(2, 0, 40).fill_(2);
+  raw.select(1, 2).copy_(at::arange(96).view({1, 1, 96}) / 96.0);
+  return raw;
+}
+
+TEST(TemplateChannels, APartBesideTheVisibleOneHasTheCoordinatesOfItsNearestPixelAndFallsWithItsDistance) {
+  at::Tensor logits = at::zeros({1, 25, 1, 96}), uv = at::zeros({1, 48, 1, 96});
+  AddTemplate(Tiny("tna"), TemplateChannels(TwoParts()), &logits, &uv);
+  const auto beside = [&](int x, int part, int visible) {
+    return (logits[0][part][0][x] - logits[0][visible][0][x]).item<float>();
+  };
+  EXPECT_NEAR(beside(38, 7, 2), -1 - 3 * 2, 1e-4);
+  EXPECT_NEAR(beside(40, 2, 7), -1 - 3, 1e-4);
+  EXPECT_NEAR(beside(60, 2, 7), -12, 1e-4) << "far away";
+  EXPECT_NEAR(uv[0][1][0][60].item<double>(), 2 * 39 / 96.0 - 1, 1e-6);
+  EXPECT_NEAR(uv[0][6][0][60].item<double>(), 2 * 60 / 96.0 - 1, 1e-6);
+  EXPECT_EQ(uv[0][10].count_nonzero().item<int64_t>(), 0) << "a part that is nowhere";
+}
+
+TEST(TemplateChannels, ANetworkMovesCoordinatesAtTheChartsEdgeAsFarAsInItsMiddle) {
+  at::Tensor raw = at::ones({1, 4, 1, 3}), logits = at::zeros({1, 25, 1, 3});
+  raw.select(1, 2).copy_(at::tensor({0.0f, 0.5f, 1.0f}).view({1, 1, 3}));
+  const at::Tensor output = at::zeros({1, 48, 1, 3}).requires_grad_();
+  at::Tensor uv = output;
+  AddTemplate(Tiny("tna"), TemplateChannels(raw), &logits, &uv);
+  uv.sum().backward();
+  EXPECT_TRUE(at::equal(output.grad(), at::ones_like(output)));
 }
 
 TEST(TemplateChannels, BlackAndWhiteAreCorrectedAsEasilyAsGrey) {
@@ -156,6 +196,31 @@ TEST(TemplatePrior, WithoutAStepTheAvatarIsTheTemplateInAveragedColours) {
     const at::Tensor truth = pack.images[row].to(at::kFloat) / 255;
     EXPECT_LT(((r.image[0] - truth).abs().mean(0) * person).sum().item<double>() / person.sum().item<double>(), 0.02)
         << "colours depend on part and coordinates alone";
+  }
+}
+
+TEST(TemplatePrior, ANetworkThatAddsTooLittleIsLeftOut) {
+  const AvatarPack pack = Pack(), validation = Pack(4);
+  for (const char* method : {"tna", "direct"}) {
+    TrainOptions options = Steps(6);
+    options.validate_pictures = 4, options.least_gain = 0;
+    Trainer kept(pack, Tiny(method), options, OneThread());
+    EXPECT_TRUE(std::isnan(kept.Run(&validation, {}).gain)) << method;
+    options.least_gain = 1;
+    Trainer judged(pack, Tiny(method), options, OneThread());
+    const TrainReport report = judged.Run(&validation, {});
+    EXPECT_TRUE(std::isfinite(report.gain) && report.network_off) << method;
+    Trainer start(pack, Tiny(method), Steps(0), OneThread());
+    start.Run(nullptr, {});
+    const TensorFile file = judged.Checkpoint();
+    AvatarModel handed = ModelFromTensors(file, "file");
+    EXPECT_TRUE(at::equal(RenderRow(handed, pack, 1).image, RenderRow(start.model(), pack, 1).image)) << method;
+    for (const auto& [name, tensor] : ModelToTensors(kept.model()).tensors) {  // training went on as without a judge
+      const auto live = file.tensors.find("live." + name);
+      EXPECT_TRUE(at::equal(live == file.tensors.end() ? file.tensors.at(name) : live->second, tensor)) << name;
+    }
+    Trainer again(pack, file, "file", options, OneThread());
+    EXPECT_TRUE(again.Run(&validation, {}).network_off) << "resumed at its end";
   }
 }
 

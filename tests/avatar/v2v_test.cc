@@ -181,12 +181,22 @@ class SquareNet : public FeatureNet {
 TEST(Perceptual, IsTheMeanOverLevelsAndHasAGradientOnOneSideOnly) {
   const SquareNet net;
   at::Tensor a = at::full({1, 3, 4, 4}, 0.5).requires_grad_(), b = at::full({1, 3, 4, 4}, 0.25).requires_grad_();
-  const at::Tensor loss = PerceptualLoss(net, a, b);
+  const at::Tensor loss = PerceptualLoss(net, a, b, at::full({1, 1, 4, 4}, 1.0 / 16));
   EXPECT_FLOAT_EQ(loss.item<float>(), (0.25f + (0.25f - 0.0625f)) / 2);
   loss.backward();
   EXPECT_TRUE(a.grad().defined());
   EXPECT_FALSE(b.grad().defined());
   EXPECT_TRUE(at::allclose(net.Pooled(b), at::full({1, 3}, 0.0625)));
+}
+
+TEST(Perceptual, ActivationsWeighAsThePixelsBelowThem) {
+  const SquareNet net;
+  const at::Tensor truth = at::zeros({1, 3, 4, 4});
+  at::Tensor on = truth.clone(), beside = truth.clone(), weights = at::full({1, 1, 4, 4}, 1.0 / 40);
+  weights.slice(2, 0, 2) *= 4;  // the person's
+  on.slice(2, 0, 2).fill_(0.5), beside.slice(2, 2, 4).fill_(0.5);
+  EXPECT_NEAR(PerceptualLoss(net, on, truth, weights).item<double>(), 0.8 * (0.5 + 0.25) / 2, 1e-6);
+  EXPECT_NEAR(PerceptualLoss(net, beside, truth, weights).item<double>(), 0.2 * (0.5 + 0.25) / 2, 1e-6);
 }
 
 TEST(Perceptual, ARunGoesOnWithItsOwnNet) {

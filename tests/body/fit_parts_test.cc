@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -10,6 +11,7 @@
 #include "body/fit/posed_bones.h"
 #include "body/fit/rim.h"
 #include "body/fit/rotation_habits.h"
+#include "body/texture/surface_picture.h"
 #include "core/random.h"
 
 namespace mvstudio::body {
@@ -191,6 +193,47 @@ TEST(StepOffsets, FollowsWhatIsSeenAndDoubtsOneThatDisagrees) {
   const Eigen::VectorXd before = offsets;
   EXPECT_EQ(StepOffsets(laplacian, seen, {1e-3, 1}, &offsets), Status::kNonFiniteInput);
   EXPECT_EQ(offsets, before);
+}
+
+TEST(OffsetSigma, IsThatOfTheDenseInverseAndLeavesWhatNobodySawOpen) {
+  const Eigen::Index count = Small().vertices.cols();
+  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  std::vector<OffsetObservation> seen;
+  for (int v = 0; v < count / 3; v += 2) seen.push_back({v, 200, 0, 0.5});
+  const Eigen::VectorXd sigma = OffsetSigma(laplacian, seen, {1e-3, 0.1});
+  Eigen::MatrixXd h = Eigen::MatrixXd(laplacian.transpose() * laplacian) * 1e6;
+  h.diagonal().array() += 100;
+  for (const OffsetObservation& one : seen) h(one.vertex, one.vertex) += std::pow(0.5 * 200, 2);
+  const Eigen::VectorXd dense = h.inverse().diagonal().cwiseSqrt();
+  ASSERT_EQ(sigma.size(), count);
+  EXPECT_LT((sigma - dense).cwiseAbs().maxCoeff(), 1e-8);
+  EXPECT_LT(sigma[0], 0.01) << "the noise of one observation, at most";
+  EXPECT_GT(sigma.maxCoeff(), 0.01);
+  EXPECT_LE(sigma.maxCoeff(), 0.1) << "what the template leaves";
+  seen.push_back({0, std::nan(""), 0, 1});
+  EXPECT_EQ(OffsetSigma(laplacian, seen, {1e-3, 0.1}).size(), 0);
+}
+
+TEST(SurfacePicture, ShowsTheFrontFromTheFront) {
+  const BodyTemplate& body = Small();
+  Eigen::VectorXd values(body.vertices.cols());
+  for (Eigen::Index v = 0; v < values.size(); ++v) values[v] = body.vertices(1, v) < 0 ? 1 : -1;  // the person faces -y
+  const Image page = SurfacePicture(body, values, 1, 160);
+  ASSERT_EQ(page.width, 300);
+  int64_t red_left = 0, blue_left = 0, red_right = 0, blue_right = 0;
+  for (int y = 0; y < 150; ++y) {
+    for (int x = 0; x < 300; ++x) {
+      const uint8_t* p = page.Pixel(x, y);
+      (x < 150 ? red_left : red_right) += p[0] > p[2] + 40;
+      (x < 150 ? blue_left : blue_right) += p[2] > p[0] + 40;
+    }
+  }
+  EXPECT_GT(red_left, 1000);
+  EXPECT_GT(blue_right, 1000);
+  EXPECT_GT(red_left, 8 * blue_left);
+  EXPECT_GT(blue_right, 8 * red_right);
+  EXPECT_EQ(page.Pixel(0, 0)[0], 255) << "on white";
+  EXPECT_GT(page.Pixel(0, 159)[2], page.Pixel(0, 159)[0]) << "the scale begins blue";
 }
 
 TEST(SmoothBrightness, IsNotDarkenedByTheBackgroundAndHasARightGradient) {

@@ -22,6 +22,9 @@ TexturedPerson Person() {
   person.person.body = MakeMannequin(1.75, 0.3);
   person.person.joint_sigma_m = 0.0123;
   person.textures = MannequinTextures(16, 3);
+  person.offset_m = Eigen::VectorXd::Random(person.person.body.vertices.cols());
+  person.offset_sigma_m = person.offset_m.cwiseAbs();
+  person.cameras = {{{0, 3}}, {{0, 12}}}, person.frames = {3, 17};
   Rng rng(2);
   const size_t bones = person.person.body.bone_names.size();
   for (const int frame : {3, 17, 200}) {
@@ -56,6 +59,10 @@ TEST(TexturedPerson, ComesBackAsItWasWritten) {
   }
   for (size_t b = 0; b < written.person.habits.bones.size(); ++b)
     EXPECT_EQ(read.person.habits.bones[b].weights, written.person.habits.bones[b].weights);
+  EXPECT_EQ(read.cameras, written.cameras);
+  EXPECT_EQ(read.offset_m, written.offset_m);
+  EXPECT_EQ(read.offset_sigma_m, written.offset_sigma_m);
+  EXPECT_EQ(read.frames, written.frames);
   for (int k = 0; k < kNumParts; ++k) EXPECT_EQ(read.textures[k].pixels, written.textures[k].pixels);
 }
 
@@ -88,6 +95,8 @@ TEST(TexturedPerson, DamageIsNamed) {
   EXPECT_THAT(Refusal([](Extras& e) { e["habit_3"](0, 0) = std::nan(""); }), HasSubstr("not finite"));
   EXPECT_THAT(Refusal([](Extras& e) { e["textures"](0, 0) = 256; }), HasSubstr("0 to 255"));
   EXPECT_THAT(Refusal([](Extras& e) { e["textures"].conservativeResize(24, 100); }), HasSubstr("24 squares"));
+  EXPECT_THAT(Refusal([](Extras& e) { e["frames"](0, 0) = 0.5; }), HasSubstr("whole numbers"));
+  EXPECT_THAT(Refusal([](Extras& e) { e["cameras"].conservativeResize(2, 1); }), HasSubstr("another size"));
   EXPECT_THAT(Refusal([](Extras& e) { e["joint_sigma_m"](0, 0) = 0; }), HasSubstr("positive"));
 }
 

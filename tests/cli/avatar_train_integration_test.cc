@@ -86,6 +86,33 @@ TEST_F(AvatarTrain, AValidationCameraIsNotTrainedOn) {
   EXPECT_EQ(Train("none", {"--amp", "--device", "cpu"}).exit, 2);
 }
 
+TEST_F(AvatarTrain, TakesABodyThatSawItsTrainingImagesAlone) {
+  const std::vector<std::string> split = {"--holdout-cameras", "00_03", "--holdout-frames", "6-7"};
+  const CliRun fit = RunCli(Joined({"avatar", "fit", data(), "--out", out("body")}, split));
+  ASSERT_EQ(fit.exit, 0) << fit.err;
+  const CliRun run = TrainTiny("with", Joined({"--body", out("body"), "--steps", "2"}, split));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  EXPECT_EQ(testing::Slurp(out("with") + "/body.npz"), testing::Slurp(out("body") + "/body.npz"));
+  const auto refused = [&](const std::vector<std::string>& more) {
+    const CliRun other = TrainTiny("other", Joined({"--body", out("body") + "/body.npz", "--steps", "0"}, more));
+    EXPECT_EQ(other.exit, 2);
+    return other.Json()["errors"][0]["text"].get<std::string>();
+  };
+  EXPECT_THAT(refused({"--holdout-cameras", "00_01"}), HasSubstr("was fitted to camera 00_01"));
+  EXPECT_THAT(refused({"--holdout-cameras", "00_03", "--holdout-frames", "2-3"}), HasSubstr("was fitted to frame 2"));
+  EXPECT_THAT(refused(Joined(split, {"--pose-by", "joints"})), HasSubstr("was posed by images of frame 6"));
+  EXPECT_THAT(refused(Joined(split, {"--fit", "girths"})), HasSubstr("--body needs"));
+  EXPECT_FALSE(fs::exists(out("other")));
+}
+
+TEST_F(AvatarTrain, ANetworkThatAddsLittleIsLeftOutAndSaid) {
+  const CliRun off = TrainTiny("little", {"--validate-camera", "00_01", "--steps", "2", "--learning-rate", "1e-9"});
+  ASSERT_EQ(off.exit, 0) << off.err;
+  EXPECT_EQ(off.Json()["metrics"]["network"]["kept"], false);
+  const CliRun unjudged = TrainTiny("unjudged", {"--steps", "2", "--least-gain", "0.01"});
+  EXPECT_EQ(unjudged.exit, 2);
+}
+
 TEST_F(AvatarTrain, BeginsWithAnotherAvatarsNetwork) {
   ASSERT_EQ(Train("first", {}).exit, 0);
   const std::vector<std::string> few = {"avatar",         "train",      data(),   "--out",           out("second"),

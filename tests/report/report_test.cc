@@ -138,7 +138,7 @@ class ReportTest : public ::testing::Test {
                         {"baselines", {{"mean_image", {{"ssim", 0.8}, {"psnr_db", 20.5}, {"mask_iou", 0.7}, {"fd", nullptr}}}}},
                         {"per_camera", {{{"name", "left"}, {"ssim", 0.9125}, {"psnr_db", 24.5}, {"mask_iou", nullptr}}}}});
     result["outputs"] = {{{"path", "/somewhere/else/avatar/eval/left_00000084.png"}, {"role", "heldout-picture"}},
-                         {{"path", "gone.png"}, {"role", "texture-atlas"}}};
+                         {{"path", "gone.png"}, {"role", "textures"}}};
     Save("avatar/avatar_eval.result.json", result);
   }
   void SaveWholeRun() {
@@ -351,6 +351,22 @@ TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
   for (size_t at = report.html.find("data:image/png"); at != std::string::npos; at = report.html.find("data:image/png", at + 1))
     ++pictures;
   EXPECT_EQ(pictures, 2u);
+  EXPECT_THAT(report.warnings, IsEmpty());
+}
+
+TEST_F(ReportTest, AFittedBodyShowsItsStepsCamerasAndSurface) {
+  SavePng("body/surface.png");
+  const Json stages = {{{"name", "offsets, smooth to 1.0 mm"}, {"held_out_iou", 0.9375}, {"seconds", 4.5}, {"kept", true}}};
+  Json result = Result("avatar fit", {{"stages", stages},
+                                      {"cameras", {{"00_07", {{"silhouettes", 12}, {"rejected", 3}, {"iou", 0.9125}}}}},
+                                      {"surface_sigma_mm", {{"median", 2.25}, {"quantile_95", 9.5}, {"share_below_10", 0.96}}},
+                                      {"surface_maps", {{"offset_limit_mm", 25}, {"sigma_limit_mm", 10}}}});
+  result["outputs"] = {{{"path", "surface.png"}, {"role", "surface-maps"}}};
+  Save("body/avatar_fit.result.json", result);
+  const Report report = Build();
+  EXPECT_THAT(report.html, AllOf(HasSubstr("offsets, smooth to 1.0 mm"), HasSubstr("0.9375"), HasSubstr("00_07"),
+                                 HasSubstr("0.9125"), HasSubstr("96\u00a0% of the vertices"), HasSubstr("front, deviation")));
+  EXPECT_THAT(report.html, HasSubstr("data:image/png"));
   EXPECT_THAT(report.warnings, IsEmpty());
 }
 

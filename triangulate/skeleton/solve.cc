@@ -5,7 +5,7 @@
 
 #include "core/statistics.h"
 #include "geometry/rigid/decompositions.h"
-#include "triangulate/skeleton/selected_inverse.h"
+#include "geometry/solve/selected_inverse.h"
 #include "triangulate/skeleton/window.h"
 
 namespace mvstudio::triangulate::internal {
@@ -324,7 +324,7 @@ void Describe(const Problem& problem, size_t cell, const Eigen::Vector3d& x_in_l
 
 double LargestSigma(const Eigen::Matrix3d& covariance) { return std::sqrt(geometry::SymmetricEigenvalues(covariance)[2]); }
 
-Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const SelectedInverse& inverse) {
+Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const geometry::SelectedInverse& inverse) {
   const Eigen::Index first = 3 * problem.variable[cell];
   Eigen::Matrix3d covariance;
   for (int a = 0; a < 3; ++a) {
@@ -334,7 +334,7 @@ Eigen::Matrix3d CovarianceAt(const Problem& problem, size_t cell, const Selected
 }
 
 /// Points with their covariances; bridged ones only where they are determined well enough.
-std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const SelectedInverse& inverse) {
+std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const geometry::SelectedInverse& inverse) {
   const Window& window = *problem.window;
   const double shared = problem.terms->shared_error;
   std::vector<Point> points = PointsOf(window);
@@ -387,7 +387,7 @@ WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const B
   AddBones(bones, &problem);
   for (const KnownLength& each : known) at.length_m.push_back(each.length_m);
   if (!Minimise(problem, max_iterations, &at)) return solution;
-  const SelectedInverse inverse(ToMatrix(problem, Assemble(problem, at, true)));
+  const geometry::SelectedInverse inverse(ToMatrix(problem, Assemble(problem, at, true)));
   if (!inverse.ok()) return solution;
   solution.points = ToPoints(problem, at, inverse);
   for (size_t b = 0; b < bones.size(); ++b) {

@@ -1,6 +1,7 @@
 #include "avatar/io/pack/person_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -216,6 +217,16 @@ void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOption
   out->fit = std::move(fits[index]);
 }
 
+/// Which images a body may have seen.
+void NoteImages(const PersonFitOptions& options, body::TexturedPerson* person) {
+  for (const std::string& name : options.cameras) {
+    std::array<int, 2> camera{};
+    MVS_CHECK(dataset::ParsePanopticName(name, &camera[0], &camera[1]), "camera " << name << " has no Panoptic name");
+    person->cameras.push_back(camera);
+  }
+  person->frames = options.frames;
+}
+
 }  // namespace
 
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
@@ -232,6 +243,8 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   body::HoldOutViews(&steps);
   FitTemplates(steps, options, run, &out);
   out.result.person = std::move(out.fit.person);
+  out.result.offset_m = out.fit.offsets, out.result.offset_sigma_m = out.fit.offset_sigma_m;
+  NoteImages(options, &out.result);
   BakeTextures(data, sources, options, run, &out);
   if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);
   return out;

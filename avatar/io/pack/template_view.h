@@ -19,8 +19,8 @@ std::optional<Eigen::Matrix3Xf> PosedVertices(const body::BodyTemplate& body, co
 std::optional<Eigen::Matrix3Xf> PosedVertices(const body::PersonBody& person, const dataset::Coco19Pose& pose);
 
 /// Fills `maps` (4, size_px, size_px) with the view of `crop` (square) at that many pixels, rasterised four times finer. A
-/// pixel's part is the most frequent among its samples, u and v are their means. Without any sample on the template: all
-/// 0.
+/// pixel's part is the most frequent among its samples, u and v are their means; where the chart's ends meet in a pixel, of the
+/// end at its middle. Without any sample on the template: all 0.
 void FillTemplateMaps(const body::BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                       const geometry::RigCamera& crop, int size_px, float* maps);
 

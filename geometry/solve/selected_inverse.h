@@ -1,9 +1,8 @@
-// Private: for the solver of RefineSkeleton.
 #pragma once
 
 #include <Eigen/SparseCore>
 
-namespace mvstudio::triangulate::internal {
+namespace mvstudio::geometry {
 
 /// Entries of the inverse of a symmetric positive definite matrix at the nonzeros of its Cholesky factor. These include
 /// its diagonal and every block of the matrix itself (Takahashi, Fagan, Chin, 1973; Erisman and Tinney, 1975).
@@ -20,4 +19,4 @@ class SelectedInverse {
   Eigen::VectorXi order_;
 };
 
-}  // namespace mvstudio::triangulate::internal
+}  // namespace mvstudio::geometry

@@ -1,13 +1,13 @@
+#include "geometry/solve/selected_inverse.h"
+
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <vector>
 
 #include "core/random.h"
-#include "triangulate/skeleton/refine.h"
-#include "triangulate/skeleton/selected_inverse.h"
 
-/// The parts of the refinement; skeleton_refine_motion_integration_test.cc has the whole.
-namespace mvstudio::triangulate {
+namespace mvstudio::geometry {
 namespace {
 
 TEST(SelectedInverse, EqualsTheDenseInverse) {
@@ -26,7 +26,7 @@ TEST(SelectedInverse, EqualsTheDenseInverse) {
   }
   Eigen::SparseMatrix<double> sparse(kSize, kSize);
   sparse.setFromTriplets(entries.begin(), entries.end());
-  const internal::SelectedInverse selected(sparse);
+  const SelectedInverse selected(sparse);
   ASSERT_TRUE(selected.ok());
   const Eigen::MatrixXd inverse = dense.inverse();
   for (const auto& entry : entries) {
@@ -38,8 +38,8 @@ TEST(SelectedInverse, EqualsTheDenseInverse) {
 TEST(SelectedInverse, SaysWhenNotPositiveDefinite) {
   Eigen::SparseMatrix<double> matrix(2, 2);
   matrix.insert(0, 0) = 1, matrix.insert(1, 0) = 2, matrix.insert(1, 1) = 1;
-  EXPECT_FALSE(internal::SelectedInverse(matrix).ok());
+  EXPECT_FALSE(SelectedInverse(matrix).ok());
 }
 
 }  // namespace
-}  // namespace mvstudio::triangulate
+}  // namespace mvstudio::geometry

@@ -1,11 +1,11 @@
-#include "triangulate/skeleton/selected_inverse.h"
+#include "geometry/solve/selected_inverse.h"
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 
 #include "core/check.h"
 
-namespace mvstudio::triangulate::internal {
+namespace mvstudio::geometry {
 namespace {
 
 using Sparse = Eigen::SparseMatrix<double>;
@@ -66,4 +66,4 @@ double SelectedInverse::operator()(Eigen::Index row, Eigen::Index col) const {
   return inverse_.valuePtr()[found - inverse_.innerIndexPtr()];
 }
 
-}  // namespace mvstudio::triangulate::internal
+}  // namespace mvstudio::geometry

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "body/body_template.h"
+#include "body/texture/bake.h"
+#include "core/image.h"
+
+/// Numbers of a body's vertices as colours.
+namespace mvstudio::body {
+
+/// Charts of `size_px` from colours of the vertices, (3, V) in [0, 1].
+Textures PaintVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& colours, int size_px);
+
+/// Blue at -limit, light grey at 0, red at limit; dark grey for what is not finite. (3) in [0, 1].
+Eigen::Vector3f DivergingColour(double value, double limit);
+
+/// `values` (V) on the body at rest, from the front and from the back on white, (height_px, about height_px, 3), shaded; below
+/// them the scale from -limit to limit.
+Image SurfacePicture(const BodyTemplate& body, const Eigen::VectorXd& values, double limit, int height_px);
+
+}  // namespace mvstudio::body
