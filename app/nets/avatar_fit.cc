@@ -217,7 +217,7 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
          "too few images to hold some out, so nobody can say whether a fitted surface is better: only the lengths of the bones "
          "were fitted",
          "give at least four images, better ten frames of several cameras");
-  } else if (!fit.stages.empty() && fit.stages.front().kept) {
+  } else if (fit.stages.size() > 1 && fit.stages.front().kept) {
     warn("BODY-NO-GAIN",
          "offsets of the surface did not improve held-out silhouettes: only the lengths of the bones were fitted",
          "check masks and joints");

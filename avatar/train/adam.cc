@@ -93,7 +93,7 @@ void StepTensors(const Adam::Slot& slot, const at::Tensor& gradient, const Rates
 }  // namespace
 
 void Adam::Add(const std::string& name, const at::Tensor& value) {
-  slots.push_back({name, value, at::zeros_like(value.detach()), at::zeros_like(value.detach())});
+  slots.push_back({name, value, at::zeros_like(value.detach()), at::zeros_like(value.detach()), {}});
 }
 
 void Adam::AddSparse(const std::string& name, const at::Tensor& value) {

@@ -6,6 +6,7 @@ avatar fit` writes them. Prints one row a body:
 
 - to truth: distance of the fitted vertices from the true dressed surface, mean and 95 % quantile, mm; over every third frame of
   vertices_*.npz that the body has a pose of
+- z: rms of the former over rms of the standard deviations that the fit gives its surface; clothes have details that no silhouette shows
 - from truth: distance of points of the true surface that can be seen from outside, from the fitted one, mm
 - joints: distance of the fitted skeleton's joints from the true ones (shoulders, elbows, wrists, hips, knees, ankles), mm
 - twist, swing: rotation of upper arms, forearms, thighs and shins against the truth about the bone and across it, median, degrees.
@@ -67,6 +68,7 @@ class Body:
         self.skin_bones, self.skin_weights = arrays["skin_bones"], arrays["skin_weights"].astype(float)
         self.coco19, self.coco19_bone = arrays["coco19"], arrays["coco19_bone"]
         poses = arrays["extra.poses"]
+        self.sigma = arrays["extra.offset_sigma_m"][:, 0] if "extra.offset_sigma_m" in arrays else None
         self.poses = {int(row[0]): (row[1:4], row[4:].reshape(-1, 4)) for row in poses}
 
     def transforms(self, frame):
@@ -157,7 +159,8 @@ def measure(truth, path):
               for f in frames]
     twist, swing = limb_errors(truth, body, axes, frames)
     to_truth, from_truth = 1e3 * np.concatenate(to_truth), 1e3 * np.concatenate(from_truth)
-    print(f"| {os.path.basename(os.path.dirname(os.path.abspath(path)))} | {to_truth.mean():.1f} | {np.quantile(to_truth, 0.95):.1f} | "
+    z = "" if body.sigma is None else f"{np.sqrt(np.mean(to_truth ** 2) / np.mean((1e3 * body.sigma) ** 2)):.1f}"
+    print(f"| {os.path.basename(os.path.dirname(os.path.abspath(path)))} | {to_truth.mean():.1f} | {np.quantile(to_truth, 0.95):.1f} | {z} | "
           f"{from_truth.mean():.1f} | {np.quantile(from_truth, 0.95):.1f} | {1e3 * np.median(joints):.1f} | {twist:.1f} | {swing:.1f} | "
           f"{len(frames)} |", flush=True)
 
@@ -166,7 +169,7 @@ def main():
     if len(sys.argv) < 3:
         sys.exit(__doc__)
     truth = Truth(sys.argv[1])
-    print("| body | to truth, mm | 95 % | from truth, mm | 95 % | joints, mm | twist, degrees | swing | poses |\n|---|---|---|---|---|---|---|---|---|")
+    print("| body | to truth, mm | 95 % | z | from truth, mm | 95 % | joints, mm | twist, degrees | swing | poses |\n|---|---|---|---|---|---|---|---|---|---|")
     for path in sys.argv[2:]:
         measure(truth, path)
 

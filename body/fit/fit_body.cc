@@ -50,14 +50,7 @@ class Fit {
     Reject(before_);
     std::vector<Candidate> candidates = {Judge("lengths of the bones alone", state_)};
     out_.iou_before = 1 - Mean(FiniteValues(candidates[0].loss));
-    FitOutlines(&stage);
-    for (const double smoothness : kSmoothness) {
-      FitState softer = state_;
-      for (int k = 0; k < 2; ++k) softer.FitShape(smoothness, kReachPx), softer.FitPoses(kReachPx);
-      candidates.push_back(Judge(Format("offsets, smooth to %.1f mm", 1e3 * smoothness), softer));
-      candidates.back().smoothness_m = smoothness;
-      stage.Advance();
-    }
+    if (options_.fit_surface) FitSurface(&stage, &candidates);
     Candidate best = Choose(&candidates);
     stage.Advance();
     if (best.name != candidates[0].name && options_.use_brightness) best = WithBrightness(std::move(best));
@@ -94,6 +87,17 @@ class Fit {
     Reject(ViewIous(state_, steps_, run_));
   }
 
+  void FitSurface(ProgressStage* stage, std::vector<Candidate>* candidates) {
+    FitOutlines(stage);
+    for (const double smoothness : kSmoothness) {
+      FitState softer = state_;
+      for (int k = 0; k < 2; ++k) softer.FitShape(smoothness, kReachPx), softer.FitPoses(kReachPx);
+      candidates->push_back(Judge(Format("offsets, smooth to %.1f mm", 1e3 * smoothness), softer));
+      candidates->back().smoothness_m = smoothness;
+      stage->Advance();
+    }
+  }
+
   Candidate Judge(const std::string& name, const FitState& state) {
     Candidate candidate{name, state, state.Person(), {}, false, 0};
     candidate.loss = OutlineLoss(candidate.person, steps_, run_);
@@ -117,13 +121,13 @@ class Fit {
     FitState state = outlines.state;
     for (const double sigma_px : kBrightnessSigmaPx) {
       state.FitBrightness(sigma_px, kReachPx);
-      state.FitShape(kSmoothness[1], kReachPx);
+      state.FitShape(outlines.smoothness_m, kReachPx);
     }
     Candidate brighter = Judge("poses by brightness", state);
     const UnitMean worse = DifferenceOverUnits(BrightnessLoss(brighter.person, steps_, kBrightnessSigmaPx[1], run_),
                                                BrightnessLoss(outlines.person, steps_, kBrightnessSigmaPx[1], run_));
     out_.stages.back().kept = worse.mean < 0;
-    brighter.by_brightness = true, brighter.smoothness_m = kSmoothness[1];
+    brighter.by_brightness = true, brighter.smoothness_m = outlines.smoothness_m;
     return worse.mean < 0 ? brighter : outlines;
   }
 

@@ -31,6 +31,7 @@ struct FitStep {
 };
 
 struct BodyFitOptions {
+  bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
   double joint_sigma_m = 0;  ///< 0: estimated from the joints' distances from the posed skeleton, at least 3 mm
 };

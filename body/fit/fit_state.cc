@@ -88,7 +88,7 @@ BodyTemplate FitState::Shaped() const {
   return shaped;
 }
 
-std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
+std::vector<std::vector<OffsetObservation>> FitState::LookAtSteps(double max_px) const {
   const BodyTemplate shaped = Shaped();
   const StepPoser poser(shaped, joint_sigma_m_, nullptr);
   std::vector<std::vector<OffsetObservation>> seen(steps_->size());
@@ -100,8 +100,12 @@ std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
       seen[i].push_back({rim.vertex, rim.direction.dot(along), rim.gap, 1 / kShapeSigmaPx});
     }
   });
+  return seen;
+}
+
+std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
   std::vector<OffsetObservation> all;
-  for (const auto& some : seen) all.insert(all.end(), some.begin(), some.end());
+  for (const auto& some : LookAtSteps(max_px)) all.insert(all.end(), some.begin(), some.end());
   return all;
 }
 
@@ -119,7 +123,7 @@ Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
 }
 
 Eigen::VectorXd FitState::OffsetSigma(double laplacian_sigma_m, double max_px) const {
-  return body::OffsetSigma(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM});
+  return body::OffsetSigma(laplacian_, LookAtSteps(max_px), {laplacian_sigma_m, kOffsetSigmaM});
 }
 
 void FitState::FitPoses(double max_px) {

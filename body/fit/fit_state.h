@@ -54,6 +54,8 @@ class FitState {
  private:
   void FitSkeleton();
   void PoseAllByJoints();
+  /// (steps) where the surface should move along its normals.
+  std::vector<std::vector<OffsetObservation>> LookAtSteps(double max_px) const;
   std::vector<OffsetObservation> LookAtShape(double max_px) const;
   MeanBrightness Brightness(const StepPoser& poser, double sigma_px) const;
 

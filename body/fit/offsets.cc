@@ -75,15 +75,28 @@ Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vect
   return Status::kOk;
 }
 
-Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
+Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian,
+                            const std::vector<std::vector<OffsetObservation>>& observations,
                             const OffsetSmoothness& smoothness) {
-  const Eigen::SparseMatrix<double> h = Hessian(laplacian, observations, smoothness);
+  std::vector<OffsetObservation> all;
+  for (const auto& step : observations) all.insert(all.end(), step.begin(), step.end());
+  const Eigen::SparseMatrix<double> h = Hessian(laplacian, all, smoothness);
   if (!std::isfinite(h.sum())) return {};
   const geometry::SelectedInverse covariance(h);
-  if (!covariance.ok()) return {};
-  Eigen::VectorXd sigma(h.cols());
-  for (Eigen::Index v = 0; v < h.cols(); ++v) sigma[v] = std::sqrt(covariance(v, v));
-  return sigma;
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(h);
+  if (!covariance.ok() || solver.info() != Eigen::Success) return {};
+  Eigen::VectorXd variance = Eigen::VectorXd::Zero(h.cols());
+  double clusters = 0;
+  for (const auto& step : observations) {
+    if (step.empty()) continue;
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(h.cols());
+    for (const OffsetObservation& seen : step) gradient[seen.vertex] += RobustWeight(seen) * seen.scale * seen.gap_px;
+    variance += solver.solve(gradient).cwiseAbs2();
+    ++clusters;
+  }
+  if (clusters > 1) variance *= clusters / (clusters - 1);
+  for (Eigen::Index v = 0; v < h.cols(); ++v) variance[v] += covariance(v, v);
+  return variance.cwiseSqrt();
 }
 
 Eigen::MatrixXd ShapeOffsets(const BodyTemplate& body, const Eigen::Matrix3Xf& normals) {

@@ -30,10 +30,12 @@ struct OffsetSmoothness {
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
                    const OffsetSmoothness& smoothness, Eigen::VectorXd* offsets);
 
-/// Standard deviations (V) of the offsets, metres: of the posterior whose optimum StepOffsets seeks, at `offsets` as they are
-/// when the observations are made. Where nothing was seen, smoothness and `offset_sigma_m` alone bound it. Empty when the
-/// problem is not positive definite.
-Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,
+/// Standard deviations (V) of the offsets at StepOffsets' optimum, metres, from observations by time step. Those of one time
+/// step err together (its pose, its masks), so their scatter between time steps is added to the posterior's variance: the
+/// sandwich estimator for clusters (Liang and Zeger, "Longitudinal data analysis using generalized linear models", Biometrika
+/// 1986). Where nothing was seen, smoothness and `offset_sigma_m` bound it. Empty when the problem is not positive definite.
+Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian,
+                            const std::vector<std::vector<OffsetObservation>>& observations,
                             const OffsetSmoothness& smoothness);
 
 /// Faces whose normals turn over when `vertices` (3, V) move by `offsets` (V) along `normals` (3, V).

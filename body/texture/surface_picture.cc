@@ -77,7 +77,7 @@ Eigen::Vector3f DivergingColour(double value, double limit) {
   if (!std::isfinite(value)) return Eigen::Vector3f::Constant(0.35f);
   const Eigen::Vector3f blue(0.13f, 0.40f, 0.67f), grey(0.93f, 0.93f, 0.93f), red(0.70f, 0.09f, 0.17f);
   const auto share = static_cast<float>(std::clamp(value / limit, -1.0, 1.0));
-  return share < 0 ? grey - share * (blue - grey) : grey + share * (red - grey);
+  return grey + std::abs(share) * ((share < 0 ? blue : red) - grey);
 }
 
 Image SurfacePicture(const BodyTemplate& body, const Eigen::VectorXd& values, double limit, int height_px) {

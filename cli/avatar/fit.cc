@@ -93,6 +93,8 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   AddChoice(
       sub, "--pose-by", a->pose_by,
       "images: all frames of the split are posed by the images of the training cameras; joints: those that are fitted to");
+  AddFlag(sub, "--surface,!--no-surface", a->options.fit_surface,
+          "fit the surface to the silhouettes; off: the lengths of the bones alone, to see what the surface is worth");
   AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
           "align poses by the surface's brightness as well; kept only where held-out images agree");
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));

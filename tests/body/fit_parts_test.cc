@@ -200,7 +200,7 @@ TEST(OffsetSigma, IsThatOfTheDenseInverseAndLeavesWhatNobodySawOpen) {
   const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
   std::vector<OffsetObservation> seen;
   for (int v = 0; v < count / 3; v += 2) seen.push_back({v, 200, 0, 0.5});
-  const Eigen::VectorXd sigma = OffsetSigma(laplacian, seen, {1e-3, 0.1});
+  const Eigen::VectorXd sigma = OffsetSigma(laplacian, {seen}, {1e-3, 0.1});
   Eigen::MatrixXd h = Eigen::MatrixXd(laplacian.transpose() * laplacian) * 1e6;
   h.diagonal().array() += 100;
   for (const OffsetObservation& one : seen) h(one.vertex, one.vertex) += std::pow(0.5 * 200, 2);
@@ -211,7 +211,34 @@ TEST(OffsetSigma, IsThatOfTheDenseInverseAndLeavesWhatNobodySawOpen) {
   EXPECT_GT(sigma.maxCoeff(), 0.01);
   EXPECT_LE(sigma.maxCoeff(), 0.1) << "what the template leaves";
   seen.push_back({0, std::nan(""), 0, 1});
-  EXPECT_EQ(OffsetSigma(laplacian, seen, {1e-3, 0.1}).size(), 0);
+  EXPECT_EQ(OffsetSigma(laplacian, {seen}, {1e-3, 0.1}).size(), 0);
+}
+
+/// All that one time step sees lies off by the same amount: a thousand such vertices say no more than one.
+TEST(OffsetSigma, CoversErrorsThatATimeStepHasInCommon) {
+  constexpr int kSteps = 40, kTrials = 30;
+  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  const Eigen::Index count = Small().vertices.cols();
+  Rng rng(5);
+  double error = 0, variance = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    std::vector<double> off(kSteps);
+    for (double& step : off) step = 2 * rng.Normal();
+    const auto observe = [&](const Eigen::VectorXd& offsets) {
+      std::vector<std::vector<OffsetObservation>> seen(kSteps);
+      for (int i = 0; i < kSteps; ++i) {
+        for (int v = 0; v < count; ++v) seen[i].push_back({v, 200, off[i] - 200 * offsets[v], 0.1});
+      }
+      return seen;
+    };
+    Eigen::VectorXd offsets = Eigen::VectorXd::Zero(count);
+    std::vector<OffsetObservation> all;
+    for (const auto& step : observe(offsets)) all.insert(all.end(), step.begin(), step.end());
+    ASSERT_EQ(StepOffsets(laplacian, all, {1e-3, 0.1}, &offsets), Status::kOk);
+    error += offsets.squaredNorm();
+    variance += OffsetSigma(laplacian, observe(offsets), {1e-3, 0.1}).squaredNorm();
+  }
+  EXPECT_NEAR(std::sqrt(error / variance), 1, 0.3) << "the truth is 0; 30 trials scatter by an eighth";
 }
 
 TEST(SurfacePicture, ShowsTheFrontFromTheFront) {

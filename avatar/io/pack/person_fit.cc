@@ -200,7 +200,7 @@ body::BodyTemplate TemplateOf(const std::string& path) {
 void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOptions& options, const RunContext& run,
                   PersonFit* out) {
   body::BodyFitOptions fit;
-  fit.use_brightness = options.use_brightness;
+  fit.fit_surface = options.fit_surface, fit.use_brightness = options.use_brightness;
   std::vector<body::BodyFit> fits;
   std::vector<HeldOutCandidate> losses;
   for (const std::string& path : options.templates) {
