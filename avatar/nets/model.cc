@@ -171,6 +171,17 @@ at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, 
   return person * colour + (1 - person) * background.view({1, 3, 1, 1});
 }
 
+at::Tensor PersonProbability(const AvatarModel& model, const at::Tensor& first_head) {
+  return model.options.method == Method::kTna ? 1 - at::softmax(first_head, 1).select(1, 0)
+                                              : at::sigmoid(first_head).squeeze(1);
+}
+
+at::Tensor CleanImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
+                      const at::Tensor& background, const at::Tensor& previous) {
+  return CleanMatte(ComposeImage(model, first_head, second_head, background, previous), PersonProbability(model, first_head),
+                    background);
+}
+
 Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int64_t width, const at::Tensor& background,
                  const at::Tensor& previous) {
   torch::NoGradGuard no_grad;
@@ -184,9 +195,8 @@ Rendering Render(AvatarModel& model, const PoseBatch& poses, int64_t height, int
   const auto [first, second] = Predict(model, maps, before);
   const at::Tensor behind = Background(background, like);
   Rendering out;
-  out.mask_prob = model.options.method == Method::kTna ? 1 - at::softmax(first, 1).select(1, 0) : at::sigmoid(first).squeeze(1);
-  const at::Tensor image = CleanMatte(ComposeImage(model, first, second, behind, before), out.mask_prob, behind);
-  out.image = image.clamp(0, 1).to(at::kCPU).contiguous();
+  out.mask_prob = PersonProbability(model, first);
+  out.image = CleanImage(model, first, second, behind, before).clamp(0, 1).to(at::kCPU).contiguous();
   if (model.options.method == Method::kTna) {
     FillParts(first, CoordinatesOf(model.options, second), &out);
   } else {

@@ -43,6 +43,11 @@ std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& 
 at::Tensor ComposeImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
                         const at::Tensor& background, const at::Tensor& previous = {});
 
+/// The same as Render shows it, with gradients: where the person's probability is below 5 % the background, above 95 % the
+/// person alone.
+at::Tensor CleanImage(const AvatarModel& model, const at::Tensor& first_head, const at::Tensor& second_head,
+                      const at::Tensor& background, const at::Tensor& previous = {});
+
 /// Samples images at the positions of the flow (B, 2, H, W), x then y, px; borders are repeated outwards.
 at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px);
 

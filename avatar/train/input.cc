@@ -31,7 +31,7 @@ void AddPast(AvatarModel& model, const std::vector<int64_t>& previous, const std
   const at::Tensor black = at::zeros_like(batch1.image), background = at::zeros({3}, black.options());
   const auto render = [&](const TrainBatch& batch, const at::Tensor& past) {
     const auto [first, second] = Predict(model, batch.maps, past);
-    return ComposeImage(model, first, second, background, past).clamp(0, 1);
+    return CleanImage(model, first, second, background, past).clamp(0, 1);
   };
   const at::Tensor image2 = has2 * render(batch2, at::cat({black, black}, 1));
   const at::Tensor image1 = has1 * render(batch1, at::cat({image2, black}, 1));

@@ -37,8 +37,11 @@ Outputs Forward(AvatarModel& model, const StepInput& input, bool half_precision)
   return {first, second};
 }
 
+/// With the template the outline is known from the start, so the image is compared as it will be rendered. Without it a faint
+/// person is where the gradient of the outline comes from.
 at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outputs& out) {
-  return ComposeImage(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
+  const auto compose = model.options.prior == Prior::kTemplate ? CleanImage : ComposeImage;
+  return compose(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
 }
 
 enum TotalIndex { kPicture, kSsim, kPerson, kMoving };
