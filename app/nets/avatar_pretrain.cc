@@ -138,21 +138,19 @@ class Run {
     earlier_s_ = folder_.files.TakeUpHistory(trainer_->model().step);
   }
 
+  /// Throws CancelledError after saving.
   avatar::TrainReport Train() {
+    ProgressStage stage(run_, "pretraining", trainer_->total_steps() - trainer_->model().step);
     avatar::TrainReport all;
-    const int64_t total = trainer_->total_steps();
-    ProgressStage stage(run_, "pretraining", total - trainer_->model().step);
-    do {
-      if (const int64_t set = sets_.SetOf(trainer_->model().step); set != set_ && trainer_->model().step < total) {
-        pack_ = sets_.Draw(set_ = set);
-        trainer_->ReplacePictures(pack_);
-      }
-      avatar::TrainReport part = trainer_->Run(
-          nullptr, [&](int64_t step, const avatar::HistoryRow* row) { return After(step, row, &stage); }, sets_.EndOf(set_));
-      all.steps_done += part.steps_done, all.stopped = part.stopped;
-      all.status = part.status, all.message = part.message;
-      if (!part.history.empty()) all.history = {part.history.back()};
-    } while (trainer_->model().step < total && !all.stopped && all.status == Status::kOk);
+    try {
+      do {
+        all = TrainOnSet(&stage);
+      } while (trainer_->model().step < trainer_->total_steps() && all.status == Status::kOk);
+    } catch (const CancelledError&) {
+      folder_.files.Save(*trainer_, pack_);
+      throw CancelledError("interrupted after step " + std::to_string(trainer_->model().step) +
+                           ": the checkpoint is saved, the same command goes on");
+    }
     folder_.files.Save(*trainer_, pack_);
     return all;
   }
@@ -161,10 +159,20 @@ class Run {
   double wall_s() const { return earlier_s_ + std::chrono::duration<double>(Clock::now() - start_).count(); }
 
  private:
+  /// To the end of the set that the next step belongs to.
+  avatar::TrainReport TrainOnSet(ProgressStage* stage) {
+    const int64_t step = trainer_->model().step;
+    if (const int64_t set = sets_.SetOf(step); set != set_ && step < trainer_->total_steps()) {
+      pack_ = sets_.Draw(set_ = set);
+      trainer_->ReplacePictures(pack_);
+    }
+    return trainer_->Run(
+        nullptr, [&](int64_t done, const avatar::HistoryRow* row) { return After(done, row, stage); }, sets_.EndOf(set_));
+  }
+
   bool After(int64_t step, const avatar::HistoryRow* row, ProgressStage* stage) {
     if (row) folder_.files.AddRow(*row, wall_s());
     if (step % options_.train.save_every == 0) folder_.files.Save(*trainer_, pack_);
-    if (run_.progress && run_.progress->Cancelled()) return false;
     stage->Advance(1, row ? "loss " + std::to_string((*row)["total"]) : "");
     return true;
   }
@@ -296,9 +304,6 @@ CommandResult Pretrain(const PretrainInput& input, const PretrainOptions& option
     WriteFileAtomic(folder.path(), state.dump(2) + "\n");
   }
   const avatar::TrainReport report = run.Train();
-  if (report.stopped)
-    throw CancelledError("interrupted after step " + std::to_string(run.trainer().model().step) +
-                         ": the checkpoint is saved, the same command goes on");
   if (report.status != Status::kOk) return NotFinite(report, folder, input);
   Json metrics = MetricsOf(run, report, state);
   metrics["scores"] = ScoresOf(run.trainer(), input, options, context);

@@ -86,7 +86,7 @@ TEST_F(Pretrain, AnAnimationGetsAnAdultsBoneLengths) {
     bvh += "\n";
   }
   const std::string path = folder_.path() + "/a.bvh";
-  WriteFile(path, bvh);
+  WriteFileAtomic(path, bvh);
   const MotionClip clip = ClipOfBvh(path);
   ASSERT_EQ(clip.poses.size(), 2u);
   const body::BodyTemplate adult = body::MakeMannequin();

@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "core/disk/files.h"
 #include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
 
 /// `avatar pretrain` as a program, and avatars of two methods that begin with its network.
@@ -93,15 +93,18 @@ TEST_F(AvatarPretrain, BadInputIsRefusedInOneLineAndNothingIsWritten) {
   refused({"--motion", data()}, 3, "no .bvh file");
   refused({"--poses", data(), "--template", out("nothing")}, 2, "--template");
   refused({"--poses", data(), "--min-extent", "0.9"}, 2, "--min-extent");
-  refused({"--poses", data(), "--steps", "0"}, 2, "--steps");
-  refused({"--poses", data(), "--size", "30"}, 2, "--size 30");
+  refused({"--poses", data(), "--batch", "0"}, 2, "batch");
+  const CliRun size = Run({"avatar", "pretrain", "--out", out("net"), "--poses", data(), "--samples", "2", "--size", "30"}, {});
+  EXPECT_EQ(size.exit, 2);
+  EXPECT_THAT(size.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--size 30"));
+  EXPECT_FALSE(fs::exists(out("net")));
 }
 
 TEST_F(AvatarPretrain, FilesOfOthersStay) {
   fs::create_directories(out("net"));
   testing::CliRun run = Pretrain({"--poses", data()});
   ASSERT_EQ(run.exit, 0) << run.err;
-  WriteFile(out("net") + "/notes.txt", "mine");
+  testing::Put(out("net") + "/notes.txt", "mine");
   EXPECT_EQ(Pretrain({"--poses", data(), "--seed", "2"}).exit, 2);
   run = Pretrain({"--poses", data(), "--seed", "2", "--overwrite"});
   EXPECT_EQ(run.exit, 0) << run.err;
