@@ -47,6 +47,7 @@ constexpr Command kCommands[] = {
     {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
     {"dataset", RegisterDataset},
     {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},
+    {"avatar pretrain", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrain)},
     {"avatar train", MVSTUDIO_NEEDS_TORCH(RegisterAvatarTrain)},  // and resume, info
     {"avatar eval", MVSTUDIO_NEEDS_TORCH(RegisterAvatarEval)},
     {"avatar compare", MVSTUDIO_NEEDS_TORCH(RegisterAvatarCompare)},

@@ -84,6 +84,8 @@ MAY_INCLUDE = {
                                              "detect/models", "avatar/maps", "avatar/data", "avatar/nets", "avatar/scores",
                                              "avatar/io/pack"},
     "avatar/io/lift": CORE | GEOMETRY | {"body", "dataset/pose", "dataset/panoptic", "avatar/lift"},
+    "avatar/io/pretrain": CORE | GEOMETRY | {"body", "body/texture", "dataset/pose", "dataset/panoptic", "dataset/views", "avatar/maps",
+                                             "avatar/data", "avatar/nets", "avatar/io/pack", "avatar/io/render", "avatar/io/lift"},
     "report/page": {"core"},
     "report/svg": {"core", "report/page"},
     "report/study": CORE | {"report/page"},

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "app/nets/pretrain_input.h"
 #include "avatar/io/evaluate/evaluation_protocol.h"
 #include "avatar/io/evaluate/strips.h"
 #include "avatar/maps/bones.h"
@@ -64,7 +65,8 @@ std::vector<std::string> AvatarRun::Names() {
           "pictures",
           "avatar_eval.result.json",
           avatar::kProtocolFile,
-          "eval"};
+          "eval",
+          kPretrainFile};
 }
 
 void AvatarRun::RequireFree(bool overwrite) const {

@@ -131,6 +131,13 @@ Heads HeadsOf(const ModelOptions& o) {
 
 }  // namespace
 
+std::pair<std::string, std::string> DecoderNames(Method method) {
+  ModelOptions options;
+  options.method = method;
+  const Heads heads = HeadsOf(options);
+  return {heads.first_name, heads.second_name};
+}
+
 int NumPreviousChannels(const ModelOptions& options) { return options.method == Method::kV2v ? 3 * kNumPrevious : 0; }
 
 struct GeneratorImpl::Parts {

@@ -4,6 +4,7 @@
 #include <torch/nn/pimpl.h>
 
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "avatar/settings/options.h"
@@ -13,6 +14,9 @@ namespace mvstudio::avatar {
 inline constexpr int kNumPrevious = 2;
 /// Number of input channels beside the bone maps.
 int NumPreviousChannels(const ModelOptions& options);
+
+/// Names of the two decoders in a checkpoint.
+std::pair<std::string, std::string> DecoderNames(Method method);
 
 /// The convolutional network of Shysheya et al., CVPR 2019: one encoder, two decoders. `skips` adds the encoder's features
 /// to the decoders', which the paper's network does not.

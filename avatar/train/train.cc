@@ -1,11 +1,14 @@
 #include "avatar/train/train.h"
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 
 #include <algorithm>
 
+#include "avatar/nets/sequence.h"
 #include "avatar/train/batch.h"
 #include "avatar/train/train_state.h"
+#include "core/check.h"
 #include "core/join.h"
 
 namespace mvstudio::avatar {
@@ -29,21 +32,26 @@ Trainer::Trainer(const AvatarPack& pack, const ModelOptions& model, const TrainO
   state_->Prepare(pack, run);
 }
 
-Trainer::Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options,
-                 const RunContext& run, std::shared_ptr<const FeatureNet> perceptual)
+Trainer::Trainer(const AvatarPack& pack, StartNetwork start, const TrainOptions& options, const RunContext& run,
+                 std::shared_ptr<const FeatureNet> perceptual)
     : state_(std::make_unique<State>()) {
   state_->perceptual = std::move(perceptual);
   state_->options = options;
   state_->seed = run.seed;
-  ModelOptions model = from.options;
-  model.texture_px = texture_px;
-  state_->model = MakeModel(model, pack.size_px, from.depth, run.seed);
-  TensorFile file = ModelToTensors(from), fresh = ModelToTensors(state_->model);
-  for (auto& [name, tensor] : fresh.tensors) {
-    if (name.rfind("generator.", 0) == 0) tensor = file.tensors.at(name);
-  }
-  state_->model = ModelFromTensors(fresh, "transfer");
-  state_->Prepare(pack, run, /*transferred=*/true);
+  state_->model = std::move(start.model);
+  state_->Prepare(pack, run, start.initialised);
+}
+
+void Trainer::ReplacePictures(const AvatarPack& pack) {
+  State& s = *state_;
+  Validate(pack);
+  MVS_CHECK(pack.size() == s.pack.size() && pack.size_px == s.pack.size_px &&
+                pack.joint_valid.size(1) == s.pack.joint_valid.size(1) &&
+                pack.template_maps.defined() == s.pack.template_maps.defined(),
+            "images of another kind or number than those trained on");
+  s.pack = pack;
+  if (s.tna()) FitLabelsToMasks(s.pack, at::get_num_threads());
+  if (s.v2v()) s.previous_rows = PreviousRows(s.pack);
 }
 
 Trainer::~Trainer() = default;

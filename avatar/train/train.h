@@ -11,6 +11,7 @@
 #include "avatar/data/pack.h"
 #include "avatar/nets/feature_net.h"
 #include "avatar/nets/model.h"
+#include "avatar/nets/transfer.h"
 #include "avatar/settings/options.h"
 #include "avatar/train/loss_terms.h"
 #include "avatar/train/train_ranks.h"
@@ -58,9 +59,9 @@ class Trainer {
   /// number of images per step.
   Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std::string& path, const TrainOptions& options,
           const RunContext& run, std::shared_ptr<const FeatureNet> perceptual = nullptr);
-  /// Starts from another avatar's network (the paper's transfer to a new person): its weights and depth range are kept,
-  /// textures are averaged again from `pack`. `texture_px`: their size, 0: the default.
-  Trainer(const AvatarPack& pack, const AvatarModel& from, int texture_px, const TrainOptions& options, const RunContext& run,
+  /// Starts from another avatar's network (the paper's transfer to a new person), which is trained on; textures are averaged
+  /// from `pack`. Where it is initialised there are no initialisation steps unless the options ask for some.
+  Trainer(const AvatarPack& pack, StartNetwork start, const TrainOptions& options, const RunContext& run,
           std::shared_ptr<const FeatureNet> perceptual = nullptr);
   ~Trainer();
   Trainer(Trainer&&) noexcept;
@@ -73,6 +74,9 @@ class Trainer {
   /// Runs until init_steps + steps are done, `until_step` (when not negative) is reached or the callback requests a stop.
   /// A loss or gradient that is not finite ends the run with the weights and textures of the previous step.
   TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
+
+  /// The steps that follow are of these images, as many and of the same kind as those before.
+  void ReplacePictures(const AvatarPack& pack);
 
   /// The model in training: the last weights.
   AvatarModel& model();

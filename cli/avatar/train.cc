@@ -6,10 +6,12 @@
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_run.h"
 #include "app/nets/avatar_train_data.h"
+#include "app/nets/pretrain_input.h"
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/io/pack/pack_builder.h"
 #include "cli/avatar/ranks.h"
 #include "cli/avatar/split_options.h"
+#include "cli/avatar/start_network.h"
 #include "cli/avatar/training.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -25,16 +27,14 @@ using avatar::AvatarPack;
 using avatar::RunConfig;
 
 struct TrainArguments {
-  TrainArguments() { model.prior = avatar::Prior::kAuto; }
-  std::string dataset, out, init_from, body, body_template = "mannequin";
-  app::BodyFitMode fit = app::BodyFitMode::kAuto;
+  TrainArguments() { start.model.prior = avatar::Prior::kAuto; }
+  std::string dataset, out, body, body_template = "mannequin";
+  StartArguments start;
   app::SplitArguments split;
   RankArguments ranks;
-  avatar::ModelOptions model;
   avatar::TrainOptions train;
   avatar::PackOptions pack;
   bool overwrite = false;
-  std::function<bool(const std::string&)> given;  ///< whether the command line has this option
 };
 
 struct ResumeArguments {
@@ -52,36 +52,6 @@ std::shared_ptr<const avatar::FeatureNet> PerceptualNet(avatar::TrainOptions* op
   return net;
 }
 
-/// What was asked for and the network that training starts from has not is a usage error.
-void RequireFit(const TrainArguments& arguments, const avatar::ModelOptions& from) {
-  const auto wanted = FieldsAsText(arguments.model), has = FieldsAsText(from);
-  for (size_t i = 0; i < wanted.size(); ++i) {
-    const auto& [name, value] = wanted[i];
-    if (name == "texture-px" || !arguments.given(name) || value == has[i].second || value == "auto") continue;
-    throw UsageError("--" + name + " " + value + ": the network of --init-from " + arguments.init_from + " has " +
-                     has[i].second + "; leave the option out");
-  }
-}
-
-std::optional<avatar::AvatarModel> StartOf(const TrainArguments& arguments) {
-  if (arguments.init_from.empty()) return std::nullopt;
-  avatar::AvatarModel from = avatar::LoadModel(app::AvatarRun(arguments.init_from).checkpoint_path());
-  RequireFit(arguments, from.options);
-  return from;
-}
-
-/// Without a fitted body there are no colours that a network could correct.
-void SettleColours(const TrainArguments& arguments, bool transferred, avatar::ModelOptions* model) {
-  if (!CorrectsColours(*model) || arguments.fit == app::BodyFitMode::kAuto) return;
-  const std::string fit(ToString(arguments.fit));
-  if (transferred)
-    throw UsageError("--fit " + fit + ": the network of --init-from " + arguments.init_from +
-                     " corrects the fitted body's colours; take --fit auto");
-  if (arguments.given("template-colours"))
-    throw UsageError("--template-colours needs the colours of a fitted body, which --fit " + fit + " has not; take --fit auto");
-  model->template_colours = false;
-}
-
 /// Images of the final score must not choose: without validation images the network is not judged.
 void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOptions* options) {
   const bool judged = !split.validation_cameras.empty() && options->validate_pictures > 0;
@@ -91,32 +61,20 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
   if (!judged) options->least_gain = 0;
 }
 
-/// The network's options with every choice made.
-avatar::ModelOptions ModelOf(const TrainArguments& arguments, const std::optional<avatar::AvatarModel>& from) {
-  avatar::ModelOptions model = from ? from->options : arguments.model;
-  const bool labelled = !arguments.pack.iuv.empty();
-  if (model.prior == avatar::Prior::kAuto) model.prior = labelled ? avatar::Prior::kNone : avatar::Prior::kTemplate;
-  if (model.prior == avatar::Prior::kTemplate && labelled)
-    throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");
-  SettleColours(arguments, from.has_value(), &model);
-  Validate(model);
-  return model;
-}
-
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
-  config->pack.fit_shape = arguments.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
-  if (arguments.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
+  config->pack.fit_shape = arguments.start.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
+  if (arguments.start.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
     for (const char* option : {"template", "body"}) {
-      if (arguments.given(option))
+      if (arguments.start.given(option))
         throw UsageError("--" + std::string(option) + " needs a body that is fitted: --fit auto, and no --iuv");
     }
     return std::nullopt;
   }
   config->body_file = body::kPersonFileName;
   if (!arguments.body.empty()) {
-    if (arguments.given("template")) throw UsageError("--body is fitted already: leave --template out");
+    if (arguments.start.given("template")) throw UsageError("--body is fitted already: leave --template out");
     config->pack.fitted =
         std::make_shared<const body::TexturedPerson>(app::BodyForSplit(arguments.body, config->split, config->pack.pose_by));
     return std::nullopt;
@@ -139,8 +97,8 @@ RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   Validate(arguments.train);
-  const std::optional<avatar::AvatarModel> from = StartOf(arguments);
-  const avatar::ModelOptions model = ModelOf(arguments, from);
+  const std::optional<avatar::AvatarModel> from = StartOf(arguments.start);
+  const avatar::ModelOptions model = ModelOf(arguments.start, from, !arguments.pack.iuv.empty());
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   RunConfig config;
   config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
@@ -153,13 +111,13 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
   avatar::TrainOptions options = arguments.train;
-  SettleGain(arguments.given("least-gain"), config.split, &options);
+  SettleGain(arguments.start.given("least-gain"), config.split, &options);
   app::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
     place.emplace(arguments.out,
-                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d, arguments.init_from,
-                                           arguments.body},
+                  std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d,
+                                           arguments.start.init_from, arguments.body},
                   app::AvatarRun::Names());
     files.RequireFree(arguments.overwrite);
   }
@@ -168,8 +126,12 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   const app::RunPacks packs = app::BuildPacks(data, model, arguments.train, context.run, &config);
   const auto net = PerceptualNet(&options);
-  avatar::Trainer trainer = from ? avatar::Trainer(packs.train, *from, arguments.model.texture_px, options, context.run, net)
-                                 : avatar::Trainer(packs.train, model, options, context.run, net);
+  std::optional<avatar::StartNetwork> start;
+  std::optional<app::Notice> seen;
+  if (from) seen = app::SeenPoses(arguments.start.init_from, config);
+  if (from) start = StartFrom(*from, model, packs.train.size_px, context.run.seed);
+  avatar::Trainer trainer = start ? avatar::Trainer(packs.train, *start, options, context.run, net)
+                                  : avatar::Trainer(packs.train, model, options, context.run, net);
   const auto replace_older = [&] {
     files.Clear();
     if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
@@ -178,6 +140,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (!ranks.first()) return result;
   FillCommon(config, packs, arguments.out, &result);
+  if (start) TellStart(arguments.start, *from, *start, &result);
+  if (seen) result.warnings.push_back(*seen);
   if (fit) {
     result.metrics["body"] = app::ToJson(*fit);
     app::AddFitWarnings(*fit, &result);
@@ -261,10 +225,11 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
   AddOption(sub, "--out", a->out, "folder of the run")->required();
   AddSplitOptions(sub, a->split);
-  AddOption(sub, "--init-from", a->init_from,
-            "a run whose network is the start (its options hold); textures are averaged from the new images, and there is no "
-            "initialisation unless --init-steps asks for one");
-  AddChoice(sub, "--fit", a->fit,
+  AddOption(
+      sub, "--init-from", a->start.init_from,
+      "a run, or a folder of `avatar pretrain`, whose network is the start (its options hold, but for --method); textures "
+      "are averaged from the new images, and there is no initialisation unless --init-steps asks for one");
+  AddChoice(sub, "--fit", a->start.fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
             "mannequin's four girths; off takes it as it is");
   AddOption(sub, "--template", a->body_template,
@@ -273,11 +238,11 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
             "body.npz of `avatar fit` or of another run, or its folder, in place of a new fit; it must have been fitted to "
             "training images of this split alone");
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
-  AddOptions(sub, a->model);
+  AddOptions(sub, a->start.model);
   AddOptions(sub, a->train);
   AddOptions(sub, a->pack);
   AddRankOptions(sub, a->ranks);
-  a->given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
+  a->start.given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
   registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });
 }
 

@@ -27,6 +27,7 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
 void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
+void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);

@@ -40,6 +40,8 @@ constexpr CommonOptions kCommon[] = {
      "--overwrite"},
     {"dataset pack",
      "--cameras --frames --split --codec --crop --full --undistort --match-colours --masks --person --shard --merge --single"},
+    {"avatar pretrain",
+     "--motion --poses --template --out --inputs --width --size --steps --batch --samples --device --overwrite"},
     {"avatar train",
      "--train-cameras --holdout-cameras --holdout-frames --split --validate-camera --patience --method --prior --inputs "
      "--pose3d "

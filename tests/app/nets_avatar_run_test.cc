@@ -38,7 +38,7 @@ TEST(AvatarRun, NamesAreDifferentAndHoldWhatIsWritten) {
   const std::set<std::string> different(names.begin(), names.end());
   EXPECT_EQ(different.size(), names.size());
   for (const char* name : {"checkpoint.safetensors", "config.json", "history.csv", "textures.png", "samples", "pictures",
-                           "avatar_eval.result.json", "protocol.json", "eval"}) {
+                           "avatar_eval.result.json", "protocol.json", "eval", "pretrain.json"}) {
     EXPECT_EQ(different.count(name), 1u) << name;
   }
 }

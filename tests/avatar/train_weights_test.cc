@@ -200,7 +200,9 @@ TEST(Transfer, KeepsTheNetworkAndAveragesNewTextures) {
   TrainTna(first, nullptr, TinyModel(), TinyTraining(30, 10), OneThread(), nullptr, &from);
   TrainOptions options = TinyTraining(-1, 3);
   options.learning_rate = options.texture_learning_rate = 0;
-  Trainer trainer(second, from, 12, options, OneThread());
+  ModelOptions to = from.options;
+  to.texture_px = 12;
+  Trainer trainer(second, StartFrom(from, to, second.size_px, 1), options, OneThread());
   EXPECT_EQ(trainer.model().step, 0);
   const TrainReport report = trainer.Run(nullptr, nullptr);
   EXPECT_EQ(report.steps_done, 3) << "no initialisation";

@@ -241,6 +241,10 @@ case("avatar train", f"{_TRAIN} --steps 3 --picture-every 3 --overwrite", foreig
               old=[f"{_TRAIN} --steps 2 --seed 2"])
 case("avatar resume", "avatar resume out --steps 6", needs=["run"], foreign={**BESIDE, **_AMONG, "out": "{in}/run"}, grows=True,
               weight=6, repeats=False)
+_PRETRAIN = ("avatar pretrain --poses {in}/dataset:0-5 --out out --size 32 --width 4 --downs 2 --encoder-blocks 1 --decoder-blocks 1 "
+             "--samples 2 --scored-samples 2 --save-every 2")
+case("avatar pretrain", f"{_PRETRAIN} --steps 3 --overwrite", foreign={**BESIDE, **_AMONG}, needs=["dataset"], grows=True, weight=6,
+     old=[f"{_PRETRAIN} --steps 2 --seed 2"])
 shared_folder("avatar eval", "avatar eval out --features gabor --pictures 1 --renders 2", needs=["run"], weight=6,
               foreign={**BESIDE, **INSIDE, "out": "{in}/run"}, old=["avatar eval out --features gabor --pictures 2 --renders 1"])
 case("avatar render", "avatar render run --cameras 00_02 --frames 6-7 --out out --overwrite", needs=["run"], weight=4,

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <set>
 
+#include "avatar/io/lift/pose_variation.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/statistics.h"
 #include "core/units.h"
 #include "dataset/pose/cuts.h"
-#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -20,15 +20,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kRoot = 2;
-/// Each joint's neighbour towards the root, parents before children, and how freely it turns about that neighbour.
-struct Link {
-  int joint, parent;
-  double freedom;
-};
-constexpr Link kLinks[] = {{0, 2, 1}, {6, 2, 0},   {12, 2, 0}, {1, 0, 0.5}, {3, 0, 0.3}, {9, 0, 0.3},
-                           {4, 3, 1}, {10, 9, 1},  {7, 6, 1},  {13, 12, 1}, {5, 4, 1},   {11, 10, 1},
-                           {8, 7, 1}, {14, 13, 1}, {15, 1, 0}, {17, 1, 0},  {16, 15, 0}, {18, 17, 0}};
-constexpr std::pair<int, int> kMirror[] = {{3, 9}, {4, 10}, {5, 11}, {6, 12}, {7, 13}, {8, 14}, {15, 17}, {16, 18}};
 
 double MeanLength(const Coco19Pose& pose, int a, int b, int a2, int b2) {
   double sum = 0;
@@ -44,54 +35,17 @@ bool CanBeLearned(const Coco19Pose& pose) {
   return pose.valid[kRoot] && std::count(pose.valid.begin(), pose.valid.end(), true) >= kMinLiftJoints;
 }
 
-Vector3d RandomDirection(Rng& rng) {
-  const double z = rng.Uniform(-1, 1), angle = rng.Uniform(0, 2 * kPi), r = std::sqrt(1 - z * z);
-  return {r * std::cos(angle), r * std::sin(angle), z};
-}
-
-/// Turns each joint about its parent together with all that hangs on it; bones keep their lengths.
-Coco19Pose Turned(const Coco19Pose& pose, const std::array<Matrix3d, kLiftJoints>& turns) {
-  Coco19Pose out = pose;
-  std::array<Matrix3d, kLiftJoints> total;
-  std::array<int, kLiftJoints> anchor{};  // nearest valid joint towards the root, itself included
-  total.fill(Matrix3d::Identity());
-  anchor.fill(kRoot);
-  for (const Link& link : kLinks) {
-    const int from = anchor[link.parent];
-    total[link.joint] = total[link.parent] * turns[link.joint];
-    anchor[link.joint] = pose.valid[link.joint] ? link.joint : from;
-    if (!pose.valid[link.joint]) continue;
-    out.x_in_world.col(link.joint) =
-        out.x_in_world.col(from) + total[link.joint] * (pose.x_in_world.col(link.joint) - pose.x_in_world.col(from));
-  }
-  return out;
-}
-
-Coco19Pose Mirrored(const Coco19Pose& pose) {
-  Coco19Pose out = pose;
-  for (const auto& [left, right] : kMirror) {
-    out.x_in_world.col(left).swap(out.x_in_world.col(right));
-    std::swap(out.valid[left], out.valid[right]);
-  }
-  out.x_in_world.row(0) *= -1;
-  return out;
-}
-
 std::array<Coco19Pose, kLiftWindow> RandomWindow(const LiftSequence& sequence, double jitter_rad, Rng& rng) {
   const int middle = sequence.middle[static_cast<size_t>(rng.Index(static_cast<int64_t>(sequence.middle.size())))];
   const int stride = static_cast<int>(1 + rng.Index(2)) * (rng.Index(2) == 0 ? 1 : -1);
   const bool mirror = rng.Index(2) == 0;
-  std::array<Matrix3d, kLiftJoints> turns;
-  turns.fill(Matrix3d::Identity());
-  for (const Link& link : kLinks) {
-    const Vector3d turn = jitter_rad * link.freedom * rng.Normal() * RandomDirection(rng);
-    turns[link.joint] = geometry::RotationExp(turn).toRotationMatrix();
-  }
+  PoseVariation variation;
+  DrawTurns(jitter_rad, rng, &variation);
   std::array<Coco19Pose, kLiftWindow> window;
   for (int f = 0; f < kLiftWindow; ++f) {
     const int i = middle + stride * (f - kLiftWindow / 2);
     if (i < 0 || i >= static_cast<int>(sequence.frames.size()) || !CanBeLearned(sequence.frames[i])) continue;
-    window[f] = Turned(sequence.frames[i], turns);
+    window[f] = Varied(sequence.frames[i], variation);
     if (mirror) window[f] = Mirrored(window[f]);
   }
   return window;

@@ -191,11 +191,6 @@ void PoseOthers(const dataset::PanopticDataset& data, const PersonFitOptions& op
   out->tracked.iou_before = Mean(before), out->tracked.iou = Mean(after);
 }
 
-body::BodyTemplate TemplateOf(const std::string& path) {
-  if (path.empty()) return body::MakeMannequin();
-  return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
-}
-
 /// The simplest template that held-out silhouettes do not show to be worse than the best; where none are held out, the first.
 void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOptions& options, const RunContext& run,
                   PersonFit* out) {
@@ -205,7 +200,7 @@ void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOption
   std::vector<HeldOutCandidate> losses;
   for (const std::string& path : options.templates) {
     const auto begin = std::chrono::steady_clock::now();
-    fits.push_back(body::FitBody(TemplateOf(path), steps, fit, run));
+    fits.push_back(body::FitBody(TemplateFrom(path), steps, fit, run));
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     const std::string name = path.empty() ? "mannequin" : path;
     out->templates.push_back({name, fits.back().iou, seconds, false});
@@ -228,6 +223,11 @@ void NoteImages(const PersonFitOptions& options, body::TexturedPerson* person) {
 }
 
 }  // namespace
+
+body::BodyTemplate TemplateFrom(const std::string& path) {
+  if (path.empty()) return body::MakeMannequin();
+  return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
+}
 
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
   MVS_CHECK(!options.templates.empty() && options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2,

@@ -27,6 +27,9 @@ struct PersonFitOptions {
   bool use_brightness = true;
 };
 
+/// The body that one of PersonFitOptions::templates names. Throws IoError, FormatError.
+body::BodyTemplate TemplateFrom(const std::string& path);
+
 /// One of several templates.
 struct TemplateFit {
   std::string name;         ///< the path, or "mannequin"
