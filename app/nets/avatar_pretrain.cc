@@ -74,7 +74,11 @@ Json ReadState(const Folder& folder) {
   const Json json = JsonFromText<Json>(ReadFile(folder.path()), {16, false}, folder.path());
   const JsonView view(folder.path(), json);
   if (view["schema"].Text() != kSchema) view["schema"].Fail(std::string("must be ") + kSchema);
-  view["arguments_sha256"].Text(), view["finished"].Flag();
+  view["arguments_sha256"].Text();
+  if (view["finished"].Flag()) {
+    const JsonView result = view["result"];
+    result["num_parameters"].LongInt(), result["steps"].LongInt(), result["scores"]["learned"];
+  }
   return json;
 }
 
@@ -205,8 +209,11 @@ Json ScoresOf(avatar::Trainer& trainer, const PretrainInput& input, const Pretra
 }
 
 std::string ScoreRow(const std::string& name, const Json& score) {
-  const auto number = [&score](const char* key) { return score[key].is_number() ? score[key].get<double>() : std::nan(""); };
-  return Format("%-22s%8d%14.4f%11.4f%9.4f%14.1f\n", name.c_str(), score["samples"].get<int>(), number("part_accuracy"),
+  const auto number = [&score](const char* key) {
+    const auto found = score.find(key);
+    return found != score.end() && found->is_number() ? found->get<double>() : std::nan("");
+  };
+  return Format("%-22s%8.0f%14.4f%11.4f%9.4f%14.1f\n", name.c_str(), number("samples"), number("part_accuracy"),
                 number("mask_iou"), number("uv_error"), number("surface_median_mm"));
 }
 
@@ -228,6 +235,14 @@ CommandResult ResultOf(const Json& metrics, const Folder& folder, const Pretrain
   result.outputs = {{folder.files.checkpoint_path(), "checkpoint"},
                     {folder.path(), "pretraining"},
                     {folder.files.Path("history.csv"), "history"}};
+  return result;
+}
+
+CommandResult Finished(const Json& metrics, double wall_s, bool cached, const Folder& folder, const PretrainInput& input) {
+  CommandResult result = ResultOf(metrics, folder, input);
+  result.metrics["cached"] = cached;
+  result.metrics["wall_s"] = wall_s;
+  result.text = TextOf(result.metrics, result.folder);
   return result;
 }
 
@@ -257,7 +272,6 @@ Json MetricsOf(Run& run, const avatar::TrainReport& report, const Json& state) {
   Json m = {{"num_parameters", avatar::NumParameters(run.trainer().model().options)},
             {"steps", run.trainer().model().step},
             {"device", run.trainer().device()},
-            {"wall_s", run.wall_s()},
             {"arguments_sha256", state["arguments_sha256"]},
             {"templates", state["templates"]},
             {"sources", state["sources"]}};
@@ -291,10 +305,9 @@ CommandResult Pretrain(const PretrainInput& input, const PretrainOptions& option
   Json state = overwrite ? Json::object() : ReadState(folder);
   const bool again = IsSame(folder, state, digest, overwrite);
   if (again && state["finished"] == true) {
-    CommandResult result = ResultOf(state["result"], folder, input);
-    result.metrics["cached"] = true;
-    result.text = TextOf(result.metrics, out);
-    return result;
+    const JsonView kept(folder.path(), state);
+    const double wall_s = folder.files.TakeUpHistory(kept["result"]["steps"].LongInt());
+    return Finished(state["result"], wall_s, true, folder, input);
   }
   Run run(input, options, &folder, context);
   run.Start(again);
@@ -309,10 +322,7 @@ CommandResult Pretrain(const PretrainInput& input, const PretrainOptions& option
   metrics["scores"] = ScoresOf(run.trainer(), input, options, context);
   state["finished"] = true, state["result"] = metrics;
   WriteFileAtomic(folder.path(), state.dump(2) + "\n");
-  CommandResult result = ResultOf(metrics, folder, input);
-  result.metrics["cached"] = false;
-  result.text = TextOf(metrics, out);
-  return result;
+  return Finished(metrics, run.wall_s(), false, folder, input);
 }
 
 }  // namespace mvstudio::app

@@ -83,6 +83,7 @@ TEST(AvatarPretrain, IsKeptContinuedAndReplacedOnlyWhenAsked) {
   const CommandResult again = Pretrain(input, Tiny(7), out, false, false, {nullptr, 1, 1});
   EXPECT_EQ(again.metrics["cached"], true);
   EXPECT_EQ(again.metrics["scores"], whole.metrics["scores"]);
+  EXPECT_EQ(ReadFile(out + "/pretrain.json"), ReadFile(other + "/pretrain.json")) << "no times, no threads";
   EXPECT_EQ(fs::last_write_time(out + "/checkpoint.safetensors"), before);
   EXPECT_THAT(MessageOf<UsageError>([&] {
                 Pretrain(input, Tiny(8), out, false, false, {nullptr, 1, 1});
@@ -103,6 +104,9 @@ TEST(AvatarPretrain, ItsFolderIsNotATrainedAvatars) {
               HasSubstr("holds a trained avatar"));
   WriteFileAtomic(out + "/pretrain.json", std::string("{\"schema\": 3}"));
   EXPECT_THROW(Pretrain(Input(), Tiny(2), out, false, false, {nullptr, 1, 1}), FormatError);
+  WriteFileAtomic(out + "/pretrain.json",
+                  std::string(R"({"schema": "mvstudio.avatar-pretraining/1", "arguments_sha256": "", "finished": true})"));
+  EXPECT_THROW(Pretrain(Input(), Tiny(2), out, false, false, {nullptr, 1, 1}), FormatError) << "no result";
 }
 
 TEST(AvatarPretrain, LearnsPartsOfPosesThatItHasNotSeen) {
