@@ -154,7 +154,10 @@ struct TrainOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
-  visit("steps", o.steps, "end-to-end steps, after the initialisation");
+  visit(
+      "steps", o.steps,
+      "end-to-end steps, after the initialisation; `avatar train` on a fitted body takes 0 unless validation images can judge "
+      "the network");
   visit("init-steps", o.init_steps,
         "steps that teach the network the template's part and texture coordinates first; -1: a third of option 'steps', or "
         "none where the network knows them already (option 'prior' template, option 'init-from')");

@@ -3,9 +3,7 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <vector>
 
 namespace mvstudio::avatar {
@@ -38,36 +36,35 @@ void StepPlain(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& 
   });
 }
 
-/// Corrections of a value's moments at its n-th own step.
+// A value's steps fall as 1 / sqrt(1 + n / 20) with their number n: what an image shows of a texel is noisy, and the sum of
+// such steps settles (Robbins and Monro, "A stochastic approximation method", 1951).
+constexpr double kHalfDecay = 20;
+
+/// Of a value's n-th own step: its size, with the correction of the first moment; the inverse correction of the second.
 struct OwnStep {
   float rate, inverse_correction2;
 };
 
 OwnStep OwnStepOf(double n) {
-  static const char* half = std::getenv("MVS_HALF");
-  const double h = half ? std::atof(half) : 1e30;
-  const double fall = 1 / std::sqrt(1 + n / h);
+  const double fall = 1 / std::sqrt(1 + n / kHalfDecay);
   return {static_cast<float>(fall / (1 - std::pow(0.9, n))), static_cast<float>(1 / (1 - std::pow(0.999, n)))};
 }
 
-/// For n = 0, 1, …, as long as they differ from 1 in single precision.
-const std::vector<OwnStep>& OwnSteps() {
-  static const std::vector<OwnStep> steps = [] {
-    std::vector<OwnStep> all;
-    for (int n = 0; n < 20000; ++n) all.push_back(OwnStepOf(n));
-    return all;
-  }();
+/// For n = 0, 1, …, `count`.
+const std::vector<OwnStep>& OwnSteps(size_t count) {
+  static thread_local std::vector<OwnStep> steps;
+  while (steps.size() <= count) steps.push_back(OwnStepOf(static_cast<double>(steps.size())));
   return steps;
 }
 
 void StepSparsePlain(const Adam::Slot& slot, const at::Tensor& gradient, double rate) {
-  const std::vector<OwnStep>& steps = OwnSteps();
   const float* g = gradient.data_ptr<float>();
   float *first = slot.first.data_ptr<float>(), *second = slot.second.data_ptr<float>(), *value = slot.value.data_ptr<float>();
   float* count = slot.count.data_ptr<float>();
+  const std::vector<OwnStep>& steps = OwnSteps(static_cast<size_t>(slot.count.max().item<float>()) + 1);
   for (int64_t i = 0; i < gradient.numel(); ++i) {
     if (g[i] == 0) continue;
-    const OwnStep& own = steps[std::min(static_cast<size_t>(++count[i]), steps.size() - 1)];
+    const OwnStep& own = steps[static_cast<size_t>(++count[i])];
     first[i] = 0.9f * first[i] + 0.1f * g[i], second[i] = 0.999f * second[i] + 0.001f * g[i] * g[i];
     value[i] -= static_cast<float>(rate) * own.rate * first[i] / (std::sqrt(second[i] * own.inverse_correction2) + 1e-8f);
   }
@@ -79,7 +76,8 @@ void StepSparseTensors(const Adam::Slot& slot, const at::Tensor& gradient, doubl
   slot.first.copy_(at::where(seen, 0.9 * slot.first + 0.1 * gradient, slot.first));
   slot.second.copy_(at::where(seen, 0.999 * slot.second + 0.001 * gradient.square(), slot.second));
   const at::Tensor correction1 = 1 - at::pow(0.9, slot.count), correction2 = 1 - at::pow(0.999, slot.count);
-  const at::Tensor move = slot.first / correction1 / ((slot.second / correction2).sqrt() + 1e-8);
+  const at::Tensor fall = (1 + slot.count / kHalfDecay).rsqrt();
+  const at::Tensor move = fall * slot.first / correction1 / ((slot.second / correction2).sqrt() + 1e-8);
   slot.value.detach().sub_(at::where(seen, rate * move, at::zeros_like(move)));
 }
 

@@ -48,6 +48,10 @@ void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, con
     const auto found = file.tensors.find(prefix + ".count." + slot.name);  // older checkpoints have none
     const bool known = found != file.tensors.end() && found->second.sizes() == slot.count.sizes();
     slot.count.copy_(known ? found->second : (slot.second > 0) * static_cast<double>(adam.step));
+    const auto steps = static_cast<double>(adam.step);
+    if (!slot.count.ge(0).logical_and(slot.count.le(steps)).all().item<bool>())
+      throw FormatError(path, prefix + ".count." + slot.name,
+                        "counts more steps than were made: this checkpoint cannot be continued");
   }
 }
 

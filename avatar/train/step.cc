@@ -71,8 +71,7 @@ void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run, bo
   model.generator->to(device);
   if (tna()) model.textures = model.textures.detach().to(device).requires_grad_();
   for (const auto& item : model.generator->named_parameters()) network.Add(item.key(), item.value());
-  if (tna() && !std::getenv("MVS_DENSE")) texels.AddSparse("textures", model.textures);
-  if (tna() && std::getenv("MVS_DENSE")) texels.Add("textures", model.textures);
+  if (tna()) texels.AddSparse("textures", model.textures);
   if (v2v()) PrepareVideo(device);
 }
 

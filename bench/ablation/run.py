@@ -10,7 +10,7 @@ avatar compare`, which refuses runs of different protocols, and the costs of tra
 resumed: run it again to go on. With --limit-minutes no further run is begun after that time.
 
 A method alone sees the bones (`--prior none`), with +pretrained it begins with the network of `avatar pretrain` in --pretrained, with
-+template it sees the fitted body. One body is fitted for each set of cameras. Without a network, and without seeds, for nothing in them is
++template it sees the fitted body. One body is fitted for each set of cameras; the labels of an initialisation are its as well. Without a network, and without seeds, for nothing in them is
 random: `girths` is the mannequin with fitted girths, `template` the fitted body in textures as a network begins with, `fitted` the body itself.
 --train-bones: flags of the methods without template alone.
 """
@@ -58,7 +58,7 @@ def call(program, words):
 def flags(a, variant, body):
     """Flags of a training: later ones replace earlier ones."""
     method, _, start = variant.partition("+")
-    words = f"--method {method} --prior none {a.train} {a.train_bones}".split()
+    words = f"--method {method} --prior none --body {body} {a.train} {a.train_bones}".split()
     if start == "pretrained":
         words += ["--init-from", a.pretrained, "--init-steps", "0"]
     elif start == "template":
@@ -181,7 +181,7 @@ def main():
                 known = os.path.exists(os.path.join(folder, "scores.json"))
                 if not known and time.time() - begin > 60 * a.limit_minutes:
                     continue
-                body = fitted(a, name, members) if "template" in method or method == "fitted" else None
+                body = fitted(a, name, members)
                 results.setdefault((name, method), []).append(one(a, folder, members, method, seed, body))
                 folders.setdefault((name, method), []).append(folder)
     text = comparison(a, folders) + "\n" + table(a, results) + "\n" + "\n".join(verdict(results)) + "\n"

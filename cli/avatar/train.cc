@@ -61,6 +61,13 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
   if (!judged) options->least_gain = 0;
 }
 
+/// Whether there is no network: nobody asked for one, and nothing can show that it adds to the fitted body.
+bool TakesBodyAlone(const TrainArguments& arguments, const avatar::ModelOptions& model, const avatar::TrainOptions& options) {
+  const bool fitted = arguments.start.fit == app::BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;
+  return fitted && options.least_gain == 0 && arguments.start.init_from.empty() && !arguments.start.given("steps") &&
+         !arguments.start.given("least-gain");
+}
+
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
@@ -112,6 +119,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
   avatar::TrainOptions options = arguments.train;
   SettleGain(arguments.start.given("least-gain"), config.split, &options);
+  const bool body_alone = TakesBodyAlone(arguments, model, options);
+  if (body_alone) options.steps = options.init_steps = 0;
   app::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
@@ -124,7 +133,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
-  const app::RunPacks packs = app::BuildPacks(data, model, arguments.train, context.run, &config);
+  const app::RunPacks packs = app::BuildPacks(data, model, options, context.run, &config);
   const auto net = PerceptualNet(&options);
   std::optional<avatar::StartNetwork> start;
   std::optional<app::Notice> seen;
@@ -142,6 +151,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   FillCommon(config, packs, arguments.out, &result);
   if (start) TellStart(arguments.start, *from, *start, &result);
   if (seen) result.warnings.push_back(*seen);
+  if (body_alone)
+    result.text +=
+        "no network: networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there to show "
+        "that one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
   if (fit) {
     result.metrics["body"] = app::ToJson(*fit);
     app::AddFitWarnings(*fit, &result);

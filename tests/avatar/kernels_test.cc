@@ -287,7 +287,7 @@ TEST(AdamStep, OfSparseValuesCountsTheStepsThatShowThem) {
       for (const auto& g : gradients) {
         if (g[i] == 0) continue;
         ++n, m = 0.9 * m + 0.1 * g[i], v = 0.999 * v + 0.001 * g[i] * g[i];
-        x -= 0.01 * (m / (1 - std::pow(0.9, n))) / (std::sqrt(v / (1 - std::pow(0.999, n))) + 1e-8);
+        x -= 0.01 / std::sqrt(1 + n / 20) * (m / (1 - std::pow(0.9, n))) / (std::sqrt(v / (1 - std::pow(0.999, n))) + 1e-8);
       }
       EXPECT_NEAR(value[i].item<double>(), x, type == at::kFloat ? 1e-7 : 1e-14) << i;
       EXPECT_EQ(adam.slots[0].count[i].item<double>(), n);

@@ -66,7 +66,7 @@ SurfaceMap::SurfaceMap(const body::BodyTemplate& body) {
   for (size_t part = 0; part < body::kNumParts; ++part) {
     Eigen::Vector3f* chart = x_in_body_.data() + part * kArea;
     FillChart(body, map, part * kArea, &known, chart);
-    const std::vector<int64_t> nearest = NearestPixels(kTexels, nullptr, known.data());
+    const std::vector<int64_t> nearest = NearestPixels(kTexels, kTexels, nullptr, known.data());
     for (size_t t = 0; t < kArea; ++t) {
       if (!known[t] && nearest[t] >= 0) chart[t] = chart[nearest[t]];
     }
