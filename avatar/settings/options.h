@@ -154,10 +154,7 @@ struct TrainOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, TrainOptions& o) {
-  visit(
-      "steps", o.steps,
-      "end-to-end steps, after the initialisation; `avatar train` on a fitted body takes 0 unless validation images can judge "
-      "the network");
+  visit("steps", o.steps, "end-to-end steps; `avatar train` takes 0 on a fitted body without validation images");
   visit("init-steps", o.init_steps,
         "steps that teach the network the template's part and texture coordinates first; -1: a third of option 'steps', or "
         "none where the network knows them already (option 'prior' template, option 'init-from')");
@@ -208,8 +205,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
         "training ends after this many checkpoints in a row without a better score on the validation images, and the weights "
         "of the best one are used; 0: train to the end and use the last");
   visit("least-gain", o.least_gain,
-        "a network that raises SSIM on the validation images by less than this over the fitted body that it began with is left "
-        "out of the result; 0: kept whatever it adds");
+        "a network that adds less SSIM than this to its fitted body on validation images is left out; 0: never");
   visit("picture-every", o.picture_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");

@@ -64,8 +64,8 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
 /// Whether there is no network: nobody asked for one, and nothing can show that it adds to the fitted body.
 bool TakesBodyAlone(const TrainArguments& arguments, const avatar::ModelOptions& model, const avatar::TrainOptions& options) {
   const bool fitted = arguments.start.fit == app::BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;
-  return fitted && options.least_gain == 0 && arguments.start.init_from.empty() && !arguments.start.given("steps") &&
-         !arguments.start.given("least-gain");
+  return fitted && model.method == avatar::Method::kTna && options.least_gain == 0 && arguments.start.init_from.empty() &&
+         !arguments.start.given("steps") && !arguments.start.given("least-gain");
 }
 
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
@@ -153,8 +153,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (seen) result.warnings.push_back(*seen);
   if (body_alone)
     result.text +=
-        "no network: networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there to show "
-        "that one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
+        "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
+        "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
   if (fit) {
     result.metrics["body"] = app::ToJson(*fit);
     app::AddFitWarnings(*fit, &result);
