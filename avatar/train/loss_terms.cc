@@ -44,7 +44,7 @@ at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outpu
   return compose(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
 }
 
-enum TotalIndex { kPicture, kSsim, kPerson, kMoving };
+enum TotalIndex { kPicture, kSsim, kPerson, kRest, kMoving };
 
 at::Tensor TotalOf(const StepInput& input, TotalIndex index) {
   return input.totals.defined() ? input.totals[index] : at::Tensor();
@@ -93,7 +93,8 @@ at::Tensor LossTotals(const StepInput& input, double foreground_weight) {
   const TrainBatch& batch = input.batch;
   const at::Tensor person = (batch.part > 0).sum().to(at::kFloat);
   const at::Tensor moving = input.has_previous.defined() ? MovingWeight(input).sum() : at::zeros_like(person);
-  return at::stack({PixelTotal(batch.mask, foreground_weight), SsimPixelTotal(batch.mask, foreground_weight), person, moving});
+  return at::stack({PixelTotal(batch.mask, foreground_weight), SsimPixelTotal(batch.mask, foreground_weight), person,
+                    static_cast<double>(batch.part.numel()) - person, moving});
 }
 
 size_t LossColumn(std::string_view name) {
@@ -129,7 +130,7 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
   const bool tna = model.options.method == Method::kTna;
   const double share = init ? 1.0 : KeepInit(o, model.options);
   if (tna && share > 0) {
-    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson)));
+    terms.Add("part", share * o.weight_part, PartLoss(out.first, batch.part, TotalOf(input, kPerson), TotalOf(input, kRest)));
     terms.Add("uv", share * o.weight_uv,
               UvLoss(CoordinatesOf(model.options, out.second), batch.uv, batch.part, TotalOf(input, kPerson)));
   }

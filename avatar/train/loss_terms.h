@@ -54,7 +54,7 @@ struct StepInput {
   at::Tensor totals;          ///< of several processes, see LossTotals; undefined: those of this batch
 };
 
-/// Divisors of the losses' weighted sums over pixels, (4) float32: picture, SSIM, person, moving pixels.
+/// Divisors of the losses' weighted sums over pixels, (5) float32: picture, SSIM, person, rest, moving pixels.
 at::Tensor LossTotals(const StepInput& input, double foreground_weight);
 
 /// The loss of one step. `init`: only the initialisation terms.

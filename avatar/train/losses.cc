@@ -65,11 +65,12 @@ at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask) {
   return -(mask * log_person + (1 - mask) * log_background).mean();
 }
 
-at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& total) {
-  const at::Tensor labelled = (part > 0).to(logits.dtype());
-  const at::Tensor cost =
-      at::nll_loss_nd(at::log_softmax(logits.slice(1, 1), 1), (part - 1).clamp_min(0), {}, at::Reduction::None);
-  return (cost * labelled).sum() / Or(total, labelled.sum()).clamp_min(1);
+at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& person_total,
+                    const at::Tensor& rest_total) {
+  const at::Tensor cost = at::nll_loss_nd(at::log_softmax(logits, 1), part, {}, at::Reduction::None);
+  const at::Tensor person = (part > 0).to(cost.dtype()), rest = 1 - person;
+  return 0.5 * ((cost * person).sum() / Or(person_total, person.sum()).clamp_min(1) +
+                (cost * rest).sum() / Or(rest_total, rest.sum()).clamp_min(1));
 }
 
 at::Tensor UvLoss(const at::Tensor& uv, const at::Tensor& target, const at::Tensor& part, const at::Tensor& total) {

@@ -26,9 +26,10 @@ at::Tensor GradientLoss(const at::Tensor& a, const at::Tensor& b, const at::Tens
 /// foreground logit (B, 1, H, W) by log-sigmoid, so the gradient does not vanish at large logits.
 at::Tensor MaskLoss(const at::Tensor& logits, const at::Tensor& mask);
 
-/// Cross-entropy of the 24 parts, given that the pixel is of the person, against labels (B, H, W) int64 in 0..24: mean over
-/// labelled pixels. The outline is MaskLoss's alone. Logits (B, 25, H, W).
-at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& total = {});
+/// Cross-entropy of part logits (B, 25, H, W) against labels (B, H, W) int64 in 0..24; person and background have equal
+/// total weight, however small the person is.
+at::Tensor PartLoss(const at::Tensor& logits, const at::Tensor& part, const at::Tensor& person_total = {},
+                    const at::Tensor& rest_total = {});
 
 /// Mean |difference| of the labelled part's coordinates over labelled pixels. uv (B, 48, H, W) and target (B, 2, H, W) in [-1,
 /// 1].

@@ -111,7 +111,7 @@ TEST(AvatarPretrain, ItsFolderIsNotATrainedAvatars) {
 
 TEST(AvatarPretrain, LearnsPartsOfPosesThatItHasNotSeen) {
   const TempDir folder;
-  PretrainOptions options = Tiny(400);
+  PretrainOptions options = Tiny(300);
   options.samples = 64, options.scored = 24;
   options.model.width = 8, options.train.learning_rate = 3e-3;
   const PretrainInput input = Input();
@@ -120,7 +120,7 @@ TEST(AvatarPretrain, LearnsPartsOfPosesThatItHasNotSeen) {
     return Pretrain(input, options, folder / std::to_string(steps), false, false, {nullptr, 1, 1})
         .metrics["scores"]["held_out"];
   };
-  const auto first = score(1), later = score(400);
+  const auto first = score(1), later = score(300);
   EXPECT_GT(later["part_accuracy"].get<double>(), first["part_accuracy"].get<double>() + 0.1);
   EXPECT_GT(later["mask_iou"].get<double>(), 0.6);
 }

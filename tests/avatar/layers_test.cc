@@ -215,17 +215,6 @@ TEST(Losses, VanishForEqualPicturesAndCountThePersonMore) {
   EXPECT_NEAR(WeightedL1(a, b, mask, 3).item<double>(), 0.1 * 3 / 4, 1e-5);
 }
 
-TEST(Losses, PartsAreToldApartWithinThePersonAlone) {
-  at::Tensor logits = at::zeros({1, 25, 1, 2}).requires_grad_();
-  const at::Tensor part = at::tensor({0, 3}, at::kLong).view({1, 1, 2});
-  const at::Tensor loss = PartLoss(logits, part);
-  EXPECT_NEAR(loss.item<double>(), std::log(24.0), 1e-6);
-  loss.backward();
-  EXPECT_EQ(logits.grad()[0][0].count_nonzero().item<int64_t>(), 0) << "the outline is MaskLoss's";
-  EXPECT_EQ(logits.grad().select(3, 0).count_nonzero().item<int64_t>(), 0) << "background";
-  EXPECT_NEAR(logits.grad()[0][3][0][1].item<double>(), 1 / 24.0 - 1, 1e-6);
-}
-
 TEST(Losses, UvCountsTheLabelledPartOnly) {
   at::Tensor uv = at::full({1, 48, 2, 2}, 9.0), target = at::zeros({1, 2, 2, 2}), part = at::zeros({1, 2, 2}, at::kLong);
   part[0][0][0] = 5;
