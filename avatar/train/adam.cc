@@ -36,8 +36,9 @@ void StepPlain(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& 
   });
 }
 
-// A value's steps fall as 1 / sqrt(1 + n / 20) with their number n: what an image shows of a texel is noisy, and the sum of
-// such steps settles (Robbins and Monro, "A stochastic approximation method", 1951).
+// A value's steps fall as 1 / sqrt(1 + n / 20) with their number n: what an image shows of a texel is noisy, and less and less
+// of it stays in the colour (rate of Zinkevich, "Online convex programming and generalized infinitesimal gradient ascent",
+// 2003).
 constexpr double kHalfDecay = 20;
 
 /// Of a value's n-th own step: its size, with the correction of the first moment; the inverse correction of the second.

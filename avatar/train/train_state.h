@@ -97,9 +97,9 @@ struct Trainer::State {
   /// One step. Returns false, without any change, when the loss or a gradient is not finite.
   bool Step(const StepInput& input, LossTerms* terms);
   bool CheckDue() const;
-  /// Scores the weights that would be returned if they were the best; ScoreOnFirstRank for all ranks.
+  /// ScoreHeldOut by rank 0 alone, told to all ranks.
   HistoryRow ScoreOnFirstRank(const AvatarPack& validation);
-  /// The same, and records whether they are the best.
+  /// Scores the weights that would be returned if they were the best, and records whether they are.
   HistoryRow Check(const AvatarPack& validation);
   std::string WhyEndedEarly() const;
   HistoryRow ScoreHeldOut(const AvatarPack& validation);

@@ -65,7 +65,7 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
 bool TakesBodyAlone(const TrainArguments& arguments, const avatar::ModelOptions& model, const avatar::TrainOptions& options) {
   const bool fitted = arguments.start.fit == app::BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;
   return fitted && model.method == avatar::Method::kTna && options.least_gain == 0 && arguments.start.init_from.empty() &&
-         !arguments.start.given("steps") && !arguments.start.given("least-gain");
+         !arguments.start.given("steps") && !arguments.start.given("init-steps") && !arguments.start.given("least-gain");
 }
 
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
