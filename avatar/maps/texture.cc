@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/body_charts.h"
+#include "core/chart_rows.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -37,31 +37,16 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
   return weight * colour + (1 - weight) * fine;
 }
 
-/// (24, 24): similarity of the rows of two charts; largest for a chart itself.
-at::Tensor Likeness() {
-  constexpr float kAlikeShare = 0.1f;
-  at::Tensor likeness = at::eye(kParts, at::kFloat);
-  for (const auto& group : kAlikeCharts) {
-    for (const int a : group) {
-      for (const int b : group) {
-        if (a != b) likeness[a - 1][b - 1] = kAlikeShare;
-      }
-    }
-  }
-  return likeness;
-}
-
-/// Texels far from all that a picture showed take the colour of their row, as the back of trousers is coloured like their
-/// front: of their own chart and of those alike. Near ones are left to their neighbours. `colour` (24, 3, S, S) and `weight`
-/// (24, 1, S, S) in [0, 1] as for PullPush, which blends the rest.
+/// Texels far from all that a picture showed take the colour of their row (MeanChartRows). Near ones are left to their
+/// neighbours. `colour` (24, 3, S, S) and `weight` (24, 1, S, S) in [0, 1] as for PullPush, which blends the rest.
 void FillRows(const TextureSums& sums, at::Tensor* colour, at::Tensor* weight) {
   constexpr double kTrust = 0.7;
   const int64_t near = std::max<int64_t>(1, weight->size(2) / 8);
-  const at::Tensor likeness = Likeness();
-  const at::Tensor row_colour = at::einsum("pq,qyc->pyc", {likeness, sums.colour.sum(2)});
-  const at::Tensor row_weight = at::matmul(likeness, sums.weight.sum(2));  // (24, S)
-  const at::Tensor row = (row_colour / row_weight.clamp_min(1e-12).unsqueeze(2)).permute({0, 2, 1}).unsqueeze(3);
-  const at::Tensor known = (row_weight > 0).view({kParts, 1, -1, 1});
+  const int64_t size = weight->size(2);
+  const at::Tensor colour_sums = sums.colour.contiguous(), weight_sums = sums.weight.contiguous();
+  ChartRows rows = MeanChartRows(static_cast<int>(size), colour_sums.data_ptr<float>(), weight_sums.data_ptr<float>());
+  const at::Tensor row = at::from_blob(rows.colour.data(), {kParts, size, 3}).permute({0, 2, 1}).unsqueeze(3);
+  const at::Tensor known = at::from_blob(rows.known.data(), {kParts, 1, size, 1}, at::kByte).gt(0);
   const at::Tensor hole = at::max_pool2d(*weight, 2 * near + 1, 1, near).le(0).logical_and(known);
   *colour = at::where(hole, row, *colour);
   *weight = at::where(hole, at::full_like(*weight, kTrust), *weight);

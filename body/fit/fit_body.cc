@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "body/fit/fit_judge.h"
 #include "core/choice/heldout_choice.h"
@@ -23,6 +24,7 @@ constexpr double kShapeReachPx[] = {40, 30, 24};
 constexpr double kSmoothness[] = {3e-4, 1e-3, 3e-3};  // of which held-out silhouettes choose
 constexpr double kReachPx = 12;
 constexpr double kBrightnessSigmaPx[] = {4, 2};
+constexpr double kOneCameraMargin = 0.1;  // of the held-out loss: a softer surface that gains less is not seen by others
 
 /// A body that has been fitted so far, and its losses.
 struct Candidate {
@@ -34,10 +36,23 @@ struct Candidate {
   double smoothness_m = 0;  // of its offsets; 0: none
 };
 
+bool SeveralCameras(const std::vector<FitStep>& steps) {
+  std::set<std::string> names;
+  for (const FitStep& step : steps) {
+    for (const FitView& view : step.views) names.insert(view.camera_name);
+  }
+  return names.size() > 1;
+}
+
 class Fit {
  public:
   Fit(const BodyTemplate& body, const std::vector<FitStep>& steps, const BodyFitOptions& options, const RunContext& run)
-      : steps_(steps), options_(options), run_(run), begin_(Clock::now()), state_(body, steps, options, run) {}
+      : steps_(steps),
+        options_(options),
+        run_(run),
+        begin_(Clock::now()),
+        several_cameras_(SeveralCameras(steps)),
+        state_(body, steps, options, run) {}
 
   BodyFit Run() {
     if (!state_.HasPoses() || !HasViews()) {
@@ -53,7 +68,7 @@ class Fit {
     if (options_.fit_surface) FitSurface(&stage, &candidates);
     Candidate best = Choose(&candidates);
     stage.Advance();
-    if (best.name != candidates[0].name && options_.use_brightness) best = WithBrightness(std::move(best));
+    if (best.name != candidates[0].name && options_.use_brightness && several_cameras_) best = WithBrightness(std::move(best));
     stage.Advance();
     Finish(best);
     stage.Advance();
@@ -110,7 +125,9 @@ class Fit {
   Candidate Choose(std::vector<Candidate>* candidates) {
     std::vector<HeldOutCandidate> losses;
     for (const Candidate& candidate : *candidates) losses.push_back({candidate.name, candidate.loss});
-    const HeldOutChoice choice = ChooseHeldOut(losses, {});
+    HeldOutRule rule;
+    if (!several_cameras_) rule.relative = kOneCameraMargin;
+    const HeldOutChoice choice = ChooseHeldOut(losses, rule);
     const int index = choice.status == Status::kOk ? choice.index : 0;  // nobody can say that offsets are better
     out_.stages[index].kept = true;
     return (*candidates)[index];
@@ -158,6 +175,7 @@ class Fit {
   BodyFitOptions options_;
   RunContext run_;
   Clock::time_point begin_;
+  bool several_cameras_;  // one camera cannot contradict itself: then the surface is stiffer, and brightness left out
   FitState state_;
   BodyFit out_;
   std::vector<std::vector<double>> before_;

@@ -64,7 +64,7 @@ struct BodyFit {
   PersonBody person;
   Eigen::VectorXd coefficients;  ///< (S) of the template's shapes
   Eigen::VectorXd offsets;       ///< (V) metres along the rest normals
-  /// (V) standard deviations of `offsets`, metres, given the poses; at 0.1 m nothing is known. Empty without offsets.
+  /// (V) standard deviations of `offsets`, metres, given the poses; at 0.03 m nothing is known. Empty without offsets.
   Eigen::VectorXd offset_sigma_m;
   double iou_before = 0, iou = 0;     ///< held-out silhouettes, posed by joints alone: the template, the fitted body
   std::vector<double> held_out_loss;  ///< (steps) 1 - IoU of the fitted body as above; NaN where nothing is held out

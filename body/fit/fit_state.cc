@@ -12,8 +12,8 @@ namespace mvstudio::body {
 namespace {
 
 constexpr double kLeastJointSigmaM = 0.003;
-constexpr double kOffsetSigmaM = 0.1;  // of the surface off the template's
-constexpr double kShapeSigmaPx = 2;    // of an outline against the surface; neighbours err together
+constexpr double kOffsetSigmaM = 0.03;  // of the surface off the template's
+constexpr double kShapeSigmaPx = 2;     // of an outline against the surface; neighbours err together
 
 }  // namespace
 

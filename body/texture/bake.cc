@@ -156,18 +156,18 @@ Textures TextureBaker::Finish(const std::vector<Eigen::Array3d>& gains) const {
   Textures out;
   const int size = map_.size_px;
   const size_t chart = static_cast<size_t>(size) * size;
+  std::vector<uint8_t> seen(kNumParts * chart, 0);
   for (int part = 0; part < kNumParts; ++part) {
     out[part] = Image(size, size, 3, 128);
-    std::vector<uint8_t> seen(chart, 0);
     for (size_t t = 0; t < chart; ++t) {
       Eigen::Array3d colour;
       if (!ColourOf(part * chart + t, gains, &colour)) continue;
       for (int c = 0; c < 3; ++c)
         out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(std::clamp(colour[c], 0.0, 255.0)));
-      seen[t] = 1;
+      seen[part * chart + t] = 1;
     }
-    FillTexels(&seen, &out[part]);
   }
+  FillTexels(std::move(seen), &out);
   return out;
 }
 

@@ -56,9 +56,9 @@ Textures PaintVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& colours
   const TexelMap map = MapTexels(body, size_px);
   const size_t chart = static_cast<size_t>(size_px) * size_px;
   Textures out;
+  std::vector<uint8_t> known(kNumParts * chart, 0);
   for (size_t part = 0; part < kNumParts; ++part) {
     out[part] = Image(size_px, size_px, 3, 128);
-    std::vector<uint8_t> known(chart, 0);
     for (size_t t = 0; t < chart; ++t) {
       const int face = map.face[part * chart + t];
       if (face < 0) continue;
@@ -66,10 +66,10 @@ Textures PaintVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& colours
       for (int k = 0; k < 3; ++k) colour += map.barycentric[part * chart + t][k] * colours.col(body.faces(k, face));
       for (int c = 0; c < 3; ++c)
         out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(255 * std::clamp(colour[c], 0.0f, 1.0f)));
-      known[t] = 1;
+      known[part * chart + t] = 1;
     }
-    FillTexels(&known, &out[part]);
   }
+  FillTexels(std::move(known), &out);
   return out;
 }
 

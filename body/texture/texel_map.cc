@@ -44,29 +44,4 @@ TexelMap MapTexels(const BodyTemplate& body, int size_px) {
   return map;
 }
 
-void FillTexels(std::vector<uint8_t>* known, Image* texture) {
-  const int size = texture->width;
-  for (bool changed = true; changed;) {
-    changed = false;
-    const std::vector<uint8_t> before = *known;
-    for (int y = 0; y < size; ++y) {
-      for (int x = 0; x < size; ++x) {
-        if (before[static_cast<size_t>(y) * size + x]) continue;
-        int sum[3] = {0, 0, 0}, count = 0;
-        for (int dy = -1; dy <= 1; ++dy) {
-          for (int dx = -1; dx <= 1; ++dx) {
-            const int nx = x + dx, ny = y + dy;
-            if (nx < 0 || ny < 0 || nx >= size || ny >= size || !before[static_cast<size_t>(ny) * size + nx]) continue;
-            for (int c = 0; c < 3; ++c) sum[c] += texture->Pixel(nx, ny)[c];
-            ++count;
-          }
-        }
-        if (count == 0) continue;
-        for (int c = 0; c < 3; ++c) texture->Pixel(x, y)[c] = static_cast<uint8_t>((sum[c] + count / 2) / count);
-        (*known)[static_cast<size_t>(y) * size + x] = 1, changed = true;
-      }
-    }
-  }
-}
-
 }  // namespace mvstudio::body

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -18,8 +19,8 @@ struct TexelMap {
 
 TexelMap MapTexels(const BodyTemplate& body, int size_px);
 
-/// Texels of a chart (S, S, 3) that are not `known` (S, S) take the mean of their known neighbours, from the seams inwards; in
-/// the end all are known, or none.
-void FillTexels(std::vector<uint8_t>* known, Image* texture);
+/// Texels that are not `known` (24, S, S) take the mean of their known neighbours, from the seams inwards. Those farther than
+/// an eighth of the chart from any known one take the colour of their row (MeanChartRows), as long as any is known.
+void FillTexels(std::vector<uint8_t> known, std::array<Image, kNumParts>* textures);
 
 }  // namespace mvstudio::body

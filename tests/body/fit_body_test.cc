@@ -8,6 +8,7 @@
 #include "body/fit/rim.h"
 #include "body/surface_nets.h"
 #include "body/texture/bake.h"
+#include "body/texture/texel_map.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "tests/body/fit_studio.h"
@@ -70,6 +71,17 @@ TEST(FitBody, AShiftedCameraIsSeen) {
     } else {
       EXPECT_LT(camera.shift_px.norm(), 1) << camera.name;
     }
+  }
+}
+
+TEST(FitBody, BrightnessNeedsASecondCamera) {
+  for (const int cameras : {1, 2}) {
+    Studio studio(12, cameras);
+    for (FitStep& step : studio.steps) {
+      for (FitView& view : step.views) view.grey = std::make_shared<Image>(view.outline->mask());
+    }
+    const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
+    EXPECT_EQ(fit.stages.back().name == "poses by brightness", cameras == 2) << cameras;
   }
 }
 
@@ -193,6 +205,28 @@ TEST(TextureBaker, ADarkCameraIsMeasuredAndDoesNotStain) {
   }
   EXPECT_LT(ColourError(body, right.Finish(right.Gains()), found), 2)
       << "beyond the brightness of all, which nothing determines";
+}
+
+TEST(FillTexels, FarTexelsTakeTheColourOfTheirRowAndNearOnesThatOfTheirNeighbours) {
+  constexpr int kSize = 32;
+  constexpr int kFront = 0, kBack = 1, kHand = 2;  // the trunk's two sides are alike
+  Textures textures;
+  textures.fill(Image(kSize, kSize, 3, 7));
+  std::vector<uint8_t> known(static_cast<size_t>(kNumParts) * kSize * kSize, 0);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < 4; ++x) {
+      known[static_cast<size_t>(y) * kSize + x] = 1;
+      for (int c = 0; c < 3; ++c) textures[kFront].Pixel(x, y)[c] = y < kSize / 2 ? 200 : 40;  // a shirt over trousers
+    }
+  }
+  FillTexels(known, &textures);
+  for (const int x : {5, 20, 31}) {
+    EXPECT_EQ(*textures[kFront].Pixel(x, 3), 200) << x;
+    EXPECT_EQ(*textures[kFront].Pixel(x, 28), 40) << x;
+    EXPECT_EQ(*textures[kBack].Pixel(x, 3), 200) << x;
+    EXPECT_EQ(*textures[kBack].Pixel(x, 28), 40) << x;
+  }
+  EXPECT_EQ(*textures[kHand].Pixel(3, 3), 7) << "nothing is known of charts like it";
 }
 
 }  // namespace
