@@ -30,9 +30,7 @@ struct FitArguments {
 
 void WriteGlb(const body::TexturedPerson& person, double frame_rate_hz, const std::string& path) {
   const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), "atlas.png"), person.textures[0].width};
-  std::vector<body::ArticulatedPose> poses;
-  for (const auto& [frame, pose] : person.person.seen) poses.push_back(pose);
-  body::WriteBodyGlb(path, person.person.body, atlas, poses, frame_rate_hz);
+  body::WriteBodyGlb(path, person.person.body, atlas, person.person.seen, frame_rate_hz);
 }
 
 void WritePicture(const body::TexturedPerson& person, const std::string& path, CommandResult* result) {
