@@ -18,6 +18,9 @@ struct TexelMap {
 
 TexelMap MapTexels(const BodyTemplate& body, int size_px);
 
+/// `values` (3, V) of the vertices between the corners of the face that a texel shows; the texel shows one.
+Eigen::Vector3f AtTexel(const BodyTemplate& body, const TexelMap& map, size_t texel, const Eigen::Matrix3Xf& values);
+
 /// Texels of a chart (S, S, 3) that are not `known` (S, S) take the mean of their known neighbours, from the seams inwards; in
 /// the end all are known, or none.
 void FillTexels(std::vector<uint8_t>* known, Image* texture);
