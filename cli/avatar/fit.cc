@@ -54,15 +54,16 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
-  RemoveOurs({body_path, glb_path, picture_path});
-  MakeFolder(arguments.out);
-  WritePerson(fit.result, body_path);
-  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
   result.metrics = app::ToJson(fit);
   result.outputs = {{body_path, "body"}, {glb_path, "body-glb"}};
+  FilesTogether together;
+  WritePerson(fit.result, body_path);
+  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
   WritePicture(fit.result, picture_path, &result);
+  together.Commit();
+  if (result.outputs.back().path != picture_path) RemoveOurs({picture_path});  // of an older body
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
   return result;
