@@ -6,13 +6,14 @@
 
 #include "core/check.h"
 #include "geometry/lens/camera.h"
+#include "geometry/solve/signed_area.h"
 
 namespace mvstudio::body {
 namespace {
 
 struct ScreenVertex {
-  double x = 0, y = 0, inv_z = 0;
-  float z = 0;
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();
+  double inv_z = 0;
   bool ok = false;
 };
 
@@ -25,21 +26,18 @@ std::vector<ScreenVertex> ProjectAll(const Eigen::Matrix3Xf& vertices_in_world, 
     if (!(x_in_cam[2] > 1e-6)) continue;
     const geometry::Projection projection = projector.Project(x_in_cam);
     if (projection.status != Status::kOk) continue;
-    screen[i] = {projection.px[0], projection.px[1], 1 / x_in_cam[2], static_cast<float>(x_in_cam[2]), true};
+    screen[i] = {projection.px, 1 / x_in_cam[2], true};
   }
   return screen;
 }
 
-/// Edge function of a -> b at p: twice the signed area of (a, b, p).
-double Edge(const ScreenVertex& a, const ScreenVertex& b, double x, double y) {
-  return (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x);
-}
-
 void RasterizeFace(const ScreenVertex* v[3], const Eigen::Vector2f uv[3], uint8_t part, PartUvMap* map) {
-  const double area = Edge(*v[0], *v[1], v[2]->x, v[2]->y);
-  if (!(std::abs(area) > 1e-12)) return;
-  const auto [low_x, high_x] = std::minmax({v[0]->x, v[1]->x, v[2]->x});
-  const auto [low_y, high_y] = std::minmax({v[0]->y, v[1]->y, v[2]->y});
+  const Eigen::Vector2d &a = v[0]->px, &b = v[1]->px, &c = v[2]->px;
+  const double area = geometry::SignedArea2(a, b, c);
+  if (area == 0) return;
+  const double side = area > 0 ? 1 : -1;
+  const auto [low_x, high_x] = std::minmax({a[0], b[0], c[0]});
+  const auto [low_y, high_y] = std::minmax({a[1], b[1], c[1]});
   if (high_x < 0 || high_y < 0 || low_x > map->width - 1 || low_y > map->height - 1) return;
   const int x0 = static_cast<int>(std::ceil(std::max(low_x, 0.0))),
             x1 = static_cast<int>(std::floor(std::min(high_x, map->width - 1.0)));
@@ -47,11 +45,13 @@ void RasterizeFace(const ScreenVertex* v[3], const Eigen::Vector2f uv[3], uint8_
             y1 = static_cast<int>(std::floor(std::min(high_y, map->height - 1.0)));
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
-      const double w0 = Edge(*v[1], *v[2], x, y) / area, w1 = Edge(*v[2], *v[0], x, y) / area,
-                   w2 = Edge(*v[0], *v[1], x, y) / area;
+      const Eigen::Vector2d at_px(x, y);
+      const double w0 = side * geometry::SignedArea2(b, c, at_px), w1 = side * geometry::SignedArea2(c, a, at_px),
+                   w2 = side * geometry::SignedArea2(a, b, at_px);
       if (w0 < 0 || w1 < 0 || w2 < 0) continue;
       const double p0 = w0 * v[0]->inv_z, p1 = w1 * v[1]->inv_z, p2 = w2 * v[2]->inv_z, sum = p0 + p1 + p2;
-      const float depth = static_cast<float>(1 / sum);
+      if (!(sum > 0)) continue;
+      const float depth = static_cast<float>((w0 + w1 + w2) / sum);
       const size_t at = static_cast<size_t>(y) * map->width + x;
       if (depth >= map->depth_m[at]) continue;
       map->depth_m[at] = depth;

@@ -17,7 +17,9 @@ struct PartUvMap {
 };
 
 /// z-buffer rasterisation of posed vertices (3, V) in world. Vertices are projected through the camera's exact lens, edges
-/// are straight in the image, attributes are perspective-correct and sampled at pixel centres. Faces with a vertex that
+/// are straight in the image, attributes are perspective-correct and sampled at pixel centres. A face covers the centres that
+/// lie in the exact triangle of its projected vertices or on its edges, seen from either side: faces with a common edge leave
+/// no gap. Of faces at the same depth the first one is seen. Faces without an area in the image and faces with a vertex that
 /// cannot be projected are skipped.
 PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera);
 

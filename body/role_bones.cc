@@ -1,9 +1,31 @@
 #include "body/role_bones.h"
 
 #include "core/check.h"
+#include "core/fields.h"
 
 namespace mvstudio::body {
 namespace {
+
+constexpr ChoiceWords<BoneRole, kNumBoneRoles> kRoles = {{{BoneRole::kOther, "other"},
+                                                          {BoneRole::kPelvis, "pelvis"},
+                                                          {BoneRole::kSpine, "spine"},
+                                                          {BoneRole::kChest, "chest"},
+                                                          {BoneRole::kNeck, "neck"},
+                                                          {BoneRole::kHead, "head"},
+                                                          {BoneRole::kLeftClavicle, "left clavicle"},
+                                                          {BoneRole::kLeftUpperArm, "left upper arm"},
+                                                          {BoneRole::kLeftForearm, "left forearm"},
+                                                          {BoneRole::kLeftHand, "left hand"},
+                                                          {BoneRole::kLeftThigh, "left thigh"},
+                                                          {BoneRole::kLeftShin, "left shin"},
+                                                          {BoneRole::kLeftFoot, "left foot"},
+                                                          {BoneRole::kRightClavicle, "right clavicle"},
+                                                          {BoneRole::kRightUpperArm, "right upper arm"},
+                                                          {BoneRole::kRightForearm, "right forearm"},
+                                                          {BoneRole::kRightHand, "right hand"},
+                                                          {BoneRole::kRightThigh, "right thigh"},
+                                                          {BoneRole::kRightShin, "right shin"},
+                                                          {BoneRole::kRightFoot, "right foot"}}};
 
 int OnlyBone(const BodyTemplate& body, BoneRole role) {
   int found = -1;
@@ -34,6 +56,8 @@ std::vector<int> Chain(const BodyTemplate& body, BoneRole first, BoneRole second
 }
 
 }  // namespace
+
+std::string_view ToString(BoneRole role) { return WordOf(kRoles, role); }
 
 RoleBones FindRoleBones(const BodyTemplate& body) {
   MVS_CHECK(body.bone_roles.size() == body.bone_names.size(), body.bone_roles.size()

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <string_view>
 #include <vector>
 
 #include "body/body_template.h"
@@ -16,6 +17,9 @@ struct RoleBones {
   std::array<std::array<int, 4>, 2> arms{};  // left, right: clavicle, upper arm, forearm, hand
   std::array<std::array<int, 3>, 2> legs{};  // left, right: thigh, shin, foot
 };
+
+/// "left upper arm", "other" for kOther.
+std::string_view ToString(BoneRole role);
 
 /// Throws ContractViolation unless the roles are complete: one pelvis, one head, at least one spine or chest bone and one neck
 /// bone, and one of each role of the limbs. Bones of the spine and of the neck must descend from each other.

@@ -108,8 +108,8 @@ Eigen::Matrix3Xf VertexNormals(const Eigen::Matrix3Xf& vertices, const Eigen::Ma
     for (int k = 0; k < 3; ++k) normals.col(faces(k, f)) += normal;
   }
   for (int i = 0; i < normals.cols(); ++i) {
-    const float norm = normals.col(i).norm();
-    normals.col(i) = norm > 0 ? Eigen::Vector3f(normals.col(i) / norm) : Eigen::Vector3f(0, 0, 1);
+    const Eigen::Vector3d sum = normals.col(i).cast<double>();  // squares of tiny faces' sums leave the range of floats
+    normals.col(i) = sum.norm() > 0 ? Eigen::Vector3f(sum.normalized().cast<float>()) : Eigen::Vector3f(0, 0, 1);
   }
   return normals;
 }

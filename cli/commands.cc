@@ -46,6 +46,7 @@ constexpr Command kCommands[] = {
     {"tradeoff pack", RegisterTradeoffPack},
     {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
     {"dataset", RegisterDataset},
+    {"avatar template", RegisterAvatarTemplate},
     {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},
     {"avatar pretrain", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrain)},
     {"avatar train", MVSTUDIO_NEEDS_TORCH(RegisterAvatarTrain)},  // and resume, info

@@ -41,8 +41,8 @@ SurfaceMaps MapSurface(const body::TexturedPerson& person) {
     if (!(person.offset_sigma_m[v] < kSigmaLimitM)) known[v] = std::numeric_limits<double>::quiet_NaN();
   }
   const body::BodyTemplate& body = person.person.body;
-  return {SideBySide(body::SurfacePicture(body, known, limit, kHeightPx),
-                     body::SurfacePicture(body, person.offset_sigma_m, kSigmaLimitM, kHeightPx)),
+  return {SideBySide(body::SurfacePicture(body, known, {-limit, limit}, kHeightPx),
+                     body::SurfacePicture(body, person.offset_sigma_m, {0, kSigmaLimitM}, kHeightPx)),
           1e3 * limit, 1e3 * kSigmaLimitM};
 }
 

@@ -6,7 +6,7 @@
 
 #include "app/nets/avatar_fit.h"
 #include "app/words.h"
-#include "avatar/io/pack/person_fit.h"
+#include "body/templates/read.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -102,7 +102,7 @@ PretrainInput ReadPretrainInput(const std::string& motion, const std::string& po
     throw UsageError("there are no poses to learn from: give option 'motion' (animation files) or option 'poses' (datasets)");
   for (const std::string& path : TemplatesOf(templates)) {
     input.templates.push_back(path.empty() ? "mannequin" : path);
-    input.sources.templates.push_back(avatar::TemplateFrom(path));
+    input.sources.templates.push_back(body::ReadTemplate(path));
   }
   return input;
 }

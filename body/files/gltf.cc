@@ -19,17 +19,33 @@ using internal::GlbJson;
 
 constexpr int kClampToEdge = 33071, kLinear = 9729, kMipmaps = 9987;
 
-void CheckPoses(const BodyTemplate& body, const std::vector<ArticulatedPose>& poses, double frame_rate_hz) {
-  MVS_CHECK(std::isfinite(frame_rate_hz) && frame_rate_hz > 0, "frame_rate_hz = " << frame_rate_hz);
-  for (size_t i = 0; i < poses.size(); ++i) {
-    const auto& turns = poses[i].local_rotations;
-    MVS_CHECK(turns.size() == body.bone_names.size(),
-              "pose " << i << " of " << turns.size() << " bones for a body of " << body.bone_names.size());
-    MVS_CHECK(poses[i].shift.allFinite(), "the shift of pose " << i << " is not finite");
-    for (const Eigen::Quaterniond& turn : turns) {
-      MVS_CHECK(std::abs(turn.norm() - 1) < 1e-3, "a rotation of pose " << i << " has the norm " << turn.norm());
-    }
+struct Motion {
+  std::vector<float> seconds;  // rising from 0
+  std::vector<ArticulatedPose> poses;
+};
+
+void CheckPose(const BodyTemplate& body, int frame, const ArticulatedPose& pose) {
+  const auto& turns = pose.local_rotations;
+  MVS_CHECK(turns.size() == body.bone_names.size(),
+            "the pose of frame " << frame << " of " << turns.size() << " bones for a body of " << body.bone_names.size());
+  MVS_CHECK(pose.shift.allFinite(), "the shift of frame " << frame << " is not finite");
+  for (const Eigen::Quaterniond& turn : turns) {
+    MVS_CHECK(std::abs(turn.norm() - 1) < 1e-3, "a rotation of frame " << frame << " has the norm " << turn.norm());
   }
+}
+
+Motion MotionOf(const BodyTemplate& body, const std::map<int, ArticulatedPose>& pose_of_frame, double frame_rate_hz) {
+  MVS_CHECK(std::isfinite(frame_rate_hz) && frame_rate_hz > 0, "frame_rate_hz = " << frame_rate_hz);
+  Motion motion;
+  for (const auto& [frame, pose] : pose_of_frame) {
+    CheckPose(body, frame, pose);
+    const double frames = static_cast<double>(frame) - static_cast<double>(pose_of_frame.begin()->first);
+    const auto seconds = static_cast<float>(frames / frame_rate_hz);
+    MVS_CHECK(std::isfinite(seconds) && (motion.seconds.empty() || seconds > motion.seconds.back()),
+              "frame " << frame << " at " << frame_rate_hz << " Hz: floats do not tell its time from the frame before");
+    motion.seconds.push_back(seconds), motion.poses.push_back(pose);
+  }
+  return motion;
 }
 
 /// Up to four bones of a vertex, each once, with weights that sum to one; unused places are zero, as the format wants it.
@@ -149,11 +165,8 @@ int AddSkin(const BodyTemplate& body, int first_joint, GlbBuilder* builder) {
   return builder->Add("skins", {{"inverseBindMatrices", builder->Floats(inverse_bind, 16)}, {"joints", joints}});
 }
 
-void AddAnimation(const BodyTemplate& body, const std::vector<ArticulatedPose>& poses, double frame_rate_hz, int first_joint,
-                  GlbBuilder* builder) {
-  std::vector<float> seconds;
-  for (size_t i = 0; i < poses.size(); ++i) seconds.push_back(static_cast<float>(static_cast<double>(i) / frame_rate_hz));
-  const int times = builder->Floats(seconds, 1);
+void AddAnimation(const BodyTemplate& body, const Motion& motion, int first_joint, GlbBuilder* builder) {
+  const int times = builder->Floats(motion.seconds, 1);
   GlbJson samplers = GlbJson::array(), channels = GlbJson::array();
   const auto follow = [&](size_t bone, const char* path, const std::vector<float>& values, size_t components) {
     channels.push_back(
@@ -161,21 +174,21 @@ void AddAnimation(const BodyTemplate& body, const std::vector<ArticulatedPose>& 
     samplers.push_back({{"input", times}, {"interpolation", "LINEAR"}, {"output", builder->Floats(values, components)}});
   };
   for (size_t b = 0; b < body.bone_names.size(); ++b) {
-    if (body.bone_parents[b] < 0) follow(b, "translation", RootPlaces(body, poses, b), 3);
-    follow(b, "rotation", Turns(poses, b), 4);
+    if (body.bone_parents[b] < 0) follow(b, "translation", RootPlaces(body, motion.poses, b), 3);
+    follow(b, "rotation", Turns(motion.poses, b), 4);
   }
   builder->Add("animations", {{"name", "take"}, {"samplers", samplers}, {"channels", channels}});
 }
 
 }  // namespace
 
-std::string GlbOfBody(const BodyTemplate& body, const AtlasPng& atlas, const std::vector<ArticulatedPose>& poses,
+std::string GlbOfBody(const BodyTemplate& body, const AtlasPng& atlas, const std::map<int, ArticulatedPose>& pose_of_frame,
                       double frame_rate_hz) {
   CheckAtlas(atlas);
-  CheckPoses(body, poses, frame_rate_hz);
+  const Motion motion = MotionOf(body, pose_of_frame, frame_rate_hz);
   MVS_CHECK(body.vertices.allFinite() && body.bone_heads.allFinite(), "a vertex or a bone is not finite");
   GlbBuilder builder;
-  const int mesh = AddMesh(body, atlas, &builder), joints = AddJoints(body, poses, &builder);
+  const int mesh = AddMesh(body, atlas, &builder), joints = AddJoints(body, motion.poses, &builder);
   GlbJson roots = GlbJson::array();
   for (size_t b = 0; b < body.bone_names.size(); ++b) {
     if (body.bone_parents[b] < 0) roots.push_back(joints + static_cast<int>(b));
@@ -184,15 +197,15 @@ std::string GlbOfBody(const BodyTemplate& body, const AtlasPng& atlas, const std
   const int world = builder.Add("nodes", {{"name", "world, z up"}, {"rotation", {-half, 0.0, 0.0, half}}, {"children", roots}});
   // A skinned mesh follows its joints alone: its node stands beside them, not below.
   const int shown = builder.Add("nodes", {{"name", "body"}, {"mesh", mesh}, {"skin", AddSkin(body, joints, &builder)}});
-  if (!poses.empty()) AddAnimation(body, poses, frame_rate_hz, joints, &builder);
+  if (!motion.poses.empty()) AddAnimation(body, motion, joints, &builder);
   builder.Set("scene", 0);
   builder.Set("scenes", GlbJson::array({{{"nodes", {world, shown}}}}));
   return builder.Glb();
 }
 
 void WriteBodyGlb(const std::string& path, const BodyTemplate& body, const AtlasPng& atlas,
-                  const std::vector<ArticulatedPose>& poses, double frame_rate_hz) {
-  WriteFileAtomic(path, GlbOfBody(body, atlas, poses, frame_rate_hz));
+                  const std::map<int, ArticulatedPose>& pose_of_frame, double frame_rate_hz) {
+  WriteFileAtomic(path, GlbOfBody(body, atlas, pose_of_frame, frame_rate_hz));
 }
 
 }  // namespace mvstudio::body

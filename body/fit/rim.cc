@@ -38,8 +38,9 @@ double Cross(const Vector2d& a, const Vector2d& b) { return a[0] * b[1] - a[1] *
 void FillRow(const Vector2d corners[3], int y, Image* cover) {
   double low = cover->width, high = -1;
   for (int k = 0; k < 3; ++k) {
-    const Vector2d &a = corners[k], &b = corners[(k + 1) % 3];
-    if ((a[1] < y && b[1] < y) || (a[1] > y && b[1] > y)) continue;
+    const bool rises = corners[k][1] <= corners[(k + 1) % 3][1];  // both faces of an edge round it alike: no gap between them
+    const Vector2d &a = corners[rises ? k : (k + 1) % 3], &b = corners[rises ? (k + 1) % 3 : k];
+    if (b[1] < y || a[1] > y) continue;
     if (a[1] == b[1]) {
       low = std::min({low, a[0], b[0]}), high = std::max({high, a[0], b[0]});
       continue;

@@ -9,6 +9,7 @@
 #include "body/smpl/pickle.h"
 #include "body/template_atlas.h"
 #include "core/disk/files.h"
+#include "core/disk/npy_write.h"
 #include "core/error.h"
 
 namespace mvstudio::body {
@@ -99,20 +100,39 @@ BodyTemplate SmplFromArrays(const std::map<std::string, NpyArray>& arrays, const
   return body;
 }
 
-std::map<std::string, NpyArray> ReadSmplPickle(const std::string& path) { return ArraysFromPickle(ReadFile(path), path); }
-
-BodyTemplate ReadSmpl(const std::string& path) {
+std::map<std::string, NpyArray> ReadSmplArrays(const std::string& path) {
   const auto ends_in = [&path](const std::string& end) {
     return path.size() >= end.size() && path.compare(path.size() - end.size(), end.size(), end) == 0;
   };
-  if (ends_in(".pkl")) return SmplFromArrays(ReadSmplPickle(path), path);
-  if (!ends_in(".npz")) throw FormatError(path, "", "must be a .npz or .pkl file");
-  std::map<std::string, NpyArray> arrays;  // others may hold objects
-  const std::vector<std::string> wanted = internal::SmplArrayNames();
-  for (const auto& [name, bytes] : ReadNpzMembers(path)) {
-    if (std::find(wanted.begin(), wanted.end(), name) != wanted.end()) arrays[name] = ParseNpy(bytes, path + ": " + name);
+  const bool pickle = ends_in(".pkl");
+  if (!pickle && !ends_in(".npz")) throw FormatError(path, "", "must be a .npz or .pkl file");
+  std::map<std::string, NpyArray> all, arrays;
+  std::map<std::string, std::string> members;  // others may hold objects
+  if (pickle) all = ArraysFromPickle(ReadFile(path), path);
+  if (!pickle) members = ReadNpzMembers(path);
+  for (const std::string& name : internal::SmplArrayNames()) {
+    if (const auto found = all.find(name); found != all.end()) arrays[name] = std::move(found->second);
+    if (const auto found = members.find(name); found != members.end())
+      arrays[name] = ParseNpy(found->second, path + ": " + name);
   }
-  return SmplFromArrays(arrays, path);
+  return arrays;
+}
+
+BodyTemplate ReadSmpl(const std::string& path) { return SmplFromArrays(ReadSmplArrays(path), path); }
+
+std::string SmplNpz(const std::map<std::string, NpyArray>& arrays, const std::string& path) {
+  internal::CheckSmplLayout(arrays, path);
+  std::vector<std::pair<std::string, std::string>> members;
+  for (const std::string& name : internal::SmplArrayNames()) {
+    const auto found = arrays.find(name);
+    if (found == arrays.end()) continue;
+    const NpyArray& array = found->second;
+    const std::vector<size_t> shape(array.shape.begin(), array.shape.end());
+    const bool indices = name == "f" || name == "kintree_table";
+    const auto wholes = [&array] { return std::vector<int64_t>(array.values.begin(), array.values.end()); };
+    members.emplace_back(name, indices ? NpyOfInts(shape, wholes()) : NpyOfDoubles(shape, array.values));
+  }
+  return NpzOf(members);
 }
 
 }  // namespace mvstudio::body

@@ -19,7 +19,11 @@ BodyTemplate ReadSmpl(const std::string& path);
 /// z so that it stays there: for SMPL's own frame, compare heads of bones. `path` is for messages.
 BodyTemplate SmplFromArrays(const std::map<std::string, NpyArray>& arrays, const std::string& path);
 
-/// The arrays of a .pkl file of such a body.
-std::map<std::string, NpyArray> ReadSmplPickle(const std::string& path);
+/// Those of the arrays above that a .npz or .pkl file has. Throws IoError, FormatError.
+std::map<std::string, NpyArray> ReadSmplArrays(const std::string& path);
+
+/// The same arrays as a .npz file for numpy.load and ReadSmpl: indices as int64, all others as float64. What is read again is
+/// bit for bit the same. Throws FormatError where SmplFromArrays does; `path` is for messages.
+std::string SmplNpz(const std::map<std::string, NpyArray>& arrays, const std::string& path);
 
 }  // namespace mvstudio::body

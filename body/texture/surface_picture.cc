@@ -40,9 +40,10 @@ void PutOnWhite(const RenderedBody& seen, int left, Image* page) {
   }
 }
 
-void DrawScale(int top, Image* page) {
+void DrawScale(const ColourRange& range, int top, Image* page) {
   for (int x = 0; x < page->width; ++x) {
-    const Eigen::Vector3f colour = DivergingColour(2 * (x + 0.5) / page->width - 1, 1);
+    const double share = (x + 0.5) / page->width;
+    const Eigen::Vector3f colour = DivergingColour((1 - share) * range.low + share * range.limit, range.limit);
     for (int y = top; y < page->height; ++y) {
       for (int c = 0; c < 3; ++c) page->Pixel(x, y)[c] = static_cast<uint8_t>(std::lround(255 * colour[c]));
     }
@@ -60,10 +61,8 @@ Textures PaintVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& colours
   for (size_t part = 0; part < kNumParts; ++part) {
     out[part] = Image(size_px, size_px, 3, 128);
     for (size_t t = 0; t < chart; ++t) {
-      const int face = map.face[part * chart + t];
-      if (face < 0) continue;
-      Eigen::Vector3f colour = Eigen::Vector3f::Zero();
-      for (int k = 0; k < 3; ++k) colour += map.barycentric[part * chart + t][k] * colours.col(body.faces(k, face));
+      if (map.face[part * chart + t] < 0) continue;
+      const Eigen::Vector3f colour = AtTexel(body, map, part * chart + t, colours);
       for (int c = 0; c < 3; ++c)
         out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(255 * std::clamp(colour[c], 0.0f, 1.0f)));
       known[part * chart + t] = 1;
@@ -80,8 +79,9 @@ Eigen::Vector3f DivergingColour(double value, double limit) {
   return grey + std::abs(share) * ((share < 0 ? blue : red) - grey);
 }
 
-Image SurfacePicture(const BodyTemplate& body, const Eigen::VectorXd& values, double limit, int height_px) {
-  MVS_CHECK(values.size() == body.vertices.cols() && limit > 0 && height_px >= 32, "values of the vertices, and their limit");
+Image SurfacePicture(const BodyTemplate& body, const Eigen::VectorXd& values, const ColourRange& range, int height_px) {
+  MVS_CHECK(values.size() == body.vertices.cols() && range.limit > 0 && range.low < range.limit && height_px >= 32,
+            "values of the vertices, and their limit");
   const int size = height_px - kScalePx;
   const Eigen::Matrix3Xf normals = VertexNormals(body.vertices, body.faces);
   Image page(2 * size, height_px, 3, 255);
@@ -90,12 +90,12 @@ Image SurfacePicture(const BodyTemplate& body, const Eigen::VectorXd& values, do
     Eigen::Matrix3Xf colours(3, values.size());
     for (Eigen::Index v = 0; v < values.size(); ++v) {
       const float facing = std::max(0.0f, -normals.col(v).dot(forward.cast<float>()));
-      colours.col(v) = (0.55f + 0.45f * facing) * DivergingColour(values[v], limit);
+      colours.col(v) = (0.55f + 0.45f * facing) * DivergingColour(values[v], range.limit);
     }
     PutOnWhite(RenderBody(body, PaintVertices(body, colours, kChartPx), body.vertices, FarCamera(body, forward, size)),
                side * size, &page);
   }
-  DrawScale(size, &page);
+  DrawScale(range, size, &page);
   return page;
 }
 

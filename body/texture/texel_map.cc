@@ -44,4 +44,10 @@ TexelMap MapTexels(const BodyTemplate& body, int size_px) {
   return map;
 }
 
+Eigen::Vector3f AtTexel(const BodyTemplate& body, const TexelMap& map, size_t texel, const Eigen::Matrix3Xf& values) {
+  Eigen::Vector3f value = Eigen::Vector3f::Zero();
+  for (int k = 0; k < 3; ++k) value += map.barycentric[texel][k] * values.col(body.faces(k, map.face[texel]));
+  return value;
+}
+
 }  // namespace mvstudio::body

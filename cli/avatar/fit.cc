@@ -30,9 +30,7 @@ struct FitArguments {
 
 void WriteGlb(const body::TexturedPerson& person, double frame_rate_hz, const std::string& path) {
   const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), "atlas.png"), person.textures[0].width};
-  std::vector<body::ArticulatedPose> poses;
-  for (const auto& [frame, pose] : person.person.seen) poses.push_back(pose);
-  body::WriteBodyGlb(path, person.person.body, atlas, poses, frame_rate_hz);
+  body::WriteBodyGlb(path, person.person.body, atlas, person.person.seen, frame_rate_hz);
 }
 
 void WritePicture(const body::TexturedPerson& person, const std::string& path, CommandResult* result) {
@@ -56,15 +54,16 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   if (std::filesystem::exists(body_path) && !arguments.overwrite)
     throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
-  RemoveOurs({body_path, glb_path, picture_path});
-  MakeFolder(arguments.out);
-  WritePerson(fit.result, body_path);
-  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
   result.metrics = app::ToJson(fit);
   result.outputs = {{body_path, "body"}, {glb_path, "body-glb"}};
+  FilesTogether together;
+  WritePerson(fit.result, body_path);
+  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
   WritePicture(fit.result, picture_path, &result);
+  together.Commit();
+  if (result.outputs.back().path != picture_path) RemoveOurs({picture_path});  // of an older body
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
   return result;

@@ -26,6 +26,7 @@ void RegisterDatasetImport(CLI::App& dataset, Registry& registry);
 void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
 void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
+void RegisterAvatarTemplate(CLI::App& avatar, Registry& registry);
 void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);

@@ -245,7 +245,7 @@ TEST(SurfacePicture, ShowsTheFrontFromTheFront) {
   const BodyTemplate& body = Small();
   Eigen::VectorXd values(body.vertices.cols());
   for (Eigen::Index v = 0; v < values.size(); ++v) values[v] = body.vertices(1, v) < 0 ? 1 : -1;  // the person faces -y
-  const Image page = SurfacePicture(body, values, 1, 160);
+  const Image page = SurfacePicture(body, values, {-1, 1}, 160);
   ASSERT_EQ(page.width, 300);
   int64_t red_left = 0, blue_left = 0, red_right = 0, blue_right = 0;
   for (int y = 0; y < 150; ++y) {
@@ -261,6 +261,25 @@ TEST(SurfacePicture, ShowsTheFrontFromTheFront) {
   EXPECT_GT(blue_right, 8 * red_right);
   EXPECT_EQ(page.Pixel(0, 0)[0], 255) << "on white";
   EXPECT_GT(page.Pixel(0, 159)[2], page.Pixel(0, 159)[0]) << "the scale begins blue";
+  const Image positive = SurfacePicture(body, values.cwiseMax(0), {0, 1}, 160);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(positive.Pixel(0, 159)[c], 237, 1) << "this one begins grey, for 0";
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(positive.Pixel(299, 159)[c], page.Pixel(299, 159)[c], 1) << "and ends alike";
+}
+
+TEST(TexelMap, ValuesOfVerticesBetweenTheCornersOfAFace) {
+  const BodyTemplate& body = Small();
+  const TexelMap map = MapTexels(body, 32);
+  Eigen::Matrix3Xf values(3, body.vertices.cols());
+  values << 2 * body.vertices.row(2), body.vertices.row(0) - body.vertices.row(1),
+      Eigen::RowVectorXf::Constant(values.cols(), 7);
+  size_t shown = 0;
+  for (size_t t = 0; t < map.face.size(); ++t) {
+    if (map.face[t] < 0) continue;
+    ++shown;
+    const Eigen::Vector3f x = AtTexel(body, map, t, body.vertices), linear(2 * x[2], x[0] - x[1], 7);
+    EXPECT_LT((AtTexel(body, map, t, values) - linear).norm(), 1e-5f) << t;
+  }
+  EXPECT_GT(shown, map.face.size() / 2);
 }
 
 TEST(SmoothBrightness, IsNotDarkenedByTheBackgroundAndHasARightGradient) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <sstream>
 
@@ -58,6 +59,39 @@ TEST(Obj, CornersKeepTheirVertexAndTexture) {
       EXPECT_THAT(lines["vt"].at(texture), ElementsAre(uv.x(), 1 - uv.y()));
     }
   }
+}
+
+using Rows = std::vector<std::vector<float>>;
+
+/// Volume and area of the triangles of `faces` with the vertices moved by `step` along their normals, as a reader of OBJ sees
+/// them: corners by `v` and `vn`, counter-clockwise seen from outside.
+std::array<double, 2> VolumeAndArea(const Rows& vertices, const Rows& normals, const Rows& faces, double step) {
+  std::array<double, 2> sum{};
+  for (const std::vector<float>& face : faces) {
+    Eigen::Vector3d corner[3];
+    for (size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3f v(vertices[static_cast<size_t>(face[3 * k]) - 1].data()),
+          n(normals[static_cast<size_t>(face[3 * k + 2]) - 1].data());
+      EXPECT_NEAR(n.norm(), 1, 1e-6);
+      corner[k] = v.cast<double>() + step * n.cast<double>();
+    }
+    sum[0] += corner[0].dot(corner[1].cross(corner[2])) / 6;
+    sum[1] += (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() / 2;
+  }
+  return sum;
+}
+
+/// three.js reads it so, too (OBJLoader, MTLLoader: the picture of the posed body is that of its .glb).
+TEST(Obj, FacesAndNormalsPointOutwards) {
+  const BodyTemplate body = MakeMannequin(1.75, 0.5);
+  auto lines = Lines(ObjOfBody(body, SkinVertices(body, ToBodyPose(body, Dance(body, 3)[2])), 64, "body.mtl"));
+  const auto [volume, area] = VolumeAndArea(lines["v"], lines["vn"], lines["f"], 0);
+  EXPECT_GT(volume, 0.05);
+  // Steiner: a smooth surface that moves outwards by h encloses h times its area more. Here it is the mean cosine between the
+  // normals of faces and of their vertices.
+  const double grown = VolumeAndArea(lines["v"], lines["vn"], lines["f"], 1e-4)[0] - volume;
+  EXPECT_GT(grown / (1e-4 * area), 0.9);
+  EXPECT_LT(grown / (1e-4 * area), 1.001);
 }
 
 TEST(Obj, SequenceOfPosedBodies) {

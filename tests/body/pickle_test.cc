@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "core/error.h"
+#include "tests/body/pickle_bytes.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::body {
@@ -10,17 +11,10 @@ namespace {
 
 using namespace std::string_literals;
 
-std::string Short(const std::string& text) { return "U" + std::string(1, static_cast<char>(text.size())) + text; }
-std::string Int(int value) { return "J" + std::string{static_cast<char>(value), static_cast<char>(value >> 8), 0, 0}; }
-
-/// numpy's array of float64, protocol 2.
-std::string Array(const std::string& shape, const std::vector<double>& values) {
-  const std::string bytes(reinterpret_cast<const char*>(values.data()), 8 * values.size());
-  return "cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\0\x85U\1btR(K\1"s + shape +
-         "cnumpy\ndtype\n(U\2f8K\0K\1tR(K\3U\1<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tb\x89"s + Short(bytes) + "tb"s;
-}
-
-std::string Dict(const std::string& entries) { return "\x80\2}("s + entries + "u."s; }
+using pickle_bytes::Array;
+using pickle_bytes::Dict;
+using pickle_bytes::Int;
+using pickle_bytes::Short;
 
 std::string Sparse(int rows) {
   const std::string shape = Int(rows) + Int(2) + "\x86"s;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,13 @@ inline std::vector<ArticulatedPose> Dance(const BodyTemplate& body, int num_fram
     }
   }
   return poses;
+}
+
+/// The poses of frames 0, 1, …
+inline std::map<int, ArticulatedPose> Numbered(const std::vector<ArticulatedPose>& poses) {
+  std::map<int, ArticulatedPose> pose_of_frame;
+  for (const ArticulatedPose& pose : poses) pose_of_frame.emplace(static_cast<int>(pose_of_frame.size()), pose);
+  return pose_of_frame;
 }
 
 inline AtlasPng BlackAtlas(int chart_px) {

@@ -6,6 +6,8 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/body/pickle_bytes.h"
+#include "tests/body/small_smpl.h"
 #include "tests/body/surface_checks.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -13,65 +15,11 @@
 namespace mvstudio::body {
 namespace {
 
-constexpr int kBones = 24, kShapes = 3;
-constexpr int kParents[kBones] = {-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21};
-
-using Arrays = std::map<std::string, NpyArray>;
-
-/// Joints in SMPL's frame: y up, the person faces z, arms spread.
-Eigen::Matrix3Xd Joints() {
-  Eigen::Matrix3Xd x(3, kBones);
-  x << 0, 0.07, -0.07, 0, 0.1, -0.1, 0, 0.09, -0.09, 0, 0.1, -0.1, 0, 0.08, -0.08, 0, 0.18, -0.18, 0.44, -0.44, 0.7, -0.7, 0.78,
-      -0.78,  //
-      0, -0.09, -0.09, 0.11, -0.48, -0.48, 0.25, -0.88, -0.88, 0.3, -0.94, -0.94, 0.51, 0.42, 0.42, 0.58, 0.45, 0.45, 0.44,
-      0.44, 0.44, 0.44, 0.43, 0.43,  //
-      0, 0, 0, -0.02, 0, 0, 0, -0.04, -0.04, 0.02, 0.1, 0.1, -0.02, 0, 0, 0.02, -0.01, -0.01, -0.03, -0.03, -0.03, -0.03, -0.03,
-      -0.03;
-  return x;
-}
-
-NpyArray Filled(std::vector<int64_t> shape, double scale, Rng* rng) {
-  int64_t count = 1;
-  for (const int64_t size : shape) count *= size;
-  NpyArray array{std::move(shape), std::vector<double>(static_cast<size_t>(count))};
-  for (double& value : array.values) value = scale * rng->Normal();
-  return array;
-}
-
-/// A closed octahedron about each joint, moved by its bone and a little by another; each joint is the mean of its octahedron.
-Arrays Model() {
-  static constexpr int kFaces[8][3] = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
-  const int64_t num_vertices = 6 * kBones;
-  const Eigen::Matrix3Xd joints = Joints();
-  Rng rng(4);
-  Arrays arrays;
-  NpyArray x{{num_vertices, 3}, {}}, faces{{8 * kBones, 3}, {}}, table{{2, kBones}, {}};
-  NpyArray weights{{num_vertices, kBones}, std::vector<double>(static_cast<size_t>(num_vertices * kBones))};
-  NpyArray regressor{{kBones, num_vertices}, std::vector<double>(static_cast<size_t>(num_vertices * kBones))};
-  for (int b = 0; b < kBones; ++b) {
-    for (int i = 0; i < 6; ++i) {
-      Eigen::Vector3d corner = joints.col(b);
-      corner[i / 2] += i % 2 == 0 ? 0.06 : -0.06;
-      x.values.insert(x.values.end(), corner.data(), corner.data() + 3);
-      const int v = 6 * b + i;
-      weights.values[static_cast<size_t>(v * kBones + b)] += 0.8;
-      weights.values[static_cast<size_t>(v * kBones + std::max(0, kParents[b]))] += 0.2;
-      regressor.values[static_cast<size_t>(b * num_vertices + v)] = 1.0 / 6;
-    }
-    for (const auto& face : kFaces) {
-      for (const int corner : face) faces.values.push_back(6 * b + corner);
-    }
-    table.values.push_back(b == 0 ? 4294967295.0 : kParents[b]);
-  }
-  for (int b = 0; b < kBones; ++b) table.values.push_back(b);
-  return {{"v_template", x},
-          {"f", faces},
-          {"kintree_table", table},
-          {"weights", weights},
-          {"J_regressor", regressor},
-          {"shapedirs", Filled({num_vertices, 3, kShapes}, 0.005, &rng)},
-          {"posedirs", Filled({num_vertices, 3, 9 * (kBones - 1)}, 0.002, &rng)}};
-}
+using small_smpl::Arrays;
+using small_smpl::kBones;
+using small_smpl::kParents;
+using small_smpl::kShapes;
+using small_smpl::Model;
 
 /// SMPL as its paper writes it, in its own frame: vertices, then joints, (V + 24, 3).
 Eigen::MatrixX3d ClosedForm(const Arrays& arrays, const Eigen::VectorXd& shape, const std::vector<Eigen::Matrix3d>& turns) {
@@ -177,6 +125,43 @@ TEST(Smpl, OtherFilesAreRefused) {
     EXPECT_THROW(ReadSmpl(path), FormatError) << name;
   }
   EXPECT_THROW(ReadSmpl(folder / "none.npz"), IoError);
+}
+
+void ExpectSameBody(const BodyTemplate& a, const BodyTemplate& b) {
+  EXPECT_EQ(a.vertices, b.vertices);
+  EXPECT_EQ(a.faces, b.faces);
+  EXPECT_EQ(a.bone_parents, b.bone_parents);
+  EXPECT_EQ(a.bone_heads, b.bone_heads);
+  EXPECT_EQ(a.bone_tails, b.bone_tails);
+  EXPECT_EQ(a.skin_bones, b.skin_bones);
+  EXPECT_EQ(a.skin_weights, b.skin_weights);
+  EXPECT_EQ(a.coco19, b.coco19);
+  EXPECT_EQ(a.shapes.vertices, b.shapes.vertices);
+  EXPECT_EQ(a.pose_directions, b.pose_directions);
+}
+
+TEST(Smpl, PicklesAndTheirCopiesAreOneBody) {
+  const testing::TempDir folder;
+  for (const bool whole : {true, false}) {
+    Arrays arrays = Model();
+    if (!whole) arrays.erase("shapedirs"), arrays.erase("posedirs");
+    arrays["other"] = {{1}, {5}};
+    WriteFileAtomic(folder / "a.pkl", pickle_bytes::DictOf(arrays));
+    const Arrays read = ReadSmplArrays(folder / "a.pkl");
+    EXPECT_EQ(read.size(), arrays.size() - 1) << "arrays that are no body's are left out";
+    WriteFileAtomic(folder / "a.npz", SmplNpz(read, "a.pkl"));
+    const Arrays again = ReadSmplArrays(folder / "a.npz");
+    for (const auto& [name, array] : read) {
+      EXPECT_EQ(again.at(name).shape, array.shape) << name;
+      EXPECT_EQ(again.at(name).values, array.values) << name;
+    }
+    ExpectSameBody(ReadSmpl(folder / "a.npz"), SmplFromArrays(arrays, "model"));
+    ExpectSameBody(ReadSmpl(folder / "a.npz"), ReadSmpl(folder / "a.pkl"));
+    EXPECT_EQ(SmplNpz(again, "a.npz"), SmplNpz(read, "a.pkl"));
+  }
+  Arrays damaged = Model();
+  damaged.at("f").values[5] = 0.5;
+  EXPECT_THROW(SmplNpz(damaged, "a.pkl"), FormatError);
 }
 
 TEST(Smpl, WorksWithoutShapes) {

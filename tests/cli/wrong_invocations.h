@@ -328,6 +328,8 @@ inline const Invocation kInvocations[] = {
     {2, "avatar eval nothing --renders -2", "must be -1 or more"},
     {3, "avatar render none --out new", "none"},
     {3, "avatar compare none", "none"},
+    {3, "avatar template none", "none"},
+    {2, "avatar template", "source is required"},
     {3, "avatar lift train none --out new.safetensors", "none"},
     {2, "avatar lift apply none", "is required"},
     // Figures

@@ -5,6 +5,7 @@ import json
 import os
 import pathlib
 import shutil
+import struct
 import subprocess
 
 # Files of the user's, put beside the results and, where commands write into a folder that they share, among them.
@@ -35,6 +36,12 @@ class Case:
     environment: dict = dataclasses.field(default_factory=dict)
     seconds: float = 120
     name: str = ""
+
+    @property
+    def needs_torch(self):
+        """Run by mvstudio-avatar, which the fault library would not follow into (cli/commands.cc)."""
+        return self.argv[0] in ("demo", "pose2d", "mask") or self.argv[:2] == ["tradeoff", "avatar"] or \
+            self.argv[0] == "avatar" and self.argv[1] != "template"
 
     def foreign_paths(self):
         return {p for p in {**self.foreign, **self.late} if not str(p).endswith("/")}
@@ -122,6 +129,33 @@ def bump(folder):
     (folder / "bumped.json").write_text(json.dumps(rig))
 
 
+def pickled_array(shape, values):
+    """numpy's array of float64 as pickle's protocol 2 has it."""
+    data = struct.pack(f"<{len(values)}d", *values)
+    return (b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\0\x85U\1btR(K\1("
+            + b"".join(b"J" + struct.pack("<i", size) for size in shape)
+            + b"tcnumpy\ndtype\n(U\2f8K\0K\1tR(K\3U\1<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tb\x89T"
+            + struct.pack("<I", len(data)) + data + b"tb")
+
+
+def write_model(folder):
+    """A body of four vertices a joint in SMPL's layout, pickled."""
+    parents = [0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19]
+    joints, bones = len(parents), range(len(parents))
+    vertices, faces = [], []
+    for b in bones:
+        middle = (0.1 * (b % 3 - 1), 1 - 0.05 * b, 0.01 * b)
+        corners = [middle] + [tuple(middle[k] + (0.05 if k == axis else 0) for k in range(3)) for axis in range(3)]
+        vertices += [x for corner in corners for x in corner]
+        faces += [4 * b + i for i in (0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3)]
+    owner = [[float(v // 4 == b) for b in bones] for v in range(4 * joints)]
+    arrays = {"v_template": ((4 * joints, 3), vertices), "f": ((4 * joints, 3), faces), "kintree_table": ((2, joints), parents + list(bones)),
+              "weights": ((4 * joints, joints), sum(owner, [])),
+              "J_regressor": ((joints, 4 * joints), [owner[v][b] / 4 for b in bones for v in range(4 * joints)])}
+    entries = b"".join(b"U" + bytes([len(name)]) + name.encode() + pickled_array(*array) for name, array in arrays.items())
+    (folder / "model.pkl").write_bytes(b"\x80\2}(" + entries + b"u.")
+
+
 makes("session", "synth --out session --cameras 3 --size 96x72 --lens pinhole --board-frames 0 --take-frames 8 --samples 1 "
                  "--texture-px 16 --format png")
 makes("boards", f"synth --out boards --cameras 3 --size 320x240 --board-frames 20 --take-frames 0 --samples 1 --format png "
@@ -129,6 +163,7 @@ makes("boards", f"synth --out boards --cameras 3 --size 320x240 --board-frames 2
 makes("calib", f"calibrate --board {BOARD} {FOOTAGE} --model brown1 --holdout-folds 0 --warp off --stretch off --time-offset none "
                "--save-corners corners.csv --out calib", bump)
 makes("marks", project_marks)
+makes("model", write_model)
 makes("pose3d", f"triangulate --calib session/truth/calibration.json {POSES} --method robust --out pose3d")
 makes("dataset", f"dataset build --calib session/truth/calibration.json {TAKE} --pose3d pose3d --masks --mask-background-frames 4 "
                  "--out dataset --sequence test")
@@ -241,6 +276,9 @@ case("avatar train", f"{_TRAIN} --steps 3 --picture-every 3 --overwrite", foreig
               old=[f"{_TRAIN} --steps 2 --seed 2"])
 case("avatar resume", "avatar resume out --steps 6", needs=["run"], foreign={**BESIDE, **_AMONG, "out": "{in}/run"}, grows=True,
               weight=6, repeats=False)
+_FIT = "avatar fit {in}/dataset --out out --no-surface --texture-px 8 --max-px 64 --holdout-cameras 00_02 --holdout-frames 6-7"
+shared_folder("avatar fit", f"{_FIT} --overwrite", needs=["dataset"], weight=6, old=[f"{_FIT} --max-silhouettes 4"])
+shared_folder("avatar template", "avatar template {in}/model.pkl --out out/model.npz", needs=["model"], overwrites=False)
 _PRETRAIN = ("avatar pretrain --poses {in}/dataset:0-5 --out out --size 32 --width 4 --downs 2 --encoder-blocks 1 --decoder-blocks 1 "
              "--samples 2 --scored-samples 2 --save-every 2")
 case("avatar pretrain", f"{_PRETRAIN} --steps 3 --overwrite", foreign={**BESIDE, **_AMONG}, needs=["dataset"], grows=True, weight=6,

@@ -54,14 +54,17 @@ def work_on(options, inputs_template, tasks, results, number):
     inputs = watch / "in"
     shutil.copytree(inputs_template, inputs, symlinks=True)
     before = snapshot.digest(inputs)
-    program = Program(options.bin, options.shim, watch, options.work / f"logs{number}", environment_of(watch / "box"))
-    symbols = Symbols(options.bin)
+    programs, symbols = {}, {}
     while True:
         try:
             name, columns = tasks.get_nowait()
         except queue.Empty:
             break
-        trial = Trial(commands.CASES[name], program, watch, inputs, options.work / f"spare{number}", options)
+        binary = options.bin.with_name("mvstudio-avatar") if commands.CASES[name].needs_torch else options.bin
+        if binary not in programs:
+            programs[binary] = Program(binary, options.shim, watch, options.work / f"logs{number}-{binary.name}", environment_of(watch / "box"))
+            symbols[binary] = Symbols(binary)
+        trial = Trial(commands.CASES[name], programs[binary], watch, inputs, options.work / f"spare{number}", options)
         started = time.monotonic()
         failure = ""
         try:
@@ -76,12 +79,13 @@ def work_on(options, inputs_template, tasks, results, number):
             shutil.rmtree(inputs)
             shutil.copytree(inputs_template, inputs, symlinks=True)
         for finding in trial.findings:
-            finding["trace"] = symbols.names(finding["trace"])
+            finding["trace"] = symbols[binary].names(finding["trace"])
             if is_third_party(finding):
                 finding["problem"] = "third-party"
         results.put({"case": name, "columns": columns, "tried": dict(trial.tried), "places": trial.places, "findings": trial.findings,
                      "failure": failure, "seconds": time.monotonic() - started})
-    program.close()
+    for program in programs.values():
+        program.close()
 
 
 def keep(options, done, names, started):

@@ -115,6 +115,8 @@ class Trial:
             raise RuntimeError(f"{self.case.name}: undisturbed exit {reference.exit}: {reference.err.strip()[:400]}")
         self.states = verdict.States(old, self.state(), self.case.exit)
         self.counts, self.changes = reference.counts, reference.together
+        if not self.changes:
+            raise RuntimeError(f"{self.case.name}: the fault library saw no call that changes the disk")
         self.new_bytes = sum(p.lstat().st_size + 4096 for p in self.box.path.rglob("*"))
         if not self.states.changing:
             raise RuntimeError(f"{self.case.name}: old and new state are the same")

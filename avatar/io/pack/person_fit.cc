@@ -9,8 +9,7 @@
 #include <mutex>
 
 #include "body/fit/pose_by_images.h"
-#include "body/makehuman/read.h"
-#include "body/smpl/read.h"
+#include "body/templates/read.h"
 #include "core/check.h"
 #include "core/choice/heldout_choice.h"
 #include "core/error.h"
@@ -200,7 +199,7 @@ void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOption
   std::vector<HeldOutCandidate> losses;
   for (const std::string& path : options.templates) {
     const auto begin = std::chrono::steady_clock::now();
-    fits.push_back(body::FitBody(TemplateFrom(path), steps, fit, run));
+    fits.push_back(body::FitBody(body::ReadTemplate(path), steps, fit, run));
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     const std::string name = path.empty() ? "mannequin" : path;
     out->templates.push_back({name, fits.back().iou, seconds, false});
@@ -223,11 +222,6 @@ void NoteImages(const PersonFitOptions& options, body::TexturedPerson* person) {
 }
 
 }  // namespace
-
-body::BodyTemplate TemplateFrom(const std::string& path) {
-  if (path.empty()) return body::MakeMannequin();
-  return std::filesystem::is_directory(path) ? body::ReadMakeHuman(path) : body::ReadSmpl(path);
-}
 
 PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions& options, const RunContext& run) {
   MVS_CHECK(!options.templates.empty() && options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2,

@@ -17,18 +17,15 @@ struct PersonFitOptions {
   std::vector<int> frames;
   std::vector<int> pose_frames;  ///< frames that are only posed, by the images of `cameras`: they tell nothing of the body
   int person = -1;
-  /// Folders of MakeHuman, files in SMPL's layout, or empty: the mannequin. Simplest first; held-out silhouettes choose.
+  /// As body::ReadTemplate takes them. Simplest first; held-out silhouettes choose.
   std::vector<std::string> templates = {""};
   int max_silhouettes = 600;  ///< time steps are thinned evenly until no more are used
   int max_px = 512;           ///< longest edge of a person in the images that are fitted to
   int texture_px = 64;        ///< edge of each of the 24 charts
   int max_texture_views = 150;
-  bool fit_surface = true;    ///< off: the lengths of the bones alone
+  bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
 };
-
-/// The body that one of PersonFitOptions::templates names. Throws IoError, FormatError.
-body::BodyTemplate TemplateFrom(const std::string& path);
 
 /// One of several templates.
 struct TemplateFit {

@@ -20,10 +20,8 @@ constexpr int64_t kBatch = 16;
 void FillChart(const body::BodyTemplate& body, const body::TexelMap& map, size_t first, std::vector<uint8_t>* known,
                Eigen::Vector3f* x_in_body) {
   for (size_t t = 0; t < known->size(); ++t) {
-    const int face = map.face[first + t];
-    (*known)[t] = face >= 0 ? 1 : 0;
-    for (int k = 0; face >= 0 && k < 3; ++k)
-      x_in_body[t] += map.barycentric[first + t][k] * body.vertices.col(body.faces(k, face));
+    (*known)[t] = map.face[first + t] >= 0 ? 1 : 0;
+    if ((*known)[t]) x_in_body[t] = AtTexel(body, map, first + t, body.vertices);
   }
 }
 
