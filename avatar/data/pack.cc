@@ -105,10 +105,6 @@ void Validate(const AvatarPack& pack) {
   RequireEach(pack, (pack.joints_in_cam.select(2, 2) > 0).logical_or(pack.joint_valid.logical_not()),
               "a valid joint is behind the camera");
   RequireEach(pack, pack.joint_valid.any(1), "no joint is valid");
-  MVS_CHECK(!pack.charts.defined() ||
-                (pack.charts.scalar_type() == at::kByte && pack.charts.dim() == 4 && pack.charts.size(0) == kNumBodyParts &&
-                 pack.charts.size(1) == 3 && pack.charts.size(2) == pack.charts.size(3) && pack.charts.size(2) > 0),
-            "charts must be (24, 3, T, T) bytes");
   RequireEach(pack, pack.part <= kNumBodyParts, "the part map has values above 24");
   RequireEach(pack, (pack.uv >= 0).logical_and(pack.uv <= 1), "a texture coordinate is outside [0, 1] or not finite");
   if (pack.template_maps.defined()) {
@@ -125,7 +121,7 @@ AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices) {
   AvatarPack out;
   out.size_px = pack.size_px;
   out.cameras = pack.cameras;
-  out.frame_step = pack.frame_step, out.cuts = pack.cuts, out.charts = pack.charts;
+  out.frame_step = pack.frame_step, out.cuts = pack.cuts;
   const at::Tensor rows = at::tensor(indices, at::kLong);
   for (const Field& field : Fields()) {
     if ((pack.*field.tensor).defined()) out.*field.tensor = (pack.*field.tensor).index_select(0, rows);
@@ -139,7 +135,6 @@ void SavePack(const AvatarPack& pack, const std::string& path) {
   for (const Field& field : Fields()) {
     if ((pack.*field.tensor).defined()) file.tensors[field.name] = pack.*field.tensor;
   }
-  if (pack.charts.defined()) file.tensors["charts"] = pack.charts;
   file.metadata["format"] = kFormat;
   file.metadata["size_px"] = std::to_string(pack.size_px);
   for (const std::string& camera : pack.cameras) file.metadata["cameras"] += camera + "\n";
@@ -158,7 +153,6 @@ AvatarPack LoadPack(const std::string& path) {
     if (found == file.tensors.end() && !field.optional) throw FormatError(path, field.name, "is missing");
     if (found != file.tensors.end()) pack.*field.tensor = found->second;
   }
-  if (const auto found = file.tensors.find("charts"); found != file.tensors.end()) pack.charts = found->second;
   std::istringstream lines(file.metadata["cameras"]);
   for (std::string line; std::getline(lines, line);) pack.cameras.push_back(line);
   std::istringstream(file.metadata["size_px"]) >> pack.size_px;

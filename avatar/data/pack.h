@@ -32,9 +32,8 @@ struct AvatarPack {
   at::Tensor template_colours;
   /// (N, 4, H, W) uint8: the fitted body in its averaged colours, posed by the joints: RGB on black, coverage; undefined: none
   at::Tensor body_images;
-  at::Tensor charts;      ///< (24, 3, T, T) uint8: averaged colours of the fitted body, where textures begin; may be undefined
-  at::Tensor camera_idx;  ///< (N) int64, index into cameras
-  at::Tensor frame;       ///< (N) int64, frame number of the dataset
+  at::Tensor camera_idx;             ///< (N) int64, index into cameras
+  at::Tensor frame;                  ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names
   int64_t frame_step = 0;            ///< difference of the numbers of consecutive frames; 0: the rows' usual one
   std::vector<int64_t> cuts;         ///< frames at which another clip begins, ascending: none before is their past

@@ -62,13 +62,6 @@ void AddGuess(const AvatarPack& pack, int64_t row, TextureSums* sums) {
             at::full({pixels.size(0)}, kWeight, at::kFloat));
 }
 
-/// Charts (24, 3, T, T) uint8 at another size, in [-1, 1].
-at::Tensor ResizedCharts(const at::Tensor& charts, int64_t size) {
-  const at::Tensor colours = charts.to(at::kFloat) / 127.5 - 1;
-  if (size <= charts.size(2)) return at::adaptive_avg_pool2d(colours, {size, size});
-  return at::upsample_bilinear2d(colours, {size, size}, false);
-}
-
 }  // namespace
 
 std::vector<int64_t> SpreadRows(int64_t total, int64_t count) {
@@ -106,7 +99,7 @@ void Trainer::State::AverageTextures() {
   }
   constexpr int64_t kGuessesPerPicture = 4;  // they cost no run of the network
   for (const int64_t row : SpreadRows(pack.size(), kGuessesPerPicture * options.texture_pictures)) AddGuess(pack, row, &sums);
-  model.textures.copy_(pack.charts.defined() ? ResizedCharts(pack.charts, model.options.texture_px) : FillTextures(sums));
+  model.textures.copy_(FillTextures(sums));
   model.seen.copy_(sums.weight);
   textures_ready = true;
   if (ranks) ranks->Broadcast(model.textures), ranks->Broadcast(model.seen);

@@ -20,14 +20,6 @@ void FillPlanes(const Image& rgb, uint8_t* out) {
 
 }  // namespace
 
-at::Tensor ChartsOf(const body::Textures& textures) {
-  const int64_t size = textures[0].width;
-  at::Tensor charts = at::zeros({body::kNumParts, 3, size, size}, at::kByte);
-  for (int64_t part = 0; part < body::kNumParts; ++part)
-    FillPlanes(textures[part], charts.data_ptr<uint8_t>() + part * 3 * size * size);
-  return charts;
-}
-
 AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const PackOptions& options) {
   const int size_px = options.size_px, num_joints = options.num_joints, template_px = options.template_input_px;
   AvatarPack pack;
@@ -43,10 +35,7 @@ AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const P
   if (template_px > 0) pack.template_maps = at::zeros({n, kTemplateMaps, template_px, template_px}, at::kFloat);
   if (template_px > 0 && options.template_colours)
     pack.template_colours = at::zeros({n, 3, template_px, template_px}, at::kByte);
-  if (options.fitted) {
-    pack.body_images = at::zeros({n, 4, size_px, size_px}, at::kByte);
-    pack.charts = ChartsOf(options.fitted->textures);
-  }
+  if (options.fitted) pack.body_images = at::zeros({n, 4, size_px, size_px}, at::kByte);
   pack.camera_idx = at::zeros({n}, at::kLong);
   pack.frame = at::zeros({n}, at::kLong);
   return pack;
