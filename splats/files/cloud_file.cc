@@ -13,7 +13,6 @@
 namespace mvstudio::splats {
 namespace {
 
-constexpr int64_t kSchema = 1;
 constexpr size_t kMaxBytes = size_t{1} << 30;
 
 const char* NameOf(Group group) {
@@ -87,6 +86,16 @@ int64_t TakeWhole(const std::string& path, Members* members, const std::string& 
   return static_cast<int64_t>(value);
 }
 
+/// One text.
+std::string TakeText(const std::string& path, Members* members, const std::string& name) {
+  const auto found = members->find(name);
+  if (found == members->end()) throw FormatError(path, name, "is missing");
+  const std::vector<std::string> texts = ParseNpyTexts(found->second, path + ": " + name);
+  members->erase(found);
+  if (texts.size() != 1) throw FormatError(path, name, "is not one text");
+  return texts[0];
+}
+
 void TakeCloud(const std::string& path, int num_faces, Members* members, Cloud* cloud) {
   const NpyArray face = Take(path, members, "face");
   if (face.shape.size() != 1) throw FormatError(path, "face", "is no list");
@@ -115,7 +124,7 @@ std::string CloudFileBytes(const CloudFile& file, const body::BodyTemplate& body
   const Cloud& cloud = file.cloud;
   CheckCloud(cloud, static_cast<int>(body.faces.cols()));
   const size_t n = cloud.size();
-  std::vector<std::pair<std::string, std::string>> members = {{"schema", NpyOfInts({1}, {kSchema})},
+  std::vector<std::pair<std::string, std::string>> members = {{"schema", NpyOfTexts({kCloudSchema})},
                                                               {"mip", NpyOfInts({1}, {file.mip ? 1 : 0})},
                                                               {"size_px", NpyOfInts({1}, {file.size_px})},
                                                               {"step", NpyOfInts({1}, {file.step})},
@@ -142,20 +151,17 @@ std::string CloudFileBytes(const CloudFile& file, const body::BodyTemplate& body
 CloudFile ParseCloud(const std::string& bytes, const std::string& path, int num_faces) {
   Members members = body::ParseNpzMembers(bytes, path, kMaxBytes);
   CloudFile file;
-  if (TakeWhole(path, &members, "schema", 0, 1 << 20) != kSchema)
-    throw FormatError(path, "schema", "is not " + std::to_string(kSchema) + ": written by another version");
+  if (TakeText(path, &members, "schema") != kCloudSchema)
+    throw FormatError(path, "schema", std::string("is not ") + kCloudSchema + ": written by another version");
   TakeCloud(path, num_faces, &members, &file.cloud);
   file.mip = TakeWhole(path, &members, "mip", 0, 1) == 1;
   file.size_px = static_cast<int>(TakeWhole(path, &members, "size_px", 0, 1 << 16));
   file.step = TakeWhole(path, &members, "step", 0, int64_t{1} << 40);
   file.train_s = TakeShaped(path, &members, "train_s", {1}).values[0];
-  const auto seed = members.find("seed");
-  if (seed == members.end()) throw FormatError(path, "seed", "is missing");
-  const std::vector<std::string> texts = ParseNpyTexts(seed->second, path + ": seed");
-  if (texts.size() != 1 || texts[0].empty() || texts[0].size() > 19 ||
-      texts[0].find_first_not_of("0123456789") != std::string::npos)
+  const std::string seed = TakeText(path, &members, "seed");
+  if (seed.empty() || seed.size() > 20 || seed.find_first_not_of("0123456789") != std::string::npos)
     throw FormatError(path, "seed", "is not a whole number");
-  file.seed = std::stoull(texts[0]);
+  file.seed = std::stoull(seed);
   return file;
 }
 

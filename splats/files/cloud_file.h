@@ -20,6 +20,7 @@ struct CloudFile {
   double train_s = 0;  ///< seconds of the training
 };
 inline constexpr char kCloudFileName[] = "gaussians.npz";
+inline constexpr char kCloudSchema[] = "mvstudio.gaussians/1";
 
 /// With the skin of each Gaussian for other programs: bones and weights. What is read is bit for bit what was written. Reading
 /// checks lengths, that faces exist in the body, and that numbers are finite.

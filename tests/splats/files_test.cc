@@ -198,8 +198,8 @@ TEST(CloudFile, RefusesEveryCutAndDamage) {
   CloudFile bad = kept.file;
   bad.cloud.values.offset[3] = std::nanf("");
   EXPECT_THROW(ParseCloud(CloudFileBytes(bad, kept.body), "nan", kept.faces()), FormatError);
-  EXPECT_THROW(ParseCloud(NpzOf({{"schema", NpyOfInts({1}, {1})}}), "little", kept.faces()), FormatError);
-  EXPECT_THROW(ParseCloud(NpzOf({{"schema", NpyOfInts({1}, {2})}}), "newer", kept.faces()), FormatError);
+  EXPECT_THROW(ParseCloud(NpzOf({{"schema", NpyOfTexts({kCloudSchema})}}), "little", kept.faces()), FormatError);
+  EXPECT_THROW(ParseCloud(NpzOf({{"schema", NpyOfTexts({"mvstudio.gaussians/2"})}}), "newer", kept.faces()), FormatError);
   EXPECT_THROW(ReadCloud("/nonexistent/gaussians.npz", 3), IoError);
 }
 

@@ -23,7 +23,7 @@ struct PersonFitOptions {
   int max_px = 512;           ///< longest edge of a person in the images that are fitted to
   int texture_px = 64;        ///< edge of each of the 24 charts
   int max_texture_views = 150;
-  bool fit_surface = true;    ///< off: the lengths of the bones alone
+  bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
 };
 
