@@ -165,7 +165,7 @@ Cloud FirstCloud(const body::BodyTemplate& body, const body::Textures& textures,
 }  // namespace
 
 int64_t AutomaticCount(const body::BodyTemplate& body, const std::vector<TrainView>& views) {
-  constexpr double kPerPixel = 2;
+  constexpr double kPerPixel = 4;  // twice as many gain 0.002 of SSIM on a validation camera, in twice the time
   constexpr int64_t kFewest = 2000, kMost = 40000;
   std::vector<double> pixel_m;
   for (const TrainView& view : views) {

@@ -36,7 +36,7 @@ struct TrainOptions {
   DensityOptions density;
 };
 
-/// Gaussians such that two lie on each pixel of the surface, 2000 to 40000.
+/// Gaussians such that four lie on each pixel of the surface, 2000 to 40000.
 int64_t AutomaticCount(const body::BodyTemplate& body, const std::vector<TrainView>& views);
 
 /// One look at the training.
