@@ -15,7 +15,7 @@ LONGER_FILES = {
     "calib/calibrate.cc": 414,
     "triangulate/skeleton/solve.cc": 401,
 }
-FOLDERS = ["app", "avatar", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "metrics", "report", "synth",
+FOLDERS = ["app", "avatar", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "metrics", "report", "splats", "synth",
            "triangulate"]
 NO_FUNCTION = re.compile(r"^(namespace|struct|class|union|enum|extern|using|typedef|#|//|template <[^>]*>\s*(struct|class))")
 

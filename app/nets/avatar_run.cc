@@ -59,6 +59,8 @@ std::vector<std::string> AvatarRun::Names() {
   return {avatar::kCheckpointFile,
           avatar::kRunConfigFile,
           body::kPersonFileName,
+          avatar::kGaussiansFile,
+          "gaussians.ply",
           "history.csv",
           "textures.png",
           "samples",
@@ -70,7 +72,7 @@ std::vector<std::string> AvatarRun::Names() {
 }
 
 void AvatarRun::RequireFree(bool overwrite) const {
-  if (fs::exists(checkpoint_path()) && !overwrite) {
+  if ((fs::exists(checkpoint_path()) || avatar::HoldsGaussians(folder_)) && !overwrite) {
     throw UsageError(
         "option 'out' " + folder_ +
         " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give option 'overwrite'");
@@ -152,8 +154,14 @@ void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& 
 }
 
 std::vector<CommandResult::Output> AvatarRun::Outputs() const {
-  std::vector<CommandResult::Output> outputs = {
-      {checkpoint_path(), "checkpoint"}, {Path(avatar::kRunConfigFile), "configuration"}, {Path("history.csv"), "history"}};
+  std::vector<CommandResult::Output> outputs;
+  if (fs::exists(checkpoint_path())) outputs.push_back({checkpoint_path(), "checkpoint"});
+  if (avatar::HoldsGaussians(folder_)) {
+    outputs.push_back({Path(avatar::kGaussiansFile), "checkpoint"});
+    outputs.push_back({Path("gaussians.ply"), "gaussians"});
+  }
+  outputs.push_back({Path(avatar::kRunConfigFile), "configuration"});
+  outputs.push_back({Path("history.csv"), "history"});
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});
   for (const char* folder : {"samples", "pictures"}) {
     const std::vector<std::string> samples = FilesNamed(Path(folder), "step_", ".png");

@@ -82,7 +82,7 @@ void RequireSides(const dataset::PanopticDataset& data, const avatar::DatasetSpl
 }
 
 /// At most `count` pictures, spread over cameras and frames.
-std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
+std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
                                               bool memory, const RunContext& run) {
   const avatar::DatasetSplit& split = config.split;
   const bool validation = !split.validation_cameras.empty();
@@ -95,7 +95,7 @@ std::optional<avatar::AvatarPack> WatchedPack(const dataset::PanopticDataset& da
   const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
   options.frames = SpreadFrames(frames, wanted, memory);
   try {
-    return avatar::BuildPack(data, options, run).pack;
+    return avatar::BuildPack(data, options, run);
   } catch (const FormatError&) {
     if (validation) throw;
     return std::nullopt;  // none of these few pictures is usable; evaluation says why
@@ -139,8 +139,9 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   config->template_iou = built.template_iou;
   config->pack.person = built.person;
   config->pack.fit_shape = false;
-  packs.train = std::move(built.pack);
-  packs.watched = WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run);
+  packs.train = std::move(built.pack), packs.train_views = std::move(built.views);
+  auto watched = WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run);
+  if (watched) packs.watched = std::move(watched->pack), packs.watched_views = std::move(watched->views);
   packs.skipped = std::move(built.skipped);
   packs.frames_without_person = avatar::FramesWithout(data, built.person);
   return packs;

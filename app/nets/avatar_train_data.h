@@ -24,6 +24,7 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
 
 struct RunPacks {
   avatar::AvatarPack train;
+  std::vector<avatar::PackView> train_views, watched_views;  ///< of their rows, where the options keep them
   std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
   std::vector<std::string> skipped;
   dataset::MissingPictures missing;  ///< of the training images: those that the dataset does not hold

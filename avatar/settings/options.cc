@@ -9,7 +9,8 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr ChoiceWords<Method, 3> kMethods = {{{Method::kTna, "tna"}, {Method::kDirect, "direct"}, {Method::kV2v, "v2v"}}};
+constexpr ChoiceWords<Method, 4> kMethods = {
+    {{Method::kTna, "tna"}, {Method::kDirect, "direct"}, {Method::kV2v, "v2v"}, {Method::kGaussians, "gaussians"}}};
 constexpr ChoiceWords<NormLayer, 2> kNormLayers = {{{NormLayer::kBatch, "batch"}, {NormLayer::kInstance, "instance"}}};
 constexpr ChoiceWords<Upsampling, 2> kUpsamplings = {
     {{Upsampling::kTransposed, "transposed"}, {Upsampling::kNearest, "nearest"}}};
@@ -56,7 +57,7 @@ std::string_view ToString(Upsampling upsampling) { return WordOf(kUpsamplings, u
 std::string_view ToString(Prior prior) { return WordOf(kPriors, prior); }
 
 void FromString(const std::string& text, Method* method) {
-  *method = KnownChoice(kMethods, text, "option 'method' must be tna, direct or v2v");
+  *method = KnownChoice(kMethods, text, "option 'method' must be tna, direct, v2v or gaussians");
 }
 
 void FromString(const std::string& text, NormLayer* norm) {
@@ -123,6 +124,7 @@ double KeepInit(const TrainOptions& options, const ModelOptions& model) {
 }
 
 void Validate(const ModelOptions& o) {
+  Require(o.method != Method::kGaussians, "method", "tna, direct or v2v here: Gaussians have no network");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
   Require(o.downs >= 1 && o.downs <= 6, "downs", "in 1..6");
   Require(o.encoder_blocks >= 0 && o.encoder_blocks <= 32, "encoder-blocks", "in 0..32");

@@ -11,9 +11,10 @@
 namespace mvstudio::avatar {
 
 enum class Method {
-  kTna,     ///< textured neural avatar
-  kDirect,  ///< the same network, which predicts colours itself
-  kV2v,     ///< that with memory, flow and discriminators
+  kTna,        ///< textured neural avatar
+  kDirect,     ///< the same network, which predicts colours itself
+  kV2v,        ///< that with memory, flow and discriminators
+  kGaussians,  ///< no network: Gaussians on the fitted body (gaussian_options.h)
 };
 enum class NormLayer { kBatch, kInstance };
 enum class Upsampling { kTransposed, kNearest };
@@ -23,7 +24,7 @@ enum class Prior {
   kTemplate,  ///< the body template posed by the joints
   kAuto,      ///< to be chosen before there is a network
 };
-std::string_view ToString(Method method);          ///< "tna", "direct", "v2v"
+std::string_view ToString(Method method);          ///< "tna", "direct", "v2v", "gaussians"
 std::string_view ToString(NormLayer norm);         ///< "batch", "instance"
 std::string_view ToString(Upsampling upsampling);  ///< "transposed", "nearest"
 std::string_view ToString(Prior prior);            ///< "none", "template", "auto"
@@ -58,7 +59,8 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("method", o.method,
         "tna: textured neural avatar; direct: the same network predicting colours itself; v2v: that with memory, flow and "
-        "discriminators, the essentials of video-to-video translation (both are baselines)");
+        "discriminators, the essentials of video-to-video translation (both are baselines); gaussians: no network, Gaussians "
+        "on the fitted body");
   visit("width", o.width, "channels of the first layer; the deepest layer has 8 times as many (the paper's network: 32)");
   visit("downs", o.downs, "stride-2 steps of the encoder; the image size must be a multiple of 2^downs");
   visit("encoder-blocks", o.encoder_blocks, "residual blocks of the encoder");

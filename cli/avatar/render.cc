@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "app/input/calib_read.h"
+#include "avatar/io/gaussians/gaussian_render.h"
 #include "avatar/io/render/backdrop.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -34,6 +35,35 @@ struct RenderArguments {
   avatar::RenderOptions options;
 };
 
+/// What a run is rendered from.
+std::string ModelPath(const std::string& run_folder) {
+  return run_folder + "/" + (avatar::HoldsGaussians(run_folder) ? avatar::kGaussiansFile : avatar::kCheckpointFile);
+}
+
+/// The network of a run, or its Gaussians.
+struct Loaded {
+  std::optional<avatar::AvatarModel> network;
+  std::optional<splats::CloudFile> gaussians;
+  avatar::Method method = avatar::Method::kGaussians;
+  int size_px = 0;
+  int64_t step = 0;
+};
+
+Loaded Load(const std::string& run_folder, const avatar::RunConfig& config) {
+  Loaded loaded;
+  loaded.size_px = config.pack.size_px;
+  if (avatar::HoldsGaussians(run_folder)) {
+    const auto faces = static_cast<int>(config.pack.fitted->person.body.faces.cols());
+    loaded.gaussians = splats::ReadCloud(ModelPath(run_folder), faces);
+    loaded.step = loaded.gaussians->step;
+    return loaded;
+  }
+  loaded.network = avatar::LoadModel(ModelPath(run_folder));
+  loaded.method = loaded.network->options.method;
+  loaded.size_px = loaded.network->size_px, loaded.step = loaded.network->step;
+  return loaded;
+}
+
 /// Pictures as files of a folder, as one video a view, or both.
 class PictureSink {
  public:
@@ -51,7 +81,7 @@ class PictureSink {
     if (!folder_path_.empty())
       // Files of the run, not its folder: RUN/render is a usual place, RUN itself is none.
       folder_ = std::make_unique<AtomicFolder>(folder_path_, arguments.overwrite || own_folder,
-                                               std::vector<std::string>{arguments.run_folder + "/" + avatar::kCheckpointFile});
+                                               std::vector<std::string>{ModelPath(arguments.run_folder)});
   }
 
   void Add(const RenderJob& job, const Image& premultiplied) {
@@ -117,8 +147,8 @@ class PictureSink {
   std::vector<CommandResult::Output> outputs_;
 };
 
-void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const avatar::AvatarModel& model, double seconds,
-                 double rate_hz, CommandResult* result) {
+void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const Loaded& model, double seconds, double rate_hz,
+                 CommandResult* result) {
   std::set<std::string> views;
   for (const RenderJob& job : plan.jobs) views.insert(job.view);
   auto& m = result->metrics;
@@ -127,15 +157,16 @@ void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const avatar:
   m["poses"] = {{"source", plan.track.source}, {"number", plan.track.poses.size()}};
   m["scale"] = {{"normalised", plan.scaled}, {"trained_over_given", plan.ratio}};
   m["size_px"] = a.options.size_px > 0 ? a.options.size_px : model.size_px;
-  m["network_size_px"] = a.options.network_size_px > 0 ? a.options.network_size_px : model.size_px;
+  if (model.method != avatar::Method::kGaussians)
+    m["network_size_px"] = a.options.network_size_px > 0 ? a.options.network_size_px : model.size_px;
   m["frame"] = ToString(a.options.frame);
   m["rate_hz"] = rate_hz;
-  m["method"] = ToString(model.options.method);
+  m["method"] = ToString(model.method);
   m["checkpoint_step"] = model.step;
   m["seconds_per_picture"] = FiniteOrNull(seconds / static_cast<double>(plan.jobs.size()));
 }
 
-void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar::AvatarModel& model, CommandResult* result) {
+void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const Loaded& model, CommandResult* result) {
   if (!a.options.calib.empty()) app::AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
   if (!plan.skipped.empty()) {
     result->exit = kExitPartial;
@@ -149,7 +180,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const avatar:
         Format("the poses' bones are %.3g times the trained person's, which the network never saw", 1 / plan.ratio);
     result->warnings.push_back({"AVA-SCALE", text, "render with --scale-normalise on"});
   }
-  if (model.options.method == avatar::Method::kV2v && a.options.turntable > 0) {
+  if (model.method == avatar::Method::kV2v && a.options.turntable > 0) {
     result->warnings.push_back({"AVA-V2V-MOVING-CAMERA",
                                 "v2v uses the previous image and was trained with cameras that do not move",
                                 "expect trails, or turn with an avatar of method tna"});
@@ -162,11 +193,15 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   const RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
-  avatar::AvatarModel model = avatar::LoadModel(arguments.run_folder + "/" + avatar::kCheckpointFile);
+  Loaded model = Load(arguments.run_folder, config);
   PictureSink sink(arguments, plan);
   const Clock::time_point start = Clock::now();
-  avatar::RenderPictures(model, config, plan, options, context.run,
-                         [&](const RenderJob& job, const Image& picture) { sink.Add(job, picture); });
+  const auto add = [&](const RenderJob& job, const Image& picture) { sink.Add(job, picture); };
+  if (model.gaussians) {
+    RenderGaussianPictures(*model.gaussians, config, plan, options, context.run, add);
+  } else {
+    RenderPictures(*model.network, config, plan, options, context.run, add);
+  }
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   CommandResult result;
   result.outputs = sink.Finish();

@@ -1,9 +1,11 @@
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <utility>
 
 #include "app/nets/avatar_fit.h"
+#include "app/nets/avatar_gaussians.h"
 #include "app/nets/avatar_run.h"
 #include "app/nets/avatar_train_data.h"
 #include "app/nets/pretrain_input.h"
@@ -33,6 +35,7 @@ struct TrainArguments {
   app::SplitArguments split;
   RankArguments ranks;
   avatar::TrainOptions train;
+  avatar::GaussianOptions gaussians;
   avatar::PackOptions pack;
   bool overwrite = false;
 };
@@ -102,21 +105,65 @@ RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
   return config;
 }
 
+/// The dataset, crop, person and split of a run.
+RunConfig ConfigOf(const TrainArguments& arguments, const dataset::PanopticDataset& data) {
+  RunConfig config;
+  config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
+  config.pack = arguments.pack;
+  config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
+  config.split = app::SplitOf(data, config.pack.person, arguments.split);
+  return config;
+}
+
+void TellFit(const std::optional<avatar::PersonFit>& fit, CommandResult* result) {
+  if (!fit) return;
+  result->metrics["body"] = app::ToJson(*fit);
+  app::AddFitWarnings(*fit, result);
+}
+
+/// Removes an older run, and writes what a new one begins with.
+void BeginRun(const RunConfig& config, const std::string& out, const app::AvatarRun& files) {
+  files.Clear();
+  if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
+  WriteRunConfig(Redacting() ? WithRelativePaths(config, out) : config, files.Path(avatar::kRunConfigFile));
+}
+
+CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& context) {
+  app::RefuseNetworkOptions(arguments.start.given);
+  if (arguments.start.fit != app::BodyFitMode::kAuto)
+    throw UsageError("--method gaussians needs a body that is fitted: --fit auto, or --body");
+  const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
+  RunConfig config = ConfigOf(arguments, data);
+  app::AvatarRun files(arguments.out);
+  const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
+  files.RequireFree(arguments.overwrite);
+  const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
+  config.pack.keep_views = true;
+  const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
+  const auto clock_s = [] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  };
+  CommandResult result = app::TrainGaussianRun(
+      {arguments.gaussians, arguments.train, arguments.start.given, clock_s}, config, packs, files,
+      [&] { BeginRun(config, arguments.out, files); }, context.run);
+  FillCommon(config, packs, arguments.out, &result);
+  TellFit(fit, &result);
+  return result;
+}
+
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
+  if (arguments.start.model.method == avatar::Method::kGaussians) return RunGaussians(arguments, context);
+  app::RefuseGaussianOptions(arguments.start.given);
   Validate(arguments.train);
   const std::optional<avatar::AvatarModel> from = StartOf(arguments.start);
   const avatar::ModelOptions model = ModelOf(arguments.start, from, !arguments.pack.iuv.empty());
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
-  RunConfig config;
-  config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
-  config.pack = arguments.pack;
+  RunConfig config = ConfigOf(arguments, data);
   if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
-  config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
   config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
   config.pack.template_input_px = model.prior == avatar::Prior::kTemplate ? config.pack.size_px : 0;
   if (!config.pack.pose3d.empty())
     config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
-  config.split = app::SplitOf(data, config.pack.person, arguments.split);
   avatar::TrainOptions options = arguments.train;
   SettleGain(arguments.start.given("least-gain"), config.split, &options);
   const bool body_alone = TakesBodyAlone(arguments, model, options);
@@ -141,11 +188,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (from) start = StartFrom(*from, model, packs.train.size_px, context.run.seed);
   avatar::Trainer trainer = start ? avatar::Trainer(packs.train, *start, options, context.run, net)
                                   : avatar::Trainer(packs.train, model, options, context.run, net);
-  const auto replace_older = [&] {
-    files.Clear();
-    if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
-    WriteRunConfig(Redacting() ? WithRelativePaths(config, arguments.out) : config, files.Path(avatar::kRunConfigFile));
-  };
+  const auto replace_older = [&] { BeginRun(config, arguments.out, files); };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (!ranks.first()) return result;
   FillCommon(config, packs, arguments.out, &result);
@@ -155,10 +198,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     result.text +=
         "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
         "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
-  if (fit) {
-    result.metrics["body"] = app::ToJson(*fit);
-    app::AddFitWarnings(*fit, &result);
-  }
+  TellFit(fit, &result);
   return result;
 }
 
@@ -181,6 +221,9 @@ RankArguments RanksOf(const ResumeArguments& arguments, const avatar::TensorFile
 }
 
 CommandResult RunResume(const ResumeArguments& arguments, CommandContext& context) {
+  if (avatar::HoldsGaussians(arguments.run))
+    throw UsageError(arguments.run +
+                     " holds Gaussians, which cannot be resumed: train them again with --overwrite and more --steps");
   app::AvatarRun files(arguments.run);
   RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
@@ -213,6 +256,8 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
 }
 
 CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked) {
+  if (!run.empty() && avatar::HoldsGaussians(run))
+    throw UsageError(run + " holds Gaussians, not a network: their number is in avatar_train.result.json");
   CommandResult result;
   avatar::ModelOptions options = asked;
   if (!run.empty()) {
@@ -253,6 +298,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->start.model);
   AddOptions(sub, a->train);
+  AddOptions(sub, a->gaussians);
   AddOptions(sub, a->pack);
   AddRankOptions(sub, a->ranks);
   a->start.given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };

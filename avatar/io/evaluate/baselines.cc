@@ -115,6 +115,7 @@ Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit
   for (size_t c = 0; c < truth.cameras.size(); ++c) {
     PackOptions options = crop;
     options.template_maps = options.template_colours = false, options.template_input_px = 0, options.fitted = nullptr;
+    options.keep_views = false;
     options.cameras = {baselines.nearest_camera.at(truth.cameras[c])};
     options.frames = split.train_frames;
     const AvatarPack train = BuildPack(data, options, run).pack;

@@ -10,15 +10,14 @@
 #include <map>
 #include <set>
 
-#include "avatar/data/safetensors.h"
 #include "avatar/io/evaluate/baselines.h"
 #include "avatar/io/evaluate/evaluate_groups.h"
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/io/evaluate/strips.h"
+#include "avatar/io/evaluate/subject.h"
 #include "avatar/io/pack/frame_runs.h"
 #include "avatar/io/pack/split_side.h"
 #include "avatar/maps/template_maps.h"
-#include "avatar/nets/generator.h"
 #include "avatar/nets/model.h"
 #include "avatar/nets/sequence.h"
 #include "avatar/scores/picture_scores.h"
@@ -45,10 +44,6 @@ constexpr char kConvention[] =
     "G, B. PSNR: mean "
     "of the images' dB. Mask IoU: predicted mask at 0.5. FD: Frechet distance of the features named in fd.features, of full "
     "crops; it is called FID only with the Inception weights of 2015. LPIPS, where given: of full crops.";
-
-struct Rendered {
-  at::Tensor images, masks;  // (N, 3, H, W) 8-bit levels, (N, H, W)
-};
 
 /// What stays the same for all splits of one evaluation.
 struct Session {
@@ -101,29 +96,6 @@ PackResult Build(const Session& session, const RunConfig& config, int size_px, c
   return BuildPack(session.data, options, session.run);
 }
 
-// The same views in pictures of another size; pictures and masks stay as they are and are not looked at.
-AvatarPack AtSize(AvatarPack pack, int size_px) {
-  const double ratio = static_cast<double>(size_px) / pack.size_px;
-  pack.intrinsics = pack.intrinsics.clone();
-  pack.intrinsics.slice(1, 0, 2).mul_(ratio);
-  pack.intrinsics.slice(1, 2, 4).add_(0.5).mul_(ratio).sub_(0.5);
-  pack.size_px = size_px;
-  return pack;
-}
-
-at::Tensor Scaled(const at::Tensor& pictures, int size_px) {
-  return pictures.size(2) == size_px ? pictures : at::_upsample_bilinear2d_aa(pictures, {size_px, size_px}, false);
-}
-
-// Rendered at the size of the training, compared at the pack's.
-Rendered RenderAll(AvatarModel& model, const AvatarPack& pack, const Session& session) {
-  ProgressStage stage(session.run, "rendering", pack.size());
-  const RenderedPack rendered = RenderPack(model, AtSize(pack, model.size_px), std::max(1, session.options.batch),
-                                           [&](int64_t count) { stage.Advance(count); });
-  return {EightBit(Scaled(rendered.images, pack.size_px)),
-          Scaled(rendered.masks.unsqueeze(1), pack.size_px).squeeze(1).to(at::kDouble)};
-}
-
 /// Temporal flicker of each row against the frame before it in the pack; NaN where there is none.
 std::vector<double> FlickerOf(const AvatarPack& pack, const at::Tensor& truth, const at::Tensor& images) {
   const std::vector<int64_t> previous = PreviousRows(pack);
@@ -154,7 +126,7 @@ Scored Summary(const Session& session, const RowScores& rows, const at::Tensor& 
   return {metrics::Mean(rows.pictures), CompareSets(truth, images, *session.net, session.run.seed), FiniteMean(rows.lpips)};
 }
 
-RowScores ScoreRows(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const Rendered& rendered) {
+RowScores ScoreRows(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const RenderedRows& rendered) {
   return {ScorePictures(truth, pack.masks, rendered.images, rendered.masks), LpipsOf(session, truth, rendered.images), {}};
 }
 
@@ -172,7 +144,7 @@ std::string CameraAndFrame(const AvatarPack& pack, int64_t row) {
 
 // eval/truth and eval/render, the same names in both.
 void WriteRenders(const std::string& work, int count, const AvatarPack& pack, const at::Tensor& truth,
-                  const Rendered& rendered) {
+                  const RenderedRows& rendered) {
   if (count == 0) return;
   const auto cameras = static_cast<int>(pack.cameras.size());
   for (const int64_t i : Examples(pack, count < 0 ? -1 : (count + cameras - 1) / cameras)) {
@@ -184,7 +156,7 @@ void WriteRenders(const std::string& work, int count, const AvatarPack& pack, co
 }
 
 std::vector<PictureStrip> WritePictures(const std::string& folder, const EvaluateOptions& options, const AvatarPack& pack,
-                                        const at::Tensor& truth, const Rendered& rendered, const Baselines& baselines,
+                                        const at::Tensor& truth, const RenderedRows& rendered, const Baselines& baselines,
                                         const RowScores& scores) {
   std::vector<PictureStrip> strips;
   AtomicFolder out(folder, true);
@@ -226,19 +198,20 @@ SplitSide WithPast(SplitSide some, std::vector<int> all) {
   return some;
 }
 
-/// Rendered pictures of `pack`, whose frames are a part of `all`.
-Rendered RenderSome(AvatarModel& model, const AvatarPack& pack, const SplitSide& thinned, const std::vector<int>& all,
-                    const RunConfig& config, const Session& session) {
-  if (NumPreviousChannels(model.options) == 0) return RenderAll(model, pack, session);
-  const AvatarPack longer = Build(session, config, pack.size_px, WithPast(thinned, all), all).pack;
+/// Rendered pictures of `some`, whose frames are a part of `all`.
+RenderedRows RenderSome(Subject& subject, const PackResult& some, const SplitSide& thinned, const std::vector<int>& all,
+                        const RunConfig& config, const Session& session) {
+  const AvatarPack& pack = some.pack;
+  if (!subject.HasMemory()) return RenderRows(subject, config, some, session.options.batch, session.run);
+  const PackResult longer = Build(session, config, pack.size_px, WithPast(thinned, all), all);
   std::map<std::pair<int64_t, int64_t>, int64_t> row_of;
   const auto view = [](const AvatarPack& p, int64_t i) {
     return std::pair(p.camera_idx[i].item<int64_t>(), p.frame[i].item<int64_t>());
   };
-  for (int64_t i = 0; i < longer.size(); ++i) row_of[view(longer, i)] = i;
+  for (int64_t i = 0; i < longer.pack.size(); ++i) row_of[view(longer.pack, i)] = i;
   std::vector<int64_t> rows;
   for (int64_t i = 0; i < pack.size(); ++i) rows.push_back(row_of.at(view(pack, i)));
-  const Rendered rendered = RenderAll(model, longer, session);
+  const RenderedRows rendered = RenderRows(subject, config, longer, session.options.batch, session.run);
   const at::Tensor index = at::tensor(rows, at::kLong);
   return {rendered.images.index_select(0, index), rendered.masks.index_select(0, index)};
 }
@@ -252,7 +225,7 @@ ProtocolSplit PicturesOf(const std::string& kind, const AvatarPack& pack) {
   return split;
 }
 
-std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel& model, Evaluation* result) {
+std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, Subject& subject, Evaluation* result) {
   const DatasetSplit& split = result->config.split;
   const std::vector<SplitSide> others = {TrainingSide(split),
                                          {"held-out cameras in training frames", split.holdout_cameras, split.train_frames},
@@ -264,8 +237,9 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel&
       continue;
     const SplitSide thinned = Thinned(session.data, selection, session.options.other_pictures);
     if (thinned.frames.empty()) continue;  // the dataset has no picture of this split
-    const AvatarPack pack = Build(session, result->config, result->size_px, thinned, selection.frames).pack;
-    const Rendered rendered = RenderSome(model, pack, thinned, selection.frames, result->config, session);
+    const PackResult built = Build(session, result->config, result->size_px, thinned, selection.frames);
+    const AvatarPack& pack = built.pack;
+    const RenderedRows rendered = RenderSome(subject, built, thinned, selection.frames, result->config, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
     result->other_splits[selection.kind] = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
     scored.push_back(PicturesOf(selection.kind, pack));
@@ -276,7 +250,7 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, AvatarModel&
 void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const Baselines& baselines,
                     Evaluation* result) {
   const auto score = [&](const BaselinePictures& pictures) {
-    const Rendered shown{EightBit(pictures.images), pictures.masks};
+    const RenderedRows shown{EightBit(pictures.images), pictures.masks};
     return Summary(session, ScoreRows(session, pack, truth, shown), truth, shown.images);
   };
   result->mean_image = score(baselines.mean_image);
@@ -285,18 +259,21 @@ void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Te
 }
 
 /// The avatar's textures on the posed template that its network corrects.
-void ScoreTemplateAlone(const Session& session, const AvatarModel& model, const AvatarPack& pack, const at::Tensor& truth,
+void ScoreTemplateAlone(const Session& session, const Subject& subject, const PackResult& built, const at::Tensor& truth,
                         Evaluation* result) {
+  if (!subject.network) return;
+  const AvatarModel& model = *subject.network;
   if (NumTemplateChannels(model.options) == 0 || !model.textures.defined()) return;
-  AvatarModel alone = MakeModel(model.options, model.size_px, model.depth, 0);  // a fresh network corrects nothing
-  alone.textures = model.textures;
-  const Rendered rendered = RenderAll(alone, pack, session);
-  result->template_alone = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
+  Subject alone;
+  alone.network = MakeModel(model.options, model.size_px, model.depth, 0);  // a fresh network corrects nothing
+  alone.network->textures = model.textures;
+  const RenderedRows rendered = RenderRows(alone, result->config, built, session.options.batch, session.run);
+  result->template_alone = Summary(session, ScoreRows(session, built.pack, truth, rendered), truth, rendered.images);
 }
 
 Scored ScoreBody(const Session& session, const AvatarPack& pack, const at::Tensor& truth) {
   const at::Tensor body = pack.body_images.to(at::kDouble) / 255;
-  const Rendered rendered{body.slice(1, 0, 3), body.select(1, 3)};
+  const RenderedRows rendered{body.slice(1, 0, 3), body.select(1, 3)};
   return Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
 }
 
@@ -308,21 +285,9 @@ void ScoreBodyAlone(const Session& session, const SplitSide& selection, const Av
   if (result->config.pack.pose_by == PoseBy::kJoints || ShowsItsPoses(result->config.split, selection)) return;
   RunConfig by_joints = result->config;
   by_joints.pack.pose_by = PoseBy::kJoints, by_joints.pack.template_input_px = 0;
+  by_joints.pack.keep_views = false;
   const AvatarPack posed = Build(session, by_joints, pack.size_px, selection, selection.frames).pack;
   if (posed.size() == pack.size()) result->body_by_joints = ScoreBody(session, posed, truth);
-}
-
-/// The checkpoint, with what it says of its training.
-AvatarModel ReadModel(const std::string& path, Evaluation* result) {
-  const TensorFile file = ReadTensorFile(path);
-  AvatarModel model = LoadModel(path);
-  for (const auto& [key, value] : file.metadata) {
-    const std::string prefix = key.substr(0, key.find('.') + 1);
-    if (prefix == "model." || prefix == "train." || key == "seed" || key == "perceptual") result->training[key] = value;
-  }
-  result->checkpoint_step = model.step;
-  result->num_parameters = NumParameters(model.options);
-  return model;
 }
 
 Session MakeSession(const dataset::PanopticDataset& data, const EvaluateOptions& options, const RunContext& run) {
@@ -357,14 +322,15 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.holdout_kind = selection.kind;
   const Session session = MakeSession(data, options, run);
   DescribeNets(session, &result);
-  AvatarModel model = ReadModel(run_folder + "/" + kCheckpointFile, &result);
-  result.config.pack.template_colours = CorrectsColours(model.options);
+  Subject subject = ReadSubject(run_folder, result.config);
+  result.training = subject.training, result.checkpoint_step = subject.step, result.num_parameters = subject.num_parameters;
+  result.config.pack.template_colours = subject.network && CorrectsColours(subject.network->options);
 
   const PackResult built = Build(session, result.config, result.size_px, selection, selection.frames);
   const AvatarPack& pack = built.pack;
   result.skipped = built.skipped;
   const double start_s = clock_s ? clock_s() : std::nan("");
-  const Rendered rendered = RenderAll(model, pack, session);
+  const RenderedRows rendered = RenderRows(subject, result.config, built, options.batch, run);
   result.seconds_per_picture = ((clock_s ? clock_s() : std::nan("")) - start_s) / static_cast<double>(pack.size());
 
   const at::Tensor truth = EightBit(OnBlack(pack));
@@ -380,9 +346,9 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
   ScoreBaselines(session, pack, truth, baselines, &result);
   ScoreBodyAlone(session, selection, pack, truth, &result);
-  ScoreTemplateAlone(session, model, pack, truth, &result);
+  ScoreTemplateAlone(session, subject, built, truth, &result);
   result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
-  const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, model, &result);
+  const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, subject, &result);
   result.protocol = MakeProtocol(
       {&data, result.config, result.size_px, PicturesOf(selection.kind, pack), others, result.features, result.lpips});
   WriteFileAtomic(run_folder + "/" + kProtocolFile, result.protocol.json_text);

@@ -171,6 +171,10 @@ struct Filler {
   std::map<int, Eigen::Matrix3Xf> vertices;  // by frame, world: posed as the options say
   std::map<int, Eigen::Matrix3Xf> seen;      // by frame, world: posed by images
 
+  geometry::RigCamera CropOf(const Job& job) const {
+    return dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
+  }
+
   // As Fill below.
   std::string FillIuv(AvatarPack& pack, int64_t i, const Job& job, const geometry::RigCamera& crop) const {
     const std::string& camera = job.camera->camera.name;
@@ -183,8 +187,7 @@ struct Filler {
   // Reason why the picture cannot be used, or empty.
   std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
     const Job& job = jobs[i];
-    const auto crop =
-        dataset::CropCamera(*job.camera, job.extent.middle_in_cam, plan.half_extent_m, options.fill, options.size_px);
+    const geometry::RigCamera crop = CropOf(job);
     const Image mask = CropMask(data, job, crop);
     if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
       return "the mask is empty where the person should be";
@@ -242,6 +245,18 @@ void PoseBody(const Plan& plan, const RunContext& run, Filler* filler) {
     const auto seen = filler->seen.emplace(list[i].first, SkinVertices(fitted->person.body, pose)).first;
     if (filler->options.pose_by == PoseBy::kImages) filler->vertices[list[i].first] = seen->second;
   }
+}
+
+/// With keep_views: the crop and the body of each of the rows `good`.
+std::vector<PackView> ViewsOf(const Filler& filler, const std::vector<int64_t>& good) {
+  std::vector<PackView> views;
+  std::map<int, std::shared_ptr<const Eigen::Matrix3Xf>> shared;
+  for (const auto& [frame, vertices] : filler.vertices) shared[frame] = std::make_shared<const Eigen::Matrix3Xf>(vertices);
+  for (const int64_t i : good) {
+    const Job& job = filler.plan.jobs[i];
+    views.push_back({filler.CropOf(job), shared.at(job.frame)});
+  }
+  return views;
 }
 
 double MeanTemplateIou(const AvatarPack& pack) {
@@ -310,6 +325,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   if (!(options.fill > 0.1 && options.fill <= 1))
     throw UsageError("fill " + std::to_string(options.fill) + ": must be 0.1 to 1");
   MVS_CHECK(options.fitted || !options.template_colours, "a body without a fit has no colours");
+  MVS_CHECK(options.fitted || !options.keep_views, "views of a body without a fit");
   const Plan plan = MakePlan(data, options);
   PackResult result;
   result.missing = plan.missing;
@@ -342,6 +358,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
                       "no image can be used" + (result.skipped.empty() ? std::string() : "; " + result.skipped.front()) +
                           (plan.missing.missing() > 0 ? "; " + dataset::MissingText(plan.missing) : std::string()));
   }
+  if (options.keep_views) result.views = ViewsOf(filler, good);
   result.pack = static_cast<int64_t>(good.size()) == count ? pack : Select(pack, good);
   result.template_iou = options.template_maps ? MeanTemplateIou(result.pack) : std::numeric_limits<double>::quiet_NaN();
   return result;

@@ -45,6 +45,7 @@ struct PackOptions {
   /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
   std::shared_ptr<const body::TexturedPerson> fitted;
   PoseBy pose_by = PoseBy::kImages;  ///< of the fitted body, in maps for the network and in body_images
+  bool keep_views = false;           ///< PackResult::views; needs `fitted`
   BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
 };
 
@@ -89,8 +90,15 @@ int ChoosePerson(const dataset::PanopticDataset& data, int requested);
 void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry::RigCamera& crop);
 void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);  ///< BodyAlone
 
+/// What a row of a pack shows: the crop's camera, and the body as the options pose it.
+struct PackView {
+  geometry::RigCamera crop;
+  std::shared_ptr<const Eigen::Matrix3Xf> vertices;  ///< (3, V) metres, world; one for all cameras of a frame
+};
+
 struct PackResult {
   AvatarPack pack;
+  std::vector<PackView> views;  ///< of each row, with keep_views
   int person = -1;
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
   BodyShape shape;           ///< girth used for part and uv

@@ -137,16 +137,21 @@ RunConfig ReadRunConfig(const std::string& path) {
   return config;
 }
 
+bool HoldsGaussians(const std::string& folder) { return std::filesystem::exists(folder + "/" + kGaussiansFile); }
+
 RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
   namespace fs = std::filesystem;
   if (!fs::is_directory(folder))
     throw IoError(folder, "no such folder; give the option 'out' folder of `mvstudio avatar train`");
   const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
   if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
-  if (!fs::exists(checkpoint))
+  if (!fs::exists(checkpoint) && !HoldsGaussians(folder))
     throw IoError(checkpoint,
                   "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
   RunConfig config = ReadRunConfig(config_path);
+  config.pack.keep_views = HoldsGaussians(folder);
+  if (config.pack.keep_views && !config.pack.fitted)
+    throw FormatError(config_path, "/template/body", "is missing: Gaussians lie on a fitted body");
   if (!dataset.empty()) config.dataset = dataset;
   if (!fs::is_directory(config.dataset)) {
     throw IoError(config.dataset,

@@ -229,7 +229,7 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
   RenderPlan plan;
   TakePoses(config, data, options, &plan);
   TakeJoints(config, data, &plan);
-  if (config.pack.template_input_px > 0) {
+  if (config.pack.template_input_px > 0 || config.pack.keep_views) {
     plan.fitted = config.pack.fitted;
     if (!plan.fitted) plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
   }

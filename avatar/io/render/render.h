@@ -100,8 +100,8 @@ struct RenderPlan {
   std::vector<FullPose> joints;  ///< of each pose of the track, in the network's list; hands and face only from its own dataset
   std::vector<RenderJob> jobs;   ///< view by view, each in temporal order
   std::vector<std::string> skipped;
-  std::shared_ptr<const body::BodyTemplate> body;  ///< the template that the network sees posed; null: none
-  std::shared_ptr<const body::TexturedPerson> fitted;    ///< the person's own body in its place; null: none
+  std::shared_ptr<const body::BodyTemplate> body;      ///< the template that the network sees posed; null: none
+  std::shared_ptr<const body::TexturedPerson> fitted;  ///< the person's own body in its place; null: none
   bool HasBody() const { return body || fitted; }
   /// Vertices of the body in a pose; empty when the joints do not determine the trunk.
   std::optional<Eigen::Matrix3Xf> Vertices(const dataset::Coco19Pose& pose) const;

@@ -1,0 +1,134 @@
+#include "app/nets/avatar_gaussians.h"
+
+#include <cmath>
+
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "dataset/footage/image_io.h"
+#include "splats/files/cloud_file.h"
+#include "splats/files/ply.h"
+
+namespace mvstudio::app {
+namespace {
+
+/// Options of the networks' training that Gaussians have too.
+bool IsShared(const std::string& name) {
+  for (const char* shared :
+       {"method", "steps", "batch", "save-every", "validate-pictures", "weight-l1", "weight-ssim", "weight-mask"})
+    if (name == shared) return true;
+  return false;
+}
+
+std::string HistoryOf(const std::vector<std::string>& rows) {
+  std::string text = "degree,step,l1,ssim_loss,mask,total,validation_ssim,validation_psnr_db,gaussians,wall_s\n";
+  for (const std::string& row : rows) text += row + "\n";
+  return text;
+}
+
+std::string RowText(int degree, const splats::TrainRow& row, double wall_s) {
+  const auto number = [](double value) { return std::isfinite(value) ? Format("%.6g", value) : std::string(); };
+  return std::to_string(degree) + "," + std::to_string(row.step) + "," + number(row.loss.l1) + "," + number(row.loss.ssim) +
+         "," + number(row.loss.mask) + "," + number(row.loss.total) + "," + number(row.validation_ssim) + "," +
+         number(row.validation_psnr_db) + "," + std::to_string(row.gaussians) + Format(",%.2f", wall_s);
+}
+
+void Save(const avatar::GaussianTraining& trained, const avatar::RunConfig& config, const std::vector<std::string>& rows,
+          const std::vector<splats::TrainView>& samples, double wall_s, const AvatarRun& files, const RunContext& run) {
+  const body::BodyTemplate& body = config.pack.fitted->person.body;
+  const splats::TrainResult& result = trained.result;
+  FilesTogether together;
+  WriteFileAtomic(files.Path("history.csv"), HistoryOf(rows));
+  dataset::WriteImage(avatar::GaussianSheet(result.cloud, body, samples, trained.options.smooth, run.num_threads),
+                      files.Path(Format("samples/step_%06d.png", result.best_step)));
+  WritePly(splats::ToPly(result.cloud, body.faces, body.vertices), files.Path(splats::kPlyFileName));
+  splats::WriteCloud({result.cloud, trained.options.smooth, config.pack.size_px, result.best_step, run.seed, wall_s}, body,
+             files.Path(splats::kCloudFileName));
+  together.Commit();
+}
+
+void TellDegrees(const avatar::GaussianTraining& trained, CommandResult* result) {
+  for (const avatar::DegreeTrial& trial : trained.trials)
+    result->metrics["colour_degrees"].push_back(
+        {{"degree", trial.degree}, {"validation_ssim", FiniteOrNull(trial.validation_ssim)}, {"gaussians", trial.gaussians}});
+  result->metrics["colour_degree"] = trained.options.degree;
+  result->text = "colours of degree " + std::to_string(trained.options.degree) + ": " + trained.reason + "\n";
+}
+
+void TellSkipped(const splats::SkippedSplats& skipped, CommandResult* result) {
+  result->metrics["skipped"] = {
+      {"degenerate", skipped.degenerate}, {"behind_camera", skipped.behind_camera}, {"not_finite", skipped.not_finite}};
+  if (skipped.degenerate + skipped.behind_camera + skipped.not_finite > 0)
+    result->text += Format("%lld Gaussians could not be shown in the last image (key skipped)\n",
+                           static_cast<long long>(skipped.degenerate + skipped.behind_camera + skipped.not_finite));
+}
+
+int64_t NumbersOf(const splats::Cloud& cloud) {
+  int64_t count = 0;
+  ForEachGroup(cloud.values,
+               [&](splats::Group, int, const std::vector<float>& array) { count += static_cast<int64_t>(array.size()); });
+  return count;
+}
+
+}  // namespace
+
+void RefuseNetworkOptions(const std::function<bool(const std::string&)>& given) {
+  const auto refuse = [&](const std::string& name) {
+    if (given(name) && !IsShared(name))
+      throw UsageError("option '" + name + "' is of the networks: option 'method' gaussians has none; leave it out");
+  };
+  const auto field = [&](const std::string& name, const auto&, const std::string&) { refuse(name); };
+  VisitConstFields(field, avatar::ModelOptions{});
+  VisitConstFields(field, avatar::TrainOptions{});
+  for (const char* name :
+       {"init-from", "iuv", "pose3d", "fit-shape", "fit-pictures", "ranks", "rank", "world-size", "rendezvous"})
+    refuse(name);
+}
+
+void RefuseGaussianOptions(const std::function<bool(const std::string&)>& given) {
+  VisitConstFields(
+      [&](const std::string& name, const auto&, const std::string&) {
+        if (given(name)) throw UsageError("option '" + name + "' needs option 'method' gaussians");
+      },
+      avatar::GaussianOptions{});
+}
+
+CommandResult TrainGaussianRun(const GaussianRun& arguments, const avatar::RunConfig& config, const RunPacks& packs,
+                               const AvatarRun& files, const std::function<void()>& begin, const RunContext& run) {
+  const splats::TrainOptions options = TrainOptionsOf(arguments.gaussians, arguments.networks, arguments.given);
+  const std::vector<splats::TrainView> views = avatar::TrainViewsOf(packs.train, packs.train_views);
+  std::vector<splats::TrainView> validation, watched;
+  if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
+  if (!config.split.validation_cameras.empty()) validation = watched;
+  std::vector<std::string> rows;
+  const double start_s = arguments.clock_s();
+  const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
+    rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
+  };
+  const avatar::GaussianTraining trained =
+      avatar::TrainGaussians(*config.pack.fitted, views, validation, arguments.gaussians.colour_degree, options, run, on_row);
+  const double wall_s = arguments.clock_s() - start_s;
+  begin();
+  Save(trained, config, rows, watched.empty() ? views : watched, wall_s, files, run);
+  CommandResult result;
+  const splats::Cloud& cloud = trained.result.cloud;
+  auto& m = result.metrics;
+  m["method"] = "gaussians", m["num_parameters"] = NumbersOf(cloud), m["gaussians"] = cloud.size();
+  m["steps"] = trained.result.best_step, m["wall_s"] = wall_s;
+  m["density"] = {{"cloned", trained.result.density.cloned},
+                  {"split", trained.result.density.split},
+                  {"pruned", trained.result.density.pruned}};
+  m["mip_filter"] = trained.options.smooth;
+  TellDegrees(trained, &result);
+  TellSkipped(trained.result.skipped, &result);
+  result.outputs = files.Outputs();
+  if (trained.result.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"AVA-NONFINITE", "the loss is not finite on " + trained.result.trouble,
+                             "look at these images; train again without them"});
+  }
+  return result;
+}
+
+}  // namespace mvstudio::app

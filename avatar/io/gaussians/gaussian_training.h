@@ -1,0 +1,48 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "avatar/io/pack/pack_builder.h"
+#include "avatar/settings/gaussian_options.h"
+#include "avatar/settings/options.h"
+#include "core/choice/heldout_choice.h"
+#include "splats/train/train.h"
+
+/// Gaussians on a fitted body, learned from the packs of a run.
+namespace mvstudio::avatar {
+
+/// The images of a pack as training takes them; `views` as in PackResult.
+std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::vector<PackView>& views);
+
+/// Steps and weights from the networks' options where `given` says that they were asked for, else the Gaussians' own.
+splats::TrainOptions TrainOptionsOf(const GaussianOptions& gaussians, const TrainOptions& networks,
+                                    const std::function<bool(const std::string&)>& given);
+
+/// A training with each degree of colour that came into question.
+struct DegreeTrial {
+  int degree = 0;
+  double validation_ssim = 0;  ///< NaN without validation images
+  int64_t gaussians = 0;
+};
+
+struct GaussianTraining {
+  splats::TrainResult result;       ///< of the degree that was chosen
+  splats::TrainOptions options;     ///< of that
+  std::vector<DegreeTrial> trials;  ///< in the order of degrees
+  std::string reason;               ///< why this degree, one line
+};
+
+/// Degrees 0, 1 and 2 are trained with kAuto and validation images, and the lowest taken whose SSIM they do not show to be
+/// worse by one standard error (core/choice). Otherwise one training, of degree 0 with kAuto. `on_row` is told of each look.
+GaussianTraining TrainGaussians(
+    const body::TexturedPerson& fitted, const std::vector<splats::TrainView>& views,
+    const std::vector<splats::TrainView>& validation, ColourDegree degree, const splats::TrainOptions& options,
+    const RunContext& run, const std::function<void(int degree, const splats::TrainRow&, const splats::Cloud&)>& on_row = {});
+
+/// Rows: truth, rendering, error; one column for each of up to six views, evenly spread.
+Image GaussianSheet(const splats::Cloud& cloud, const body::BodyTemplate& body, const std::vector<splats::TrainView>& views,
+                    bool mip, int num_threads);
+
+}  // namespace mvstudio::avatar

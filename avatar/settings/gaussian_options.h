@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "core/fields.h"
+
+namespace mvstudio::avatar {
+
+/// Degree of the harmonics of colour.
+enum class ColourDegree { kAuto, kZero, kOne, kTwo };
+std::string_view ToString(ColourDegree degree);  ///< "auto", "0", "1", "2"
+/// Throws UsageError.
+void FromString(const std::string& text, ColourDegree* degree);
+
+/// Gaussians on the fitted body, `--method gaussians`. Steps, batch and weights are those of TrainOptions where they are given.
+struct GaussianOptions {
+  int gaussians = 0;
+  ColourDegree colour_degree = ColourDegree::kAuto;
+  bool densify = true;
+  bool mip_filter = true;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, GaussianOptions& o) {
+  visit("gaussians", o.gaussians, "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
+  visit(
+      "colour-degree", o.colour_degree,
+      "gaussians: degree of the spherical harmonics of colour, 0 to 2; auto: the lowest that validation images do not show to "
+      "be worse, 0 without any");
+  visit("densify", o.densify, "gaussians: divide those that the images pull at most, remove transparent ones");
+  visit("mip-filter", o.mip_filter,
+        "gaussians: none finer than the training images can show, and each keeps its light in small ones");
+}
+
+/// Throws UsageError naming the field that is out of range.
+void Validate(const GaussianOptions& options);
+
+}  // namespace mvstudio::avatar
