@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/body_charts.h"
+#include "core/charts/body_charts.h"
 #include "core/units.h"
 
 namespace mvstudio::body {

@@ -7,7 +7,7 @@
 
 #include "body/blend_shapes.h"
 #include "body/bone_role.h"
-#include "core/body_charts.h"
+#include "core/charts/body_charts.h"
 #include "core/image.h"
 #include "geometry/rigid/rigid3.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/body_charts.h"
+#include "core/charts/body_charts.h"
 
 namespace mvstudio::avatar {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/chart_rows.h"
+#include "core/charts/chart_rows.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {

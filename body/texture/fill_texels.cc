@@ -2,7 +2,7 @@
 #include <limits>
 
 #include "body/texture/texel_map.h"
-#include "core/chart_rows.h"
+#include "core/charts/chart_rows.h"
 
 namespace mvstudio::body {
 namespace {

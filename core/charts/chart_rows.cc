@@ -1,9 +1,9 @@
-#include "core/chart_rows.h"
+#include "core/charts/chart_rows.h"
 
 #include <array>
 #include <cstddef>
 
-#include "core/body_charts.h"
+#include "core/charts/body_charts.h"
 
 namespace mvstudio {
 namespace {
