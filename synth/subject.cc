@@ -11,10 +11,10 @@
 namespace mvstudio::synth {
 namespace {
 
-constexpr double kWarmUpS = 3, kBlendS = 1.5;  // s before a clip; the first part leads from the rest pose into the motion
-constexpr double kShortestTurnS = 4;           // s once around; shorter takes end before
-constexpr double kSkinHz = 125;                // the body is skinned at least as often; between, it moves in straight lines
-constexpr int kStepsPerSkin = 8;               // of the cloth
+constexpr double kWarmUpS = 2, kBlendS = 1;  // s before a clip; the first part leads from the rest pose into the motion
+constexpr double kShortestTurnS = 4;         // s once around; shorter takes end before
+constexpr double kSkinHz = 125;              // the body is skinned at least as often; between, it moves in straight lines
+constexpr int kStepsPerSkin = 8;             // of the cloth
 
 }  // namespace
 
@@ -67,7 +67,8 @@ Status Subject::WarmUp(int clip) {
 Status Subject::MoveCloth(int frame_idx, Frame* frame) {
   const int clip = frame_idx < options_.take_frames ? 0 : 1, in_clip = frame_idx - (clip ? options_.take_frames : 0);
   if (in_clip == 0) {
-    const Status status = WarmUp(clip);
+    Status status = clip == 0 ? cloth_->Settle() : Status::kOk;
+    if (status == Status::kOk) status = WarmUp(clip);
     if (status != Status::kOk) return status;
   } else {
     const int skins = static_cast<int>(std::ceil(kSkinHz / options_.fps));

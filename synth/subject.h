@@ -19,6 +19,7 @@ class Subject {
   Subject(const SynthOptions& options, uint64_t seed);
 
   const body::BodyTemplate& naked() const { return cloth_ ? cloth_->dressed().naked : body_; }
+  /// Its rest pose is final after the first frame: the cloth has settled then.
   const body::BodyTemplate& surface() const { return cloth_ ? cloth_->dressed().surface : body_; }
   /// Null without cloth.
   const DressedBody* dressed() const { return cloth_ ? &cloth_->dressed() : nullptr; }

@@ -28,6 +28,7 @@ MAY_INCLUDE = {
     "body/makehuman": CORE | GEOMETRY | {"body"},
     "body/smpl": CORE | GEOMETRY | {"body", "body/files"},
     "body/files": CORE | GEOMETRY | {"body", "body/fit", "body/texture"},
+    "body/measure": CORE | GEOMETRY | {"body", "body/fit", "body/files"},
     "triangulate/point": CORE | GEOMETRY,
     "triangulate/batch": CORE | GEOMETRY | {"triangulate/point"},
     "triangulate/people": CORE | GEOMETRY | {"triangulate/point"},

@@ -38,6 +38,19 @@ void ClothSubject::MoveBody(const body::BodyPose& pose) {
   vertices_ << body::SkinVertices(swollen_, pose), body::SkinVertices(cloth_, pose);
 }
 
+Status ClothSubject::Settle() {
+  constexpr double kCallS = 0.008;
+  constexpr int kSteps = 8;
+  const body::BodyPose rest = body::PoseFromAngles(
+      dressed_.naked, {}, std::vector<Eigen::Quaterniond>(dressed_.naked.bone_names.size(), Eigen::Quaterniond::Identity()));
+  Status status = Reset(rest);
+  for (int i = 0; i < kSettleS / kCallS && status == Status::kOk; ++i) status = Advance(rest, kSteps, kCallS / kSteps);
+  if (status != Status::kOk) return status;
+  cloth_.vertices = sim_.positions().cast<float>();
+  dressed_.surface.vertices.rightCols(cloth_.vertices.cols()) = cloth_.vertices;
+  return Status::kOk;
+}
+
 Status ClothSubject::Reset(const body::BodyPose& pose) {
   MoveBody(pose);
   return sim_.Reset(vertices_);

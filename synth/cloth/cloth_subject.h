@@ -19,7 +19,12 @@ class ClothSubject {
 
   /// Where skinning alone would have the surface; cloth rigidly with the bones. (3, V) in world
   Eigen::Matrix3Xf Skinned(const body::BodyPose& pose) const;
-  /// The cloth at rest on this pose.
+  /// Lets the cloth hang on the body at rest, for `kSettleS` seconds. From now on it begins like that, and so does the rest of
+  /// dressed().surface, which skinning moves: what is constant is not beyond skinning.
+  Status Settle();
+  static constexpr double kSettleS = 4;
+
+  /// The cloth as skinning has it in this pose, at rest.
   Status Reset(const body::BodyPose& pose);
   /// The body takes this pose `step_s * steps` later.
   Status Advance(const body::BodyPose& pose, int steps, double step_s);

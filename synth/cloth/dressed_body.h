@@ -21,7 +21,8 @@ struct Garment {
 };
 
 /// A body in a skirt and a shirt with a loose hem, as one surface whose topology does not change: the body's vertices and faces
-/// first, then those of the garments. Garments lie at rest as they were cut, around the rest pose.
+/// first, then those of the garments. Garments lie around the rest pose as they were
+/// cut.
 struct DressedBody {
   body::BodyTemplate naked;
   body::BodyTemplate

@@ -177,6 +177,20 @@ TEST(Cloth, FallsNeitherFasterNorSlowerWhenTheWorldTurnsAboutTheVertical) {
   EXPECT_LT(worst, 2e-4);
 }
 
+TEST(Cloth, SkinningBeginsFromHowItHangs) {
+  ClothSubject subject(Mannequin(), 1);
+  const Eigen::Matrix3Xf cut = subject.dressed().surface.vertices;
+  ASSERT_EQ(subject.Settle(), Status::kOk);
+  const Eigen::Matrix3Xf hung = subject.dressed().surface.vertices;
+  EXPECT_EQ(hung.leftCols(subject.dressed().body_vertices), cut.leftCols(subject.dressed().body_vertices));
+  EXPECT_GT((hung - cut).colwise().norm().maxCoeff(), 0.05f);
+  ASSERT_EQ(subject.Reset(Rest()), Status::kOk);
+  for (int i = 0; i < 50; ++i) ASSERT_EQ(subject.Advance(Rest(), kSteps, kStepS), Status::kOk);
+  const Eigen::VectorXf moved = (subject.vertices() - subject.Skinned(Rest())).colwise().norm();
+  EXPECT_LT(moved.maxCoeff(), 0.03f);
+  EXPECT_LT(std::sqrt(moved.squaredNorm() / static_cast<float>(moved.size())), 0.004f);
+}
+
 TEST(Cloth, IsTheSameBitForBitAndOtherSeedsDiffer) {
   ClothSubject one(Mannequin(), 4), two(Mannequin(), 4), other(Mannequin(), 5);
   ASSERT_EQ(Spin(&one, 0.2), Status::kOk);
