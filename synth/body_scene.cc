@@ -67,15 +67,18 @@ struct BodyScene::Impl {
   const body::BodyTemplate& body;
   const std::array<Image, body::kNumParts>& textures;
   Eigen::Matrix3Xf vertices, normals;
+  bool two_sided = false;
   RTCScene scene = nullptr;
 
   struct Hit {
     int face = -1;                     // -1: nothing met
     float b = 0, c = 0, distance = 0;  // barycentric coordinates of the face's corners 1 and 2; in lengths of the direction
+    bool behind = false;               // met from inside
   };
 
   void Build();
   void Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f* directions, int count, Hit* hits) const;
+  bool FromBehind(int face, const Eigen::Vector3f& direction) const;
   Eigen::Vector2f ChartUv(const Hit& hit) const;
   Eigen::Vector3f Shade(const Hit& hit) const;
   void Blend(const std::vector<Hit>& hits, int count, uint8_t* pixel) const;
@@ -130,8 +133,14 @@ void BodyScene::Impl::Trace(const Eigen::Vector3f& origin, const Eigen::Vector3f
       hit.face =
           valid[lane] && query.hit.geomID[lane] != RTC_INVALID_GEOMETRY_ID ? static_cast<int>(query.hit.primID[lane]) : -1;
       hit.b = query.hit.u[lane], hit.c = query.hit.v[lane], hit.distance = query.ray.tfar[lane];
+      hit.behind = two_sided && hit.face >= 0 && FromBehind(hit.face, directions[first + lane]);
     }
   }
+}
+
+bool BodyScene::Impl::FromBehind(int face, const Eigen::Vector3f& direction) const {
+  const Eigen::Vector3f a = vertices.col(body.faces(0, face)), b = vertices.col(body.faces(1, face));
+  return (b - a).cross(vertices.col(body.faces(2, face)) - a).dot(direction) > 0;
 }
 
 Eigen::Vector2f BodyScene::Impl::ChartUv(const Hit& hit) const {
@@ -144,8 +153,9 @@ Eigen::Vector3f BodyScene::Impl::Shade(const Hit& hit) const {
   const Eigen::Vector3f normal =
       ((1 - hit.b - hit.c) * normals.col(corner[0]) + hit.b * normals.col(corner[1]) + hit.c * normals.col(corner[2]))
           .normalized();
+  const float side = hit.behind ? -1.f : 1.f;
   float light = kAmbient;
-  for (const Light& l : kLights) light += l.strength * std::max(0.f, normal.dot(l.to_light));
+  for (const Light& l : kLights) light += l.strength * std::max(0.f, side * normal.dot(l.to_light));
   const Eigen::Vector2f uv = ChartUv(hit);
   return light * Sample(textures[body.face_part[hit.face] - 1], uv[0], uv[1]);
 }
@@ -166,10 +176,10 @@ void BodyScene::Impl::Blend(const std::vector<Hit>& hits, int count, uint8_t* pi
 }
 
 BodyScene::BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures,
-                     const Eigen::Matrix3Xf& vertices_in_world) {
+                     const Eigen::Matrix3Xf& vertices_in_world, bool two_sided) {
   MVS_CHECK(vertices_in_world.cols() == body.vertices.cols(), vertices_in_world.cols()
                                                                   << " vertices for a body of " << body.vertices.cols());
-  impl_.reset(new Impl{body, textures, vertices_in_world, body::VertexNormals(vertices_in_world, body.faces)});
+  impl_.reset(new Impl{body, textures, vertices_in_world, body::VertexNormals(vertices_in_world, body.faces), two_sided});
   impl_->Build();
 }
 

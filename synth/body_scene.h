@@ -14,9 +14,10 @@ namespace mvstudio::synth {
 /// A posed person for ray casting (Embree). Rendering is const and may be called from several threads.
 class BodyScene {
  public:
-  /// `body` and `textures` must outlive the scene. `vertices_in_world`: (3, V).
+  /// `body` and `textures` must outlive the scene. `vertices_in_world`: (3, V). `two_sided`: for open surfaces, whose inside is
+  /// lit as its outside is.
   BodyScene(const body::BodyTemplate& body, const std::array<Image, body::kNumParts>& textures,
-            const Eigen::Matrix3Xf& vertices_in_world);
+            const Eigen::Matrix3Xf& vertices_in_world, bool two_sided = false);
   ~BodyScene();
   BodyScene(const BodyScene&) = delete;
   BodyScene& operator=(const BodyScene&) = delete;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "body/role_bones.h"
 #include "core/check.h"
 #include "core/random.h"
 #include "core/units.h"
@@ -39,37 +40,57 @@ Quaterniond TurnX(double angle) { return Turn(angle, Vector3d::UnitX()); }
 Quaterniond TurnY(double angle) { return Turn(angle, Vector3d::UnitY()); }
 Quaterniond TurnZ(double angle) { return Turn(angle, Vector3d::UnitZ()); }
 
-int Bone(const body::BodyTemplate& body, const std::string& name) {
-  const auto it = std::find(body.bone_names.begin(), body.bone_names.end(), name);
-  MVS_CHECK(it != body.bone_names.end(), "the template has no bone called " << name);
-  return static_cast<int>(it - body.bone_names.begin());
-}
-
 using Turns = std::vector<Quaterniond>;
 
-void PoseTrunk(const body::BodyTemplate& body, const Signals& s, double t, Turns* turns) {
-  const Quaterniond half = TurnZ(0.14 * s(1, t)) * TurnX(-0.04 + 0.09 * s(2, t)) * TurnY(0.07 * s(3, t));
-  (*turns)[Bone(body, "spine")] = half;
-  (*turns)[Bone(body, "chest")] = half;
-  const Quaterniond look = TurnZ(0.26 * s(4, t)) * TurnX(0.10 * s(5, t));
-  (*turns)[Bone(body, "neck")] = look;
-  (*turns)[Bone(body, "head")] = look;
+/// The bones of a body and how its arms hang at rest.
+struct Joints {
+  explicit Joints(const body::BodyTemplate& body) : bones(body::FindRoleBones(body)) {
+    for (int side = 0; side < 2; ++side) {
+      const Vector3d arm = body.bone_tails.col(bones.arms[side][1]) - body.bone_heads.col(bones.arms[side][1]);
+      const double angle = std::atan2(std::abs(arm[0]), -arm[2]);
+      arm_raised[side] = std::abs(angle - kPi / 4) < 1e-6 ? kPi / 4 : angle;  // exact for the mannequin
+    }
+  }
+
+  /// The axis about which an elbow bends forwards.
+  Vector3d ElbowAxis(bool left) const {
+    const double sign = left ? 1 : -1, raised = arm_raised[left ? 0 : 1];
+    return Vector3d(-1, 0, raised == kPi / 4 ? -sign : -sign * std::tan(std::min(raised, 1.55))).normalized();
+  }
+
+  body::RoleBones bones;
+  double arm_raised[2];  // rad from hanging, left and right
+};
+
+/// Two shares of a turn, over all bones of a chain; a bone of two has one share.
+void Spread(const Quaterniond& share, const std::vector<int>& chain, Turns* turns) {
+  const auto count = static_cast<double>(chain.size());
+  for (const int bone : chain) (*turns)[bone] = chain.size() == 2 ? share : Quaterniond::Identity().slerp(2 / count, share);
 }
 
-/// Arms rest 45 degrees off the body; `raise` and `swing` are angles from hanging, sideways and forward.
-void PoseArm(const body::BodyTemplate& body, const Signals& s, double t, bool left, Turns* turns) {
+void PoseTrunk(const Joints& joints, const Signals& s, double t, double size, Turns* turns) {
+  const Quaterniond half = TurnZ(size * 0.14 * s(1, t)) * TurnX(size * (-0.04 + 0.09 * s(2, t))) * TurnY(size * 0.07 * s(3, t));
+  Spread(half, joints.bones.spine, turns);
+  const Quaterniond look = TurnZ(size * 0.26 * s(4, t)) * TurnX(size * 0.10 * s(5, t));
+  std::vector<int> neck = joints.bones.neck;
+  neck.push_back(joints.bones.head);
+  Spread(look, neck, turns);
+}
+
+/// `raise` and `swing` are angles from hanging, sideways and forward.
+void PoseArm(const Joints& joints, const Signals& s, double t, bool left, Turns* turns) {
   const int channel = left ? 10 : 20;
   const double sign = left ? 1 : -1;
   const double raise = 0.72 + 0.58 * s(channel, t), swing = 0.40 + 0.85 * s(channel + 1, t),
                bend = 0.85 + 0.80 * s(channel + 2, t);
-  const Vector3d elbow_axis = Vector3d(-1, 0, -sign).normalized();
-  const std::string side = left ? "l_" : "r_";
-  (*turns)[Bone(body, side + "upper_arm")] = TurnX(-swing) * TurnY(sign * (kPi / 4 - raise));
-  (*turns)[Bone(body, side + "forearm")] = Turn(std::max(0.05, bend), elbow_axis);
-  (*turns)[Bone(body, side + "hand")] = Turn(0.3 * s(channel + 3, t), elbow_axis);
+  const Vector3d elbow_axis = joints.ElbowAxis(left);
+  const auto& arm = joints.bones.arms[left ? 0 : 1];
+  (*turns)[arm[1]] = TurnX(-swing) * TurnY(sign * (joints.arm_raised[left ? 0 : 1] - raise));
+  (*turns)[arm[2]] = Turn(std::max(0.05, bend), elbow_axis);
+  (*turns)[arm[3]] = Turn(0.3 * s(channel + 3, t), elbow_axis);
 }
 
-void PoseLeg(const body::BodyTemplate& body, const Signals& s, double t, bool left, Turns* turns) {
+void PoseLeg(const Joints& joints, const Signals& s, double t, bool left, Turns* turns) {
   const double sign = left ? 1 : -1;
   const double phase = 2 * kPi * 0.83 * t + (left ? 0 : kPi) + 0.5 * s(30, t);
   const double crouch = 0.13 * (1 + s(31, t)), stride = 0.30 + 0.14 * s(32, t);
@@ -77,10 +98,33 @@ void PoseLeg(const body::BodyTemplate& body, const Signals& s, double t, bool le
   const double flex = stride * std::sin(phase) + crouch + 0.12 * lift;
   const double knee = 0.10 + 0.62 * lift + 2 * crouch;
   const double spread = 0.045 + 0.035 * s(33, t);
-  const std::string side = left ? "l_" : "r_";
-  (*turns)[Bone(body, side + "thigh")] = TurnX(-flex) * TurnY(-sign * spread) * TurnZ(sign * 0.08);
-  (*turns)[Bone(body, side + "shin")] = TurnX(knee);
-  (*turns)[Bone(body, side + "foot")] = TurnX(std::clamp(0.75 * (flex - knee), -0.5, 0.35));
+  const auto& leg = joints.bones.legs[left ? 0 : 1];
+  (*turns)[leg[0]] = TurnX(-flex) * TurnY(-sign * spread) * TurnZ(sign * 0.08);
+  (*turns)[leg[1]] = TurnX(knee);
+  (*turns)[leg[2]] = TurnX(std::clamp(0.75 * (flex - knee), -0.5, 0.35));
+}
+
+/// Arms 45 degrees off the body, elbows almost straight; one leg after the other is lifted a little, a step in a second.
+void PoseTurnLimbs(const Joints& joints, const Signals& s, double t, bool left, Turns* turns) {
+  const double sign = left ? 1 : -1;
+  const int side = left ? 0 : 1, channel = left ? 10 : 20;
+  const auto& arm = joints.bones.arms[side];
+  (*turns)[arm[1]] =
+      TurnX(-0.07 * s(channel + 1, t)) * TurnY(sign * (joints.arm_raised[side] - kPi / 4 + 0.06 * s(channel, t)));
+  (*turns)[arm[2]] = Turn(0.05 * (1 + s(channel + 2, t)), joints.ElbowAxis(left));
+  const double lift = std::pow(std::max(0.0, std::sin(2 * kPi * 0.5 * t + (left ? 0 : kPi))), 2);
+  const auto& leg = joints.bones.legs[side];
+  (*turns)[leg[0]] = TurnX(-0.16 * lift) * TurnY(-sign * 0.03);
+  (*turns)[leg[1]] = TurnX(0.30 * lift);
+  (*turns)[leg[2]] = TurnX(-0.14 * lift);
+}
+
+/// The pose with its lowest point on the floor.
+body::BodyPose OnFloor(const body::BodyTemplate& body, const geometry::Rigid3& world_from_body, const Turns& turns) {
+  body::BodyPose pose = body::PoseFromAngles(body, world_from_body, turns);
+  const double lowest = body::SkinVertices(body, pose).row(2).minCoeff();
+  for (geometry::Rigid3& bone : pose.bone_transforms) bone.translation[2] -= lowest;
+  return pose;
 }
 
 }  // namespace
@@ -107,18 +151,26 @@ geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_fra
 
 body::BodyPose PersonPose(const body::BodyTemplate& body, double time_s, uint64_t seed) {
   const Signals s(seed);
+  const Joints joints(body);
   Turns turns(body.bone_names.size(), Quaterniond::Identity());
-  PoseTrunk(body, s, time_s, &turns);
+  PoseTrunk(joints, s, time_s, 1, &turns);
   for (bool left : {true, false}) {
-    PoseArm(body, s, time_s, left, &turns);
-    PoseLeg(body, s, time_s, left, &turns);
+    PoseArm(joints, s, time_s, left, &turns);
+    PoseLeg(joints, s, time_s, left, &turns);
   }
   const double heading = 2 * kPi * 0.31 * time_s + 0.5 * s(40, time_s);
   const Vector3d place(0.32 * s(41, time_s), 0.32 * s(42, time_s), 0);
-  body::BodyPose pose = body::PoseFromAngles(body, {TurnZ(heading), place}, turns);
-  const double lowest = body::SkinVertices(body, pose).row(2).minCoeff();
-  for (geometry::Rigid3& bone : pose.bone_transforms) bone.translation[2] -= lowest;
-  return pose;
+  return OnFloor(body, {TurnZ(heading), place}, turns);
+}
+
+body::BodyPose TurnPose(const body::BodyTemplate& body, double time_s, double duration_s, uint64_t seed) {
+  const Signals s(seed);
+  const Joints joints(body);
+  Turns turns(body.bone_names.size(), Quaterniond::Identity());
+  PoseTrunk(joints, s, time_s, 0.3, &turns);
+  for (bool left : {true, false}) PoseTurnLimbs(joints, s, time_s, left, &turns);
+  const double heading = 2 * kPi * time_s / duration_s + 0.04 * s(40, time_s);
+  return OnFloor(body, {TurnZ(heading), Vector3d(0.015 * s(41, time_s), 0.015 * s(42, time_s), 0)}, turns);
 }
 
 Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const body::Skeleton& skeleton) {
@@ -126,6 +178,7 @@ Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPo
   const double scale = body.coco19(2, 0) / 1.43;  // the neck of a person of 1.75 m rests at 1.43 m
   const std::pair<const char*, Vector3d> foot_points[] = {
       {"BigToe", {0.108, -0.165, 0.025}}, {"SmallToe", {0.150, -0.105, 0.025}}, {"Heel", {0.110, 0.055, 0.035}}};
+  const body::RoleBones bones = body::FindRoleBones(body);
   Eigen::Matrix3Xd joints(3, skeleton.joints.size());
   for (size_t j = 0; j < skeleton.joints.size(); ++j) {
     const int panoptic = body::Coco19().Find(skeleton.joints[j]);
@@ -138,7 +191,9 @@ Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPo
       if (skeleton.joints[j].substr(1) != name) continue;
       const bool left = skeleton.joints[j][0] == 'L';
       const Vector3d rest = scale * Vector3d(left ? left_point[0] : -left_point[0], left_point[1], left_point[2]);
-      joints.col(j) = pose.bone_transforms[Bone(body, left ? "l_foot" : "r_foot")] * rest;
+      const Vector3d from_ankle = body.coco19.col(left ? 8 : 14) - scale * Vector3d(left ? 0.112 : -0.112, 0.018, 0.085);
+      const Vector3d shift = from_ankle.norm() < 1e-9 ? Vector3d::Zero() : from_ankle;  // exact for the mannequin
+      joints.col(j) = pose.bone_transforms[bones.legs[left ? 0 : 1][2]] * (rest + shift);
       found = true;
     }
     MVS_CHECK(found, "the person has no joint called " << skeleton.joints[j]);

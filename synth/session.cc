@@ -18,6 +18,7 @@
 #include "synth/plate.h"
 #include "synth/recorder.h"
 #include "synth/room.h"
+#include "synth/subject.h"
 #include "synth/textured_room.h"
 #include "synth/truth_io.h"
 
@@ -114,6 +115,12 @@ void RecordBoard(const Studio& studio) {
   WriteBoardPoses(board, poses, studio.Path("truth/board_poses.json"));
 }
 
+/// A frame without a surface.
+struct SubjectFailure {
+  Status status;
+  int frame_idx;
+};
+
 /// The person of one take, frame by frame, with the truth that goes with it.
 class Take {
  public:
@@ -121,9 +128,9 @@ class Take {
       : studio_(studio),
         name_(std::move(name)),
         skeleton_(body::SkeletonByName("body25")),
-        body_(body::MakeMannequin(studio.options.person_height_m)),
-        textures_(body::MannequinTextures(studio.options.texture_px, studio.run.seed)),
-        detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.take_frames)) {
+        subject_(studio.options, studio.run.seed),
+        surface_truth_(studio.Path("truth"), subject_.surface(), subject_.dressed()),
+        detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.all_take_frames())) {
     truth_.skeleton = skeleton_.name;
     for (int c = 0; c < studio_.num_cameras(); ++c) {
       MakeFolder(TruthFolder("masks", c));
@@ -131,17 +138,25 @@ class Take {
     }
   }
 
+  /// Throws SubjectFailure when the cloth gives no surface.
   void Prepare(int first, int last) {
     first_ = first;
     scenes_.clear();
     scenes_.resize(last - first);
     joints_.resize(last - first);
-    ParallelFor(last - first, ResolveThreads(studio_.run.num_threads), [&](int64_t i) {
-      const body::BodyPose pose = PersonPose(body_, (first + static_cast<double>(i)) / studio_.options.fps, studio_.run.seed);
-      joints_[i] = PersonJoints(body_, pose, skeleton_);
-      scenes_[i] = std::make_unique<BodyScene>(body_, textures_, body::SkinVertices(body_, pose));
+    const int threads = ResolveThreads(studio_.run.num_threads);
+    const Subject::Frames batch = subject_.Next(first, last, threads);
+    if (batch.status != Status::kOk) throw SubjectFailure{batch.status, first + static_cast<int>(batch.frames.size())};
+    ParallelFor(last - first, threads, [&](int64_t i) {
+      joints_[i] = PersonJoints(subject_.naked(), batch.frames[i].pose, skeleton_);
+      scenes_[i] = std::make_unique<BodyScene>(subject_.surface(), subject_.textures(), batch.frames[i].vertices,
+                                               subject_.dressed() != nullptr);
     });
-    for (int f = first; f < last; ++f) AppendTruth(f, skeleton_.joints, joints_[f - first], &truth_);
+    for (int f = first; f < last; ++f) {
+      const Subject::Frame& frame = batch.frames[f - first];
+      AppendTruth(f, skeleton_.joints, joints_[f - first], &truth_);
+      surface_truth_.Add(f, frame.pose, frame.vertices, frame.skinned, joints_[f - first]);
+    }
   }
 
   void Draw(int frame_idx, int camera_idx, Image* picture) {
@@ -162,11 +177,17 @@ class Take {
 
   void WriteJoints() const {
     dataset::WritePose3d(truth_, studio_.Path("truth/pose3d"));
+    surface_truth_.Finish(skeleton_, studio_.options.fps);
     for (int c = 0; c < studio_.num_cameras(); ++c) {
       dataset::Pose2dTrack track{studio_.name(c), {}};
       for (size_t f = 0; f < detections_[c].size(); ++f) track.frames[static_cast<int>(f)] = {detections_[c][f]};
       dataset::WriteOpenPoseFolder(track, studio_.Path("pose2d/" + name_ + "/" + studio_.name(c)));
     }
+  }
+
+  /// Empty for a subject that skinning explains.
+  std::vector<BeyondSkinning> beyond_skinning() const {
+    return subject_.dressed() ? surface_truth_.beyond_skinning() : std::vector<BeyondSkinning>();
   }
 
  private:
@@ -177,8 +198,8 @@ class Take {
   const Studio& studio_;
   const std::string name_;
   const body::Skeleton& skeleton_;
-  const body::BodyTemplate body_;
-  const std::array<Image, body::kNumParts> textures_;
+  Subject subject_;
+  SurfaceTruth surface_truth_;
   std::vector<std::vector<dataset::Person2d>> detections_;  // [camera][frame]
   dataset::Pose3d truth_;
   int first_ = 0;
@@ -186,13 +207,27 @@ class Take {
   std::vector<std::unique_ptr<BodyScene>> scenes_;  // of the batch
 };
 
-void RecordTake(const Studio& studio) {
+void RecordTake(const Studio& studio, SynthSummary* summary) {
   Take take(studio, "take1");
   Record(
-      studio, "raw/take1", studio.options.take_frames, "person footage",
+      studio, "raw/take1", studio.options.all_take_frames(), "person footage",
       [&](int first, int last) { take.Prepare(first, last); },
       [&](int frame_idx, int camera_idx, Image* picture) { take.Draw(frame_idx, camera_idx, picture); });
   take.WriteJoints();
+  summary->beyond_skinning = take.beyond_skinning();
+}
+
+void Summarise(const SynthOptions& options, int cameras, SynthSummary* summary) {
+  summary->cameras = cameras;
+  summary->frames = options.board_frames + options.all_take_frames();
+  const auto [width, height] = ParseSize(options.size);
+  summary->pixels = static_cast<int64_t>(width) * height * cameras * (summary->frames + 1);
+  std::vector<std::string>& files = summary->files;
+  files = {"mvstudio.toml", "truth/calibration.json", "raw/plate"};
+  if (options.board_frames > 0) files.insert(files.end(), {"raw/board", "truth/board_poses.json"});
+  if (options.take_frames > 0)
+    files.insert(files.end(), {"raw/take1", "pose2d/take1", "truth/pose3d", "truth/masks/take1", "truth/partuv/take1",
+                               "truth/subject_rest.npz", "truth/motion.npz"});
 }
 
 }  // namespace
@@ -203,19 +238,16 @@ SynthSummary WriteSession(const SynthOptions& options, const std::string& folder
   const Studio studio = BuildStudio(options, output.work_path(), run);
   geometry::WriteRig(studio.rig, studio.Path("truth/calibration.json"));
   if (options.board_frames > 0) RecordBoard(studio);
-  if (options.take_frames > 0) RecordTake(studio);
+  SynthSummary summary;
+  try {
+    if (options.take_frames > 0) RecordTake(studio, &summary);
+  } catch (const SubjectFailure& failure) {
+    summary.status = failure.status, summary.failed_frame = failure.frame_idx;
+    return summary;
+  }
   WriteSessionToml(options, studio.rig, studio.Path("mvstudio.toml"));
   output.Commit();
-  SynthSummary summary;
-  summary.cameras = studio.num_cameras();
-  summary.frames = options.board_frames + options.take_frames;
-  const auto [width, height] = ParseSize(options.size);
-  summary.pixels = static_cast<int64_t>(width) * height * summary.cameras * (summary.frames + 1);
-  summary.files = {"mvstudio.toml", "truth/calibration.json", "raw/plate"};
-  if (options.board_frames > 0) summary.files.insert(summary.files.end(), {"raw/board", "truth/board_poses.json"});
-  if (options.take_frames > 0)
-    summary.files.insert(summary.files.end(),
-                         {"raw/take1", "pose2d/take1", "truth/pose3d", "truth/masks/take1", "truth/partuv/take1"});
+  Summarise(options, studio.num_cameras(), &summary);
   return summary;
 }
 

@@ -19,6 +19,8 @@ constexpr ChoiceWords<Arrangement, 2> kArrangements = {{{Arrangement::kRing, "ri
 constexpr ChoiceWords<FootageFormat, 2> kFootageFormats = {{{FootageFormat::kMp4, "mp4"}, {FootageFormat::kPng, "png"}}};
 constexpr ChoiceWords<Background, 3> kBackgrounds = {
     {{Background::kTextured, "textured"}, {Background::kPlain, "plain"}, {Background::kPosters, "posters"}}};
+constexpr ChoiceWords<SubjectKind, 2> kSubjects = {{{SubjectKind::kSkinned, "skinned"}, {SubjectKind::kCloth, "cloth"}}};
+constexpr ChoiceWords<TakeMotion, 2> kMotions = {{{TakeMotion::kWalk, "walk"}, {TakeMotion::kATurn, "a-turn"}}};
 
 void Require(bool condition, const std::string& option, const std::string& expected) {
   if (!condition) throw UsageError("option '" + option + "': expected " + expected);
@@ -59,6 +61,8 @@ geometry::Rigid3 LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& targe
 std::string_view ToString(Arrangement arrangement) { return WordOf(kArrangements, arrangement); }
 std::string_view ToString(FootageFormat format) { return WordOf(kFootageFormats, format); }
 std::string_view ToString(Background background) { return WordOf(kBackgrounds, background); }
+std::string_view ToString(SubjectKind subject) { return WordOf(kSubjects, subject); }
+std::string_view ToString(TakeMotion motion) { return WordOf(kMotions, motion); }
 
 void FromString(const std::string& text, Arrangement* arrangement) {
   *arrangement = KnownChoice(kArrangements, text, "option 'arrangement': expected ring or dome, not '" + text + "'");
@@ -70,6 +74,14 @@ void FromString(const std::string& text, FootageFormat* format) {
 
 void FromString(const std::string& text, Background* background) {
   *background = KnownChoice(kBackgrounds, text, "option 'background': expected textured, plain or posters, not '" + text + "'");
+}
+
+void FromString(const std::string& text, SubjectKind* subject) {
+  *subject = KnownChoice(kSubjects, text, "option 'subject': expected skinned or cloth, not '" + text + "'");
+}
+
+void FromString(const std::string& text, TakeMotion* motion) {
+  *motion = KnownChoice(kMotions, text, "option 'take-motion': expected walk or a-turn, not '" + text + "'");
 }
 
 std::pair<int, int> ParseSize(const std::string& size) {
@@ -92,6 +104,8 @@ void Validate(const SynthOptions& o) {
   Require(o.noise_px >= 0 && o.noise_px < 1000, "noise-px", "0 to 1000");
   Require(o.board_frames >= 0 && o.board_frames <= 100000, "board-frames", "0 to 100000");
   Require(o.take_frames >= 0 && o.take_frames <= 100000, "take-frames", "0 to 100000");
+  Require(o.new_motion_frames >= 0 && o.new_motion_frames <= 100000, "new-motion-frames", "0 to 100000");
+  Require(o.new_motion_frames == 0 || o.take_frames > 0, "new-motion-frames", "a take before it, or 0");
   Require(o.fps > 0 && o.fps <= 1000, "fps", "above 0, at most 1000");
   Require(o.person_height_m >= 0.8 && o.person_height_m <= 2.3, "person-height-m", "0.8 to 2.3 m");
   Require(o.samples >= 1 && o.samples <= 8, "samples", "1 to 8");

@@ -13,14 +13,21 @@ namespace mvstudio::synth {
 enum class Arrangement { kRing, kDome };
 enum class FootageFormat { kMp4, kPng };                ///< H.264, or lossless folders of pictures
 enum class Background { kTextured, kPlain, kPosters };  ///< kPosters: walls full of features
+/// kSkinned: linear blend skinning explains the person; kCloth: muscles swell, and a skirt and the hem of a shirt swing.
+enum class SubjectKind { kSkinned, kCloth };
+enum class TakeMotion { kWalk, kATurn };  ///< kATurn: once around on the spot in A-pose
 
 std::string_view ToString(Arrangement arrangement);  ///< "ring", "dome"
 std::string_view ToString(FootageFormat format);     ///< "mp4", "png"
 std::string_view ToString(Background background);    ///< "textured", "plain", "posters"
+std::string_view ToString(SubjectKind subject);      ///< "skinned", "cloth"
+std::string_view ToString(TakeMotion motion);        ///< "walk", "a-turn"
 /// Throw UsageError.
 void FromString(const std::string& text, Arrangement* arrangement);
 void FromString(const std::string& text, FootageFormat* format);
 void FromString(const std::string& text, Background* background);
+void FromString(const std::string& text, SubjectKind* subject);
+void FromString(const std::string& text, TakeMotion* motion);
 
 /// The synthetic studio and its recordings. The seed is that of the run.
 struct SynthOptions {
@@ -42,6 +49,12 @@ struct SynthOptions {
   FootageFormat format = FootageFormat::kMp4;
   int crf = 12;  ///< H.264 quality: 0 lossless ... 51 worst
   Background background = Background::kTextured;
+  SubjectKind subject = SubjectKind::kSkinned;
+  std::string body;  ///< body.npz, MakeHuman's folder or a file in SMPL's layout; empty: the mannequin
+  TakeMotion take_motion = TakeMotion::kWalk;
+  int new_motion_frames = 0;  ///< frames of another walk after the take's; cut
+
+  int all_take_frames() const { return take_frames + new_motion_frames; }
 };
 
 template <class Visitor>
@@ -58,12 +71,16 @@ void VisitFields(Visitor&& visit, SynthOptions& o) {
   visit("board-frames", o.board_frames, "frames of board footage; 0: none");
   visit("take-frames", o.take_frames, "frames of person footage; 0: none");
   visit("fps", o.fps, "Hz, frame rate of all footage");
-  visit("person-height-m", o.person_height_m, "m, height of the person");
+  visit("person-height-m", o.person_height_m, "m, height of the person; a body that is given has its own");
   visit("samples", o.samples, "samples along a pixel's side, 1 to 8; fewer is faster");
   visit("texture-px", o.texture_px, "px, side of each of the 24 charts of the person's texture");
   visit("format", o.format, "footage as mp4 (H.264) or png (lossless, image folders)");
   visit("crf", o.crf, "H.264 quality: 0 lossless ... 51 worst");
   visit("background", o.background, "textured, plain, or posters: walls full of features (for calibrate option 'from-scene')");
+  visit("subject", o.subject, "skinned, or cloth: muscles swell, a skirt and the hem of a shirt swing");
+  visit("body", o.body, "the person: a fitted body.npz, MakeHuman's folder, or a file in SMPL's layout; empty: the mannequin");
+  visit("take-motion", o.take_motion, "walk, or a-turn: once around on the spot in A-pose; takes 4 s or longer");
+  visit("new-motion-frames", o.new_motion_frames, "frames of another walk that follow in the same take, after a cut");
 }
 
 /// Throws UsageError that names the option and what was expected.

@@ -78,6 +78,60 @@ TEST(PersonJoints, FeetFollowTheAnkles) {
   }
 }
 
+/// Joints that synth gave before bodies other than the mannequin could walk, by seed 1 at 0.36 s.
+TEST(PersonPose, OfTheMannequinIsWhatItAlwaysWas) {
+  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const body::BodyTemplate body = body::MakeMannequin();
+  const Eigen::Matrix3Xd joints = PersonJoints(body, PersonPose(body, 9 / 25.0, 1), skeleton);
+  const std::pair<const char*, Eigen::Vector3d> known[] = {
+      {"Nose", {0.2212846490188977, -0.0008280541672157221, 1.5447091550798342}},
+      {"RWrist", {-0.004569147899690207, -0.37507968483816084, 1.0755303547060173}},
+      {"LWrist", {0.6594872538478459, 0.09258344363801141, 1.0606395554868744}},
+      {"RAnkle", {-0.10266763733339354, 0.38575109254389145, 0.1984144721005765}},
+      {"LBigToe", {0.4927726912666185, -0.22733412178715276, 0.02981378191534751}},
+      {"RHeel", {-0.1209686381565579, 0.43407648544209576, 0.16373407749346852}}};
+  for (const auto& [name, expected] : known) EXPECT_LT((joints.col(skeleton.Find(name)) - expected).norm(), 1e-14) << name;
+}
+
+TEST(TurnPose, GoesOnceAroundOnTheSpotInAPose) {
+  const body::BodyTemplate& body = Mannequin();
+  double total = 0, before = 0;
+  for (int f = 0; f <= 100; ++f) {
+    const body::BodyPose pose = TurnPose(body, 0.1 * f, 10, 3);
+    const Eigen::Matrix3Xf vertices = body::SkinVertices(body, pose);
+    EXPECT_NEAR(vertices.row(2).minCoeff(), 0, 1e-5);
+    const Eigen::Vector3d forward = pose.bone_transforms[0].rotation * -Eigen::Vector3d::UnitY();
+    const double heading = std::atan2(forward[0], -forward[1]);
+    if (f > 0) total += std::remainder(heading - before, 6.283185307179586);
+    before = heading;
+    const Eigen::Matrix3Xd joints = body::PosedCoco19(body, pose);
+    EXPECT_LT(joints.col(2).head<2>().norm(), 0.05);
+    for (const int shoulder : {3, 9}) {
+      const Eigen::Vector3d arm = (joints.col(shoulder + 1) - joints.col(shoulder)).normalized();
+      EXPECT_NEAR(std::acos(-arm[2]), 0.785, 0.16) << "frame " << f;
+    }
+  }
+  EXPECT_NEAR(total, 6.283, 0.1);
+}
+
+/// Bodies with their arms at other angles hang them alike.
+TEST(TurnPose, OfATPoseHasArmsAtHalfARightAngle) {
+  body::BodyTemplate body = Mannequin();
+  for (const int bone : {6, 7, 8, 10, 11, 12}) {  // arms raised to the sides, hands at the height of the shoulders
+    for (Eigen::Matrix3Xd* points : {&body.bone_heads, &body.bone_tails}) {
+      const double sign = bone < 9 ? 1 : -1;
+      const Eigen::Vector3d shoulder(sign * 0.172, 0.01, 1.395);
+      points->col(bone) =
+          shoulder + Eigen::AngleAxisd(-sign * 0.7853981633974483, Eigen::Vector3d::UnitY()) * (points->col(bone) - shoulder);
+    }
+  }
+  const body::BodyPose pose = TurnPose(body, 0, 10, 3);
+  for (const int bone : {6, 10}) {
+    const Eigen::Vector3d arm = pose.bone_transforms[bone].rotation * (body.bone_tails.col(bone) - body.bone_heads.col(bone));
+    EXPECT_NEAR(std::acos(-arm.normalized()[2]), 0.785, 0.16);
+  }
+}
+
 TEST(BoardPose, StartsFlatOnTheFloorPrintedSideUp) {
   const calib::Board board = calib::ParseBoard("charuco:7x5:140mm:105mm");
   const geometry::Rigid3 pose = BoardPose(board, 0, 60, 1);

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <map>
 
+#include "body/files/npz.h"
+#include "body/files/person_file.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
@@ -141,6 +143,84 @@ TEST_F(SessionTest, AnExistingSessionIsKeptUnlessOverwritten) {
   EXPECT_NE(ReadFile(folder + "/truth/calibration.json"), before);
   EXPECT_EQ(summary.cameras, 3);
   EXPECT_FALSE(fs::exists(folder + "/raw/board"));
+}
+
+TEST_F(SessionTest, TheTruthOfASurfaceIsComplete) {
+  SynthOptions options = Small();
+  options.cameras = 1, options.board_frames = 0, options.take_frames = 3, options.new_motion_frames = 2;
+  options.subject = SubjectKind::kCloth, options.take_motion = TakeMotion::kATurn;
+  const std::string folder = Write("s", options, 1, 1);
+  const auto rest = body::ReadNpzMembers(folder + "/truth/subject_rest.npz");
+  const NpyArray transforms = ParseNpy(body::ReadNpzMembers(folder + "/truth/motion.npz").at("transforms"), "transforms");
+  EXPECT_EQ(transforms.shape, (std::vector<int64_t>{5, 19, 3, 4}));
+  ASSERT_EQ(ParseNpyTexts(rest.at("names"), "names"), (std::vector<std::string>{"body", "skirt", "shirt"}));
+  for (int f = 0; f < 5; ++f) {
+    const auto frame = body::ReadNpz(folder + "/truth/vertices_0000000" + std::to_string(f) + ".npz");
+    for (const char* mesh : {"body", "skirt", "shirt"}) {
+      const NpyArray rest_v = ParseNpy(rest.at(std::string(mesh) + "_v"), mesh);
+      const NpyArray weights = ParseNpy(rest.at(std::string(mesh) + "_weights"), mesh);
+      ASSERT_EQ(frame.at(mesh).shape, rest_v.shape);
+      double worst = 0;  // beyond skinning by the written bones
+      for (int64_t v = 0; v < rest_v.shape[0]; ++v) {
+        for (int r = 0; r < 3; ++r) {
+          double skinned = 0;
+          for (int b = 0; b < 19; ++b) {
+            const double* row = &transforms.values[((f * 19 + b) * 3 + r) * 4];
+            const double* x = &rest_v.values[3 * v];
+            skinned += weights.values[19 * v + b] * (row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3]);
+          }
+          worst = std::max(worst, std::abs(skinned - frame.at(mesh).values[3 * v + r]));
+        }
+      }
+      EXPECT_LT(worst, 0.4) << mesh;
+      if (mesh == std::string("body")) {
+        EXPECT_LT(worst, 0.02);
+      } else {
+        EXPECT_GT(worst, 0.01) << mesh;
+      }
+    }
+  }
+}
+
+TEST_F(SessionTest, ClothIsTheSameWhateverTheThreads) {
+  SynthOptions options = Small();
+  options.format = FootageFormat::kPng;
+  options.cameras = 2, options.board_frames = 0, options.subject = SubjectKind::kCloth, options.take_frames = 9;
+  const auto one = Contents(Write("one", options, 5, 1)), two = Contents(Write("two", options, 5, 2));
+  ASSERT_EQ(one.size(), two.size());
+  for (const auto& [path, content] : one) EXPECT_TRUE(two.at(path) == content) << path;
+}
+
+TEST_F(SessionTest, AFittedBodyWalksInItsOwnColours) {
+  SynthOptions options = Small();
+  options.cameras = 1, options.board_frames = 0, options.take_frames = 2;
+  body::PersonFile person;
+  person.body = body::MakeMannequin(1.6, 0.5);
+  options.body = root_ + "/body.npz";
+  body::WritePersonFile(options.body, person);
+  const std::string folder = Write("s", options, 1, 1);
+  const auto frame = body::ReadNpz(folder + "/truth/vertices_00000001.npz");
+  EXPECT_EQ(frame.at("body").shape, (std::vector<int64_t>{person.body.vertices.cols(), 3}));
+  person.body.bone_roles[4] = body::BoneRole::kOther;  // no head
+  body::WritePersonFile(options.body, person);
+  EXPECT_THROW(Write("t", options, 1, 1), FormatError);
+  options.body = root_ + "/none.npz";
+  EXPECT_THROW(Write("t", options, 1, 1), IoError);
+  EXPECT_FALSE(fs::exists(root_ + "/t"));
+}
+
+TEST_F(SessionTest, ClothThatTearsIsAStatusAndLeavesNothing) {
+  SynthOptions options = Small();
+  options.cameras = 1, options.board_frames = 0, options.subject = SubjectKind::kCloth;
+  body::PersonFile giant;
+  giant.body = body::MakeMannequin(1.75, 0.5);
+  giant.body.vertices *= 100, giant.body.bone_heads *= 100, giant.body.bone_tails *= 100, giant.body.coco19 *= 100;
+  options.body = root_ + "/body.npz";
+  body::WritePersonFile(options.body, giant);
+  const SynthSummary summary = WriteSession(options, root_ + "/s", false, {});
+  EXPECT_EQ(summary.status, Status::kNotConverged);
+  EXPECT_EQ(summary.failed_frame, 0);
+  EXPECT_FALSE(fs::exists(root_ + "/s"));
 }
 
 /// Cancels at the first opportunity.

@@ -1,0 +1,40 @@
+#include "synth/read_body.h"
+
+#include <filesystem>
+
+#include "body/files/npz.h"
+#include "body/files/person_file.h"
+#include "body/files/textured_person.h"
+#include "body/makehuman/read.h"
+#include "body/role_bones.h"
+#include "body/smpl/read.h"
+#include "core/error.h"
+
+namespace mvstudio::synth {
+namespace {
+
+bool IsPersonFile(const std::string& path) {
+  return std::filesystem::path(path).extension() == ".npz" && body::ReadNpzMembers(path).count("schema") > 0;
+}
+
+GivenBody FromPersonFile(const std::string& path) {
+  body::PersonFile file = body::ReadPersonFile(path);
+  try {
+    body::FindRoleBones(file.body);
+  } catch (const ContractViolation&) {
+    throw FormatError(path, "bone_roles", "lacks bones of trunk, head or limbs, or has one twice; no motion fits this body");
+  }
+  GivenBody given{std::move(file.body), {}};
+  if (file.extras.count("textures")) given.textures = body::ReadPerson(path).textures;
+  return given;
+}
+
+}  // namespace
+
+GivenBody ReadBody(const std::string& path) {
+  if (std::filesystem::is_directory(path)) return {body::ReadMakeHuman(path), {}};
+  if (IsPersonFile(path)) return FromPersonFile(path);
+  return {body::ReadSmpl(path), {}};
+}
+
+}  // namespace mvstudio::synth
