@@ -23,7 +23,8 @@ struct GaussianOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, GaussianOptions& o) {
-  visit("gaussians", o.gaussians, "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
+  visit("gaussians", o.gaussians,
+        "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
   visit(
       "colour-degree", o.colour_degree,
       "gaussians: degree of the spherical harmonics of colour, 0 to 2; auto: the lowest that validation images do not show to "
