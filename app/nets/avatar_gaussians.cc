@@ -1,5 +1,7 @@
 #include "app/nets/avatar_gaussians.h"
 
+#include <ATen/ATen.h>
+
 #include <cmath>
 
 #include "core/disk/files.h"
@@ -44,7 +46,7 @@ void Save(const avatar::GaussianTraining& trained, const avatar::RunConfig& conf
                       files.Path(Format("samples/step_%06d.png", result.best_step)));
   WritePly(splats::ToPly(result.cloud, body.faces, body.vertices), files.Path(splats::kPlyFileName));
   splats::WriteCloud({result.cloud, trained.options.smooth, config.pack.size_px, result.best_step, run.seed, wall_s}, body,
-             files.Path(splats::kCloudFileName));
+                     files.Path(splats::kCloudFileName));
   together.Commit();
 }
 
@@ -97,20 +99,23 @@ void RefuseGaussianOptions(const std::function<bool(const std::string&)>& given)
 CommandResult TrainGaussianRun(const GaussianRun& arguments, const avatar::RunConfig& config, const RunPacks& packs,
                                const AvatarRun& files, const std::function<void()>& begin, const RunContext& run) {
   const splats::TrainOptions options = TrainOptionsOf(arguments.gaussians, arguments.networks, arguments.given);
-  const std::vector<splats::TrainView> views = avatar::TrainViewsOf(packs.train, packs.train_views);
-  std::vector<splats::TrainView> validation, watched;
+  avatar::GaussianImages images;
+  images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
+  images.camera.assign(packs.train.camera_idx.data_ptr<int64_t>(),
+                       packs.train.camera_idx.data_ptr<int64_t>() + packs.train.size());
+  std::vector<splats::TrainView> watched;
   if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
-  if (!config.split.validation_cameras.empty()) validation = watched;
+  if (!config.split.validation_cameras.empty()) images.validation = watched;
   std::vector<std::string> rows;
   const double start_s = arguments.clock_s();
   const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
     rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
   };
   const avatar::GaussianTraining trained =
-      avatar::TrainGaussians(*config.pack.fitted, views, validation, arguments.gaussians.colour_degree, options, run, on_row);
+      avatar::TrainGaussians(*config.pack.fitted, images, arguments.gaussians.colour_degree, options, run, on_row);
   const double wall_s = arguments.clock_s() - start_s;
   begin();
-  Save(trained, config, rows, watched.empty() ? views : watched, wall_s, files, run);
+  Save(trained, config, rows, watched.empty() ? images.train : watched, wall_s, files, run);
   CommandResult result;
   const splats::Cloud& cloud = trained.result.cloud;
   auto& m = result.metrics;

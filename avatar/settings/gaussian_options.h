@@ -23,11 +23,11 @@ struct GaussianOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, GaussianOptions& o) {
-  visit("gaussians", o.gaussians, "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
-  visit(
-      "colour-degree", o.colour_degree,
-      "gaussians: degree of the spherical harmonics of colour, 0 to 2; auto: the lowest that validation images do not show to "
-      "be worse, 0 without any");
+  visit("gaussians", o.gaussians,
+        "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
+  visit("colour-degree", o.colour_degree,
+        "gaussians: degree of the spherical harmonics of colour, 0 to 2; auto: the lowest that validation images, or else a "
+        "training camera left out of short trainings, do not show to be worse");
   visit("densify", o.densify, "gaussians: divide those that the images pull at most, remove transparent ones");
   visit("mip-filter", o.mip_filter,
         "gaussians: none finer than the training images can show, and each keeps its light in small ones");

@@ -21,10 +21,10 @@ class AvatarGaussians : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = new testing::TempDir();
     avatar::WriteMannequinDataset(*folder_ / "data", 5, 8, 96);
-    ASSERT_EQ(
-        RunCli({"avatar", "fit", data(), "--out", out("body"), "--holdout-cameras", "00_03", "--holdout-frames", "6-7"}).exit %
-            6,
-        0);
+    // To cameras that are trained on in all tests below.
+    const CliRun fit = RunCli(
+        {"avatar", "fit", data(), "--out", out("body"), "--train-cameras", "00_00,00_01,00_04", "--holdout-frames", "6-7"});
+    ASSERT_TRUE(fit.exit == 0 || fit.exit == 6) << fit.err;
   }
   static void TearDownTestSuite() { delete folder_; }
 
@@ -48,7 +48,7 @@ TEST_F(AvatarGaussians, LearnsScoresAndRenders) {
   const auto metrics = run.Json()["metrics"];
   EXPECT_EQ(metrics["method"], "gaussians");
   EXPECT_EQ(metrics["steps"], 60);
-  EXPECT_EQ(metrics["colour_degree"], 0);
+  EXPECT_EQ(metrics["colour_degrees"].size(), 3u) << "trials without one of the four cameras";
   EXPECT_GT(metrics["gaussians"], 1000);
   for (const char* name :
        {"gaussians.npz", "gaussians.ply", "config.json", "body.npz", "history.csv", "samples/step_000060.png"})
@@ -59,8 +59,8 @@ TEST_F(AvatarGaussians, LearnsScoresAndRenders) {
   const auto scores = eval.Json()["metrics"];
   EXPECT_GT(scores["holdout"]["ssim"], 0.6);
   EXPECT_GT(scores["holdout"]["mask_iou"], 0.8);
-  EXPECT_TRUE(scores.contains("body_alone"));
-  EXPECT_EQ(scores["training"]["model.method"], "gaussians");
+  EXPECT_TRUE(scores["baselines"].contains("body_alone"));
+  EXPECT_EQ(scores["training"]["options"]["model.method"], "gaussians");
 
   const CliRun render = RunCli({"avatar", "render", out("run"), "--json", "--turntable", "3", "--size", "64", "--frames", "6"});
   ASSERT_EQ(render.exit, 0) << render.err;

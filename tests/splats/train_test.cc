@@ -84,7 +84,7 @@ TEST(Train, LearnsTheColoursOfARenderedBody) {
   const Person& p = ThePerson();
   const std::vector<TrainView> views = Views(6, 96), others = Views(3, 96, 0.5);
   TrainOptions options = FewSteps(300);
-  options.count = 8000;
+  options.count = 8000, options.rates.colour = 0.04;  // far from grey in few steps
   const TrainResult result = TrainCloud(p.body, p.grey, views, {}, options, {});
   ASSERT_EQ(result.status, Status::kOk);
   EXPECT_EQ(result.best_step, 300);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
+#include <set>
 
 #include "core/check.h"
 #include "core/format.h"
@@ -22,7 +24,8 @@ Image ToImage(const at::Tensor& chw) {
   return image;
 }
 
-std::vector<int> DegreesOf(ColourDegree degree, bool validation) {
+/// The degree that was asked for; nothing for kAuto.
+std::vector<int> DegreeOf(ColourDegree degree) {
   switch (degree) {
     case ColourDegree::kZero:
       return {0};
@@ -33,7 +36,68 @@ std::vector<int> DegreesOf(ColourDegree degree, bool validation) {
     case ColourDegree::kAuto:
       break;
   }
-  return validation ? std::vector<int>{0, 1, 2} : std::vector<int>{0};
+  return {};
+}
+
+using OnRow = std::function<void(int, const splats::TrainRow&, const splats::Cloud&)>;
+
+/// A training with each degree; the last one is one that did not converge.
+std::vector<GaussianTraining> TrainEach(const body::TexturedPerson& fitted, const std::vector<splats::TrainView>& views,
+                                        const std::vector<splats::TrainView>& validation, const std::vector<int>& degrees,
+                                        const splats::TrainOptions& options, const RunContext& run, const OnRow& on_row) {
+  std::vector<GaussianTraining> out;
+  for (const int degree : degrees) {
+    GaussianTraining one;
+    one.options = options, one.options.degree = degree;
+    const auto look = [&](const splats::TrainRow& row, const splats::Cloud& cloud) {
+      if (on_row) on_row(degree, row, cloud);
+    };
+    one.result = splats::TrainCloud(fitted.person.body, fitted.textures, views, validation, one.options, run, look);
+    out.push_back(std::move(one));
+    if (out.back().result.status != Status::kOk) break;
+  }
+  return out;
+}
+
+/// The trainings' scores, and which of them is taken.
+struct DegreeChoice {
+  size_t index = 0;
+  std::string reason;
+  std::vector<DegreeTrial> trials;
+};
+
+DegreeChoice ChooseDegree(const std::vector<GaussianTraining>& trained) {
+  DegreeChoice out;
+  std::vector<HeldOutCandidate> candidates;
+  for (const GaussianTraining& one : trained) {
+    const splats::TrainResult& result = one.result;
+    out.trials.push_back({one.options.degree, Mean(result.validation_ssim), static_cast<int64_t>(result.cloud.size())});
+    HeldOutCandidate candidate{"degree " + std::to_string(one.options.degree), {}};
+    for (const double ssim : result.validation_ssim) candidate.units.push_back(1 - ssim);
+    candidates.push_back(candidate);
+  }
+  const HeldOutChoice choice = ChooseHeldOut(candidates, HeldOutRule{});
+  out.index = static_cast<size_t>(choice.index), out.reason = choice.reason;
+  return out;
+}
+
+/// The images with those of the middle camera, at most 24 of them, as validation images; without any for fewer than three.
+GaussianImages LeaveCameraOut(const GaussianImages& images) {
+  constexpr size_t kFewest = 3, kMost = 24;
+  const std::set<int64_t> cameras(images.camera.begin(), images.camera.end());
+  GaussianImages out;
+  if (cameras.size() < kFewest) return out;
+  const int64_t left_out = *std::next(cameras.begin(), static_cast<std::ptrdiff_t>(cameras.size() / 2));
+  std::vector<size_t> apart;
+  for (size_t i = 0; i < images.train.size(); ++i) {
+    if (images.camera[i] == left_out)
+      apart.push_back(i);
+    else
+      out.train.push_back(images.train[i]);
+  }
+  const size_t count = std::min(kMost, apart.size());
+  for (size_t k = 0; k < count; ++k) out.validation.push_back(images.train[apart[(2 * k + 1) * apart.size() / (2 * count)]]);
+  return out;
 }
 
 /// Copies a picture of three channels into a sheet.
@@ -73,39 +137,32 @@ splats::TrainOptions TrainOptionsOf(const GaussianOptions& gaussians, const Trai
   return out;
 }
 
-GaussianTraining TrainGaussians(const body::TexturedPerson& fitted, const std::vector<splats::TrainView>& views,
-                                const std::vector<splats::TrainView>& validation, ColourDegree degree,
-                                const splats::TrainOptions& options, const RunContext& run,
-                                const std::function<void(int, const splats::TrainRow&, const splats::Cloud&)>& on_row) {
-  const std::vector<int> degrees = DegreesOf(degree, !validation.empty());
-  std::vector<GaussianTraining> trained;
-  std::vector<HeldOutCandidate> candidates;
-  for (const int d : degrees) {
-    GaussianTraining one;
-    one.options = options;
-    one.options.degree = d;
-    const auto look = [&](const splats::TrainRow& row, const splats::Cloud& cloud) {
-      if (on_row) on_row(d, row, cloud);
-    };
-    one.result = splats::TrainCloud(fitted.person.body, fitted.textures, views, validation, one.options, run, look);
-    HeldOutCandidate candidate{"degree " + std::to_string(d), {}};
-    for (const double ssim : one.result.validation_ssim) candidate.units.push_back(1 - ssim);
-    candidates.push_back(candidate);
-    trained.push_back(std::move(one));
-    if (trained.back().result.status != Status::kOk) return trained.back();
+GaussianTraining TrainGaussians(const body::TexturedPerson& fitted, const GaussianImages& images, ColourDegree degree,
+                                const splats::TrainOptions& options, const RunContext& run, const OnRow& on_row) {
+  MVS_CHECK(images.camera.size() == images.train.size(), "cameras of other images");
+  std::vector<int> degrees = DegreeOf(degree);
+  DegreeChoice choice{0, "as asked for", {}};
+  if (degrees.empty() && images.validation.empty()) {
+    const GaussianImages apart = LeaveCameraOut(images);
+    choice.reason = "fewer than three cameras cannot show that colours depend on the direction";
+    degrees = {0};
+    if (!apart.validation.empty()) {
+      splats::TrainOptions few = options;
+      few.steps = std::max(1, options.steps / 3);
+      std::vector<GaussianTraining> trials = TrainEach(fitted, apart.train, apart.validation, {0, 1, 2}, few, run, {});
+      if (trials.back().result.status != Status::kOk) return std::move(trials.back());
+      choice = ChooseDegree(trials);
+      choice.reason += ", on a camera left out";
+      degrees = {trials[choice.index].options.degree};
+    }
   }
-  size_t chosen = 0;
-  std::string reason =
-      degree == ColourDegree::kAuto ? "no validation images: colours do not depend on the direction" : "as asked for";
-  if (degrees.size() > 1) {
-    const HeldOutChoice choice = ChooseHeldOut(candidates, HeldOutRule{});
-    chosen = static_cast<size_t>(choice.index), reason = choice.reason;
-  }
-  std::vector<DegreeTrial> trials;
-  for (const GaussianTraining& one : trained)
-    trials.push_back({one.options.degree, Mean(one.result.validation_ssim), static_cast<int64_t>(one.result.cloud.size())});
-  GaussianTraining out = std::move(trained[chosen]);
-  out.trials = trials, out.reason = reason;
+  const bool undecided = degrees.empty();
+  if (undecided) degrees = {0, 1, 2};
+  std::vector<GaussianTraining> trained = TrainEach(fitted, images.train, images.validation, degrees, options, run, on_row);
+  if (trained.back().result.status != Status::kOk) return std::move(trained.back());
+  if (undecided) choice = ChooseDegree(trained);
+  GaussianTraining out = std::move(trained[undecided ? choice.index : 0]);
+  out.trials = choice.trials, out.reason = choice.reason;
   return out;
 }
 

@@ -34,11 +34,19 @@ struct GaussianTraining {
   std::string reason;               ///< why this degree, one line
 };
 
-/// Degrees 0, 1 and 2 are trained with kAuto and validation images, and the lowest taken whose SSIM they do not show to be
-/// worse by one standard error (core/choice). Otherwise one training, of degree 0 with kAuto. `on_row` is told of each look.
+/// What Gaussians are learned from.
+struct GaussianImages {
+  std::vector<splats::TrainView> train;
+  std::vector<int64_t> camera;                ///< of each of them
+  std::vector<splats::TrainView> validation;  ///< may be empty
+};
+
+/// One degree is trained unless it is kAuto. Then degrees 0, 1 and 2 are, and the lowest is taken whose SSIM on the validation
+/// images is not shown to be worse by one standard error (core/choice). Without validation images one of at least three cameras
+/// is left out of trainings of a third of the steps, which choose the degree for all images; with fewer cameras it is 0.
+/// `on_row` is told of each look at a training that may be kept.
 GaussianTraining TrainGaussians(
-    const body::TexturedPerson& fitted, const std::vector<splats::TrainView>& views,
-    const std::vector<splats::TrainView>& validation, ColourDegree degree, const splats::TrainOptions& options,
+    const body::TexturedPerson& fitted, const GaussianImages& images, ColourDegree degree, const splats::TrainOptions& options,
     const RunContext& run, const std::function<void(int degree, const splats::TrainRow&, const splats::Cloud&)>& on_row = {});
 
 /// Rows: truth, rendering, error; one column for each of up to six views, evenly spread.
