@@ -54,6 +54,7 @@ constexpr Command kCommands[] = {
     {"avatar compare", MVSTUDIO_NEEDS_TORCH(RegisterAvatarCompare)},
     {"avatar lift", MVSTUDIO_NEEDS_TORCH(RegisterAvatarLift)},
     {"avatar render", MVSTUDIO_NEEDS_TORCH(RegisterAvatarRender)},
+    {"avatar surface", RegisterAvatarSurface},
     {"metrics", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterMetrics)},
     {"report", RegisterReport},
     {"doctor", RegisterDoctor},

@@ -34,6 +34,7 @@ void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);
 void RegisterAvatarLift(CLI::App& avatar, Registry& registry);
 void RegisterAvatarRender(CLI::App& avatar, Registry& registry);
+void RegisterAvatarSurface(CLI::App& avatar, Registry& registry);
 void RegisterMetrics(CLI::App& app, Registry& registry);
 void RegisterReport(CLI::App& app, Registry& registry);
 void RegisterSession(CLI::App& app, Registry& registry);
