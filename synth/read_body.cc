@@ -32,6 +32,9 @@ GivenBody FromPersonFile(const std::string& path) {
 }  // namespace
 
 GivenBody ReadBody(const std::string& path) {
+  if (!std::filesystem::exists(path))
+    throw IoError(path,
+                  "does not exist; expected a fitted body.npz, MakeHuman's folder, or a .npz or .pkl file in SMPL's layout");
   if (std::filesystem::is_directory(path)) return {body::ReadMakeHuman(path), {}};
   if (IsPersonFile(path)) return FromPersonFile(path);
   return {body::ReadSmpl(path), {}};

@@ -124,11 +124,11 @@ struct SubjectFailure {
 /// The person of one take, frame by frame, with the truth that goes with it.
 class Take {
  public:
-  Take(const Studio& studio, std::string name)
+  Take(const Studio& studio, std::string name, Subject* subject)
       : studio_(studio),
         name_(std::move(name)),
         skeleton_(body::SkeletonByName("body25")),
-        subject_(studio.options, studio.run.seed),
+        subject_(*subject),
         surface_truth_(studio.Path("truth"), subject_.surface(), subject_.dressed()),
         detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.all_take_frames())) {
     truth_.skeleton = skeleton_.name;
@@ -198,7 +198,7 @@ class Take {
   const Studio& studio_;
   const std::string name_;
   const body::Skeleton& skeleton_;
-  Subject subject_;
+  Subject& subject_;
   SurfaceTruth surface_truth_;
   std::vector<std::vector<dataset::Person2d>> detections_;  // [camera][frame]
   dataset::Pose3d truth_;
@@ -207,8 +207,8 @@ class Take {
   std::vector<std::unique_ptr<BodyScene>> scenes_;  // of the batch
 };
 
-void RecordTake(const Studio& studio, SynthSummary* summary) {
-  Take take(studio, "take1");
+void RecordTake(const Studio& studio, Subject* subject, SynthSummary* summary) {
+  Take take(studio, "take1", subject);
   Record(
       studio, "raw/take1", studio.options.all_take_frames(), "person footage",
       [&](int first, int last) { take.Prepare(first, last); },
@@ -234,13 +234,15 @@ void Summarise(const SynthOptions& options, int cameras, SynthSummary* summary) 
 
 SynthSummary WriteSession(const SynthOptions& options, const std::string& folder, bool overwrite, const RunContext& run) {
   Validate(options);
-  AtomicFolder output(folder, overwrite);
+  AtomicFolder output(folder, overwrite, options.body.empty() ? std::vector<std::string>() : std::vector{options.body});
+  std::unique_ptr<Subject> subject;  // before anything is rendered: a body that is refused costs no work
+  if (options.take_frames > 0) subject = std::make_unique<Subject>(options, run.seed);
   const Studio studio = BuildStudio(options, output.work_path(), run);
   geometry::WriteRig(studio.rig, studio.Path("truth/calibration.json"));
   if (options.board_frames > 0) RecordBoard(studio);
   SynthSummary summary;
   try {
-    if (options.take_frames > 0) RecordTake(studio, &summary);
+    if (subject) RecordTake(studio, subject.get(), &summary);
   } catch (const SubjectFailure& failure) {
     summary.status = failure.status, summary.failed_frame = failure.frame_idx;
     return summary;

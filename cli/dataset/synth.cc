@@ -38,6 +38,7 @@ CommandResult RunSynth(const SynthFlags& flags, CommandContext& context) {
   if (summary.status != Status::kOk) return Refusal(summary);
   CommandResult result;
   result.folder = flags.out;
+  if (!flags.options.body.empty()) result.inputs = {flags.options.body};
   result.metrics["cameras"] = summary.cameras;
   result.metrics["frames"] = summary.frames;
   result.metrics["wall_s"] = wall_s;
