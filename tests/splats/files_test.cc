@@ -189,6 +189,33 @@ TEST(CloudFile, IsReadBitForBit) {
   EXPECT_FALSE(read.mip);
 }
 
+/// Random bytes of a valid file replaced: refused, or read as something sound.
+TEST(CloudFile, ChangedBytesAreRefusedOrSound) {
+  const Kept kept;
+  const std::string good_cloud = CloudFileBytes(kept.file, kept.body), good_ply = PlyBytes(RandomPly(20, 1));
+  Rng rng(11);
+  const auto damaged = [&](std::string bytes) {
+    for (int64_t k = 0; k < 1 + rng.Index(4); ++k)
+      bytes[static_cast<size_t>(rng.Index(static_cast<int64_t>(bytes.size())))] = static_cast<char>(rng.Index(256));
+    return bytes;
+  };
+  int read = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    try {
+      CheckCloud(ParseCloud(damaged(good_cloud), "changed", kept.faces()).cloud, kept.faces());
+      ++read;
+    } catch (const FormatError&) {
+    }
+    try {
+      const PlySplats splats = ParsePly(damaged(good_ply), "changed");
+      for (const float value : splats.colour) ASSERT_TRUE(std::isfinite(value));
+      ++read;
+    } catch (const FormatError&) {
+    }
+  }
+  EXPECT_GT(read, 100);  // most changes of the numbers are legal ones
+}
+
 TEST(CloudFile, RefusesEveryCutAndDamage) {
   const Kept kept;
   const std::string good = CloudFileBytes(kept.file, kept.body);
