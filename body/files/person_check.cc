@@ -1,7 +1,8 @@
+#include "body/files/person_check.h"
+
 #include <cmath>
 #include <set>
 
-#include "body/files/person_check.h"
 #include "core/label.h"
 
 namespace mvstudio::body::internal {
@@ -116,6 +117,12 @@ std::optional<BodyProblem> ProblemOf(const BodyTemplate& body) {
   if (auto p = MeshProblem(body)) return p;
   if (auto p = BonesProblem(body)) return p;
   if (auto p = SkinProblem(body)) return p;
+  if (body.pose_directions.size() > 0) {
+    const auto wanted = 9 * (static_cast<Eigen::Index>(body.bone_names.size()) - 1);
+    if (auto p = SizeProblem("pose_directions", body.pose_directions.cols(), wanted)) return p;
+    if (auto p = SizeProblem("pose_directions", body.pose_directions.rows(), 3 * body.vertices.cols())) return p;
+    if (auto p = NumberProblem("pose_directions", body.pose_directions)) return p;
+  }
   if (auto p = SizeProblem("coco19", body.coco19.cols(), 19)) return p;
   if (auto p = NumberProblem("coco19", body.coco19)) return p;
   const Eigen::Map<const Eigen::Matrix<int, 1, 19>> bones(body.coco19_bone.data());

@@ -20,6 +20,7 @@ namespace {
 
 constexpr const char* kSchema = "mvstudio.body/1";
 constexpr const char* kExtra = "extra.";
+constexpr const char* kPoseDirections = "pose_directions";  // bodies of SMPL's layout have it
 constexpr size_t kMaxExtraName = 100;
 
 using Members = std::vector<std::pair<std::string, std::string>>;
@@ -56,20 +57,24 @@ std::vector<int> RoleNumbers(const BodyTemplate& body) {
 
 Members MembersOf(const BodyTemplate& body) {
   const auto vertices = static_cast<size_t>(body.vertices.cols()), faces = static_cast<size_t>(body.faces.cols());
-  return {{"schema", NpyOfTexts({kSchema})},
-          {"vertices", FloatRows(body.vertices, {vertices, 3})},
-          {"faces", IntRows(body.faces, {faces, 3})},
-          {"face_part", IntRows(body.face_part, {faces})},
-          {"face_uv", FloatRows(body.face_uv, {faces, 3, 2})},
-          {"bone_names", NpyOfTexts(body.bone_names)},
-          {"bone_roles", IntRows(RoleNumbers(body), {body.bone_roles.size()})},
-          {"bone_parents", IntRows(body.bone_parents, {body.bone_parents.size()})},
-          {"bone_heads", DoubleRows(body.bone_heads)},
-          {"bone_tails", DoubleRows(body.bone_tails)},
-          {"skin_bones", IntRows(body.skin_bones, {vertices, 4})},
-          {"skin_weights", FloatRows(body.skin_weights, {vertices, 4})},
-          {"coco19", DoubleRows(body.coco19)},
-          {"coco19_bone", IntRows(body.coco19_bone, {19})}};
+  Members members = {{"schema", NpyOfTexts({kSchema})},
+                     {"vertices", FloatRows(body.vertices, {vertices, 3})},
+                     {"faces", IntRows(body.faces, {faces, 3})},
+                     {"face_part", IntRows(body.face_part, {faces})},
+                     {"face_uv", FloatRows(body.face_uv, {faces, 3, 2})},
+                     {"bone_names", NpyOfTexts(body.bone_names)},
+                     {"bone_roles", IntRows(RoleNumbers(body), {body.bone_roles.size()})},
+                     {"bone_parents", IntRows(body.bone_parents, {body.bone_parents.size()})},
+                     {"bone_heads", DoubleRows(body.bone_heads)},
+                     {"bone_tails", DoubleRows(body.bone_tails)},
+                     {"skin_bones", IntRows(body.skin_bones, {vertices, 4})},
+                     {"skin_weights", FloatRows(body.skin_weights, {vertices, 4})},
+                     {"coco19", DoubleRows(body.coco19)},
+                     {"coco19_bone", IntRows(body.coco19_bone, {19})}};
+  if (body.pose_directions.size() > 0)
+    members.emplace_back(kPoseDirections,
+                         FloatRows(body.pose_directions, {static_cast<size_t>(body.pose_directions.cols()), vertices, 3}));
+  return members;
 }
 
 /// The arrays of a file; each is taken once.
@@ -78,6 +83,8 @@ class Arrays {
   Arrays(const std::string& bytes, const std::string& path) : path_(path), members_(ParseNpzMembers(bytes, path)) {}
 
   [[noreturn]] void Refuse(const std::string& name, const std::string& what) const { throw FormatError(path_, name, what); }
+
+  bool Has(const std::string& name) const { return members_.count(name) > 0; }
 
   std::vector<std::string> Texts(const std::string& name) { return ParseNpyTexts(Take(name), path_ + ": " + name); }
 
@@ -160,6 +167,13 @@ BodyTemplate BodyFrom(Arrays* arrays) {
   body.coco19 = arrays->Columns<Eigen::Matrix3Xd>("coco19", {19, 3});
   const std::vector<int> bones = arrays->Ints("coco19_bone", {19});
   std::copy(bones.begin(), bones.end(), body.coco19_bone.begin());
+  if (arrays->Has(kPoseDirections)) {
+    const std::vector<double> values = arrays->Numbers(kPoseDirections, {-1, body.vertices.cols(), 3});
+    body.pose_directions =
+        Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()))
+            .cast<float>()
+            .reshaped(3 * body.vertices.cols(), static_cast<Eigen::Index>(values.size()) / (3 * body.vertices.cols()));
+  }
   return body;
 }
 

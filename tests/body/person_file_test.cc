@@ -44,6 +44,7 @@ void ExpectSame(const BodyTemplate& a, const BodyTemplate& b) {
   EXPECT_TRUE(SameBits(a.skin_weights, b.skin_weights));
   EXPECT_TRUE(SameBits(a.coco19, b.coco19));
   EXPECT_EQ(a.coco19_bone, b.coco19_bone);
+  EXPECT_TRUE(SameBits(a.pose_directions, b.pose_directions));
 }
 
 TEST(PersonFile, MannequinComesBackBitForBit) {
@@ -58,6 +59,24 @@ TEST(PersonFile, MannequinComesBackBitForBit) {
   ASSERT_EQ(back.extras.size(), 3u);
   for (const auto& [name, matrix] : person.extras) EXPECT_TRUE(SameBits(back.extras.at(name), matrix)) << name;
   EXPECT_EQ(PersonFileBytes(back), ReadFile(folder / "body.npz"));
+}
+
+TEST(PersonFile, PoseDirectionsComeBackAndMustFitTheBody) {
+  const TempDir folder;
+  PersonFile person{MakeMannequin(1.83, 0.3), {}};
+  const Eigen::Index vertices = person.body.vertices.cols();
+  const auto turns = 9 * (static_cast<Eigen::Index>(person.body.bone_names.size()) - 1);
+  person.body.pose_directions = 0.01f * Eigen::MatrixXf::Random(3 * vertices, turns);
+  WritePersonFile(folder / "body.npz", person);
+  ExpectSame(ReadPersonFile(folder / "body.npz").body, person.body);
+  const auto members = ParseNpzMembers(ReadFile(folder / "body.npz"), "body.npz");
+  const NpyArray array = ParseNpy(members.at("pose_directions"), "pose_directions");
+  EXPECT_EQ(array.shape, (std::vector<int64_t>{turns, vertices, 3}));
+  EXPECT_EQ(static_cast<float>(array.values[3 * static_cast<size_t>(vertices) + 5]), person.body.pose_directions(5, 1));
+  person.body.pose_directions.conservativeResize(3 * vertices, turns - 9);
+  EXPECT_THAT(MessageOf<ContractViolation>([&] { PersonFileBytes(person); }), HasSubstr("pose_directions"));
+  person.body.pose_directions = Eigen::MatrixXf::Constant(3 * vertices, turns, std::numeric_limits<float>::infinity());
+  EXPECT_THAT(MessageOf<ContractViolation>([&] { PersonFileBytes(person); }), HasSubstr("not finite"));
 }
 
 TEST(PersonFile, NumpyFindsRowsPerElement) {
