@@ -5,16 +5,16 @@
 #include "body/files/npz.h"
 #include "body/files/person_file.h"
 #include "body/files/textured_person.h"
-#include "body/makehuman/read.h"
 #include "body/role_bones.h"
-#include "body/smpl/read.h"
+#include "body/templates/read.h"
 #include "core/error.h"
 
 namespace mvstudio::synth {
 namespace {
 
 bool IsPersonFile(const std::string& path) {
-  return std::filesystem::path(path).extension() == ".npz" && body::ReadNpzMembers(path).count("schema") > 0;
+  return std::filesystem::is_regular_file(path) && std::filesystem::path(path).extension() == ".npz" &&
+         body::ReadNpzMembers(path).count("schema") > 0;
 }
 
 GivenBody FromPersonFile(const std::string& path) {
@@ -35,9 +35,8 @@ GivenBody ReadBody(const std::string& path) {
   if (!std::filesystem::exists(path))
     throw IoError(path,
                   "does not exist; expected a fitted body.npz, MakeHuman's folder, or a .npz or .pkl file in SMPL's layout");
-  if (std::filesystem::is_directory(path)) return {body::ReadMakeHuman(path), {}};
   if (IsPersonFile(path)) return FromPersonFile(path);
-  return {body::ReadSmpl(path), {}};
+  return {body::ReadTemplate(path), {}};
 }
 
 }  // namespace mvstudio::synth

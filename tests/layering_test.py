@@ -74,7 +74,7 @@ MAY_INCLUDE = {
     "exports": CORE | GEOMETRY | {"body", "body/files", "calib/board", "calib/formats", "dataset/footage", "dataset/pose", "dataset/panoptic",
                                   "dataset/views", "dataset/colour", "dataset/pack"},
     "synth/cloth": CORE | GEOMETRY | {"body"},
-    "synth": CORE | GEOMETRY | {"body", "body/files", "body/makehuman", "body/smpl", "calib/board", "dataset/footage", "dataset/pose",
+    "synth": CORE | GEOMETRY | {"body", "body/files", "body/templates", "calib/board", "dataset/footage", "dataset/pose",
                                 "dataset/session", "synth/cloth"},
     "metrics": {"core"},
     "avatar/settings": CORE,

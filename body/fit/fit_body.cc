@@ -24,7 +24,7 @@ constexpr double kShapeReachPx[] = {40, 30, 24};
 constexpr double kSmoothness[] = {3e-4, 1e-3, 3e-3};  // of which held-out silhouettes choose
 constexpr double kReachPx = 12;
 constexpr double kBrightnessSigmaPx[] = {4, 2};
-constexpr double kOneCameraMargin = 0.1;  // of the held-out loss: a softer surface that gains less is not seen by others
+constexpr double kOneCameraMargin = 0.1;  // of the held-out loss, by which a softer surface must lower it
 
 /// A body that has been fitted so far, and its losses.
 struct Candidate {
@@ -175,7 +175,8 @@ class Fit {
   BodyFitOptions options_;
   RunContext run_;
   Clock::time_point begin_;
-  bool several_cameras_;  // one camera cannot contradict itself: then the surface is stiffer, and brightness left out
+  bool several_cameras_;  // one repeats its own errors in its held-out images: then the surface stays stiffer, without
+                          // brightness
   FitState state_;
   BodyFit out_;
   std::vector<std::vector<double>> before_;
