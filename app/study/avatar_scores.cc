@@ -90,11 +90,14 @@ ScoredRun ReadScoredRun(const std::string& text) {
   if (!std::filesystem::is_directory(run.folder))
     throw IoError(run.folder, "no such folder; give the option 'out' folders of `mvstudio avatar train`");
   const std::string path = run.folder + "/avatar_eval.result.json";
-  run.metrics = ReadJson(path, "score the run with `mvstudio avatar eval`")["metrics"];
+  const Value eval = ReadJson(path, "score the run with `mvstudio avatar eval`");
+  run.metrics = eval["metrics"], run.timing = eval["timing"];
   if (!run.metrics["holdout"]["ssim"].IsNumber()) throw FormatError(path, "metrics.holdout.ssim", "is missing");
   run.protocol = ReadScoreProtocol(run.folder);
   if (run.metrics["protocol_sha256"].Text() != run.protocol.sha256)
     throw FormatError(path, "metrics.protocol_sha256", "is not that of " + run.protocol.path + "; score the run again");
+  const std::string train = run.folder + "/avatar_train.result.json";
+  if (std::filesystem::exists(train)) run.train = ReadJson(train, "");
   return run;
 }
 

@@ -29,6 +29,8 @@ struct ScoredRun {
   std::string folder;
   std::string label;      ///< given by the user; may be empty
   report::Value metrics;  ///< of avatar_eval.result.json
+  report::Value timing;   ///< of the same
+  report::Value train;    ///< avatar_train.result.json; null where there is none
   ScoreProtocol protocol;
 };
 /// From "RUN" or "NAME=RUN". Throws IoError, FormatError.

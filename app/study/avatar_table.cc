@@ -21,7 +21,8 @@ constexpr char kSilentOptions[][24] = {
     "seed",        "train.device", "train.save-every", "train.report-every", "train.validate-pictures", "train.picture-every",
     "model.method"};
 
-const std::map<std::string, std::string> kMethodNames = {{"tna", "TNA"}, {"direct", "Direct"}, {"v2v", "V2V-lite"}};
+const std::map<std::string, std::string> kMethodNames = {
+    {"tna", "TNA"}, {"direct", "Direct"}, {"v2v", "V2V-lite"}, {"gaussians", "Gaussians"}};
 
 using Options = std::map<std::string, std::string>;
 
@@ -80,10 +81,25 @@ std::map<std::string, double> ScoresOf(const Value& scored) {
     if (scored[key].IsNumber()) scores[key] = scored[key].Number();
   }
   if (scored["fd"]["value"].IsNumber()) scores["fd"] = scored["fd"]["value"].Number();
+  if (scored["fd"]["kid"].IsNumber()) scores["kid"] = scored["fd"]["kid"].Number();
   return scores;
 }
 
-using ValuesBySplit = std::map<std::string, std::map<std::string, std::vector<double>>>;
+using Values = std::map<std::string, std::vector<double>>;
+
+void CollectCosts(const ScoredRun& run, Values* costs) {
+  const auto add = [&](const char* name, const Value& value, bool inverse = false) {
+    if (!value.IsNumber() || !(value.Number() > 0)) return;
+    (*costs)[name].push_back(inverse ? 1 / value.Number() : value.Number());
+  };
+  add("frames_per_s", run.metrics["seconds_per_frame"], true);
+  add("train_s", run.train["metrics"]["wall_s"]);
+  add("num_parameters", run.metrics["training"]["num_parameters"]);
+  add("train_rss_mb", run.train["timing"]["peak_rss_mb"]);
+  add("eval_rss_mb", run.timing["peak_rss_mb"]);
+}
+
+using ValuesBySplit = std::map<std::string, Values>;
 
 void Collect(const std::string& kind, const Value& scored, ValuesBySplit* values) {
   for (const auto& [key, value] : ScoresOf(scored)) (*values)[kind][key].push_back(value);
@@ -92,11 +108,13 @@ void Collect(const std::string& kind, const Value& scored, ValuesBySplit* values
 ComparisonRow RowOf(const std::vector<const ScoredRun*>& runs, const ScoredRun& first, const std::string& primary) {
   ComparisonRow row;
   ValuesBySplit values;
+  Values costs;
   std::set<std::string> mixed;
   for (const ScoredRun* run : runs) {
     row.folders.push_back(run->folder);
     row.seeds.push_back(run->metrics["training"]["options"]["seed"].Text("?"));
     Collect(primary, run->metrics["holdout"], &values);
+    CollectCosts(*run, &costs);
     for (const auto& [kind, scored] : run->metrics["other_splits"].fields()) {
       Collect(kind, scored, &values);
       if (run->protocol.splits[kind]["sha256"].Text() != first.protocol.splits[kind]["sha256"].Text()) mixed.insert(kind);
@@ -106,22 +124,37 @@ ComparisonRow RowOf(const std::vector<const ScoredRun*>& runs, const ScoredRun& 
     for (const auto& [key, list] : keys) row.splits[kind].values[key] = SpreadOf(list);
     row.splits[kind].same_pictures = !mixed.count(kind);
   }
+  for (const auto& [name, list] : costs) row.costs[name] = SpreadOf(list);
   return row;
 }
 
+ComparisonRow BaselineRow(const std::string& key, const std::string& name, const Value& scored, const std::string& primary) {
+  ComparisonRow row;
+  row.name = name, row.method = key, row.baseline = true;
+  for (const auto& [score, value] : ScoresOf(scored)) row.splits[primary].values[score] = SpreadOf({value});
+  return row;
+}
+
+/// Those of images are equal for equal training cameras; the fitted body is that of its run.
 void AddBaselines(const std::vector<ScoredRun>& runs, Comparison* comparison) {
-  std::map<std::vector<std::string>, const ScoredRun*> by_cameras;
-  for (const ScoredRun& run : runs) by_cameras.emplace(RecipeOf(run).cameras, &run);
-  for (const auto& [key, name] :
-       {std::pair<std::string, std::string>{"mean_image", "mean image"}, {"nearest_pose", "nearest view"}}) {
-    for (const auto& [cameras, run] : by_cameras) {
-      const Value& scored = run->metrics["baselines"][key];
+  for (const auto& [key, name] : {std::pair<std::string, std::string>{"body_alone", "fitted body"},
+                                  {"mean_image", "mean image"},
+                                  {"nearest_pose", "nearest view"}}) {
+    std::map<std::pair<std::vector<std::string>, std::string>, const ScoredRun*> different;
+    std::set<std::vector<std::string>> cameras;
+    for (const ScoredRun& run : runs) {
+      const Value& scored = run.metrics["baselines"][key];
       if (!scored["ssim"].IsNumber()) continue;
-      ComparisonRow row;
-      row.name = name + (by_cameras.size() > 1 ? ", " + std::to_string(cameras.size()) + " cameras" : "");
-      row.method = key, row.cameras = cameras, row.baseline = true;
-      for (const auto& [score, value] : ScoresOf(scored)) row.splits[comparison->primary].values[score] = SpreadOf({value});
-      comparison->rows.push_back(row);
+      const Recipe recipe = RecipeOf(run);
+      different.emplace(std::make_pair(recipe.cameras, key == "body_alone" ? scored["ssim"].Dump() : ""), &run);
+      cameras.insert(recipe.cameras);
+    }
+    for (const auto& [of, run] : different) {
+      std::string text = name;
+      if (cameras.size() > 1) text += ", " + std::to_string(of.first.size()) + " cameras";
+      if (different.size() > cameras.size()) text += ", of " + std::filesystem::path(run->folder).filename().string();
+      comparison->rows.push_back(BaselineRow(key, text, run->metrics["baselines"][key], comparison->primary));
+      comparison->rows.back().cameras = of.first;
     }
   }
 }
@@ -145,93 +178,6 @@ ComparisonRow* FindRow(const std::string& method, Comparison* comparison) {
     }
   }
   return nullptr;
-}
-
-// ---- text
-
-using Lines = std::vector<std::vector<std::string>>;
-
-std::string Number(const Spread& spread, int decimals) {
-  if (spread.n == 0) return report::kNoNumber;
-  const std::string mean = report::FormatFixed(spread.mean, decimals);
-  return spread.n > 1 ? mean + " \u00b1 " + report::FormatFixed(spread.half_range, decimals) : mean;
-}
-
-std::string Cell(const ComparisonRow& row, const std::string& kind, const std::string& key, int decimals) {
-  const auto split = row.splits.find(kind);
-  if (split == row.splits.end() || !split->second.values.count(key)) return report::kNoNumber;
-  return Number(split->second.values.at(key), decimals) + (split->second.same_pictures ? "" : " \u2020");
-}
-
-std::string StudyText(const std::vector<StudyCell>& cells) {
-  std::string text;
-  for (const StudyCell& cell : cells) {
-    text += (text.empty() ? "" : "; ") + report::FormatFixed(100 * cell.share, 0) + " % against " + cell.against + " [" +
-            report::FormatFixed(100 * cell.low, 0) + ", " + report::FormatFixed(100 * cell.high, 0) + "]";
-  }
-  return text.empty() ? report::kNoNumber : text;
-}
-
-/// A column of one split; `name` in words.
-struct Column {
-  std::string kind, key, name;
-  int decimals;
-};
-
-std::vector<Column> Columns(const Comparison& comparison) {
-  static const std::pair<const char*, const char*> kKinds[] = {{"held-out cameras in training frames", "cameras held out"},
-                                                               {"training cameras in held-out frames", "motion held out"},
-                                                               {"held-out cameras in held-out frames", "both held out"}};
-  const auto has = [&](const std::string& kind, const std::string& key) {
-    return std::any_of(comparison.rows.begin(), comparison.rows.end(), [&](const ComparisonRow& row) {
-      return row.splits.count(kind) && row.splits.at(kind).values.count(key);
-    });
-  };
-  std::vector<Column> columns;
-  for (const auto& [kind, name] : kKinds) {
-    const std::vector<Column> of_split = {{kind, "ssim", std::string(name) + ": SSIM", 4},
-                                          {kind, "fd", comparison.distance_name, 2},
-                                          {kind, "psnr_db", "PSNR, dB", 2},
-                                          {kind, "mask_iou", "mask IoU", 3},
-                                          {kind, "lpips", "LPIPS", 3}};
-    for (size_t i = 0; i < of_split.size(); ++i) {
-      if (has(kind, of_split[i].key) && (i < 2 || kind == comparison.primary)) columns.push_back(of_split[i]);
-    }
-  }
-  return columns;
-}
-
-Lines Cells(const Comparison& comparison) {
-  const std::vector<Column> columns = Columns(comparison);
-  const bool study =
-      std::any_of(comparison.rows.begin(), comparison.rows.end(), [](const auto& r) { return !r.study.empty(); });
-  Lines lines = {{"method", "runs"}};
-  for (const Column& column : columns) lines[0].push_back(column.name);
-  if (study) lines[0].push_back("preferred by raters");
-  for (const ComparisonRow& row : comparison.rows) {
-    std::vector<std::string> line = {row.name, row.baseline ? report::kNoNumber : std::to_string(row.folders.size())};
-    for (const Column& column : columns) line.push_back(Cell(row, column.kind, column.key, column.decimals));
-    if (study) line.push_back(StudyText(row.study));
-    lines.push_back(line);
-  }
-  return lines;
-}
-
-std::string Notes(const Comparison& comparison) {
-  std::string text = "Mean ± half the range over the runs of a row.";
-  if (!comparison.mixed_splits.empty())
-    text += " † not the images of the first run: compare within one set of training cameras.";
-  for (const RowDifference& d : comparison.differences) {
-    text += "\n" + d.row + " - " + d.against + ": SSIM " + (d.ssim < 0 ? "" : "+") + report::FormatFixed(d.ssim, 4) +
-            (!d.spread_known    ? ", the spread is not known: several seeds of each are needed"
-             : d.outside_spread ? ", outside the spread of the runs"
-                                : ", NOT outside the spread of the runs");
-  }
-  return text;
-}
-
-size_t Width(const std::string& text) {
-  return static_cast<size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xc0) != 0x80; }));
 }
 
 }  // namespace
@@ -297,41 +243,6 @@ std::vector<std::string> AddStudies(const std::vector<report::StudyAnswers>& ans
     if (!b) unknown.push_back(tally.methods[1]);
   }
   return unknown;
-}
-
-std::string TextTable(const Comparison& comparison) {
-  const Lines lines = Cells(comparison);
-  std::vector<size_t> widths(lines[0].size(), 0);
-  for (const auto& line : lines) {
-    for (size_t c = 0; c < line.size(); ++c) widths[c] = std::max(widths[c], Width(line[c]));
-  }
-  std::string text;
-  for (const auto& line : lines) {
-    for (size_t c = 0; c < line.size(); ++c) {
-      const std::string gap(widths[c] - Width(line[c]), ' ');
-      text += c == 0 ? line[c] + gap : "  " + gap + line[c];
-    }
-    text += "\n";
-  }
-  return text + Notes(comparison) + "\n";
-}
-
-std::string MarkdownTable(const Comparison& comparison) {
-  const Lines lines = Cells(comparison);
-  std::string text;
-  for (size_t i = 0; i < lines.size(); ++i) {
-    text += "|";
-    for (const std::string& cell : lines[i]) text += " " + cell + " |";
-    text += "\n";
-    if (i > 0) continue;
-    text += "|";
-    for (size_t c = 0; c < lines[0].size(); ++c) text += c == 0 ? "---|" : "---:|";
-    text += "\n";
-  }
-  const std::string notes = Notes(comparison);
-  text += "\n";
-  for (const char c : notes) text += c == '\n' ? std::string("\\\n") : std::string(1, c);
-  return text + "\n";
 }
 
 }  // namespace mvstudio::app

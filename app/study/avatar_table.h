@@ -20,7 +20,7 @@ struct Spread {
 Spread SpreadOf(const std::vector<double>& values);
 
 struct SplitScores {
-  std::map<std::string, Spread> values;  ///< "ssim", "psnr_db", "mask_iou", "fd", "lpips" where given, …
+  std::map<std::string, Spread> values;  ///< "ssim", "psnr_db", "mask_iou", "fd", "kid", "lpips" where given, …
   bool same_pictures = true;             ///< the same images as in the first run
 };
 
@@ -31,10 +31,15 @@ struct StudyCell {
   int64_t n = 0, raters = 0;
 };
 
+/// What a row's runs cost, by name: "frames_per_s" of rendering, "train_s" (by the clock; without the fit of the body),
+/// "num_parameters", "train_rss_mb" and "eval_rss_mb" (peaks of the two commands). Absent where no run tells.
+using Costs = std::map<std::string, Spread>;
+
 struct ComparisonRow {
   std::string name, method;
   std::vector<std::string> folders, seeds, cameras;
   std::map<std::string, SplitScores> splits;  ///< by kind, the primary one included
+  Costs costs;
   std::vector<StudyCell> study;
   bool baseline = false;
 };
@@ -56,7 +61,8 @@ struct Comparison {
 };
 
 /// Runs with the same label share a row. Without labels, so do runs with the same method, training cameras and options
-/// except the seed. Row names contain what distinguishes rows of one method. All runs have one protocol.
+/// except the seed. Baselines are the mean image, the nearest view and the fitted body without an avatar. Row names contain
+/// what distinguishes rows of one method. All runs have one protocol.
 Comparison CompareRuns(const std::vector<ScoredRun>& runs, bool baselines);
 
 /// Adds the studies' shares to the rows that their methods name, by the row's name or a run's folder. Returns methods

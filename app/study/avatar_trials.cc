@@ -13,10 +13,55 @@ namespace mvstudio::app {
 
 using nlohmann::ordered_json;
 
+namespace {
+
+AvatarTrial Blank(const std::string& method, const std::vector<std::string>& cameras) {
+  AvatarTrial trial;
+  trial.method = method, trial.cameras = cameras;
+  std::sort(trial.cameras.begin(), trial.cameras.end());
+  for (double* result : {&trial.ssim, &trial.psnr_db, &trial.mask_iou, &trial.fd, &trial.kid, &trial.train_s, &trial.s_per_step,
+                         &trial.ms_per_frame, &trial.parameters, &trial.peak_rss_mb})
+    *result = std::nan("");
+  return trial;
+}
+
+/// The trials of one method with these cameras.
+void AddTrials(const AvatarGrid& grid, const AvatarTrial& blank, std::vector<AvatarTrial>* trials) {
+  const bool gaussians = blank.method == "gaussians";
+  const std::vector<int>& numbers = gaussians ? grid.gaussians : grid.widths;
+  for (const int size : grid.sizes) {
+    for (const int number : numbers) {
+      for (const int steps : grid.steps) {
+        for (const std::string& loss : grid.losses) {
+          const bool same = loss != grid.losses.front() || (!gaussians && number != numbers.front());
+          if (steps == 0 && same) continue;  // they change nothing
+          AvatarTrial trial = blank;
+          trial.size_px = size, trial.steps = steps, trial.loss = loss;
+          (gaussians ? trial.gaussians : trial.width) = number;
+          trials->push_back(trial);
+        }
+      }
+    }
+  }
+}
+
+/// In arbitrary units, for the order.
+double CostOf(const AvatarTrial& t) {
+  constexpr int kWidthOfGaussians = 8;  // a step takes about as long
+  return double{1} * t.steps * (t.method == "gaussians" ? kWidthOfGaussians : t.width) * t.size_px * t.size_px;
+}
+
+}  // namespace
+
 std::string AvatarTrial::Name() const {
-  if (steps == 0) return std::to_string(size_px) + " px, template without a network";
-  return "width " + std::to_string(width) + ", " + std::to_string(size_px) + " px, " + std::to_string(steps) + " steps, " +
-         loss;
+  const std::string size = std::to_string(size_px) + " px";
+  if (method == "gaussians") {
+    const std::string name = (gaussians > 0 ? std::to_string(gaussians) + " " : "") + "Gaussians, " + size;
+    return steps == 0 ? name + ", not trained" : name + ", " + std::to_string(steps) + " steps, " + loss;
+  }
+  const std::string name = method == "tna" ? "" : method + ", ";
+  if (steps == 0) return name + size + ", template without a network";
+  return name + "width " + std::to_string(width) + ", " + size + ", " + std::to_string(steps) + " steps, " + loss;
 }
 
 std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras) {
@@ -27,25 +72,14 @@ std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<st
   }
   std::vector<AvatarTrial> trials;
   for (const size_t count : counts) {
-    for (const int size : grid.sizes) {
-      for (const int width : grid.widths) {
-        for (const int steps : grid.steps) {
-          for (const std::string& loss : grid.losses) {
-            if (steps == 0 && (width != grid.widths.front() || loss != grid.losses.front())) continue;  // they change nothing
-            AvatarTrial trial;
-            trial.width = width, trial.size_px = size, trial.steps = steps, trial.loss = loss;
-            trial.cameras.assign(cameras.begin(), cameras.begin() + static_cast<int64_t>(count));
-            std::sort(trial.cameras.begin(), trial.cameras.end());
-            trial.ssim = trial.psnr_db = trial.mask_iou = trial.fd = trial.train_s = trial.s_per_step = trial.ms_per_frame =
-                trial.parameters = trial.peak_rss_mb = std::nan("");
-            trials.push_back(trial);
-          }
-        }
-      }
+    for (const std::string& method : grid.methods) {
+      if (method != "tna" && method != "direct" && method != "v2v" && method != "gaussians")
+        throw UsageError("option 'methods': '" + method + "' is none of tna, direct, v2v, gaussians");
+      AddTrials(grid, Blank(method, {cameras.begin(), cameras.begin() + static_cast<int64_t>(count)}), &trials);
     }
   }
-  const auto cost = [](const AvatarTrial& t) { return double{1} * t.steps * t.width * t.size_px * t.size_px; };
-  std::stable_sort(trials.begin(), trials.end(), [&](const AvatarTrial& a, const AvatarTrial& b) { return cost(a) < cost(b); });
+  std::stable_sort(trials.begin(), trials.end(),
+                   [](const AvatarTrial& a, const AvatarTrial& b) { return CostOf(a) < CostOf(b); });
   return trials;
 }
 
@@ -66,9 +100,11 @@ void MarkFronts(std::vector<AvatarTrial>* trials) {
 ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
   ordered_json table = ordered_json::array();
   for (const AvatarTrial& t : trials) {
-    table.push_back({{"cameras", t.cameras.size()},
+    table.push_back({{"method", t.method},
+                     {"cameras", t.cameras.size()},
                      {"size_px", t.size_px},
                      {"width", t.width},
+                     {"gaussians", t.gaussians},
                      {"steps", t.steps},
                      {"loss", t.loss},
                      {"done", t.done},
@@ -76,6 +112,7 @@ ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
                      {"psnr_db", FiniteOrNull(t.psnr_db)},
                      {"mask_iou", FiniteOrNull(t.mask_iou)},
                      {"fd", FiniteOrNull(t.fd)},
+                     {"kid", FiniteOrNull(t.kid)},
                      {"train_s", FiniteOrNull(t.train_s)},
                      {"s_per_step", FiniteOrNull(t.s_per_step)},
                      {"ms_per_frame", FiniteOrNull(t.ms_per_frame)},
@@ -89,15 +126,19 @@ ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
 }
 
 std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance) {
-  std::string text =
-      Format("cameras   px  width  steps  loss                SSIM  %12s  training s  s/step  ms/frame  parameters\n",
-             distance.c_str());
+  std::string text = Format(
+      "method     cameras   px   size  steps  loss                SSIM  %12s      KID  training s  s/step  ms/frame  "
+      "parameters  "
+      "memory MB\n",
+      distance.c_str());
   for (const AvatarTrial& t : trials) {
-    text += Format("%7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %10s  %6s  %8s  %10s %s%s\n", t.cameras.size(), t.size_px, t.width,
-                   t.steps, t.loss.c_str(), Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(), Shown(t.train_s, 1).c_str(),
+    text += Format("%-9s  %7zu  %3d  %5d  %5d  %-16s  %6s  %12s  %7s  %10s  %6s  %8s  %10s  %9s %s%s\n", t.method.c_str(),
+                   t.cameras.size(), t.size_px, t.method == "gaussians" ? t.gaussians : t.width, t.steps, t.loss.c_str(),
+                   Shown(t.ssim, 4).c_str(), Shown(t.fd, 3).c_str(), Shown(t.kid, 4).c_str(), Shown(t.train_s, 1).c_str(),
                    Shown(t.s_per_step, 3).c_str(), Shown(t.ms_per_frame, 2).c_str(), Shown(t.parameters, 0).c_str(),
-                   t.train_front ? "*" : "", t.render_front ? "+" : "");
+                   Shown(t.peak_rss_mb, 0).c_str(), t.train_front ? "*" : "", t.render_front ? "+" : "");
   }
+  text += "Size: channels of the first layer, or Gaussians to begin with (0: four on each pixel of the body).\n";
   return text + "Among trials with as many cameras no other is both better and faster to train (*), to render (+).\n";
 }
 

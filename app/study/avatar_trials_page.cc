@@ -63,21 +63,30 @@ std::string CamerasFigure(const Trials& trials) {
 
 std::string TrialTable(const Trials& trials) {
   report::Table table("");
-  for (const char* name : {"cameras", "size", "width", "steps"}) table.AddColumn(name, std::string(name) == "size" ? "px" : "");
+  table.AddColumn("method", "", false);
+  for (const char* name : {"cameras", "size", "width", "Gaussians", "steps"})
+    table.AddColumn(name, std::string(name) == "size" ? "px" : "");
   table.AddColumn("loss", "", false);
-  table.AddColumn("SSIM"), table.AddColumn("PSNR", "dB"), table.AddColumn("mask IoU"), table.AddColumn("FD");
+  table.AddColumn("SSIM"), table.AddColumn("PSNR", "dB"), table.AddColumn("mask IoU"), table.AddColumn("FD"),
+      table.AddColumn("KID");
   table.AddColumn("training", "s"), table.AddColumn("a step", "s"), table.AddColumn("a frame", "ms");
   table.AddColumn("parameters"), table.AddColumn("memory", "MB");
   for (const AvatarTrial& t : trials) {
-    table.AddRow({std::to_string(t.cameras.size()),
+    const bool gaussians = t.method == "gaussians";
+    table.AddRow({t.method,
+                  std::to_string(t.cameras.size()),
                   std::to_string(t.size_px),
-                  std::to_string(t.width),
+                  gaussians ? report::kNoNumber : std::to_string(t.width),
+                  !gaussians        ? report::kNoNumber
+                  : t.gaussians > 0 ? std::to_string(t.gaussians)
+                                    : "automatic",
                   std::to_string(t.steps),
                   t.loss,
                   {report::FormatFixed(t.ssim, 4), t.train_front},
                   report::FormatFixed(t.psnr_db, 2),
                   report::FormatFixed(t.mask_iou, 3),
                   report::FormatNumber(t.fd),
+                  report::FormatNumber(t.kid),
                   {report::FormatNumber(t.train_s), t.train_front},
                   report::FormatNumber(t.s_per_step, 3),
                   {report::FormatNumber(t.ms_per_frame, 3), t.render_front},

@@ -4,6 +4,7 @@
 #include <sstream>
 #include <type_traits>
 
+#include "avatar/settings/gaussian_options.h"
 #include "core/error.h"
 
 namespace mvstudio::avatar {
@@ -96,6 +97,7 @@ bool SetFieldFromText(Options& options, const std::string& name, const std::stri
 
 template std::vector<std::pair<std::string, std::string>> FieldsAsText(const ModelOptions&);
 template std::vector<std::pair<std::string, std::string>> FieldsAsText(const TrainOptions&);
+template std::vector<std::pair<std::string, std::string>> FieldsAsText(const GaussianOptions&);
 template bool SetFieldFromText(ModelOptions&, const std::string&, const std::string&);
 template bool SetFieldFromText(TrainOptions&, const std::string&, const std::string&);
 

@@ -46,6 +46,8 @@ ordered_json RowJson(const app::ComparisonRow& row) {
     for (const auto& [key, spread] : scores.values) json["splits"][kind][key] = SpreadJson(spread);
     json["splits"][kind]["same_pictures"] = scores.same_pictures;
   }
+  json["costs"] = ordered_json::object();
+  for (const auto& [key, spread] : row.costs) json["costs"][key] = SpreadJson(spread);
   if (!row.study.empty()) json["study"] = ordered_json::array();
   for (const app::StudyCell& cell : row.study) json["study"].push_back(ShareJson(cell));
   json["runs"] = row.folders;
@@ -126,7 +128,8 @@ void RegisterAvatarCompare(CLI::App& avatar, Registry& registry) {
       ->required();
   AddOption(sub, "--study", arguments->study, "answers to user studies between rows (mvstudio report --study)");
   AddOption(sub, "--out", arguments->out, "also write the table as Markdown");
-  AddFlag(sub, "--baselines,!--no-baselines", arguments->baselines, "rows of the mean image and of the nearest view");
+  AddFlag(sub, "--baselines,!--no-baselines", arguments->baselines,
+          "rows of the fitted body, the mean image and the nearest view");
   registry.Add(sub, "avatar compare", [arguments](CommandContext&) { return Run(*arguments); });
 }
 

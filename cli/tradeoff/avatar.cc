@@ -103,13 +103,17 @@ void RunAll(const app::AvatarTradeoffOptions& options, CommandContext& context, 
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
   app::AvatarTradeoffOptions options = arguments.options;
   app::AvatarGrid grid = arguments.grid;
-  if (arguments.quick) grid = {{8, 16}, {64}, {0, 60, 180}, {std::numeric_limits<int>::max(), 3}, {"l1+ssim"}};
+  if (arguments.quick) {
+    grid.widths = {8, 16}, grid.sizes = {64}, grid.steps = {0, 60, 180}, grid.losses = {"l1+ssim"};
+    grid.cameras = {std::numeric_limits<int>::max(), 3};
+  }
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(options.dataset);
   options.holdout_cameras = HeldOutCameras(data, arguments.holdout_cameras);
   if (options.holdout_frames.empty()) options.holdout_frames = LastFrames(data);
   if (options.score_size_px == 0) options.score_size_px = *std::max_element(grid.sizes.begin(), grid.sizes.end());
-  for (const std::string& loss : grid.losses) LossFlags(loss);
   std::vector<app::AvatarTrial> trials = app::MakeTrials(grid, SpreadOut(data, options.holdout_cameras));
+  for (const std::string& method : grid.methods)
+    for (const std::string& loss : grid.losses) LossFlags(loss, method);
   const OutputFolder place(options.out, {options.dataset}, {"tradeoff-avatar.html"});
   MakeFolder(options.out);
   CommandResult result;
@@ -132,18 +136,22 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
 
 void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   const auto a = std::make_shared<Arguments>();
-  CLI::App* sub = tradeoff.add_subcommand(
-      "avatar",
-      "Width x image size x steps x losses x cameras: held-out SSIM and FD, s a step, ms a frame, and the Pareto front");
+  CLI::App* sub = tradeoff.add_subcommand("avatar",
+                                          "Method x width or Gaussians x image size x steps x losses x cameras: held-out SSIM "
+                                          "and FD, s a step, ms a frame, and the Pareto front");
   AddOption(sub, "dataset", a->options.dataset, "dataset folder, as for `avatar train`")->required();
   AddOption(sub, "--out", a->options.out, "folder of the runs, the table and the figures; finished runs in it are kept")
       ->required();
+  AddOption(sub, "--methods", a->grid.methods, "of tna, direct, v2v, gaussians")->delimiter(',')->capture_default_str();
+  AddOption(sub, "--gaussians", a->grid.gaussians, "Gaussians to begin with, in place of the width; 0: automatic")
+      ->delimiter(',')
+      ->capture_default_str();
   AddOption(sub, "--widths", a->grid.widths, "channels of the first layer")->delimiter(',')->capture_default_str();
   AddOption(sub, "--sizes", a->grid.sizes, "edge of the crops, px")->delimiter(',')->capture_default_str();
   AddOption(sub, "--steps", a->grid.steps, "end-to-end steps; 0: the posed template in averaged colours, without a network")
       ->delimiter(',')
       ->capture_default_str();
-  AddOption(sub, "--losses", a->grid.losses, "terms of l1, ssim, gradient, posenet joined by +")
+  AddOption(sub, "--losses", a->grid.losses, "terms of l1, ssim, gradient, posenet joined by +; Gaussians have the first two")
       ->delimiter(',')
       ->capture_default_str();
   AddOption(sub, "--cameras", a->grid.cameras, "cameras trained on, as many as there are at most; spread out")
@@ -155,7 +163,9 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   AddOption(sub, "--score-size", a->options.score_size_px, "edge of the crops that are compared, px; 0: the largest of --sizes")
       ->capture_default_str();
   AddOption(sub, "--features", a->options.features, "net of the Frechet distance, as for `avatar eval`")->capture_default_str();
-  AddOption(sub, "--train", a->options.train_flags, "further flags of every training, e.g. \"--batch 4\"");
+  AddOption(sub, "--train", a->options.train_flags, "further flags of every training of a network, e.g. \"--batch 4\"");
+  AddOption(sub, "--train-gaussians", a->options.gaussian_flags,
+            "further flags of every training of Gaussians, e.g. \"--colour-degree 0\"");
   AddOption(sub, "--limit-minutes", a->options.limit_minutes, "begin no further trial after them; 0: no limit")
       ->capture_default_str();
   AddFlag(sub, "--quick", a->quick, "a grid of a few minutes: widths 8 16, 64 px, 0, 60 and 180 steps, all cameras and 3");

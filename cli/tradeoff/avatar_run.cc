@@ -52,13 +52,16 @@ std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, c
   const auto add = [&words](const std::string& flag, const std::string& value) {
     words.push_back(flag), words.push_back(value);
   };
-  add("--width", std::to_string(trial.width)), add("--size", std::to_string(trial.size_px));
+  const bool gaussians = trial.method == "gaussians";
+  if (trial.method != "tna") add("--method", trial.method);
+  add(gaussians ? "--gaussians" : "--width", std::to_string(gaussians ? trial.gaussians : trial.width));
+  add("--size", std::to_string(trial.size_px));
   add("--steps", std::to_string(trial.steps));
   add("--train-cameras", Join(trial.cameras, ","));
   add("--holdout-cameras", Join(options.holdout_cameras, ",")), add("--holdout-frames", options.holdout_frames);
   add("--seed", std::to_string(context.run.seed)), add("--threads", std::to_string(context.run.num_threads));
-  for (const std::string& word : LossFlags(trial.loss)) words.push_back(word);
-  for (const std::string& word : Words(options.train_flags)) words.push_back(word);
+  for (const std::string& word : LossFlags(trial.loss, trial.method)) words.push_back(word);
+  for (const std::string& word : Words(gaussians ? options.gaussian_flags : options.train_flags)) words.push_back(word);
   return words;
 }
 
@@ -109,9 +112,19 @@ Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandCont
   return record;
 }
 
+/// "c6-s64-w8-n300-l1-1": cameras, size, width, steps, loss, seed. Other methods than tna begin with their names, and Gaussians
+/// have "g" and their number in place of the width.
+std::string FolderOf(const AvatarTrial& trial, uint64_t seed) {
+  const bool gaussians = trial.method == "gaussians";
+  return (trial.method == "tna" ? "" : trial.method + "-") + Format("c%zu-s%d-%s%d-n%d-%s-%llu", trial.cameras.size(),
+                                                                    trial.size_px, gaussians ? "g" : "w",
+                                                                    gaussians ? trial.gaussians : trial.width, trial.steps,
+                                                                    trial.loss.c_str(), static_cast<unsigned long long>(seed));
+}
+
 }  // namespace
 
-std::vector<std::string> LossFlags(const std::string& loss) {
+std::vector<std::string> LossFlags(const std::string& loss, const std::string& method) {
   const std::vector<std::string> asked = Words(loss, '+'), known = {"l1", "ssim", "gradient", "posenet"};
   for (const std::string& term : asked) {
     if (std::find(known.begin(), known.end(), term) == known.end())
@@ -119,20 +132,22 @@ std::vector<std::string> LossFlags(const std::string& loss) {
   }
   if (asked.empty()) throw UsageError("--losses: a loss needs at least one term");
   const auto has = [&](const std::string& term) { return std::find(asked.begin(), asked.end(), term) != asked.end(); };
+  if (method == "gaussians") {
+    if (has("gradient") || has("posenet"))
+      throw UsageError("--losses: Gaussians have the terms l1 and ssim alone, '" + loss + "' asks for another");
+    return {"--weight-l1", has("l1") ? "1" : "0", "--weight-ssim", has("ssim") ? "0.5" : "0"};
+  }
   return {"--weight-l1",       has("l1") ? "1" : "0",         "--weight-ssim", has("ssim") ? "0.5" : "0",
           "--weight-gradient", has("gradient") ? "0.5" : "0", "--perceptual",  has("posenet") ? "posenet" : "none"};
 }
 
 void RunTrial(const app::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
               app::AvatarTrial* trial) {
-  const Value record =
-      TrainAndScore(options, context, *trial,
-                    options.out + Format("/c%zu-s%d-w%d-n%d-%s-%llu", trial->cameras.size(), trial->size_px, trial->width,
-                                         trial->steps, trial->loss.c_str(), static_cast<unsigned long long>(context.run.seed)),
-                    poll);
+  const Value record = TrainAndScore(options, context, *trial, options.out + "/" + FolderOf(*trial, context.run.seed), poll);
   const Value &holdout = record["eval"]["holdout"], &train = record["train"];
   trial->ssim = holdout["ssim"].Number(), trial->psnr_db = holdout["psnr_db"].Number();
   trial->mask_iou = holdout["mask_iou"].Number(), trial->fd = holdout["fd"]["value"].Number();
+  trial->kid = holdout["fd"]["kid"].Number();
   trial->train_s = train["wall_s"].Number(), trial->s_per_step = 1 / train["it_per_s"].Number();
   trial->ms_per_frame = 1000 * record["eval"]["seconds_per_frame"].Number();
   trial->parameters = train["num_parameters"].Number();

@@ -11,8 +11,9 @@
 /// that its memory is its own and it can be repeated by hand.
 namespace mvstudio::cli {
 
-/// Flags of `avatar train` for "l1", "ssim", "gradient" and "posenet" joined by '+'. Throws UsageError.
-std::vector<std::string> LossFlags(const std::string& loss);
+/// Flags of `avatar train` for "l1", "ssim", "gradient" and "posenet" joined by '+'; Gaussians have the first two. Throws
+/// UsageError.
+std::vector<std::string> LossFlags(const std::string& loss, const std::string& method);
 
 /// Trains and scores `trial` in a folder below options.out, or reads what an earlier call kept there; an interrupted training
 /// goes on. Throws IoError with the command line and its error when the program fails.

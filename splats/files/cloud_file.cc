@@ -96,6 +96,21 @@ std::string TakeText(const std::string& path, Members* members, const std::strin
   return texts[0];
 }
 
+/// Texts "name=value"; none where older versions wrote the file.
+std::map<std::string, std::string> TakeOptions(const std::string& path, Members* members) {
+  std::map<std::string, std::string> options;
+  const auto found = members->find("options");
+  if (found == members->end()) return options;
+  for (const std::string& text : ParseNpyTexts(found->second, path + ": options")) {
+    const size_t equals = text.find('=');
+    if (equals == 0 || equals == std::string::npos) throw FormatError(path, "options", "holds a text that is not NAME=VALUE");
+    if (!options.emplace(text.substr(0, equals), text.substr(equals + 1)).second)
+      throw FormatError(path, "options", "names '" + text.substr(0, equals) + "' twice");
+  }
+  members->erase(found);
+  return options;
+}
+
 void TakeCloud(const std::string& path, int num_faces, Members* members, Cloud* cloud) {
   const NpyArray face = Take(path, members, "face");
   if (face.shape.size() != 1) throw FormatError(path, "face", "is no list");
@@ -140,6 +155,9 @@ std::string CloudFileBytes(const CloudFile& file, const body::BodyTemplate& body
                                                               : std::vector<size_t>{n, numbers};
     members.emplace_back(NameOf(group), NpyOfFloats(shape, array));
   });
+  std::vector<std::string> options;
+  for (const auto& [name, value] : file.options) options.push_back(name + "=" + value);
+  if (!options.empty()) members.emplace_back("options", NpyOfTexts(options));
   Skin skin;
   for (size_t i = 0; i < n; ++i) AddSkin(cloud, i, body, &skin);
   members.emplace_back("skin_bones", NpyOfInts({n, 4}, skin.bones));
@@ -157,6 +175,7 @@ CloudFile ParseCloud(const std::string& bytes, const std::string& path, int num_
   file.mip = TakeWhole(path, &members, "mip", 0, 1) == 1;
   file.size_px = static_cast<int>(TakeWhole(path, &members, "size_px", 0, 1 << 16));
   file.step = TakeWhole(path, &members, "step", 0, int64_t{1} << 40);
+  file.options = TakeOptions(path, &members);
   file.train_s = TakeShaped(path, &members, "train_s", {1}).values[0];
   const std::string seed = TakeText(path, &members, "seed");
   if (seed.empty() || seed.size() > 20 || seed.find_first_not_of("0123456789") != std::string::npos)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct CloudFile {
   int64_t step = 0;
   uint64_t seed = 0;
   double train_s = 0;  ///< seconds of the training
+  /// What was asked of the training, by name, e.g. {"train.steps", "1500"}; empty in files of older versions.
+  std::map<std::string, std::string> options;
 };
 inline constexpr char kCloudFileName[] = "gaussians.npz";
 inline constexpr char kCloudSchema[] = "mvstudio.gaussians/1";

@@ -71,6 +71,49 @@ TEST(AvatarTable, SpreadHasItsClosedForm) {
   EXPECT_TRUE(std::isnan(nothing.mean) && std::isnan(nothing.least));
 }
 
+/// A run that tells what it cost, beside a fitted body with this SSIM.
+ScoredRun Costly(const RunSpec& spec, double seconds_per_frame, double train_s, double body_ssim) {
+  ScoredRun run = MakeRun(spec);
+  run.metrics.Set("seconds_per_frame", seconds_per_frame);
+  run.metrics.Set("baselines", Value::Object().Set("body_alone", SplitOf(body_ssim)));
+  run.timing = Value::Object().Set("peak_rss_mb", 300.0);
+  run.train = Value::Object()
+                  .Set("metrics", Value::Object().Set("wall_s", train_s))
+                  .Set("timing", Value::Object().Set("peak_rss_mb", 500.0));
+  return run;
+}
+
+TEST(AvatarTable, CostsAreOfTheRunsThatTellThem) {
+  const std::vector<ScoredRun> runs = {Costly({"r/g1", "gaussians", "1", 0.8}, 0.01, 30, 0.7),
+                                       Costly({"r/g2", "gaussians", "2", 0.8}, 0.02, 50, 0.7),
+                                       MakeRun({"r/t", "tna", "1", 0.7})};
+  const Comparison comparison = CompareRuns(runs, false);
+  ASSERT_EQ(comparison.rows.size(), 2u);
+  EXPECT_EQ(comparison.rows[0].name, "Gaussians");
+  const Costs& costs = comparison.rows[0].costs;
+  EXPECT_EQ(costs.at("frames_per_s").mean, 75);
+  EXPECT_EQ(costs.at("frames_per_s").half_range, 25);
+  EXPECT_EQ(costs.at("train_s").mean, 40);
+  EXPECT_EQ(costs.at("train_rss_mb").mean, 500);
+  EXPECT_EQ(costs.at("eval_rss_mb").mean, 300);
+  EXPECT_EQ(costs.count("num_parameters"), 0u);
+  EXPECT_TRUE(comparison.rows[1].costs.empty());
+  EXPECT_THAT(TextTable(comparison), HasSubstr("frames/s"));
+  EXPECT_THAT(TextTable(comparison), Not(HasSubstr("parameters")));
+  EXPECT_THAT(TextTable(CompareRuns({MakeRun({"r/t", "tna", "1", 0.7})}, false)), Not(HasSubstr("frames/s")));
+  // What is no cost is left out: no clock, an unfinished training.
+  const Comparison odd = CompareRuns({Costly({"r/g", "gaussians"}, std::nan(""), 0, 0.7)}, false);
+  EXPECT_EQ(odd.rows[0].costs.count("frames_per_s") + odd.rows[0].costs.count("train_s"), 0u);
+}
+
+TEST(AvatarTable, EachFittedBodyIsARowOfItsOwn) {
+  const auto names = [](double first, double second) {
+    return NamesOf(CompareRuns({Costly({"r/a", "gaussians"}, 1, 1, first), Costly({"r/b", "tna"}, 1, 1, second)}, true));
+  };
+  EXPECT_THAT(names(0.7, 0.7), ElementsAre("Gaussians", "TNA", "fitted body"));
+  EXPECT_THAT(names(0.8, 0.7), ElementsAre("Gaussians", "TNA", "fitted body, of b", "fitted body, of a"));
+}
+
 TEST(AvatarTable, SeedsShareARowAndTheSpreadDecides) {
   const auto compare = [](double worst_of_first) {
     return CompareRuns({MakeRun({"r/a1", "tna", "1", worst_of_first}), MakeRun({"r/d1", "direct", "1", 0.85}),

@@ -44,6 +44,26 @@ TEST(AvatarTrials, EveryCombinationOnceCheapestFirst) {
   EXPECT_EQ(templates, without);
 }
 
+TEST(AvatarTrials, GaussiansHaveTheirNumberInPlaceOfTheWidth) {
+  AvatarGrid grid;
+  grid.methods = {"tna", "gaussians"}, grid.gaussians = {0, 5000}, grid.sizes = {64}, grid.cameras = {3};
+  size_t gaussians = 0, untrained = 0;
+  std::set<std::string> names;
+  for (const AvatarTrial& t : MakeTrials(grid, kCameras)) {
+    names.insert(t.Name());
+    if (t.method != "gaussians") continue;
+    ++gaussians, untrained += t.steps == 0;
+    EXPECT_EQ(t.width, 0);
+  }
+  EXPECT_EQ(gaussians, 2u * 2 * 2 + 2) << "numbers, steps, losses; and each number untrained";
+  EXPECT_EQ(untrained, 2u);
+  EXPECT_EQ(names.size(), MakeTrials(grid, kCameras).size());
+  EXPECT_EQ(names.count("5000 Gaussians, 64 px, 300 steps, l1"), 1u);
+  EXPECT_EQ(names.count("Gaussians, 64 px, not trained"), 1u);
+  grid.methods = {"nerf"};
+  EXPECT_THAT(MessageOf<UsageError>([&] { MakeTrials(grid, kCameras); }), HasSubstr("'nerf'"));
+}
+
 TEST(AvatarTrials, ThereMustBeACamera) {
   AvatarGrid grid;
   grid.cameras = {3, 0};
@@ -80,7 +100,7 @@ TEST(AvatarTrials, WhatHasNotRunIsNeverShownAsNaN) {
   EXPECT_THAT(text, Not(HasSubstr("nan")));
   EXPECT_THAT(text, HasSubstr("FD (gabor)"));
   EXPECT_THAT(text, HasSubstr("0.8750"));
-  EXPECT_THAT(text, HasSubstr("1234 *"));
+  EXPECT_THAT(text, HasSubstr("1234          - *"));
   const nlohmann::json table = nlohmann::json::parse(TrialsJson(trials).dump());
   ASSERT_EQ(table.size(), trials.size());
   EXPECT_EQ(table[0]["ssim"], 0.875);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "core/disk/files.h"
@@ -76,6 +77,78 @@ TEST(AvatarTradeoff, MeasuresAGridMarksItsFrontsAndKeepsFinishedRuns) {
   for (size_t i = 0; i < checkpoints.size(); ++i) EXPECT_EQ(fs::last_write_time(checkpoints[i]), written[i]) << checkpoints[i];
 }
 
+TEST(AvatarTradeoff, MeasuresGaussiansBesideNetworks) {
+  const testing::TempDir folder;
+  avatar::WriteMannequinDataset(folder / "data", 4, 12, 96);
+  const std::string body = folder / "body";
+  const CliRun fit =
+      RunCli({"avatar", "fit", folder / "data", "--out", body, "--holdout-cameras", "00_03", "--holdout-frames", "9-11"});
+  ASSERT_TRUE(fit.exit == 0 || fit.exit == 6) << fit.err;
+  const std::string small = "--downs 2 --encoder-blocks 1 --decoder-blocks 1 --validate-pictures 0 --body " + body;
+  const CliRun run = RunCli({"tradeoff",
+                             "avatar",
+                             folder / "data",
+                             "--out",
+                             folder / "out",
+                             "--methods",
+                             "tna,gaussians",
+                             "--widths",
+                             "4",
+                             "--gaussians",
+                             "600",
+                             "--sizes",
+                             "32",
+                             "--steps",
+                             "0,3",
+                             "--losses",
+                             "l1+ssim",
+                             "--cameras",
+                             "3",
+                             "--features",
+                             "gabor",
+                             "--train",
+                             small,
+                             "--json",
+                             "--holdout-cameras",
+                             "00_03",
+                             "--holdout-frames",
+                             "9-11",
+                             "--train-gaussians",
+                             "--colour-degree 0 --no-densify --body " + body});
+  ASSERT_EQ(run.exit, 0) << run.err;
+  std::map<std::string, int> methods;
+  for (const nlohmann::json& trial : run.Json()["metrics"]["trials"]) {
+    ++methods[trial["method"]];
+    EXPECT_TRUE(trial["ssim"].is_number() && trial["ms_per_frame"].is_number()) << trial;
+    EXPECT_GT(trial["num_parameters"].get<double>(), 0) << trial;
+    EXPECT_GT(trial["peak_rss_mb"].get<double>(), 1) << trial;
+    if (trial["method"] == "gaussians") {
+      EXPECT_EQ(trial["gaussians"], 600);
+      EXPECT_EQ(trial["s_per_step"].is_null(), trial["steps"] == 0) << trial;
+    }
+  }
+  EXPECT_EQ(methods, (std::map<std::string, int>{{"gaussians", 2}, {"tna", 2}}));
+  EXPECT_THAT(testing::Slurp(folder / "out/tradeoff-avatar.html"), HasSubstr("600 Gaussians, 32 px, 3 steps"));
+  EXPECT_TRUE(fs::exists(std::string(folder / "out/gaussians-c3-s32-g600-n3-l1+ssim-0/gaussians.npz")));
+
+  std::vector<std::string> compare = {"avatar", "compare", "--json"};
+  for (const auto& entry : fs::directory_iterator(std::string(folder / "out")))
+    if (entry.is_directory()) compare.push_back(entry.path());
+  const CliRun compared = RunCli(compare);
+  ASSERT_EQ(compared.exit, 0) << compared.err;
+  int gaussians = 0, bodies = 0;
+  for (const nlohmann::json& row : compared.Json()["metrics"]["rows"]) {
+    bodies += row["method"] == "body_alone";
+    if (row["method"] != "gaussians") continue;
+    ++gaussians;
+    EXPECT_THAT(row["name"].get<std::string>(), HasSubstr("Gaussians, steps ")) << "the steps alone are different";
+    for (const char* cost : {"frames_per_s", "train_s", "num_parameters", "train_rss_mb", "eval_rss_mb"})
+      EXPECT_GT(row["costs"][cost]["mean"].get<double>(), 0) << cost;
+  }
+  EXPECT_EQ(gaussians, 2);
+  EXPECT_EQ(bodies, 1) << "one body in all runs";
+}
+
 TEST(AvatarTradeoff, RefusesWhatCannotBeMeasured) {
   const testing::TempDir folder;
   avatar::WriteMannequinDataset(folder / "data", 4, 8, 48);
@@ -86,6 +159,11 @@ TEST(AvatarTradeoff, RefusesWhatCannotBeMeasured) {
   };
   EXPECT_THAT(refused("--losses", "l3"), HasSubstr("l3"));
   EXPECT_THAT(refused("--holdout-cameras", "00_09"), HasSubstr("00_09"));
+  EXPECT_THAT(refused("--methods", "nerf"), HasSubstr("nerf"));
+  const CliRun terms = RunCli(
+      {"tradeoff", "avatar", folder / "data", "--out", folder / "out", "--methods", "gaussians", "--losses", "l1+gradient"});
+  EXPECT_EQ(terms.exit, 2);
+  EXPECT_THAT(terms.err, HasSubstr("l1 and ssim alone"));
   refused("--holdout-cameras", "00_00,00_01,00_02,00_03");
   EXPECT_FALSE(fs::exists(std::string(folder / "out")) && !fs::is_empty(std::string(folder / "out")));
 }

@@ -82,12 +82,13 @@ Subject ReadSubject(const std::string& run_folder, const RunConfig& config) {
   const auto faces = static_cast<int>(config.pack.fitted->person.body.faces.cols());
   subject.gaussians = splats::ReadCloud(run_folder + "/" + kGaussiansFile, faces);
   const splats::CloudFile& file = *subject.gaussians;
-  subject.training = {{"model.method", "gaussians"},
-                      {"model.gaussians", std::to_string(file.cloud.size())},
-                      {"model.colour-degree", std::to_string(file.cloud.values.degree)},
-                      {"model.mip-filter", file.mip ? "true" : "false"},
-                      {"seed", std::to_string(file.seed)},
-                      {"train.steps", std::to_string(file.step)}};
+  subject.training = file.options;
+  if (file.options.empty())  // a file of an older version tells what became of them
+    subject.training = {{"model.gaussians", std::to_string(file.cloud.size())},
+                        {"model.colour-degree", std::to_string(file.cloud.values.degree)},
+                        {"model.mip-filter", file.mip ? "true" : "false"},
+                        {"train.steps", std::to_string(file.step)}};
+  subject.training["model.method"] = "gaussians", subject.training["seed"] = std::to_string(file.seed);
   subject.step = file.step;
   ForEachGroup(file.cloud.values, [&](splats::Group, int, const std::vector<float>& array) {
     subject.num_parameters += static_cast<int64_t>(array.size());
