@@ -5,12 +5,12 @@
 #include <cmath>
 
 #include "metrics/simd.h"
+#include "metrics/ssim_window.h"
 
 namespace mvstudio::metrics {
 namespace {
 
-constexpr int kMaxSide = 11, kMaxInput = kSsimStrip + kMaxSide - 1;
-constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+constexpr int kMaxSide = kWangSide, kMaxInput = kSsimStrip + kMaxSide - 1;
 
 /// Of one row, at distances of kSsimStrip: a, b, a^2 + b^2, ab.
 constexpr int kMoments = 4;
@@ -29,13 +29,8 @@ Kernel MakeKernel(SsimWindow window) {
     kernel.covariance_scale = 49.0 / 48;
     return kernel;
   }
-  constexpr int kRadius = kMaxSide / 2;
-  double sum = 0;
-  for (int i = 0; i <= kRadius; ++i) {
-    kernel.weights[i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * 1.5 * 1.5));
-    sum += (i < kRadius ? 2 : 1) * kernel.weights[i];
-  }
-  for (double& weight : kernel.weights) weight /= sum;
+  const std::array<double, kWangSide> weights = WangWeights();
+  std::copy_n(weights.begin(), kernel.weights.size(), kernel.weights.begin());
   return kernel;
 }
 
@@ -103,7 +98,7 @@ MVS_INLINE double SsimOf(const Moments& m, double covariance_scale) {
   const double variances = std::max(0.0, m.sum - mean_squares) * covariance_scale;
   const double covariance = (m.product - mean_product) * covariance_scale;
   const double a = m.a + 0.5, b = m.b + 0.5;
-  return (2 * a * b + kC1) * (2 * covariance + kC2) / ((a * a + b * b + kC1) * (variances + kC2));
+  return (2 * a * b + kSsimC1) * (2 * covariance + kSsimC2) / ((a * a + b * b + kSsimC1) * (variances + kSsimC2));
 }
 
 /// Rounding may leave a value outside by some 1e-16.
@@ -170,6 +165,19 @@ void AddSsimStrip(const Samples& a, const Samples& b, SsimWindow window, int x0,
       down(rows, kernel.weights.data(), kernel.covariance_scale, weight, count, out + top * stride);
     }
   }
+}
+
+std::array<double, kWangSide> WangWeights() {
+  constexpr int kRadius = kWangSide / 2;
+  constexpr double kSigma = 1.5;
+  std::array<double, kWangSide> weights;
+  double sum = 0;
+  for (int i = 0; i <= kRadius; ++i) {
+    weights[i] = weights[kWangSide - 1 - i] = std::exp(-(i - kRadius) * (i - kRadius) / (2 * kSigma * kSigma));
+    sum += (i < kRadius ? 2 : 1) * weights[i];
+  }
+  for (double& weight : weights) weight /= sum;
+  return weights;
 }
 
 }  // namespace mvstudio::metrics

@@ -6,33 +6,28 @@
 #include <cmath>
 #include <vector>
 
+#include "core/adam.h"
+
 namespace mvstudio::avatar {
 namespace {
 
-struct Rates {
-  double step, correction2;  // learning rate over the first correction; the second correction
-};
+constexpr double kEpsilon = 1e-8;
 
 bool IsPlain(const at::Tensor& x) { return x.is_cpu() && x.scalar_type() == at::kFloat && x.is_contiguous(); }
 
 /// One pass over the memory instead of eight. Clones without fused multiply-add: machines agree to the last bit.
 __attribute__((target_clones("avx2", "default"))) void StepRange(const float* gradient, float* __restrict first,
                                                                  float* __restrict second, float* __restrict value,
-                                                                 int64_t count, float rate, float inverse_correction2) {
-  for (int64_t i = 0; i < count; ++i) {
-    const float g = gradient[i], m = 0.9f * first[i] + 0.1f * g, v = 0.999f * second[i] + 0.001f * g * g;
-    first[i] = m, second[i] = v;
-    value[i] -= rate * m / (std::sqrt(v * inverse_correction2) + 1e-8f);
-  }
+                                                                 int64_t count, AdamMove move) {
+  for (int64_t i = 0; i < count; ++i) value[i] -= MoveByAdam(gradient[i], move, first + i, second + i);
 }
 
-void StepPlain(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& rates) {
+void StepPlain(const Adam::Slot& slot, const at::Tensor& gradient, const AdamMove& move) {
   constexpr int64_t kGrain = 1 << 15;
   const float* g = gradient.data_ptr<float>();
   float *first = slot.first.data_ptr<float>(), *second = slot.second.data_ptr<float>(), *value = slot.value.data_ptr<float>();
   at::parallel_for(0, gradient.numel(), kGrain, [&](int64_t begin, int64_t end) {
-    StepRange(g + begin, first + begin, second + begin, value + begin, end - begin, static_cast<float>(rates.step),
-              static_cast<float>(1 / rates.correction2));
+    StepRange(g + begin, first + begin, second + begin, value + begin, end - begin, move);
   });
 }
 
@@ -66,8 +61,8 @@ void StepSparsePlain(const Adam::Slot& slot, const at::Tensor& gradient, double 
   for (int64_t i = 0; i < gradient.numel(); ++i) {
     if (g[i] == 0) continue;
     const OwnStep& own = steps[static_cast<size_t>(++count[i])];
-    first[i] = 0.9f * first[i] + 0.1f * g[i], second[i] = 0.999f * second[i] + 0.001f * g[i] * g[i];
-    value[i] -= static_cast<float>(rate) * own.rate * first[i] / (std::sqrt(second[i] * own.inverse_correction2) + 1e-8f);
+    const AdamMove move{static_cast<float>(rate) * own.rate, own.inverse_correction2};
+    value[i] -= MoveByAdam(g[i], move, first + i, second + i);
   }
 }
 
@@ -82,11 +77,11 @@ void StepSparseTensors(const Adam::Slot& slot, const at::Tensor& gradient, doubl
   slot.value.detach().sub_(at::where(seen, rate * move, at::zeros_like(move)));
 }
 
-void StepTensors(const Adam::Slot& slot, const at::Tensor& gradient, const Rates& rates) {
+void StepTensors(const Adam::Slot& slot, const at::Tensor& gradient, double learning_rate, double step) {
   slot.first.mul_(0.9).add_(gradient, 0.1);
   slot.second.mul_(0.999).addcmul_(gradient, gradient, 0.001);
-  const at::Tensor scale = (slot.second / rates.correction2).sqrt_().add_(1e-8);
-  slot.value.detach().addcdiv_(slot.first, scale, -rates.step);
+  const at::Tensor scale = (slot.second / (1 - std::pow(0.999, step))).sqrt_().add_(1e-8);
+  slot.value.detach().addcdiv_(slot.first, scale, -learning_rate / (1 - std::pow(0.9, step)));
 }
 
 }  // namespace
@@ -102,17 +97,17 @@ void Adam::AddSparse(const std::string& name, const at::Tensor& value) {
 
 void Adam::Step(double learning_rate) {
   ++step;
-  const double correction1 = 1 - std::pow(0.9, static_cast<double>(step)),
-               correction2 = 1 - std::pow(0.999, static_cast<double>(step));
-  const Rates rates = {learning_rate / correction1, correction2};
+  const AdamMove move = AdamMoveOf(learning_rate, step, kEpsilon);
   for (Slot& slot : slots) {
     const at::Tensor gradient = slot.value.grad();
     if (!gradient.defined()) continue;
     const bool plain = IsPlain(gradient) && IsPlain(slot.value) && IsPlain(slot.first) && IsPlain(slot.second);
     if (slot.count.defined()) {
       (plain ? StepSparsePlain : StepSparseTensors)(slot, gradient, learning_rate);
+    } else if (plain) {
+      StepPlain(slot, gradient, move);
     } else {
-      (plain ? StepPlain : StepTensors)(slot, gradient, rates);
+      StepTensors(slot, gradient, learning_rate, static_cast<double>(step));
     }
   }
 }

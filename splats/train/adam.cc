@@ -2,13 +2,13 @@
 
 #include <cmath>
 
+#include "core/adam.h"
 #include "core/check.h"
 
 namespace mvstudio::splats {
 namespace {
 
-constexpr double kBeta1 = 0.9, kBeta2 = 0.999;
-constexpr float kEpsilon = 1e-12f;  // gradients are means over pixels, about 1e-6
+constexpr double kEpsilon = 1e-12;  // gradients are means over pixels, about 1e-6
 
 double RateOf(Group group, const AdamRates& rates) {
   switch (group) {
@@ -28,20 +28,15 @@ double RateOf(Group group, const AdamRates& rates) {
   return 0;
 }
 
-/// Rates with the corrections of both moments' beginnings.
-struct Step {
-  float rate, root;
-};
-
-void MoveArray(const std::vector<float>& gradient, int width, bool higher_degrees_less, const Step& step,
-               std::vector<float>* first, std::vector<float>* second, std::vector<float>* values) {
+/// Coefficients of higher degrees, those behind the first three of `width`, move a tenth as far.
+void MoveArray(const std::vector<float>& gradient, int width, const AdamMove& move, std::vector<float>* first,
+               std::vector<float>* second, std::vector<float>* values) {
+  AdamMove higher = move;
+  higher.rate *= 0.1f;
   for (size_t i = 0; i < values->size(); ++i) {
     const float g = std::isfinite(gradient[i]) ? gradient[i] : 0.f;
-    float &m = (*first)[i], &v = (*second)[i];
-    m = static_cast<float>(kBeta1) * m + static_cast<float>(1 - kBeta1) * g;
-    v = static_cast<float>(kBeta2) * v + static_cast<float>(1 - kBeta2) * g * g;
-    const float rate = higher_degrees_less && i % static_cast<size_t>(width) >= 3 ? 0.1f * step.rate : step.rate;
-    (*values)[i] -= rate * m / (std::sqrt(v) * step.root + kEpsilon);
+    const bool low = width <= 4 || i % static_cast<size_t>(width) < 3;
+    (*values)[i] -= MoveByAdam(g, low ? move : higher, &(*first)[i], &(*second)[i]);
   }
 }
 
@@ -54,7 +49,6 @@ void AdamStep(const Parameters<float>& gradient, const AdamRates& rates, double 
   MVS_CHECK(gradient.size() == values->size() && state->first.size() == values->size(), "gradients of another cloud");
   MVS_CHECK(gradient.degree == values->degree && state->first.degree == values->degree, "gradients of another degree");
   ++state->step;
-  const auto t = static_cast<double>(state->step);
   std::vector<const std::vector<float>*> gradients;
   std::vector<std::vector<float>*> first, second;
   ForEachGroup(gradient, [&](Group, int, const std::vector<float>& array) { gradients.push_back(&array); });
@@ -62,9 +56,8 @@ void AdamStep(const Parameters<float>& gradient, const AdamRates& rates, double 
   ForEachGroup(state->second, [&](Group, int, std::vector<float>& array) { second.push_back(&array); });
   size_t k = 0;
   ForEachGroup(*values, [&](Group group, int width, std::vector<float>& array) {
-    const Step step{static_cast<float>(share * RateOf(group, rates) / (1 - std::pow(kBeta1, t))),
-                    static_cast<float>(1 / std::sqrt(1 - std::pow(kBeta2, t)))};
-    MoveArray(*gradients[k], width, group == Group::kColour, step, first[k], second[k], &array);
+    const AdamMove move = AdamMoveOf(share * RateOf(group, rates), state->step, kEpsilon);
+    MoveArray(*gradients[k], width, move, first[k], second[k], &array);
     ++k;
   });
 }

@@ -1,24 +1,22 @@
 #include "splats/train/ssim_gradient.h"
 
+#include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "metrics/simd.h"
+#include "metrics/ssim_window.h"
 
 namespace mvstudio::splats {
 namespace {
 
-constexpr int kSide = 11;
-constexpr double kSigma = 1.5, kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+constexpr int kSide = metrics::kWangSide;
+constexpr double kC1 = metrics::kSsimC1, kC2 = metrics::kSsimC2;
 
-/// Weights of the window along one axis; their sum is 1.
 template <class S>
 std::array<S, kSide> Weights() {
-  double sum = 0;
-  std::array<double, kSide> raw;
-  for (int k = 0; k < kSide; ++k) sum += raw[k] = std::exp(-(k - kSide / 2) * (k - kSide / 2) / (2 * kSigma * kSigma));
+  const std::array<double, kSide> weights = metrics::WangWeights();
   std::array<S, kSide> out;
-  for (int k = 0; k < kSide; ++k) out[k] = S(raw[k] / sum);
+  std::transform(weights.begin(), weights.end(), out.begin(), [](double weight) { return S(weight); });
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "metrics/psnr.h"
+#include "metrics/ssim_window.h"
 
 namespace mvstudio::metrics {
 namespace {
@@ -62,6 +63,17 @@ double Definition(const Picture& a, const Picture& b, int side, double sigma, bo
     }
   }
   return static_cast<double>(sum / (static_cast<long double>(rows) * cols * a.channels));
+}
+
+TEST(SsimWindow, IsAGaussianWithSumOne) {
+  const auto weights = WangWeights();
+  double sum = 0;
+  for (int k = 0; k < kWangSide; ++k) {
+    sum += weights[k];
+    EXPECT_EQ(weights[k], weights[kWangSide - 1 - k]);
+    EXPECT_NEAR(weights[k] / weights[5], std::exp(-(k - 5) * (k - 5) / 4.5), 1e-15);
+  }
+  EXPECT_NEAR(sum, 1, 1e-15);
 }
 
 TEST(Ssim, IsTheDefinition) {
