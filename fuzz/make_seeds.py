@@ -344,15 +344,18 @@ def npz(compression, arrays):
     return file.getvalue()
 
 
+def numbers(descr, letter, shape, values):
+    return npy(1, descr, False, shape, struct.pack(f"<{len(values)}{letter}", *values))
+
+
+def texts(values):
+    longest = max(len(value) for value in values)
+    data = b"".join(value.ljust(longest, "\0").encode("utf-32-le") for value in values)
+    return npy(1, f"<U{longest}", False, f"({len(values)},)", data)
+
+
 def seed_body():
     """Two triangles on two bones, as arrays and as archives."""
-    def numbers(descr, letter, shape, values):
-        return npy(1, descr, False, shape, struct.pack(f"<{len(values)}{letter}", *values))
-
-    def texts(values):
-        longest = max(len(value) for value in values)
-        data = b"".join(value.ljust(longest, "\0").encode("utf-32-le") for value in values)
-        return npy(1, f"<U{longest}", False, f"({len(values)},)", data)
     body = [("schema", texts(["mvstudio.body/1"])),
             ("vertices", numbers("<f4", "f", "(4, 3)", [0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1])),
             ("faces", numbers("<i8", "q", "(2, 3)", [0, 1, 2, 0, 2, 3])), ("face_part", numbers("<i8", "q", "(2,)", [1, 2])),
@@ -368,6 +371,30 @@ def seed_body():
     put("body_npz", "flag.bin", CUT.encode().join(content for _, content in body))
     put("npz", "body.npz", npz(zipfile.ZIP_STORED, body))
     put("npz", "deflated.npz", npz(zipfile.ZIP_DEFLATED, body[1:4]))
+
+
+def seed_gaussians():
+    """Two Gaussians on the two triangles of a square."""
+    whole, floats = lambda value: numbers("<i8", "q", "(1,)", [value]), lambda shape, values: numbers("<f4", "f", shape, values)
+    for name, degree in (("flat.bin", 0), ("sheen.bin", 1)):
+        basis = (degree + 1) ** 2
+        arrays = [("schema", texts(["mvstudio.gaussians/1"])), ("seed", texts(["7"])), ("mip", whole(1)), ("size_px", whole(96)),
+                  ("step", whole(1500)), ("train_s", numbers("<f8", "d", "(1,)", [12.5])), ("degree", whole(degree)),
+                  ("face", numbers("<i8", "q", "(2,)", [1, 0])), ("filter_variance_m2", floats("(2,)", [1e-6, 0])),
+                  ("place", floats("(2, 2)", [0.25, 0.5, 0.1, 0.2])), ("offset_m", floats("(2,)", [0.01, -0.005])),
+                  ("log_scale", floats("(2, 3)", [-4, -5, -6, -3, -3, -3])),
+                  ("rotation", floats("(2, 4)", [0, 0, 0, 1, 0.5, 0.5, -0.5, 0.5])), ("opacity", floats("(2,)", [2, -1])),
+                  ("colour", floats(f"(2, {basis}, 3)", [0.1 * k for k in range(6 * basis)])),
+                  ("options", texts(["model.gaussians=0", "train.steps=1500"]))]
+        put("gaussians_npz", name, CUT.encode().join(content for _, content in arrays))
+    put("npz", "gaussians.npz", npz(zipfile.ZIP_STORED, arrays))
+    for name, rest in (("plain.ply", 0), ("degree3.ply", 45)):
+        names = ["x", "y", "z", "nx", "ny", "nz", *(f"f_dc_{k}" for k in range(3)), *(f"f_rest_{k}" for k in range(rest)),
+                 "opacity", *(f"scale_{k}" for k in range(3)), *(f"rot_{k}" for k in range(4))]
+        header = "ply\nformat binary_little_endian 1.0\ncomment two of them\nelement vertex 2\n"
+        header += "".join(f"property float {attribute}\n" for attribute in names) + "end_header\n"
+        values = [0.125 * k for k in range(2 * len(names))]
+        put("gaussians_ply", name, header.encode() + struct.pack(f"<{len(values)}f", *values))
 
 
 def seed_motion():
@@ -493,7 +520,7 @@ def write_dictionaries():
 
 def main():
     for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
-                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body,
+                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body, seed_gaussians,
                  seed_runs, seed_scenes, seed_report, seed_manifest, seed_shard]:
         seed()
     write_dictionaries()
