@@ -73,7 +73,8 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   report.html = PageHtml(
       title, Header(title, report.verdict, data, options), shown,
       "mvstudio" + (options.version.empty() ? "" : " " + options.version) +
-          ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers are in the .json beside this file.");
+          ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers are in the .json beside this file.",
+      context.script);
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
   json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data));

@@ -324,6 +324,8 @@ Section AvatarSection(SectionContext* context) {
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
     section.body_html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");
+    for (const Value& output : stage.result["outputs"].items())
+      if (output["role"].Text() == "gaussians-player") section.body_html += EmbedPlayer(context, stage, output);
     const std::string all = NumbersTable("", stage.metrics());
     if (!all.empty()) section.body_html += DetailsHtml("All numbers of `" + stage.command + "` (" + stage.file + ")", all);
   }

@@ -7,6 +7,7 @@
 #include "core/join.h"
 #include "report/page/format.h"
 #include "report/page/picture.h"
+#include "report/page/player.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {
@@ -101,8 +102,8 @@ std::string NotRun(const std::string& what, const std::string& command) {
   return "<p class=\"muted\">" + EscapeHtml(what) + ": not run. <code>" + EscapeHtml(command) + "</code></p>\n";
 }
 
-std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
-                        const std::vector<std::string>& legend) {
+std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,
+                       const std::function<bool(std::string_view)>& is_right, const std::string& what_is_wrong) {
   const std::string name = output["path"].Text();
   const std::string path = ResolveOutput(context->data, stage, name);
   const auto leave_out = [&](const std::string& why, const std::string& hint) {
@@ -119,19 +120,37 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
     if (context->picture_bytes + bytes > int64_t{context->options.max_pictures_total_mb} << 20) {
       return leave_out("is left out: the images together are too large", limits_hint);
     }
-    const std::string content = ReadFile(path);
-    if (PictureType(content).empty()) return leave_out("is neither PNG nor JPEG", "");
+    std::string content = ReadFile(path);
+    if (!is_right(content)) return leave_out("is " + what_is_wrong, "");
     context->picture_bytes += bytes;
-    std::string html = legend.empty() ? "<div>" : "<div class=\"strip\">";
-    if (!legend.empty()) {
-      html += "<div class=\"legend\">";
-      for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
-      html += "</div>";
-    }
-    return FigureHtml(html + PictureHtml(content, caption) + "</div>", caption);
+    return content;
   } catch (const Error& error) {
     return leave_out(std::string("cannot be read: ") + error.what(), "");
   }
+}
+
+std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
+                        const std::vector<std::string>& legend) {
+  const std::string content = ReadOutput(
+      context, stage, output, [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
+  if (content.empty()) return {};
+  std::string html = legend.empty() ? "<div>" : "<div class=\"strip\">";
+  if (!legend.empty()) {
+    html += "<div class=\"legend\">";
+    for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
+    html += "</div>";
+  }
+  return FigureHtml(html + PictureHtml(content, caption) + "</div>", caption);
+}
+
+std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output) {
+  const std::string content = ReadOutput(context, stage, output, IsPlayerFile, "no file of Gaussians in motion");
+  if (content.empty()) return {};
+  context->script = PlayerScript();
+  const std::string caption =
+      "The trained Gaussians at instants of the take, moved with the fitted body; drag to turn, wheel to come closer. Colours "
+      "are those of degree 0: what changes with the direction of sight is left out.";
+  return FigureHtml(PlayerHtml(content, "Gaussians in motion"), caption);
 }
 
 }  // namespace mvstudio::report

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "report/page/html.h"
@@ -19,6 +21,7 @@ struct SectionContext {
   Value json = Value::Object();
   std::vector<ReportNotice> warnings;
   int64_t picture_bytes = 0;  ///< embedded so far
+  std::string_view script;    ///< that the embedded parts need
 };
 
 Section CalibrationSection(SectionContext* context);
@@ -48,9 +51,17 @@ std::string StageHeading(const Stage& stage, bool always_named);
 /// Brief note for a section without data.
 std::string NotRun(const std::string& what, const std::string& command);
 
+/// The bytes of an output that may be embedded, where `is_right` takes them; else an empty string and a warning, that it is
+/// `what_is_wrong` for one.
+std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,
+                       const std::function<bool(std::string_view)>& is_right, const std::string& what_is_wrong);
+
 /// The picture of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip.
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
                         const std::vector<std::string>& legend = {});
+
+/// Gaussians in motion inside the page, or an empty string and a warning.
+std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output);
 
 /// What to film next, the compared lenses, maps over the images and co-visibility, from a calibration's metrics.
 std::string CalibrationMaps(const Value& metrics);

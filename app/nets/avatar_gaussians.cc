@@ -10,6 +10,7 @@
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "splats/files/cloud_file.h"
+#include "splats/files/player_file.h"
 #include "splats/files/ply.h"
 
 namespace mvstudio::app {
@@ -36,16 +37,50 @@ std::string RowText(int degree, const splats::TrainRow& row, double wall_s) {
          number(row.validation_psnr_db) + "," + std::to_string(row.gaussians) + Format(",%.2f", wall_s);
 }
 
-void Save(const avatar::GaussianTraining& trained, const avatar::RunConfig& config, const std::vector<std::string>& rows,
-          const std::vector<splats::TrainView>& samples, double wall_s, const AvatarRun& files, const RunContext& run) {
+/// What was asked for, of which runs of one recipe are known.
+std::map<std::string, std::string> AskedFor(const avatar::GaussianOptions& gaussians, const splats::TrainOptions& options) {
+  std::map<std::string, std::string> out = {{"train.steps", std::to_string(options.steps)},
+                                            {"train.batch", std::to_string(options.batch)},
+                                            {"train.weight-l1", Format("%.6g", options.weights.l1)},
+                                            {"train.weight-ssim", Format("%.6g", options.weights.ssim)},
+                                            {"train.weight-mask", Format("%.6g", options.weights.mask)}};
+  for (const auto& [name, value] : FieldsAsText(gaussians)) out["model." + name] = value;
+  return out;
+}
+
+/// The body at each instant that was trained on, in order.
+std::vector<splats::PlayerInstant> InstantsOf(const RunPacks& packs) {
+  std::map<int, const Eigen::Matrix3Xf*> by_frame;
+  const int64_t* frames = packs.train.frame.data_ptr<int64_t>();
+  for (size_t i = 0; i < packs.train_views.size(); ++i)
+    by_frame[static_cast<int>(frames[i])] = packs.train_views[i].vertices.get();
+  std::vector<splats::PlayerInstant> instants;
+  for (const auto& [frame, vertices] : by_frame) instants.push_back({frame, vertices});
+  return instants;
+}
+
+/// What a training leaves.
+struct Trained {
+  avatar::GaussianTraining learned;
+  std::map<std::string, std::string> asked;
+  std::vector<std::string> rows;
+  std::vector<splats::TrainView> samples;
+  double wall_s = 0;
+};
+
+void Save(const Trained& trained, const avatar::RunConfig& config, const RunPacks& packs, const AvatarRun& files,
+          const RunContext& run) {
   const body::BodyTemplate& body = config.pack.fitted->person.body;
-  const splats::TrainResult& result = trained.result;
+  const splats::TrainResult& result = trained.learned.result;
+  const bool mip = trained.learned.options.smooth;
   FilesTogether together;
-  WriteFileAtomic(files.Path("history.csv"), HistoryOf(rows));
-  dataset::WriteImage(avatar::GaussianSheet(result.cloud, body, samples, trained.options.smooth, run.num_threads),
+  WriteFileAtomic(files.Path("history.csv"), HistoryOf(trained.rows));
+  dataset::WriteImage(avatar::GaussianSheet(result.cloud, body, trained.samples, mip, run.num_threads),
                       files.Path(Format("samples/step_%06d.png", result.best_step)));
   WritePly(splats::ToPly(result.cloud, body.faces, body.vertices), files.Path(splats::kPlyFileName));
-  splats::WriteCloud({result.cloud, trained.options.smooth, config.pack.size_px, result.best_step, run.seed, wall_s}, body,
+  const std::string player = splats::PlayerBytes(result.cloud, mip, body, InstantsOf(packs));
+  if (!player.empty()) WriteFileAtomic(files.Path(splats::kPlayerFileName), player);
+  splats::WriteCloud({result.cloud, mip, config.pack.size_px, result.best_step, run.seed, trained.wall_s, trained.asked}, body,
                      files.Path(splats::kCloudFileName));
   together.Commit();
 }
@@ -71,6 +106,27 @@ int64_t NumbersOf(const splats::Cloud& cloud) {
   ForEachGroup(cloud.values,
                [&](splats::Group, int, const std::vector<float>& array) { count += static_cast<int64_t>(array.size()); });
   return count;
+}
+
+CommandResult ResultOf(const Trained& trained, const AvatarRun& files) {
+  CommandResult result;
+  const splats::TrainResult& learned = trained.learned.result;
+  auto& m = result.metrics;
+  m["method"] = "gaussians", m["num_parameters"] = NumbersOf(learned.cloud), m["gaussians"] = learned.cloud.size();
+  m["steps"] = learned.best_step, m["wall_s"] = trained.wall_s;
+  if (trained.learned.trials.size() <= 1)  // else the time is that of several trainings
+    m["it_per_s"] = FiniteOrNull(trained.wall_s > 0 ? trained.learned.options.steps / trained.wall_s : std::nan(""));
+  m["density"] = {{"cloned", learned.density.cloned}, {"split", learned.density.split}, {"pruned", learned.density.pruned}};
+  m["mip_filter"] = trained.learned.options.smooth;
+  TellDegrees(trained.learned, &result);
+  TellSkipped(learned.skipped, &result);
+  result.outputs = files.Outputs();
+  if (learned.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back(
+        {"AVA-NONFINITE", "the loss is not finite on " + learned.trouble, "look at these images; train again without them"});
+  }
+  return result;
 }
 
 }  // namespace
@@ -106,34 +162,19 @@ CommandResult TrainGaussianRun(const GaussianRun& arguments, const avatar::RunCo
   std::vector<splats::TrainView> watched;
   if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
   if (!config.split.validation_cameras.empty()) images.validation = watched;
-  std::vector<std::string> rows;
+  Trained trained;
+  trained.asked = AskedFor(arguments.gaussians, options);
   const double start_s = arguments.clock_s();
   const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
-    rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
+    trained.rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
   };
-  const avatar::GaussianTraining trained =
+  trained.learned =
       avatar::TrainGaussians(*config.pack.fitted, images, arguments.gaussians.colour_degree, options, run, on_row);
-  const double wall_s = arguments.clock_s() - start_s;
+  trained.wall_s = arguments.clock_s() - start_s;
+  trained.samples = watched.empty() ? images.train : watched;
   begin();
-  Save(trained, config, rows, watched.empty() ? images.train : watched, wall_s, files, run);
-  CommandResult result;
-  const splats::Cloud& cloud = trained.result.cloud;
-  auto& m = result.metrics;
-  m["method"] = "gaussians", m["num_parameters"] = NumbersOf(cloud), m["gaussians"] = cloud.size();
-  m["steps"] = trained.result.best_step, m["wall_s"] = wall_s;
-  m["density"] = {{"cloned", trained.result.density.cloned},
-                  {"split", trained.result.density.split},
-                  {"pruned", trained.result.density.pruned}};
-  m["mip_filter"] = trained.options.smooth;
-  TellDegrees(trained, &result);
-  TellSkipped(trained.result.skipped, &result);
-  result.outputs = files.Outputs();
-  if (trained.result.status != Status::kOk) {
-    result.exit = kExitIllPosed;
-    result.errors.push_back({"AVA-NONFINITE", "the loss is not finite on " + trained.result.trouble,
-                             "look at these images; train again without them"});
-  }
-  return result;
+  Save(trained, config, packs, files, run);
+  return ResultOf(trained, files);
 }
 
 }  // namespace mvstudio::app

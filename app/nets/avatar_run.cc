@@ -19,6 +19,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
+#include "splats/files/player_file.h"
 
 namespace mvstudio::app {
 namespace {
@@ -61,6 +62,7 @@ std::vector<std::string> AvatarRun::Names() {
           body::kPersonFileName,
           avatar::kGaussiansFile,
           "gaussians.ply",
+          splats::kPlayerFileName,
           "history.csv",
           "textures.png",
           "samples",
@@ -159,6 +161,7 @@ std::vector<CommandResult::Output> AvatarRun::Outputs() const {
   if (avatar::HoldsGaussians(folder_)) {
     outputs.push_back({Path(avatar::kGaussiansFile), "checkpoint"});
     outputs.push_back({Path("gaussians.ply"), "gaussians"});
+    if (fs::exists(Path(splats::kPlayerFileName))) outputs.push_back({Path(splats::kPlayerFileName), "gaussians-player"});
   }
   outputs.push_back({Path(avatar::kRunConfigFile), "configuration"});
   outputs.push_back({Path("history.csv"), "history"});

@@ -3,7 +3,9 @@
 #include <algorithm>
 
 #include "core/check.h"
+#include "core/hash/sha256.h"
 #include "core/utf8.h"
+#include "report/page/picture.h"
 
 namespace mvstudio::report {
 namespace {
@@ -125,11 +127,13 @@ std::string Table::Html() const {
 }
 
 std::string PageHtml(const std::string& title, const std::string& header_html, const std::vector<Section>& sections,
-                     const std::string& footer) {
+                     const std::string& footer, std::string_view script) {
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\n"
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'" +
+      (script.empty() ? "" : "; script-src " + ScriptSource(script)) +
+      "\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>" +
       EscapeHtml(title) + "</title>\n<style>\n" + std::string(PageStyle()) + "</style>\n</head>\n<body>\n<header>" +
       (header_html.empty() ? "<h1>" + EscapeHtml(title) + "</h1>\n" : header_html) + "</header>\n<nav aria-label=\"Sections\">";
@@ -141,7 +145,16 @@ std::string PageHtml(const std::string& title, const std::string& header_html, c
     html += "<section id=\"" + EscapeHtml(section.id) + "\">\n<h2>" + EscapeHtml(section.title) + "</h2>\n" +
             section.body_html + "</section>\n";
   }
-  return html + "</main>\n<footer>" + EscapeHtml(footer) + "</footer>\n</body>\n</html>\n";
+  html += "</main>\n<footer>" + EscapeHtml(footer) + "</footer>\n";
+  if (!script.empty()) html += "<script>" + std::string(script) + "</script>\n";
+  return html + "</body>\n</html>\n";
+}
+
+std::string ScriptSource(std::string_view script) {
+  const std::string hex = Sha256Hex(script.data(), script.size());
+  std::string bytes;
+  for (size_t i = 0; i < hex.size(); i += 2) bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
+  return "'sha256-" + Base64(bytes) + "'";
 }
 
 }  // namespace mvstudio::report

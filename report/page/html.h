@@ -61,10 +61,13 @@ struct Section {
   std::string body_html;
 };
 
-/// The whole document; its title is the heading without `header_html`. No script, no external links, and a content policy
-/// that forbids both.
+/// The whole document; its title is the heading without `header_html`. No external links, no script but the given one, and a
+/// content policy that forbids all others.
 std::string PageHtml(const std::string& title, const std::string& header_html, const std::vector<Section>& sections,
-                     const std::string& footer);
+                     const std::string& footer, std::string_view script = {});
+
+/// The source expression of a content policy that allows this script and no other.
+std::string ScriptSource(std::string_view script);
 
 /// Style sheet of the page and of the figures' classes (light, dark and print).
 std::string_view PageStyle();

@@ -59,6 +59,8 @@ details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
 font-size:.8em;color:var(--muted)}
+.player canvas{width:min(100%,48rem);height:30rem;display:block;background:#000;touch-action:none;cursor:grab}
+.player input{width:min(60%,24rem);vertical-align:middle}
 svg{max-width:100%;height:auto;display:block}
 svg text{fill:var(--ink);font:12px system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
 svg text.t{font-weight:600;font-size:13px}svg text.m{fill:var(--muted)}svg text.x{font-size:10.5px}

@@ -1,6 +1,5 @@
 #include "report/study/study_page.h"
 
-#include "core/hash/sha256.h"
 #include "report/page/html.h"
 #include "report/page/picture.h"
 #include "report/page/value.h"
@@ -150,14 +149,6 @@ std::string DataJson(const StudySpec& spec, const std::string& sha256, const std
       .Set("methods", Value::Array().Append(spec.methods[0]).Append(spec.methods[1]))
       .Set("questions", list)
       .Dump();
-}
-
-/// The source expression of a content policy that allows this script and no other.
-std::string ScriptSource(const std::string& script) {
-  const std::string hex = Sha256Hex(script.data(), script.size());
-  std::string bytes;
-  for (size_t i = 0; i < hex.size(); i += 2) bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
-  return "'sha256-" + Base64(bytes) + "'";
 }
 
 }  // namespace
