@@ -95,7 +95,7 @@ MAY_INCLUDE = {
     "avatar/io/lift": CORE | GEOMETRY | {"body", "dataset/pose", "dataset/panoptic", "avatar/lift"},
     "avatar/io/pretrain": CORE | GEOMETRY | {"body", "body/texture", "dataset/pose", "dataset/panoptic", "dataset/views", "avatar/maps",
                                              "avatar/data", "avatar/nets", "avatar/io/pack", "avatar/io/render", "avatar/io/lift"},
-    "report/page": {"core"},
+    "report/page": {"core", "core/hash"},
     "report/svg": {"core", "report/page"},
     "report/study": CORE | {"report/page"},
     "report": CORE | {"report/page", "report/svg"},

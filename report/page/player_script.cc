@@ -210,7 +210,7 @@ constexpr char kScript[] = R"js('use strict';
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     const diagonal = Math.hypot(f.high[0] - f.low[0], f.high[1] - f.low[1], f.high[2] - f.low[2]);
-    const state = {time: 0, turn: 0.6, tilt: 0.1, distance: 1.6 * diagonal, playing: false, last: 0};
+    const state = {time: 0, turn: 0.6, tilt: 0.1, distance: 1.25 * diagonal, playing: false, last: 0};
     slider.max = String(f.instants - 1);
     function draw() {
       const ratio = window.devicePixelRatio || 1, width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
