@@ -41,6 +41,7 @@ constexpr Command kCommands[] = {
     {"mask", MVSTUDIO_NEEDS_TORCH(RegisterMask)},
     {"sync", RegisterSync},
     {"triangulate", RegisterTriangulate},
+    {"markers", RegisterMarkers},
     {"tradeoff calibrate", RegisterTradeoffCalibrate},
     {"tradeoff triangulate", RegisterTradeoffTriangulate},
     {"tradeoff pack", RegisterTradeoffPack},

@@ -6,6 +6,7 @@
 #include "body/skeleton.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
+#include "markers/marker_files.h"
 
 namespace mvstudio::exports {
 namespace {
@@ -58,39 +59,29 @@ std::string PersonFile(const Take& take, int person, const std::string& extensio
   return take.sequence + "_person" + std::to_string(person) + extension;
 }
 
+markers::MarkerTake MarkersOf(const Take& take, int person) {
+  markers::MarkerTake markers;
+  const std::vector<int> frames = ContinuousFrames(take);
+  markers.person = person, markers.rate_hz = take.frame_rate_hz, markers.first_frame = frames.front();
+  markers.names = body::Coco19().joints;
+  for (const int frame : frames) {
+    const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
+    for (int j = 0; j < 19; ++j) {
+      const bool valid = pose && pose->valid[j];
+      markers.x_in_world.push_back(valid ? Eigen::Vector3d(pose->x_in_world.col(j))
+                                         : Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+      markers.source.push_back(valid ? markers::Source::kMeasured : markers::Source::kMissing);
+    }
+  }
+  markers.sigma_m.assign(markers.source.size(), 0);
+  return markers;
+}
+
 void WriteTrc(const Job& job) {
   RequirePeople(job);
-  const std::vector<int> frames = ContinuousFrames(job.take);
-  const std::vector<std::string>& joints = body::Coco19().joints;
-  const std::string rate = Num(job.take.frame_rate_hz), count = std::to_string(frames.size());
   for (const int person : job.take.PersonIds()) {
     const std::string file = PersonFile(job.take, person, ".trc");
-    std::string text =
-        "PathFileType\t4\t(X/Y/Z)\t" + file +
-        "\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n" + rate +
-        "\t" + rate + "\t" + count + "\t19\tmm\t" + rate + "\t" + std::to_string(frames.front() + 1) + "\t" + count +
-        "\nFrame#\tTime";
-    for (const std::string& joint : joints) text += "\t" + joint + "\t\t";
-    text += "\n\t";
-    for (int j = 1; j <= 19; ++j) {
-      for (const char* axis : {"X", "Y", "Z"}) text += std::string("\t") + axis + std::to_string(j);
-    }
-    text += "\n";
-    for (const int frame : frames) {
-      // The file counts frames from 1; its y is up and its z is our x.
-      text += std::to_string(int64_t{frame} + 1) + "\t" + Num((frame - frames.front()) / job.take.frame_rate_hz);
-      const dataset::Coco19Pose* pose = PoseOf(job.take, frame, person);
-      for (int j = 0; j < 19; ++j) {
-        if (!pose || !pose->valid[j]) {
-          text += "\t\t\t";
-          continue;
-        }
-        const Eigen::Vector3d mm = 1000 * pose->x_in_world.col(j);
-        text += "\t" + Num(mm.y()) + "\t" + Num(mm.z()) + "\t" + Num(mm.x());
-      }
-      text += "\n";
-    }
-    job.Write(file, text);
+    job.Write(file, markers::TrcText(MarkersOf(job.take, person), file));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "exports/writers.h"
+#include "markers/marker_take.h"
 
 /// Shared by the writers of joint files.
 namespace mvstudio::exports {
@@ -14,6 +15,9 @@ std::vector<int> ContinuousFrames(const Take& take);
 
 /// The joints of a person in a frame; null when absent.
 const dataset::Coco19Pose* PoseOf(const Take& take, int frame, int person);
+
+/// Panoptic's joints of a person over ContinuousFrames.
+markers::MarkerTake MarkersOf(const Take& take, int person);
 
 /// `<sequence>_person0.trc`.
 std::string PersonFile(const Take& take, int person, const std::string& extension);

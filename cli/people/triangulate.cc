@@ -10,6 +10,7 @@
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
 #include "app/people/likely_cause.h"
+#include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
@@ -44,6 +45,7 @@ struct Arguments {
   bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
+  app::MarkerOptions markers;
 };
 
 void AddComparisons(const Arguments& arguments, CommandResult* result) {
@@ -241,6 +243,8 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   }
 }
 
+std::string MarkerFolder(const Arguments& arguments) { return (std::filesystem::path(arguments.out) / "markers").string(); }
+
 void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
   if (arguments.chunk_frames > 0 && (arguments.refine || !arguments.sync.empty())) {
@@ -257,6 +261,25 @@ void CheckArguments(const Arguments& arguments) {
   }
 }
 
+/// Where marker files are asked for: the rate of the session unless given.
+void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOptions* options) {
+  if (options->to.empty()) {
+    if (options->fill_frames != 0 || options->filter != "none" || options->opensim) {
+      throw UsageError("--filter, --fill and --opensim are for marker files: name them, e.g. --to trc");
+    }
+    return;
+  }
+  if (found && options->rate_hz <= 0) options->rate_hz = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
+  CheckMarkerOptions(*options);
+}
+
+void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, CommandResult* result) {
+  if (!folder || result->metrics["num_points"] == 0) return;
+  const auto work = PrepareMarkers(dataset::ReadPose3d(arguments.out), arguments.markers, arguments.out);
+  WriteMarkers(work, arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
+  folder->Commit();
+}
+
 CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
   const std::optional<app::FoundTake> found = app::FindTake(arguments.session, &result);
@@ -267,11 +290,14 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   CheckArguments(arguments);
+  FillMarkerOptions(found, &arguments.markers);
   const auto& pose = arguments.pose;
   const OutputFolder place(arguments.out,
                            Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
                            {"points.csv", "covariance.csv", "pose3d.json"});
   result.folder = arguments.out;
+  std::unique_ptr<AtomicFolder> markers;
+  if (!arguments.markers.to.empty()) markers = std::make_unique<AtomicFolder>(MarkerFolder(arguments), true);
   if (arguments.chunk_frames > 0) {
     const app::PoseParts parts(arguments.pose, &result);
     app::ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
@@ -287,6 +313,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     Conclude(
         arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
   }
+  WriteMarkerFolder(arguments, markers.get(), &result);
   return result;
 }
 
@@ -316,6 +343,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
       "for takes longer than memory: frames processed at a time; noise and method come from frames spread over the take; 0: "
       "all at once")
       ->capture_default_str();
+  AddOptions(sub, arguments->markers);
   AddOption(sub, "--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");
   AddOption(sub, "--truth", arguments->truth, "compare with a folder of body3DScene files or a points.csv");
   AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");

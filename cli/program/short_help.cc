@@ -29,7 +29,7 @@ constexpr CommonOptions kCommon[] = {
     {"triangulate",
      "--calib --pose2d --points2d --skeleton --session --take --out --method --min-score --max-persons --sync --refine "
      "--chunk-frames "
-     "--truth"},
+     "--to --filter --fill --truth"},
     {"pose2d",
      "--video --images --session --take --calib --out --backend --quality --max-persons --skeleton --overlays --overwrite"},
     {"mask",

@@ -152,6 +152,23 @@ TEST(TriangulateCommand, ChunksGiveThePointsOfTheWhole) {
   EXPECT_EQ(Slurp(folder / "whole/covariance.csv"), Slurp(folder / "parts/covariance.csv"));
 }
 
+TEST(TriangulateCommand, WritesMarkersOfEveryJointAtOnce) {
+  const TempDir folder;
+  const std::vector<std::string> words = Words({"triangulate", "--out", folder / "out", "--json"}, Take().Write(folder));
+  EXPECT_EQ(RunCli(Words(words, {"--fill", "5"})).exit, 2);  // of what files?
+  const std::vector<std::string> markers = {"--to", "trc", "--frame-rate", "50", "--filter", "kalman", "--opensim"};
+  for (int time = 0; time < 2; ++time) {  // and once more over its own
+    const CliRun run = RunCli(Words(words, markers));
+    ASSERT_EQ(run.exit, 0) << run.err;
+    EXPECT_EQ(run.Json()["metrics"]["markers"]["persons"][0]["joints"].size(), 25u);
+  }
+  EXPECT_THAT(Slurp(folder / "out/markers/person0.trc"), HasSubstr("LBigToe"));
+  EXPECT_THAT(Slurp(folder / "out/markers/person0.ik.xml"), HasSubstr("RHeel"));
+  std::ofstream(folder / "out/markers/thesis.txt") << "mine";
+  EXPECT_EQ(RunCli(Words(words, markers)).exit, 2);
+  EXPECT_EQ(Slurp(folder / "out/markers/thesis.txt"), "mine");
+}
+
 TEST(TriangulateCommand, OneDamagedFileLosesNothingElse) {
   const TempDir folder;
   const std::vector<std::string> words = Take().Write(folder);
@@ -232,7 +249,8 @@ TEST(TriangulateCommand, SaysWhoseCalibrationErrorIsUnknown) {
     EXPECT_EQ(dataset::ReadPose3d(folder / "out").covariance_note, json["metrics"]["calibration_covariance"]["reason"]);
     return json;
   };
-  const nlohmann::json whole = run({}), partial = run({1}), none = run({0, 1, 2, 3, 4}), off = run({}, {"--no-calibration-covariance"});
+  const nlohmann::json whole = run({}), partial = run({1}), none = run({0, 1, 2, 3, 4}),
+                       off = run({}, {"--no-calibration-covariance"});
   const auto sigma = [](const nlohmann::json& json) { return json["metrics"]["median_sigma_mm"].get<double>(); };
   EXPECT_TRUE(whole["metrics"]["calibration_covariance"]["used"]);
   EXPECT_TRUE(whole["warnings"].empty()) << whole["warnings"];
@@ -266,7 +284,8 @@ TEST(TriangulateCommand, AppliesTheOffsetsOfTheCalibrationWhereTheTakeConfirmsTh
     more.insert(more.end(), {"--out", folder / "out", "--json"});
     return RunCli(Words(Words({"triangulate"}, take.Write(folder)), more)).Json();
   };
-  const nlohmann::json late = run(0.6, {}), still = run(0, {}), on = run(0, {"--calibration-offsets", "on"}), own = run(0.6, {"--sync"});
+  const nlohmann::json late = run(0.6, {}), still = run(0, {}), on = run(0, {"--calibration-offsets", "on"}),
+                       own = run(0.6, {"--sync"});
   EXPECT_TRUE(late["metrics"]["calibration_offsets"]["applied"]) << late["metrics"]["calibration_offsets"];
   EXPECT_FALSE(still["metrics"]["calibration_offsets"]["applied"]);
   EXPECT_EQ(still["warnings"][0]["code"], "TRI-OFFSETS-UNUSED");

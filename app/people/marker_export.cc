@@ -1,0 +1,167 @@
+#include "app/people/marker_export.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
+#include "markers/marker_files.h"
+#include "markers/opensim.h"
+
+namespace mvstudio::app {
+namespace {
+
+using nlohmann::ordered_json;
+
+const std::vector<std::string>& KnownFormats() {
+  static const std::vector<std::string> formats = {"trc", "c3d", "csv"};
+  return formats;
+}
+
+std::vector<std::string> FormatsOf(const MarkerOptions& options) {
+  std::vector<std::string> formats;
+  std::istringstream stream(options.to);
+  for (std::string word; std::getline(stream, word, ',');) formats.push_back(word);
+  return formats;
+}
+
+ordered_json MotionJson(const markers::MarkerMotion& before, const markers::MarkerMotion& after) {
+  return {{"measured", after.measured},
+          {"filled", after.filled},
+          {"missing", after.missing},
+          {"acceleration_m_s2", FiniteOrNull(before.acceleration_m_s2)},
+          {"filtered_acceleration_m_s2", FiniteOrNull(after.acceleration_m_s2)}};
+}
+
+ordered_json WorkJson(const MarkerWork& work) {
+  const auto before = MeasureMotion(work.before), after = MeasureMotion(work.after);
+  const markers::Displacement moved = MeasureDisplacement(work.before, work.after);
+  ordered_json joints = ordered_json::object();
+  for (size_t m = 0; m < before.size(); ++m) joints[before[m].name] = MotionJson(before[m], after[m]);
+  return {{"person", work.after.person},
+          {"first_frame", work.after.first_frame},
+          {"frames", work.after.num_frames()},
+          {"gaps_filled", work.filled.num_gaps},
+          {"positions_filled", work.filled.num_positions},
+          {"positions_in_longer_gaps", work.filled.num_left},
+          {"acceleration_m_s2", FiniteOrNull(MeanAcceleration(before))},
+          {"filtered_acceleration_m_s2", FiniteOrNull(MeanAcceleration(after))},
+          {"moved_rms_mm", 1000 * moved.rms_m},
+          {"moved_max_mm", 1000 * moved.max_m},
+          {"moved_rms_sigmas", FiniteOrNull(moved.rms_sigmas)},
+          {"joints", joints}};
+}
+
+std::string Line(const ordered_json& person) {
+  const auto number = [&person](const char* key) { return person[key].is_number() ? person[key].get<double>() : std::nan(""); };
+  return Format(
+      "person %d: %d frames, %d joints, %d positions filled in %d gaps; accelerations %.1f -> %.1f m/s2, moved by %.1f mm rms",
+      person["person"].get<int>(), person["frames"].get<int>(), static_cast<int>(person["joints"].size()),
+      person["positions_filled"].get<int>(), person["gaps_filled"].get<int>(), number("acceleration_m_s2"),
+      number("filtered_acceleration_m_s2"), number("moved_rms_mm"));
+}
+
+/// Writes into a folder that gets its final name later.
+class Writer {
+ public:
+  Writer(std::string folder, std::string final_folder, CommandResult* result)
+      : folder_(std::move(folder)), final_folder_(std::move(final_folder)), result_(result) {}
+
+  void Write(const std::string& name, const std::string& content, const std::string& role = "") {
+    WriteFileAtomic((std::filesystem::path(folder_) / name).string(), content);
+    result_->outputs.push_back({(std::filesystem::path(final_folder_) / name).string(), role});
+  }
+
+ private:
+  std::string folder_, final_folder_;
+  CommandResult* result_;
+};
+
+void WriteOpenSim(const markers::MarkerTake& take, const std::string& stem, Writer* writer) {
+  writer->Write(stem + ".markers.xml", markers::OpenSimMarkerSet(take.names));
+  writer->Write(stem + ".scale.xml", OpenSimScaling(take, stem + ".trc", stem + ".markers.xml"));
+  writer->Write(stem + ".ik.xml", OpenSimInverseKinematics(take, stem + ".trc"));
+}
+
+void SayWhatOpenSimLacks(const markers::MarkerTake& take, CommandResult* result) {
+  const std::vector<std::string> known = markers::OpenSimMarkers(take.names);
+  std::vector<std::string> lacking;
+  for (const std::string& name : take.names) {
+    if (std::find(known.begin(), known.end(), name) == known.end()) lacking.push_back(name);
+  }
+  if (lacking.empty()) return;
+  result->warnings.push_back(
+      {"MRK-OPENSIM",
+       Format("person %d: %zu of %zu joints have no place on OpenSim's model: %s; its files leave them out", take.person,
+              lacking.size(), take.names.size(), Join(lacking, ", ").c_str()),
+       "the .trc holds them all; add them to the marker set if the model has a place for them"});
+}
+
+void WritePerson(const MarkerWork& work, const MarkerOptions& options, Writer* writer) {
+  const std::string stem = "person" + std::to_string(work.after.person);
+  for (const std::string& format : FormatsOf(options)) {
+    const std::string file = stem + "." + format;
+    if (format == "trc") writer->Write(file, TrcText(work.after, file), "markers");
+    if (format == "c3d") writer->Write(file, C3dBytes(work.after), "markers");
+    if (format == "csv") writer->Write(file, CsvText(work.after), "markers");
+  }
+  if (options.opensim) WriteOpenSim(work.after, stem, writer);
+}
+
+}  // namespace
+
+void CheckMarkerOptions(const MarkerOptions& options) {
+  const std::vector<std::string> formats = FormatsOf(options);
+  const auto has = [](const std::vector<std::string>& list, const std::string& word) {
+    return std::find(list.begin(), list.end(), word) != list.end();
+  };
+  for (const std::string& format : formats) {
+    if (!has(KnownFormats(), format))
+      throw UsageError("option 'to': `" + format + "` is none of " + Join(KnownFormats(), ", "));
+  }
+  if (formats.empty()) throw UsageError("option 'to': name at least one of " + Join(KnownFormats(), ", "));
+  if (options.opensim && !has(formats, "trc")) throw UsageError("option 'opensim' needs trc among the formats of option 'to'");
+  if (options.fill_frames < 0) throw UsageError("option 'fill' must not be negative");
+  if (!(options.rate_hz > 0) || !(options.rate_hz < 1e6)) {
+    throw UsageError("option 'frame-rate': marker files state the frames a second; give those of the footage");
+  }
+  markers::ParseFilter(options.filter);
+}
+
+std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path) {
+  const markers::FilterSpec filter = markers::ParseFilter(options.filter);
+  std::vector<MarkerWork> list;
+  for (markers::MarkerTake& take : markers::MarkersOf(pose, options.rate_hz)) {
+    MarkerWork work;
+    work.before = std::move(take);
+    work.after = work.before;
+    work.filled = FillGaps(options.fill_frames, &work.after);
+    markers::Filter(filter, &work.after);
+    list.push_back(std::move(work));
+  }
+  if (list.empty()) throw FormatError(path, "", "no joint of anybody has a position");
+  return list;
+}
+
+void WriteMarkers(const std::vector<MarkerWork>& work, const MarkerOptions& options, const std::string& folder,
+                  const std::string& final_folder, CommandResult* result) {
+  Writer writer(folder, final_folder, result);
+  ordered_json persons = ordered_json::array();
+  for (const MarkerWork& person : work) {
+    WritePerson(person, options, &writer);
+    if (options.opensim) SayWhatOpenSimLacks(person.after, result);
+    persons.push_back(WorkJson(person));
+    result->text += Line(persons.back()) + "\n";
+  }
+  writer.Write("markers.html", MarkerPage(work, options), "report");
+  result->metrics["markers"] = {{"filter", ToText(markers::ParseFilter(options.filter))},
+                                {"rate_hz", options.rate_hz},
+                                {"fill_frames", options.fill_frames},
+                                {"persons", persons}};
+}
+
+}  // namespace mvstudio::app
