@@ -48,7 +48,7 @@ constexpr Command kCommands[] = {
     {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
     {"dataset", RegisterDataset},
     {"avatar template", RegisterAvatarTemplate},
-    {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},
+    {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},  // and texture, edit
     {"avatar pretrain", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrain)},
     {"avatar train", MVSTUDIO_NEEDS_TORCH(RegisterAvatarTrain)},  // and resume, info
     {"avatar eval", MVSTUDIO_NEEDS_TORCH(RegisterAvatarEval)},

@@ -49,6 +49,22 @@ Image AtlasImage(const std::array<Image, kNumParts>& charts) {
   return atlas;
 }
 
+std::optional<std::array<Image, kNumParts>> ChartsOfAtlas(const Image& atlas) {
+  int chart_px = 2;
+  while (chart_px < kMaxChartPx && AtlasSizePx(chart_px) < atlas.width) ++chart_px;
+  if (AtlasSizePx(chart_px) != atlas.width || atlas.height != atlas.width || atlas.channels != 3) return std::nullopt;
+  const int border = AtlasBorderPx(chart_px), cell = chart_px + 2 * border;
+  std::array<Image, kNumParts> charts;
+  for (int k = 0; k < kNumParts; ++k) {
+    Image& chart = charts[static_cast<size_t>(k)] = Image(chart_px, chart_px, 3);
+    for (int y = 0; y < chart_px; ++y) {
+      const uint8_t* row = atlas.Pixel(k % kAtlasSide * cell + border, k / kAtlasSide * cell + border + y);
+      std::copy_n(row, 3 * chart_px, chart.Pixel(0, y));
+    }
+  }
+  return charts;
+}
+
 Eigen::Vector2f AtlasUv(int part, const Eigen::Vector2f& chart_uv, int chart_px) {
   MVS_CHECK(part >= 1 && part <= kNumParts, "part " << part);
   const int border = AtlasBorderPx(chart_px), cell = chart_px + 2 * border, chart = part - 1;

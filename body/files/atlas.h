@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,10 @@ int AtlasSizePx(int chart_px);
 
 /// (A, A, 3) of charts that are square RGB images of one size; the cell that is left over is black.
 Image AtlasImage(const std::array<Image, kNumParts>& charts);
+
+/// The charts of an atlas, of AtlasImage or edited since: borders are not looked at. Nothing for a size that no atlas has, and
+/// for charts of less than 2 px.
+std::optional<std::array<Image, kNumParts>> ChartsOfAtlas(const Image& atlas);
 
 /// Chart coordinates in [0, 1] -> coordinates in the atlas, also in [0, 1], v down from the top: the centre of pixel (x, y) has
 /// u = (x + 0.5) / A, v = (y + 0.5) / A.

@@ -1,103 +1,65 @@
 #include "body/texture/bake.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "body/mesh_raster.h"
+#include "body/texture/weighted_median.h"
+#include "core/check.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
-#include "geometry/lens/camera.h"
 
 namespace mvstudio::body {
-namespace {
-
 using Eigen::Vector2d;
-using Eigen::Vector3d;
-using Eigen::Vector3f;
 
-/// Four masks around the pixel say person: no background is mixed in.
-bool InsideMask(const Image& mask, const Vector2d& px) {
-  constexpr double kReach = 1.5;
-  for (const Vector2d& by : {Vector2d(kReach, 0), Vector2d(-kReach, 0), Vector2d(0, kReach), Vector2d(0, -kReach)}) {
-    const int x = static_cast<int>(std::lround(px[0] + by[0])), y = static_cast<int>(std::lround(px[1] + by[1]));
-    if (x < 0 || y < 0 || x >= mask.width || y >= mask.height || *mask.Pixel(x, y) < 128) return false;
-  }
-  return true;
+TextureBaker::TextureBaker(const BodyTemplate& body, int size_px, int samples_per_texel)
+    : body_(body), map_(MapTexels(body, size_px)), num_samples_(samples_per_texel) {
+  MVS_CHECK(size_px >= 2 && samples_per_texel > 0 && samples_per_texel <= kMostSamples,
+            "charts of " << size_px << " px with " << samples_per_texel << " samples a texel");
+  samples_.resize(map_.face.size() * static_cast<size_t>(num_samples_));
 }
 
-/// Nothing of the body lies before `z`, and no edge of depth is near.
-bool Visible(const std::vector<float>& depth, int width, int height, const Vector2d& px, double z) {
-  constexpr double kTolerance = 0.02;  // m
-  const int cx = static_cast<int>(std::lround(px[0])), cy = static_cast<int>(std::lround(px[1]));
-  for (int y = cy - 1; y <= cy + 1; ++y) {
-    for (int x = cx - 1; x <= cx + 1; ++x) {
-      if (x < 0 || y < 0 || x >= width || y >= height) return false;
-      if (depth[static_cast<size_t>(y) * width + x] < z - kTolerance) return false;
-    }
-  }
-  return true;
-}
-
-std::array<uint8_t, 3> Bilinear(const Image& image, const Vector2d& px) {
-  const int x = std::clamp(static_cast<int>(px[0]), 0, image.width - 2),
-            y = std::clamp(static_cast<int>(px[1]), 0, image.height - 2);
-  const double fx = std::clamp(px[0] - x, 0.0, 1.0), fy = std::clamp(px[1] - y, 0.0, 1.0);
-  std::array<uint8_t, 3> out;
-  for (int c = 0; c < 3; ++c) {
-    const double top = (1 - fx) * image.Pixel(x, y)[c] + fx * image.Pixel(x + 1, y)[c];
-    const double bottom = (1 - fx) * image.Pixel(x, y + 1)[c] + fx * image.Pixel(x + 1, y + 1)[c];
-    out[c] = static_cast<uint8_t>(std::lround((1 - fy) * top + fy * bottom));
-  }
-  return out;
-}
-
-}  // namespace
-
-TextureBaker::TextureBaker(const BodyTemplate& body, int size_px)
-    : body_(body), map_(MapTexels(body, size_px)), samples_(map_.face.size() * kSamples) {}
-
-void TextureBaker::AddTexel(const TextureView& view, const std::vector<Vector3f>& in_cam, const std::vector<float>& depth,
-                            size_t texel) {
+void TextureBaker::AddTexel(const ViewSampler& sampler, int camera_idx, size_t texel) {
   const int face = map_.face[texel];
   if (face < 0) return;
-  const Vector3f corner[3] = {in_cam[body_.faces(0, face)], in_cam[body_.faces(1, face)], in_cam[body_.faces(2, face)]};
-  const Vector3f& b = map_.barycentric[texel];
-  const Vector3f x = b[0] * corner[0] + b[1] * corner[1] + b[2] * corner[2];
-  if (!(x[2] > 0.01f)) return;
-  const Vector3f normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
-  const float cosine = -normal.dot(x.normalized());
-  if (!(cosine > 0.25f)) return;
-  const geometry::Projector projector(view.camera.camera);
-  const geometry::Projection at = projector.Project(x.cast<double>());
-  if (at.status != Status::kOk || !InsideMask(view.mask, at.px)) return;
-  if (!Visible(depth, view.image.width, view.image.height, at.px, x[2])) return;
-  const float near = static_cast<float>(view.camera.camera.fx()) / x[2];
-  const Sample sample{cosine * cosine * near * near, view.camera_idx, Bilinear(view.image, at.px)};
-  Sample* list = samples_.data() + texel * kSamples;
+  const std::optional<ViewSample> seen = sampler.At(face, map_.barycentric[texel]);
+  if (!seen) return;
+  Sample* list = samples_.data() + texel * num_samples_;
   Sample* least =
-      std::min_element(list, list + kSamples, [](const Sample& a, const Sample& b2) { return a.weight < b2.weight; });
-  if (sample.weight > least->weight) *least = sample;
+      std::min_element(list, list + num_samples_, [](const Sample& a, const Sample& b) { return a.weight < b.weight; });
+  if (seen->weight > least->weight) *least = {seen->weight, camera_idx, seen->colour};
 }
 
 void TextureBaker::Add(const TextureView& view, const RunContext& run) {
   num_cameras_ = std::max(num_cameras_, view.camera_idx + 1);
-  const PartUvMap map = RasterizeBody(body_, view.vertices_in_world, view.camera);
-  std::vector<Vector3f> in_cam(view.vertices_in_world.cols());
-  for (size_t i = 0; i < in_cam.size(); ++i)
-    in_cam[i] = (view.camera.cam_from_world * Vector3d(view.vertices_in_world.col(i).cast<double>())).cast<float>();
+  const ViewSampler sampler(body_, view);
   const size_t chart = static_cast<size_t>(map_.size_px) * map_.size_px;
   ParallelFor(kNumParts, run.num_threads, [&](int64_t part) {
-    for (size_t t = 0; t < chart; ++t) AddTexel(view, in_cam, map.depth_m, static_cast<size_t>(part) * chart + t);
+    for (size_t t = 0; t < chart; ++t) AddTexel(sampler, view.camera_idx, static_cast<size_t>(part) * chart + t);
   });
+}
+
+bool TextureBaker::MedianOf(size_t texel, const std::vector<Eigen::Array3d>& gains, Eigen::Array3d* colour) const {
+  const Sample* list = samples_.data() + texel * num_samples_;
+  for (int c = 0; c < 3; ++c) {
+    std::vector<std::pair<double, double>> values;
+    for (int k = 0; k < num_samples_; ++k) {
+      if (list[k].weight > 0) values.emplace_back(list[k].colour[c] / gains[list[k].camera_idx][c], list[k].weight);
+    }
+    if (values.empty()) return false;
+    (*colour)[c] = WeightedMedian(std::move(values));
+  }
+  return true;
 }
 
 bool TextureBaker::ColourOf(size_t texel, const std::vector<Eigen::Array3d>& gains, Eigen::Array3d* colour) const {
   constexpr double kLevels = 15;  // samples that differ by more grey levels from the median are doubted
-  const Sample* list = samples_.data() + texel * kSamples;
-  std::array<Eigen::Array3d, kSamples> values;
+  const Sample* list = samples_.data() + texel * num_samples_;
+  std::array<Eigen::Array3d, kMostSamples> values;
   std::array<std::vector<double>, 3> channels;
-  for (int k = 0; k < kSamples; ++k) {
+  for (int k = 0; k < num_samples_; ++k) {
     if (!(list[k].weight > 0)) continue;
     for (int c = 0; c < 3; ++c) values[k][c] = list[k].colour[c] / gains[list[k].camera_idx][c];
     for (int c = 0; c < 3; ++c) channels[c].push_back(values[k][c]);
@@ -106,7 +68,7 @@ bool TextureBaker::ColourOf(size_t texel, const std::vector<Eigen::Array3d>& gai
   Eigen::Array3d median, sum = Eigen::Array3d::Zero();
   for (int c = 0; c < 3; ++c) median[c] = LinearQuantile(channels[c], 0.5);
   double total = 0;
-  for (int k = 0; k < kSamples; ++k) {
+  for (int k = 0; k < num_samples_; ++k) {
     if (!(list[k].weight > 0)) continue;
     const double weight = list[k].weight / (1 + (values[k] - median).square().mean() / (kLevels * kLevels));
     sum += weight * values[k], total += weight;
@@ -123,8 +85,8 @@ std::vector<Eigen::Array3d> TextureBaker::RelativeGains(const std::vector<Eigen:
   for (size_t t = 0; t < map_.face.size(); ++t) {
     Eigen::Array3d colour;
     if (!ColourOf(t, gains, &colour)) continue;
-    const Sample* list = samples_.data() + t * kSamples;
-    for (int k = 0; k < kSamples; ++k) {
+    const Sample* list = samples_.data() + t * num_samples_;
+    for (int k = 0; k < num_samples_; ++k) {
       for (int c = 0; list[k].weight > 0 && c < 3; ++c) {
         if (list[k].colour[c] >= kDark && list[k].colour[c] <= kBright && colour[c] >= kDark)
           logs[list[k].camera_idx][c].push_back(std::log(list[k].colour[c] / colour[c]));
@@ -153,6 +115,14 @@ std::vector<Eigen::Array3d> TextureBaker::Gains() const {
 }
 
 Textures TextureBaker::Finish(const std::vector<Eigen::Array3d>& gains) const {
+  return FinishBy(&TextureBaker::ColourOf, gains);
+}
+
+Textures TextureBaker::FinishMedian(const std::vector<Eigen::Array3d>& gains) const {
+  return FinishBy(&TextureBaker::MedianOf, gains);
+}
+
+Textures TextureBaker::FinishBy(ColourRule rule, const std::vector<Eigen::Array3d>& gains) const {
   Textures out;
   const int size = map_.size_px;
   const size_t chart = static_cast<size_t>(size) * size;
@@ -161,7 +131,7 @@ Textures TextureBaker::Finish(const std::vector<Eigen::Array3d>& gains) const {
     out[part] = Image(size, size, 3, 128);
     for (size_t t = 0; t < chart; ++t) {
       Eigen::Array3d colour;
-      if (!ColourOf(part * chart + t, gains, &colour)) continue;
+      if (!(this->*rule)(part * chart + t, gains, &colour)) continue;
       for (int c = 0; c < 3; ++c)
         out[part].pixels[3 * t + c] = static_cast<uint8_t>(std::lround(std::clamp(colour[c], 0.0, 255.0)));
       seen[part * chart + t] = 1;
@@ -176,8 +146,8 @@ double TextureBaker::SeenShare() const {
   for (size_t t = 0; t < map_.face.size(); ++t) {
     if (map_.face[t] < 0) continue;
     ++all;
-    for (int k = 0; k < kSamples; ++k)
-      if (samples_[t * kSamples + k].weight > 0) {
+    for (int k = 0; k < num_samples_; ++k)
+      if (samples_[t * num_samples_ + k].weight > 0) {
         ++seen;
         break;
       }
@@ -188,11 +158,7 @@ double TextureBaker::SeenShare() const {
 RenderedBody RenderBody(const BodyTemplate& body, const Textures& textures, const Eigen::Matrix3Xf& vertices_in_world,
                         const geometry::RigCamera& camera) {
   constexpr int kFiner = 4;
-  geometry::RigCamera fine = camera;
-  fine.camera.width_px *= kFiner, fine.camera.height_px *= kFiner;
-  fine.camera.params[0] *= kFiner, fine.camera.params[1] *= kFiner;
-  for (int k = 2; k < 4; ++k) fine.camera.params[k] = kFiner * (camera.camera.params[k] + 0.5) - 0.5;
-  const PartUvMap map = RasterizeBody(body, vertices_in_world, fine);
+  const PartUvMap map = RasterizeBody(body, vertices_in_world, FinerCamera(camera, kFiner));
   RenderedBody out{Image(camera.camera.width_px, camera.camera.height_px, 3),
                    Image(camera.camera.width_px, camera.camera.height_px, 1)};
   for (int y = 0; y < out.image.height; ++y) {
@@ -204,7 +170,7 @@ RenderedBody RenderBody(const BodyTemplate& body, const Textures& textures, cons
         if (map.part[at] == 0) continue;
         const Image& texture = textures[map.part[at] - 1];
         const auto colour =
-            Bilinear(texture, Vector2d(map.u[at] * texture.width - 0.5, map.v[at] * texture.height - 0.5).cwiseMax(0));
+            BilinearColour(texture, Vector2d(map.u[at] * texture.width - 0.5, map.v[at] * texture.height - 0.5).cwiseMax(0));
         for (int c = 0; c < 3; ++c) sum[c] += colour[c];
         ++count;
       }

@@ -1,23 +1,15 @@
-#include <filesystem>
 #include <memory>
 
 #include "app/nets/avatar_fit.h"
-#include "app/nets/avatar_fit_picture.h"
 #include "app/nets/avatar_train_data.h"
-#include "body/files/gltf.h"
+#include "cli/avatar/body_folder.h"
 #include "cli/avatar/split_options.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
-#include "core/disk/files.h"
-#include "core/disk/manifest.h"
 #include "core/disk/output.h"
-#include "core/error.h"
-#include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
 namespace {
-
-constexpr char kGlbFile[] = "body.glb", kPictureFile[] = "surface.png";
 
 struct FitArguments {
   std::string dataset, out, body_template = "mannequin";
@@ -28,42 +20,19 @@ struct FitArguments {
   double frame_rate_hz = 30;
 };
 
-void WriteGlb(const body::TexturedPerson& person, double frame_rate_hz, const std::string& path) {
-  const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), "atlas.png"), person.textures[0].width};
-  body::WriteBodyGlb(path, person.person.body, atlas, person.person.seen, frame_rate_hz);
-}
-
-void WritePicture(const body::TexturedPerson& person, const std::string& path, CommandResult* result) {
-  if (person.offset_sigma_m.size() == 0) return;
-  const app::SurfaceMaps maps = app::MapSurface(person);
-  WriteFileAtomic(path, dataset::EncodeImage(maps.picture, path));
-  result->outputs.push_back({path, "surface-maps"});
-  result->metrics["surface_maps"] = {{"offset_limit_mm", maps.offset_limit_mm}, {"sigma_limit_mm", maps.sigma_limit_mm}};
-}
-
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
   avatar::PersonFitOptions options = arguments.options;
   options.templates = app::TemplatesOf(arguments.body_template);
-  const std::vector<std::string> names = {body::kPersonFileName, kGlbFile, kPictureFile};
-  const OutputFolder place(arguments.out, {arguments.dataset}, names);
-  const std::string body_path = arguments.out + "/" + body::kPersonFileName, glb_path = arguments.out + "/" + kGlbFile,
-                    picture_path = arguments.out + "/" + kPictureFile;
-  if (std::filesystem::exists(body_path) && !arguments.overwrite)
-    throw UsageError("--out " + arguments.out + " holds a fitted body: choose another folder, or give --overwrite");
+  const OutputFolder place(arguments.out, {arguments.dataset}, BodyFolder::Names());
+  const BodyFolder folder(arguments.out, arguments.overwrite);
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
   result.metrics = app::ToJson(fit);
-  result.outputs = {{body_path, "body"}, {glb_path, "body-glb"}};
-  FilesTogether together;
-  WritePerson(fit.result, body_path);
-  WriteGlb(fit.result, arguments.frame_rate_hz, glb_path);
-  WritePicture(fit.result, picture_path, &result);
-  together.Commit();
-  if (result.outputs.back().path != picture_path) RemoveOurs({picture_path});  // of an older body
+  folder.Write(fit.result, arguments.frame_rate_hz, &result);
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
   return result;
@@ -99,6 +68,8 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });
+  RegisterAvatarTexture(avatar, registry);
+  RegisterAvatarEdit(avatar, registry);
 }
 
 }  // namespace mvstudio::cli

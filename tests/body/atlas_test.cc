@@ -50,6 +50,23 @@ TEST(Atlas, SamplesAsItsCharts) {
   }
 }
 
+TEST(Atlas, ChartsComeBackFromTheirAtlas) {
+  for (const int size : {2, 3, 16, 33, 64}) {
+    const auto charts = Charts(size), back = ChartsOfAtlas(AtlasImage(charts)).value();
+    for (size_t k = 0; k < kNumParts; ++k) EXPECT_EQ(back[k].pixels, charts[k].pixels) << size;
+  }
+  Image painted = AtlasImage(Charts(16));
+  painted.Pixel(0, 0)[0] ^= 255;  // a border
+  EXPECT_EQ((*ChartsOfAtlas(painted))[0].pixels, Charts(16)[0].pixels);
+}
+
+TEST(Atlas, OtherPicturesHaveNoCharts) {
+  const int size = AtlasSizePx(16);
+  for (const Image& image : {Image(0, 0, 3), Image(1, 1, 3), Image(15, 15, 3), Image(size + 1, size + 1, 3),
+                             Image(size, size + 1, 3), Image(size, size, 4), Image(size, size, 1)})
+    EXPECT_FALSE(ChartsOfAtlas(image)) << image.width << " x " << image.height;
+}
+
 TEST(Atlas, RefusesChartsOfDifferentSizes) {
   auto charts = Charts(4);
   charts[5] = Image(5, 4, 3);

@@ -4,10 +4,10 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <mutex>
 
+#include "avatar/io/pack/person_views.h"
 #include "body/fit/pose_by_images.h"
 #include "body/templates/read.h"
 #include "core/check.h"
@@ -15,62 +15,10 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
-#include "dataset/footage/image_io.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-constexpr double kFill = 0.85;  // of the crop; room for outlines that have to move outwards
-
-/// Where the images of a time step lie.
-struct Source {
-  int frame = 0;
-  const dataset::Coco19Pose* pose = nullptr;
-  std::vector<const geometry::RigCamera*> cameras;  // that have an image and a mask
-};
-
-std::vector<Source> FindSources(const dataset::PanopticDataset& data, const PersonFitOptions& options,
-                                const std::vector<int>& frames, std::vector<std::string>* missing) {
-  std::vector<Source> sources;
-  for (const int frame : frames) {
-    const auto poses = data.poses.find(frame);
-    if (poses == data.poses.end() || !poses->second.count(options.person)) continue;
-    Source source{frame, &poses->second.at(options.person), {}};
-    for (const std::string& name : options.cameras) {
-      const geometry::RigCamera& camera = data.rig.cameras.at(data.rig.Find(name));
-      const bool there =
-          std::filesystem::exists(data.ImagePath(name, frame)) && std::filesystem::exists(data.MaskPath(name, frame));
-      if (!there) missing->push_back("camera " + name + ", frame " + std::to_string(frame));
-      if (there && dataset::MeasurePerson(*source.pose, camera)) source.cameras.push_back(&camera);
-    }
-    if (!source.cameras.empty()) sources.push_back(source);
-  }
-  return sources;
-}
-
-/// Evenly spread time steps with at most `most` silhouettes.
-std::vector<Source> Thinned(const std::vector<Source>& sources, int most) {
-  size_t total = 0;
-  for (const Source& source : sources) total += source.cameras.size();
-  if (total == 0) return {};
-  const auto count =
-      static_cast<size_t>(std::ceil(static_cast<double>(sources.size()) * std::min(1.0, most / static_cast<double>(total))));
-  std::vector<Source> some;
-  for (size_t k = 0; k < count; ++k) some.push_back(sources[(2 * k + 1) * sources.size() / (2 * count)]);
-  return some;
-}
-
-Image Read(const dataset::PanopticDataset& data, const geometry::RigCamera& camera, int frame, bool mask) {
-  const std::string& name = camera.camera.name;
-  const std::string path = mask ? data.MaskPath(name, frame) : data.ImagePath(name, frame);
-  Image image = dataset::ReadImage(path, mask);
-  if (image.width != camera.camera.width_px || image.height != camera.camera.height_px)
-    throw FormatError(path, "",
-                      "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", the calibration says " +
-                          std::to_string(camera.camera.width_px) + "x" + std::to_string(camera.camera.height_px));
-  return image;
-}
 
 Image Grey(const Image& rgb) {
   Image grey(rgb.width, rgb.height, 1);
@@ -81,40 +29,18 @@ Image Grey(const Image& rgb) {
   return grey;
 }
 
-/// A pinhole view of the person, as fine as the source but not larger than `max_px`.
-geometry::RigCamera CropFor(const geometry::RigCamera& camera, const dataset::Coco19Pose& pose, int max_px) {
-  const dataset::PersonExtent extent = *dataset::MeasurePerson(pose, camera);
-  const double focal = PinholeOf(camera.camera).fx();
-  const double source_px = 2 * extent.half_extent_m / extent.middle_in_cam.norm() * focal / kFill;
-  const int size = std::clamp(static_cast<int>(std::lround(source_px)), 64, max_px);
-  return dataset::CropCamera(camera, extent.middle_in_cam, extent.half_extent_m, kFill, size);
-}
-
-struct Crop {
-  geometry::RigCamera camera;
-  Image image, mask;
-};
-
-Crop ReadCrop(const dataset::PanopticDataset& data, const Source& source, const geometry::RigCamera& camera, int max_px) {
-  Crop crop{CropFor(camera, *source.pose, max_px), {}, {}};
-  const dataset::ResampleMap map(camera, crop.camera);
-  crop.image = map.Picture(Read(data, camera, source.frame, false));
-  crop.mask = map.Picture(Read(data, camera, source.frame, true));
-  return crop;
-}
-
-std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const std::vector<Source>& sources,
+std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const std::vector<PersonStep>& sources,
                                      const PersonFitOptions& options, bool brightness, const RunContext& run) {
   std::vector<body::FitStep> steps(sources.size());
   ProgressStage stage(run, "reading silhouettes", static_cast<int64_t>(sources.size()));
   std::mutex mutex;
   ParallelFor(static_cast<int64_t>(sources.size()), run.num_threads, [&](int64_t i) {
-    const Source& source = sources[i];
+    const PersonStep& source = sources[i];
     body::FitStep& step = steps[i];
     step.frame = source.frame;
     step.joints.x_in_world = source.pose->x_in_world, step.joints.valid = dataset::PlausibleJoints(*source.pose);
     for (const geometry::RigCamera* camera : source.cameras) {
-      Crop crop = ReadCrop(data, source, *camera, options.max_px);
+      PersonCrop crop = ReadPersonCrop(data, source, *camera, options.max_px);
       step.views.push_back({camera->camera.name, crop.camera, std::make_shared<body::MaskOutline>(std::move(crop.mask)),
                             brightness ? std::make_shared<Image>(Grey(crop.image)) : nullptr});
     }
@@ -125,14 +51,14 @@ std::vector<body::FitStep> ReadSteps(const dataset::PanopticDataset& data, const
 }
 
 /// The time steps that the body was posed in, without the rejected silhouettes.
-std::vector<Source> PosedSources(const std::vector<Source>& sources, const PersonFit& fit) {
+std::vector<PersonStep> PosedSources(const std::vector<PersonStep>& sources, const PersonFit& fit) {
   const auto is_rejected = [&](int frame, const geometry::RigCamera* camera) {
     return std::any_of(fit.fit.rejected.begin(), fit.fit.rejected.end(), [&](const body::RejectedView& view) {
       return view.frame == frame && view.camera == camera->camera.name;
     });
   };
-  std::vector<Source> posed;
-  for (Source source : sources) {
+  std::vector<PersonStep> posed;
+  for (PersonStep source : sources) {
     auto& cameras = source.cameras;
     cameras.erase(std::remove_if(cameras.begin(), cameras.end(),
                                  [&](const geometry::RigCamera* camera) { return is_rejected(source.frame, camera); }),
@@ -143,17 +69,17 @@ std::vector<Source> PosedSources(const std::vector<Source>& sources, const Perso
 }
 
 /// Colours by all cameras in time steps spread evenly.
-void BakeTextures(const dataset::PanopticDataset& data, const std::vector<Source>& sources, const PersonFitOptions& options,
+void BakeTextures(const dataset::PanopticDataset& data, const std::vector<PersonStep>& sources, const PersonFitOptions& options,
                   const RunContext& run, PersonFit* out) {
   const body::PersonBody& person = out->result.person;
-  const std::vector<Source> posed = Thinned(PosedSources(sources, *out), options.max_texture_views);
+  const std::vector<PersonStep> posed = ThinnedSteps(PosedSources(sources, *out), options.max_texture_views);
   body::TextureBaker baker(person.body, options.texture_px);
   std::map<std::string, int> cameras;
   ProgressStage stage(run, "baking the texture", static_cast<int64_t>(posed.size()));
-  for (const Source& source : posed) {
+  for (const PersonStep& source : posed) {
     const body::BodyPose pose = ToBodyPose(person.body, person.seen.at(source.frame));
     for (const geometry::RigCamera* camera : source.cameras) {
-      Crop crop = ReadCrop(data, source, *camera, options.max_px);
+      PersonCrop crop = ReadPersonCrop(data, source, *camera, options.max_px);
       const int camera_idx = cameras.emplace(camera->camera.name, static_cast<int>(cameras.size())).first->second;
       baker.Add({crop.camera, std::move(crop.image), std::move(crop.mask), SkinVertices(person.body, pose), camera_idx}, run);
     }
@@ -174,11 +100,11 @@ void PoseOthers(const dataset::PanopticDataset& data, const PersonFitOptions& op
     if (!seen.count(frame)) frames.push_back(frame);
   }
   std::vector<std::string> missing;  // nothing that a pose depends on
-  const std::vector<Source> sources = FindSources(data, options, frames, &missing);
+  const std::vector<PersonStep> sources = FindPersonSteps(data, options.person, options.cameras, frames, &missing);
   const body::MeanBrightness* brightness = out->fit.brightness ? &*out->fit.brightness : nullptr;
   std::vector<double> before, after;
   for (size_t at = 0; at < sources.size(); at += kBatch) {
-    const std::vector<Source> batch(sources.begin() + at, sources.begin() + std::min(sources.size(), at + kBatch));
+    const std::vector<PersonStep> batch(sources.begin() + at, sources.begin() + std::min(sources.size(), at + kBatch));
     const body::StepPoses posed =
         body::PoseByImages(out->result.person, brightness, ReadSteps(data, batch, options, brightness != nullptr, run), run);
     seen.insert(posed.poses.begin(), posed.poses.end());
@@ -227,12 +153,12 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   MVS_CHECK(!options.templates.empty() && options.max_silhouettes > 0 && options.max_px >= 64 && options.texture_px >= 2,
             "options of the fit");
   PersonFit out;
-  const std::vector<Source> all = FindSources(data, options, options.frames, &out.missing);
+  const std::vector<PersonStep> all = FindPersonSteps(data, options.person, options.cameras, options.frames, &out.missing);
   if (all.empty())
     throw UsageError(
         "no training frame of person " + std::to_string(options.person) +
         " has an image with a mask: a body cannot be fitted; build masks (`mvstudio mask`) or take option 'fit' off");
-  const std::vector<Source> sources = Thinned(all, options.max_silhouettes);
+  const std::vector<PersonStep> sources = ThinnedSteps(all, options.max_silhouettes);
   std::vector<body::FitStep> steps = ReadSteps(data, sources, options, options.use_brightness, run);
   body::HoldOutViews(&steps);
   FitTemplates(steps, options, run, &out);

@@ -43,6 +43,8 @@ void CheckOptions(const RenderOptions& o) {
     if (!ok) throw UsageError(text);
   };
   require(o.poses.empty() || o.bvh.empty(), "option 'poses' and option 'bvh' exclude each other");
+  require(!o.rest_pose || (o.poses.empty() && o.bvh.empty() && o.frames.empty()),
+          "option 'rest-pose' is a pose: leave option 'poses', option 'bvh' and option 'frames' out");
   require(o.turntable >= 0 && o.turntable <= 100000, "option 'turntable' must be in 0..100000");
   require(o.turntable == 0 || (o.cameras.empty() && o.calib.empty()),
           "option 'turntable' has a camera of its own: leave option 'cameras' and option 'calib' out");
@@ -67,9 +69,27 @@ std::vector<int> WithPerson(const dataset::PanopticDataset& data, const PoseTrac
   return with;
 }
 
+/// The body that the avatar sees: the person's own, or the template with their girths.
+void TakeBody(const RunConfig& config, RenderPlan* plan) {
+  if (config.pack.template_input_px == 0 && !config.pack.keep_views) return;
+  plan->fitted = config.pack.fitted;
+  if (!plan->fitted) plan->body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
+}
+
+/// One pose: that of the body at rest.
+PoseTrack RestTrack(const RenderPlan& plan) {
+  const body::BodyTemplate body = plan.fitted ? plan.fitted->person.body : plan.body ? *plan.body : body::MakeMannequin();
+  Coco19Pose pose;
+  pose.x_in_world = body.coco19;
+  pose.valid.fill(true), pose.confidence.fill(1);
+  PoseTrack track;
+  track.source = "the body at rest", track.frames = {0}, track.poses = {pose};
+  return track;
+}
+
 /// The poses asked for and, of other people, in the trained person's size and place.
 void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o, RenderPlan* plan) {
-  plan->foreign = !o.poses.empty() || !o.bvh.empty();
+  plan->foreign = !o.poses.empty() || !o.bvh.empty() || o.rest_pose;
   if (!plan->foreign) {
     const std::vector<int>& usual = config.split.holdout_frames;
     const PoseTrack track = TrackOf(data, config.pack.person);
@@ -78,6 +98,11 @@ void TakePoses(const RunConfig& config, const dataset::PanopticDataset& data, co
   }
   const std::vector<Coco19Pose> training = TrainingPoses(config, data);
   const SkeletonSize trained = MeasureSkeleton(training);
+  if (o.rest_pose) {
+    plan->track = RestTrack(*plan);
+    Shift(&plan->track, trained.ground - MeasureSkeleton(plan->track.poses).ground);
+    return;
+  }
   PoseTrack track =
       o.bvh.empty() ? ReadPoseTrack(o.poses, o.pose_person) : PosesFromBvh(ReadBvh(o.bvh), MeasureHead(training), o.bvh);
   const SkeletonSize own = MeasureSkeleton(track.poses);
@@ -227,12 +252,9 @@ std::optional<Eigen::Matrix3Xf> RenderPlan::Vertices(const dataset::Coco19Pose& 
 RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& options) {
   CheckOptions(options);
   RenderPlan plan;
+  TakeBody(config, &plan);
   TakePoses(config, data, options, &plan);
   TakeJoints(config, data, &plan);
-  if (config.pack.template_input_px > 0 || config.pack.keep_views) {
-    plan.fitted = config.pack.fitted;
-    if (!plan.fitted) plan.body = std::make_shared<const body::BodyTemplate>(ScaleGirth(body::MakeMannequin(), config.shape));
-  }
   plan.rate_hz = plan.track.rate_hz / std::max(1, UsualStep(plan.track.frames));
   if (options.turntable > 0) {
     const bool moves = plan.track.poses.size() > 1;

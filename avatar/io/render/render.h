@@ -44,6 +44,7 @@ struct RenderOptions {
   std::string poses;
   std::string bvh;
   int pose_person = -1;
+  bool rest_pose = false;
   int every = 1;
   ScaleNormalise scale_normalise = ScaleNormalise::kOn;
   RenderPlace place = RenderPlace::kAuto;
@@ -67,6 +68,7 @@ void VisitFields(Visitor&& visit, RenderOptions& o) {
         "points.csv (pose3d)");
   visit("bvh", o.bvh, "poses of an animation file (Biovision hierarchy)");
   visit("pose-person", o.pose_person, "person id in option 'poses'; -1: the one with most frames");
+  visit("rest-pose", o.rest_pose, "the pose of the body template, arms spread, where the trained person was");
   visit("every", o.every, "use every n-th of the frames");
   visit("scale-normalise", o.scale_normalise,
         "on: poses of option 'poses' and option 'bvh' get the trained person's bone lengths and steps; off: they stay as they "

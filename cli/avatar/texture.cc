@@ -1,0 +1,51 @@
+#include <memory>
+
+#include "app/nets/avatar_texture.h"
+#include "cli/avatar/body_folder.h"
+#include "cli/program/commands.h"
+#include "cli/program/options.h"
+#include "core/disk/output.h"
+
+namespace mvstudio::cli {
+namespace {
+
+struct TextureArguments {
+  std::string source, out;
+  bool overwrite = false;
+  double frame_rate_hz = 30;
+  app::TextureOptions options;
+};
+
+CommandResult RunTexture(const TextureArguments& arguments, CommandContext& context) {
+  const app::TextureSource source = app::OpenTextureSource(arguments.source, arguments.options.dataset);
+  CommandResult result;
+  result.folder = arguments.out, result.inputs = {arguments.source, source.data.root};
+  const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());
+  const BodyFolder folder(arguments.out, arguments.overwrite);
+  const app::TextureResult made = app::MakeTexture(source, arguments.options, context.run);
+  result.metrics = app::ToJson(made);
+  result.text = app::ToTable(made);
+  body::TexturedPerson person = source.body;
+  person.textures = made.textures;
+  folder.Write(person, arguments.frame_rate_hz, &result);
+  return result;
+}
+
+}  // namespace
+
+void RegisterAvatarTexture(CLI::App& avatar, Registry& registry) {
+  auto a = std::make_shared<TextureArguments>();
+  CLI::App* sub = avatar.add_subcommand("texture", "Make the colours of a fitted body anew");
+  AddOption(
+      sub, "source", a->source,
+      "training run whose body gets them, or a fitted body, with --dataset. Only what was trained on, or what the body was "
+      "fitted to, is looked at; a run's validation images score")
+      ->required();
+  AddOption(sub, "--out", a->out, "folder for the body")->required();
+  AddOptions(sub, a->options);
+  AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
+  registry.Add(sub, "avatar texture", [a](CommandContext& context) { return RunTexture(*a, context); });
+}
+
+}  // namespace mvstudio::cli
