@@ -25,6 +25,8 @@ MAY_INCLUDE = {
     "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens/models", "geometry/lens"},
     "body": CORE | GEOMETRY,
     "body/fit": CORE | GEOMETRY | {"body"},
+    "body/soft": CORE | GEOMETRY | {"body", "body/fit"},
+    "body/dynamic": CORE | GEOMETRY | {"body", "body/fit"},
     "body/texture": CORE | GEOMETRY | {"body"},
     "body/makehuman": CORE | GEOMETRY | {"body"},
     "body/smpl": CORE | GEOMETRY | {"body", "body/files"},
