@@ -16,7 +16,7 @@ constexpr ChoiceWords<DynamicMode, 4> kModes = {{{DynamicMode::kAuto, "auto"},
                                                  {DynamicMode::kLinear, "linear"},
                                                  {DynamicMode::kNetwork, "network"}}};
 
-constexpr OffsetStiffness kStiffnesses[] = {{3e-4, 0.1, 0.01}, {1e-3, 0.3, 0.02}, {3e-3, 1, 0.04}};
+constexpr double kOffsetSigmasM[] = {0.0025, 0.005, 0.01};  // of which the judge chooses
 
 double MeanGain(const std::vector<BlockGain>& gains) {
   double sum = 0;
@@ -84,10 +84,10 @@ void FromString(const std::string& text, DynamicMode* mode) {
 
 std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training) {
   std::vector<OffsetTrainer> trainers;
-  for (const OffsetStiffness& stiffness : kStiffnesses) {
+  for (const double sigma_m : kOffsetSigmasM) {
     LinearTrainingOptions options;
-    options.stiffness = stiffness;
-    trainers.push_back({Format("linear offsets, smooth to %.1f mm", 1e3 * stiffness.laplacian_sigma_m),
+    options.stiffness.offset_sigma_m = sigma_m;
+    trainers.push_back({Format("linear offsets of %.1f mm", 1e3 * sigma_m),
                         [training, options](const std::vector<int>& indices) { return training->Train(indices, options); }});
   }
   return trainers;

@@ -20,9 +20,9 @@ struct OffsetPull {
 
 /// How freely weights vary over the surface, for a value of one; all in metres but the strain.
 struct OffsetStiffness {
-  double laplacian_sigma_m = 1e-3;  ///< of a weight against the mean of its neighbours'
-  double strain_sigma = 0.3;        ///< of the difference of two neighbours' weights, over their edge's length
-  double offset_sigma_m = 0.03;     ///< of a weight itself
+  double laplacian_sigma_m = 5e-4;  ///< of a weight against the mean of its neighbours'
+  double strain_sigma = 0.2;        ///< of the difference of two neighbours' weights, over their edge's length
+  double offset_sigma_m = 0.005;    ///< of a weight itself
 };
 
 /// What stiffness alone asks of each column of weights: the normal matrix (V, V).

@@ -7,8 +7,8 @@ namespace mvstudio::body {
 
 struct LinearTrainingOptions {
   OffsetStiffness stiffness;
-  int most_components = 3;
-  int looks = 2;         ///< how often outlines are looked at, each time from the surface so far
+  int most_components = 6;
+  int looks = 1;         ///< how often outlines are looked at, each time from the surface so far
   double most_m = 0.1;   ///< of an offset in the poses it is trained on
   double reach_px = 16;  ///< of an outline
 };
