@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "app/nets/avatar_dynamic.h"
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/format.h"
@@ -188,6 +189,7 @@ Json ToJson(const avatar::PersonFit& person) {
           {"camera_gains", GainsJson(person)},
           {"templates", TemplatesJson(person)},
           {"stages", StagesJson(fit)},
+          {"dynamic", ToJson(person.dynamic)},
           {"cameras", CamerasJson(fit)},
           {"rejected", rejected}};
 }
@@ -253,6 +255,7 @@ std::string ToTable(const avatar::PersonFit& person) {
         Format("\nsurface: standard deviation %.1f mm in the median, %.1f at 95 %%; %.0f %% of it known to 10 mm\n",
                sigma["median"].get<double>(), sigma["quantile_95"].get<double>(), 100 * sigma["share_below_10"].get<double>());
   }
+  text += ToTable(person.dynamic);
   if (person.tracked.frames > 0) {
     text += Format("\n%d further frames posed by images: IoU %.4f by joints alone, %.4f\n", person.tracked.frames,
                    person.tracked.iou_before, person.tracked.iou);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "body/dynamic/dynamic_fit.h"
 #include "body/files/textured_person.h"
 #include "body/fit/fit_body.h"
 #include "core/progress.h"
@@ -25,6 +26,7 @@ struct PersonFitOptions {
   int max_texture_views = 150;
   bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
+  body::DynamicMode dynamic = body::DynamicMode::kAuto;
 };
 
 /// One of several templates.
@@ -46,6 +48,7 @@ struct PersonFit {
   body::TexturedPerson result;
   body::BodyFit fit;  ///< without `person`, which is in `result`
   std::vector<TemplateFit> templates;
+  body::DynamicFit dynamic;
   TrackedFrames tracked;
   std::map<std::string, Eigen::Array3d> camera_gains;  ///< red, green, blue, by camera; taken out of the colours
   double texture_seen = 0;                             ///< share of the texels that some image showed
