@@ -203,7 +203,7 @@ TEST(Trackers, WhatCannotBeReadEndsWithOneLineThatSaysWhatToDo) {
   words.back() = "cam_3=" + (folder / "a.slp");
   const CliRun slp = RunCli(words);
   EXPECT_EQ(slp.exit, 3);
-  EXPECT_THAT(slp.err, AllOf(HasSubstr("SLEAP project"), HasSubstr("sleap-convert --format analysis")));
+  EXPECT_THAT(slp.err, AllOf(HasSubstr("SLEAP project"), HasSubstr("Export Analysis HDF5")));
   std::filesystem::create_directory(folder / "json");
   words.back() = "cam_3=" + (folder / "json");
   const CliRun mixed = RunCli(words);
