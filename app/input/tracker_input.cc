@@ -34,7 +34,7 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
                                 camera.track.camera + ": " + std::to_string(camera.individuals.size()) + " individuals (" +
                                     SomeOf(camera.individuals) +
                                     "); they are matched across cameras by their places, and numbered, without their names",
-                                "--max-persons says how many are kept"});
+                                "option 'max-persons' says how many are kept"});
   }
 }
 
@@ -90,7 +90,7 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
     result->warnings.push_back({"POSE-POINTS-BEYOND",
                                 std::to_string(points.num_beyond) + " rows are of points that skeleton " + skeleton +
                                     " does not have, and are left out",
-                                "leave --skeleton out to keep every point under its number"});
+                                "leave option 'skeleton' out to keep every point under its number"});
   }
   return std::move(points.set);
 }

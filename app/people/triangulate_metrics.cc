@@ -133,10 +133,10 @@ void PointStatistics::WarnOfPersons(int max_persons, CommandResult* result) cons
   if (num_crowded_ == 0) return;
   result->warnings.push_back(
       {"TRI-PERSONS-LEFT-OUT",
-       Format("two cameras or more see up to %d people at once, in %d of %d frames; --max-persons %d keeps "
+       Format("two cameras or more see up to %d people at once, in %d of %d frames; option 'max-persons' %d keeps "
               "the best supported, the others are left out",
               most_persons_, num_crowded_, num_frames_, max_persons),
-       "--max-persons " + std::to_string(most_persons_) + " keeps them"});
+       "option 'max-persons' " + std::to_string(most_persons_) + " keeps them"});
 }
 
 void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* result) const {

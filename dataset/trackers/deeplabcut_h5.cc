@@ -110,9 +110,10 @@ std::string FindTable(const ForeignHdf5& file) {
   if (tables.size() == 1) return tables[0];
   if (!tables.empty()) file.Fail("/", "holds several pandas tables and none is called df_with_missing");
   if (file.Has("/instances") && file.Has("/frames")) {
-    file.Fail("",
-              "a SLEAP project (.slp); export each video: File > Export Analysis HDF5, or "
-              "sleap-convert --format analysis -o CAMERA.h5 PROJECT.slp, and give that file");
+    file.Fail(
+        "",
+        "a SLEAP project (.slp); export each video in SLEAP (File > Export Analysis HDF5, or the program sleap-convert with "
+        "format analysis) and give that file");
   }
   file.Fail("/", "neither a table of DeepLabCut (df_with_missing) nor SLEAP's analysis file (tracks, node_names)");
 }

@@ -123,7 +123,7 @@ TEST_F(DeepLabCut, DamagedHdf5GivesOneLineAndNothingElse) {
     EXPECT_THAT(message(whole.substr(0, size)), AllOf(HasSubstr("d.h5"), HasSubstr("cut off"))) << size;
   }
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadTrackerFile(Sample("tracker_hdf5/project.slp"), "a"); }),
-              AllOf(HasSubstr("SLEAP project"), HasSubstr("--format analysis")));
+              AllOf(HasSubstr("SLEAP project"), HasSubstr("Export Analysis HDF5")));
 }
 
 TEST(PickledNames, EveryProtocolGivesTheSame) {
