@@ -9,6 +9,7 @@
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
+#include "app/people/human_shape.h"
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
@@ -222,6 +223,8 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   statistics.WarnOfAbsence(input, result);
   AddComparisons(arguments, result);
   app::CheckConsistency(take, input.rig, result);
+  app::CheckLimbs(take, input, result);
+  app::CheckUp(take, input, result);
   app::CheckLoss(statistics, result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;
