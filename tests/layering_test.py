@@ -67,6 +67,7 @@ MAY_INCLUDE = {
                                         "dataset/panoptic", "dataset/masks"},
     "dataset/pack": CORE | GEOMETRY | {"dataset/json", "dataset/footage", "dataset/pose", "dataset/panoptic", "dataset/views",
                                        "dataset/colour", "dataset/verify"},
+    "dataset/trackers": CORE | GEOMETRY | {"body", "dataset/pose", "dataset/pack"},
     "detect/tfjs": CORE,
     "detect/models": CORE | {"detect/tfjs"},
     "detect/joints": CORE | GEOMETRY | {"body", "dataset/pose", "detect/tfjs", "detect/models"},

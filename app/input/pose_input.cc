@@ -6,6 +6,7 @@
 
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
+#include "app/input/tracker_input.h"
 #include "core/error.h"
 
 namespace mvstudio::app {
@@ -32,17 +33,41 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
   result->inputs.push_back(arguments.calib);
-  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, {});
+  CalibReadOptions read;
+  if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "calib-unit", &read.unit);
+  const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
   AddNotes(imported.notes, result);
   input.rig = imported.rig;
   return input;
 }
 
-void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
-  input->skeleton = SkeletonOf(arguments);
+void CheckNamedOnce(const std::vector<NamedPath>& pose2d) {
   std::set<std::string> seen;
+  for (const NamedPath& named : pose2d) {
+    if (!seen.insert(named.name).second) throw UsageError("option 'pose2d' names camera " + named.name + " twice");
+  }
+}
+
+void TakeSet(dataset::Pose2dSet set, const std::vector<std::string>& paths, CommandResult* result, PoseInput* input) {
+  input->skeleton = std::move(set.skeleton);
+  input->tracks = std::move(set.tracks);
+  result->inputs.insert(result->inputs.end(), paths.begin(), paths.end());
+  ListSkipped(set.skipped, result);
+  for (const dataset::Pose2dTrack& track : input->tracks) ListSkipped(track.skipped, result);
+}
+
+std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
+  std::vector<std::string> paths;
+  for (const NamedPath& named : pose2d) paths.push_back(named.path);
+  return paths;
+}
+
+void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
+  CheckNamedOnce(arguments.pose2d);
+  if (HasTrackerFile(arguments.pose2d))
+    return TakeSet(ReadTrackerFiles(arguments.pose2d, arguments.skeleton, result), PathsOf(arguments.pose2d), result, input);
+  input->skeleton = SkeletonOf(arguments);
   for (const auto& [camera, path] : arguments.pose2d) {
-    if (!seen.insert(camera).second) throw UsageError("option 'pose2d' names camera " + camera + " twice");
     const bool file = std::filesystem::is_regular_file(path);
     input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
                                  : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
@@ -62,16 +87,6 @@ void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& 
         {"TRI-DUPLICATE", name + " has the lens and the place of " + original + ": it counts once where their pixels agree",
          "leave one of the two out"});
   }
-}
-
-void ReadPoints(const PoseArguments& arguments, CommandResult* result, PoseInput* input) {
-  const bool named = !arguments.skeleton.empty();
-  dataset::Pose2dSet set =
-      dataset::ReadPose2dCsv(arguments.points2d, named ? &body::SkeletonByName(arguments.skeleton) : nullptr);
-  input->skeleton = std::move(set.skeleton);
-  input->tracks = std::move(set.tracks);
-  result->inputs.push_back(arguments.points2d);
-  ListSkipped(set.skipped, result);
 }
 
 void CheckCameras(const PoseInput& input, CommandResult* result) {
@@ -101,7 +116,7 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   if (arguments.points2d.empty()) {
     ReadTracks(arguments, {}, result, &input);
   } else {
-    ReadPoints(arguments, result, &input);
+    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
   }
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, result);

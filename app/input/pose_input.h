@@ -17,9 +17,10 @@ namespace mvstudio::app {
 
 struct PoseArguments {
   std::string calib;
-  std::string skeleton;           ///< empty: body25, or the joints named in the table of points
-  std::string points2d;           ///< table of points of all cameras, instead of pose2d
-  std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, one per camera
+  std::string calib_unit;         ///< of a calibration that names none: m, cm, mm, in; empty: m
+  std::string skeleton;           ///< empty: body25, or the joints named in the table of points, DeepLabCut's or SLEAP's files
+  std::string points2d;           ///< table of points of all cameras, ours or caliscope's, instead of pose2d
+  std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
 };
 
 struct PoseInput {

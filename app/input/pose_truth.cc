@@ -7,6 +7,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/markers.h"
 
 namespace mvstudio::app {
 namespace {
@@ -25,22 +26,30 @@ std::map<int, std::map<int, dataset::Coco19Pose>> ReadScenes(const std::vector<s
 
 }  // namespace
 
-dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align) {
+TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options) {
+  const bool align = options.align;
+  if (dataset::IsMarkerFile(truth)) {
+    const dataset::MarkerFile markers = dataset::ReadMarkers(truth, options.marker_unit);
+    const dataset::JointTable reference = dataset::ToTable(markers.pose.rows);
+    return {ComparePose3d(dataset::ToTable(pose.rows), reference, align), markers.unit, markers.y_up ? "y" : "z"};
+  }
   namespace fs = std::filesystem;
   const fs::path path(truth);
   const std::vector<std::string> scenes = FilesNamed(truth, "body3DScene_", ".json");
-  if (!scenes.empty()) return ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align);
+  if (!scenes.empty()) return {ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align)};
   const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
   if (!fs::exists(table))
-    throw IoError(truth, "option 'truth' is neither a points.csv nor a folder with body3DScene_*.json or points.csv");
+    throw IoError(
+        truth, "option 'truth' is neither a points.csv nor a .trc or .c3d nor a folder with body3DScene_*.json or points.csv");
   const dataset::JointTable reference = dataset::ToTable(dataset::ReadPointsCsv(table.string()));
   const fs::path header = table.parent_path() / "pose3d.json";
   const bool coco19 =
       pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
-  return ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align);
+  return {ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align)};
 }
 
-nlohmann::ordered_json ComparisonToJson(const dataset::Pose3dComparison& comparison) {
+nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {
+  const dataset::Pose3dComparison& comparison = truth.comparison;
   nlohmann::ordered_json json = {
       {"median_mm", comparison.median_mm}, {"mean_mm", comparison.mean_mm}, {"p95_mm", comparison.p95_mm},
       {"max_mm", comparison.max_mm},       {"num", comparison.num},         {"aligned", comparison.aligned}};
@@ -48,6 +57,7 @@ nlohmann::ordered_json ComparisonToJson(const dataset::Pose3dComparison& compari
     json["coverage68"] = comparison.coverage68;
     json["coverage95"] = comparison.coverage95;
   }
+  if (!truth.unit.empty()) json["unit"] = truth.unit, json["up"] = truth.up;
   return json;
 }
 

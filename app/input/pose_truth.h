@@ -8,10 +8,20 @@
 
 namespace mvstudio::app {
 
-/// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, or a single table. Throws IoError,
-/// FormatError.
-dataset::Pose3dComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, bool align);
+struct TruthOptions {
+  bool align = false;            ///< removes the best rigid motion first
+  std::string marker_unit = {};  ///< of .trc and .c3d files, instead of what they state
+};
 
-nlohmann::ordered_json ComparisonToJson(const dataset::Pose3dComparison& comparison);
+struct TruthComparison {
+  dataset::Pose3dComparison comparison;
+  std::string unit = {}, up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+};
+
+/// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, a single table, or a file of markers.
+/// Throws IoError, FormatError.
+TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options);
+
+nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth);
 
 }  // namespace mvstudio::app

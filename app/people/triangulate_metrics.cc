@@ -79,6 +79,19 @@ ordered_json MethodMetrics(const triangulate::MethodChoice& choice) {
   return list;
 }
 
+/// People that two cameras see at once: the second largest number of detections.
+int SeenByTwo(const triangulate::DetectedFrame& frame) {
+  size_t first = 0, second = 0;
+  for (const auto& people : frame.people) {
+    if (people.size() > first) {
+      second = first, first = people.size();
+    } else {
+      second = std::max(second, people.size());
+    }
+  }
+  return static_cast<int>(second);
+}
+
 }  // namespace
 
 PointStatistics::PointStatistics(int num_joints, std::vector<std::pair<int, int>> limbs)
@@ -110,7 +123,20 @@ void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& f
     num_carriable_ += NumCarriable(frame, options.min_score, options.max_persons, options.min_views);
     frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
     for (size_t c = 0; c < frame.people.size(); ++c) frames_with_people_[c] += !frame.people[c].empty();
+    const int seen = SeenByTwo(frame);
+    num_crowded_ += seen > options.max_persons;
+    most_persons_ = std::max(most_persons_, seen);
   }
+}
+
+void PointStatistics::WarnOfPersons(int max_persons, CommandResult* result) const {
+  if (num_crowded_ == 0) return;
+  result->warnings.push_back(
+      {"TRI-PERSONS-LEFT-OUT",
+       Format("two cameras or more see up to %d people at once, in %d of %d frames; --max-persons %d keeps "
+              "the best supported, the others are left out",
+              most_persons_, num_crowded_, num_frames_, max_persons),
+       "--max-persons " + std::to_string(most_persons_) + " keeps them"});
 }
 
 void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* result) const {

@@ -20,6 +20,9 @@ class PointStatistics {
   /// Warns of cameras that almost never see anybody.
   void WarnOfAbsence(const PoseInput& input, CommandResult* result) const;
 
+  /// Warns of frames in which two cameras or more see more people than are kept.
+  void WarnOfPersons(int max_persons, CommandResult* result) const;
+
   int num_ok() const { return static_cast<int>(rms_px_.size()); }
   int num_tried() const { return num_tried_; }
   /// Number of joints that enough cameras see for a point.
@@ -32,8 +35,8 @@ class PointStatistics {
   std::vector<float> rms_px_, sigma_mm_;                           // of points with status kOk
   std::vector<std::vector<float>> joint_rms_px_, joint_sigma_mm_;  // the same by joint
   std::vector<triangulate::LimbLength> limb_lengths_;
-  std::vector<int> frames_with_people_;  // by camera
-  int num_frames_ = 0;
+  std::vector<int> frames_with_people_;                      // by camera
+  int num_frames_ = 0, num_crowded_ = 0, most_persons_ = 0;  // frames with more people than are kept
   int num_lower_bounds_ = 0;  // points whose sigma holds the calibration's part of some of their cameras only
   int num_tried_ = 0, num_persons_ = 0;
   int64_t num_carriable_ = 0;

@@ -247,13 +247,16 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
   AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
           "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
-  AddChoices(sub, "--pose2d", arguments.pose2d, "--from-keypoints: NAME=FOLDER of OpenPose JSON files; repeat for each camera");
+  AddChoices(
+      sub, "--pose2d", arguments.pose2d,
+      "--from-keypoints: NAME=FOLDER of OpenPose JSON files, or NAME=FILE of DeepLabCut, SLEAP, MMPose, …; repeat for each "
+      "camera");
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
             "joints may be names or numbers, frames need no connection in time");
   AddOption(sub, "--skeleton", arguments.skeleton,
-            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d the points in "
-            "the file");
+            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d, "
+            "DeepLabCut and SLEAP the points in the file");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");

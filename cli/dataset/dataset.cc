@@ -8,6 +8,7 @@
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "dataset/build/build.h"
 
 namespace mvstudio::cli {
@@ -17,7 +18,7 @@ using nlohmann::ordered_json;
 
 struct BuildArguments {
   app::TakeArguments take;
-  std::string calib, pose3d, out;
+  std::string calib, pose3d, marker_unit, out;
   bool sequence_given = false, rate_given = false;
   dataset::BuildOptions options;
 };
@@ -30,6 +31,7 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
   if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
   inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
+  inputs.marker_unit = arguments->marker_unit;
   if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
   if (arguments->out.empty()) arguments->out = take.Folder("dataset");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
@@ -75,6 +77,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   result.metrics = {{"cameras", report.cameras.size()}, {"frames", report.frames}, {"images", report.images}};
   if (arguments.options.masks) result.metrics["masks"] = MaskMetrics(report);
   result.metrics["per_camera"] = CameraMetrics(report);
+  result.metrics["joints_left_out"] = report.joints_left_out;
   result.metrics["wall_s"] = wall_s;
   if (report.calibration_offset_frames > 0)
     result.metrics["calibration_offsets"] = {{"applied", false},
@@ -95,6 +98,10 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   }
   result.text = Format("%s: %zu cameras, %d frames, %d images in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
                        report.frames, report.images, wall_s);
+  if (!report.joints_left_out.empty()) {
+    result.text += Format("  %zu joints that a dataset does not hold are left out: ", report.joints_left_out.size()) +
+                   Join(report.joints_left_out, ", ") + "\n";
+  }
   for (const dataset::BuiltCamera& c : report.cameras) {
     if (arguments.options.masks)
       result.text += Format("  %s (%s): person on %.1f %% of the image, colours support %d of %d joints\n", c.name.c_str(),
@@ -110,7 +117,9 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
   AddTakeArguments(sub, arguments->take);
   AddOption(sub, "--pose3d", arguments->pose3d,
-            "folder with points.csv, as triangulate writes it; the session's pose3d/TAKE unless given");
+            "folder with points.csv, as triangulate writes it, or a .trc or .c3d file of markers; the session's pose3d/TAKE "
+            "unless given");
+  AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {

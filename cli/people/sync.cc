@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "app/input/pose_input.h"
+#include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "cli/program/commands.h"
@@ -33,7 +34,7 @@ using triangulate::SyncStatus;
 struct Arguments {
   app::PoseArguments pose;
   app::SessionArguments session;
-  std::string out, from = "poses";
+  std::string project, out, from = "poses";
   double fps = 0;
   bool range_given = false;
   triangulate::SyncOptions options;
@@ -255,7 +256,8 @@ CommandResult RunMotion(const Arguments& arguments, const app::FoundTake& found,
 CommandResult Run(Arguments arguments, CommandContext& context) {
   if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
   CommandResult result;
-  const std::optional<app::FoundTake> found = FillFromSession(&arguments, &result);
+  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
+  const auto found = arguments.project.empty() ? FillFromSession(&arguments, &result) : std::nullopt;
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   const OutputFolder place(
       arguments.out, Joined(PathsIn(arguments.pose.pose2d), {arguments.pose.points2d, arguments.pose.calib}), {"sync.json"});
@@ -279,6 +281,9 @@ void RegisterSync(CLI::App& app, Registry& registry) {
       ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
       ->capture_default_str();
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
+  AddOption(sub, "--project", arguments->project,
+            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
+            "its takes");
   AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
   AddOption(sub, "--fps", arguments->fps,
             "Hz; frame rate of all cameras; then offsets are searched within 3 s and given in ms, too");

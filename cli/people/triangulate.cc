@@ -6,6 +6,7 @@
 #include "app/calib/calibration_use.h"
 #include "app/input/pose_input.h"
 #include "app/input/pose_truth.h"
+#include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
@@ -19,9 +20,9 @@
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_compare.h"
-#include "dataset/pose/pose3d_trc.h"
 #include "dataset/session/timeline_source.h"
 #include "dataset/time/sync_file.h"
 #include "triangulate/skeleton/refine.h"
@@ -38,7 +39,7 @@ using nlohmann::ordered_json;
 struct Arguments {
   app::SessionArguments session;
   app::PoseArguments pose;
-  std::string out, trc, truth;
+  std::string project, out, trc, truth, marker_unit;
   bool align_truth = false;
   int chunk_frames = 0;
   std::string sync;
@@ -53,12 +54,12 @@ void AddComparisons(const Arguments& arguments, CommandResult* result) {
   if (arguments.trc.empty() && arguments.truth.empty()) return;
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
   if (!arguments.trc.empty()) {
-    const dataset::JointTable reference = dataset::ToTable(dataset::ReadTrc(arguments.trc).rows);
-    result->metrics["trc"] = app::ComparisonToJson(ComparePose3d(dataset::ToTable(pose.rows), reference));
+    result->metrics["trc"] = app::ComparisonToJson(app::CompareWithTruth(pose, arguments.trc, {false, arguments.marker_unit}));
     result->inputs.push_back(arguments.trc);
   }
   if (!arguments.truth.empty()) {
-    result->metrics["truth"] = app::ComparisonToJson(app::CompareWithTruth(pose, arguments.truth, arguments.align_truth));
+    result->metrics["truth"] =
+        app::ComparisonToJson(app::CompareWithTruth(pose, arguments.truth, {arguments.align_truth, arguments.marker_unit}));
     result->inputs.push_back(arguments.truth);
   }
 }
@@ -70,12 +71,17 @@ std::string Summary(const CommandResult& result) {
       "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
       m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
-  text += Format("\nmethod %s; one camera left out: median %.2f px; limb lengths vary by %.1f mm",
-                 m["method"].get<std::string>().c_str(), number(m["holdout"]["median_px"]), number(m["limb_std_mm"]));
+  text += Format("\nmethod %s; one camera left out: median %.2f px", m["method"].get<std::string>().c_str(),
+                 number(m["holdout"]["median_px"]));
+  if (!m["limb_std_mm"].is_null()) text += Format("; limb lengths vary by %.1f mm", number(m["limb_std_mm"]));
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
     text += Format("\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
                    number(m[key]["p95_mm"]), m[key]["num"].get<int>());
+    if (m[key].contains("unit")) {
+      text +=
+          Format(" (its unit %s, %s up)", m[key]["unit"].get<std::string>().c_str(), m[key]["up"].get<std::string>().c_str());
+    }
   }
   return text;
 }
@@ -221,6 +227,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   app::AddTakeMetrics(take, input.skeleton, &result->metrics);
   app::AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
+  statistics.WarnOfPersons(arguments.options.max_persons, result);
   AddComparisons(arguments, result);
   app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
@@ -258,7 +265,11 @@ void CheckArguments(const Arguments& arguments) {
         "--session needs the whole take for the timing of its cameras: leave --chunk-frames out, or give --pose2d");
   }
   // A wrong path must not cost the run.
-  if (!arguments.trc.empty()) dataset::ReadTrc(arguments.trc);
+  if (!arguments.trc.empty()) {
+    dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
+    if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
+  }
+  if (dataset::IsMarkerFile(arguments.truth)) dataset::ReadMarkers(arguments.truth, arguments.marker_unit);
   if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
     throw IoError(arguments.truth, "--truth does not exist");
   }
@@ -285,7 +296,8 @@ void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, Command
 
 CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
-  const std::optional<app::FoundTake> found = app::FindTake(arguments.session, &result);
+  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
+  const auto found = arguments.project.empty() ? app::FindTake(arguments.session, &result) : std::nullopt;
   if (found) {
     app::FillPoses(*found, arguments.session, &arguments.pose);
     if (arguments.out.empty()) arguments.out = dataset::TakeFolder(found->session, "pose3d", found->take.name);
@@ -328,6 +340,9 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
   AddSessionArguments(sub, arguments->session, "calibration, 2D poses and the timing of the cameras", "people");
+  AddOption(sub, "--project", arguments->project,
+            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
+            "its takes");
   AddOption(sub, "--out", arguments->out,
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   AddOptions(sub, arguments->options);
@@ -347,8 +362,11 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
       "all at once")
       ->capture_default_str();
   AddOptions(sub, arguments->markers);
-  AddOption(sub, "--trc", arguments->trc, "compare with the markers of this .trc file (y up, its frame 1 is our frame 0)");
-  AddOption(sub, "--truth", arguments->truth, "compare with a folder of body3DScene files or a points.csv");
+  AddOption(sub, "--trc", arguments->trc,
+            "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
+  AddOption(sub, "--truth", arguments->truth,
+            "compare with a folder of body3DScene files, a points.csv, or markers (.trc, .c3d)");
+  AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
   registry.Add(sub, "triangulate", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }

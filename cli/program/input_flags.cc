@@ -40,11 +40,15 @@ void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const 
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
   AddChoices(sub, "--pose2d", arguments.pose2d,
-             "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video; repeat for each camera");
+             "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video: COCO, AlphaPose, MMPose, "
+             "DeepLabCut (.h5, .csv), SLEAP (analysis .h5, .csv); repeat for each camera");
   AddOption(sub, "--points2d", arguments.points2d,
-            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals");
-  AddOption(sub, "--skeleton", arguments.skeleton,
-            Join(body::SkeletonNames(), " | ") + "; body25 unless given, of --points2d the joints in the file");
+            "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "
+            "caliscope's xy_TRACKER.csv");
+  AddOption(
+      sub, "--skeleton", arguments.skeleton,
+      Join(body::SkeletonNames(), " | ") + "; body25 unless given, of --points2d, DeepLabCut and SLEAP the joints in the file");
+  AddOption(sub, "--calib-unit", arguments.calib_unit, "m, cm, mm or in: of a calibration that names no unit; m unless given");
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {

@@ -183,8 +183,8 @@ Trial Run(const Arguments& arguments, const app::PoseInput& input, const triangu
   trial.limb_std_mm = 1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs));
   trial.holdout = HoldOut(problem, solve, arguments.take.holdout_points, trial.threads).all;
   if (!arguments.truth.empty()) {
-    trial.truth_mm =
-        app::CompareWithTruth(app::ToPose3d(take, input.skeleton), arguments.truth, arguments.align_truth).median_mm;
+    trial.truth_mm = app::CompareWithTruth(app::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth})
+                         .comparison.median_mm;
   }
   return trial;
 }

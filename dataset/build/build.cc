@@ -14,10 +14,12 @@
 #include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
+#include "core/some_of.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/markers.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/plausible.h"
 
@@ -136,7 +138,7 @@ std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, cons
                     const std::vector<CameraResult>& results, const std::map<int, People>& poses, double frame_rate_hz) {
   Json json = {{"schema", kDatasetSchema}, {"sequence", options.sequence}, {"frame_rate_hz", frame_rate_hz}};
   json["calibration"] = FileEntry(inputs.calibration);
-  json["pose3d"] = FileEntry((fs::path(inputs.pose3d) / "points.csv").string());
+  json["pose3d"] = FileEntry(IsMarkerFile(inputs.pose3d) ? inputs.pose3d : (fs::path(inputs.pose3d) / "points.csv").string());
   json["pictures"] = options.png ? Json{{"format", "png"}} : Json{{"format", "jpeg"}, {"quality", options.jpeg_quality}};
   json["frames"] = Json::array();
   for (const auto& [frame, people] : poses) json["frames"].push_back(frame);
@@ -208,20 +210,49 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
       {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each time step has the nearest frame"});
 }
 
+/// A dataset without a single joint would look like one.
+void RequireJoints(const std::string& path, const std::map<int, People>& poses, const std::vector<std::string>& left_out) {
+  for (const auto& [frame, people] : poses) {
+    for (const auto& [id, pose] : people) {
+      if (std::count(pose.valid.begin(), pose.valid.end(), true) > 0) return;
+    }
+  }
+  throw FormatError(path, "",
+                    left_out.empty() ? "holds no point"
+                                     : "none of its joints (" + SomeOf(left_out) +
+                                           ") is one of a dataset's 19 (Neck, Nose, MidHip, LShoulder, …): rename them, or use "
+                                           "points.csv as it is");
+}
+
+/// Joints of people's skeletons that a dataset lacks (toes, hands) are in the report; of animals and markers, said.
+void WarnOfJoints(const Pose3d& pose, BuildReport* report) {
+  const std::vector<std::string>& left_out = report->joints_left_out;
+  const body::Skeleton skeleton = SkeletonOf(pose);
+  if (left_out.empty() || skeleton.name != "points") return;
+  report->warnings.push_back({"DAT-JOINTS",
+                              std::to_string(left_out.size()) + " of " + std::to_string(skeleton.joints.size()) +
+                                  " joints are none of a dataset's 19 and are left out: " + SomeOf(left_out),
+                              "points.csv and the marker files keep every joint"});
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run) {
   CheckOptions(inputs, options);
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
-  const Pose3d pose = ReadPose3d(inputs.pose3d);
+  const Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit);
   const std::map<int, People> poses = ToCoco19(pose);
   if (poses.empty()) throw FormatError(inputs.pose3d, "points.csv", "holds no frame");
+  const std::vector<std::string> left_out = JointsBeyondCoco19(pose);
+  RequireJoints(inputs.pose3d, poses, left_out);
   AtomicFolder folder(out, options.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   BuildReport report;
+  report.joints_left_out = left_out;
+  WarnOfJoints(pose, &report);
   for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
     report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
   }

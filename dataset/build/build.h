@@ -23,7 +23,8 @@ struct CameraFootage {
 struct BuildInputs {
   std::string calibration;  ///< ours or Panoptic's
   std::vector<CameraFootage> footage;
-  std::string pose3d;  ///< folder with points.csv
+  std::string pose3d;            ///< folder with points.csv, or a .trc or .c3d file
+  std::string marker_unit = {};  ///< m, cm, mm or in, instead of what such a file states
 };
 
 struct BuildOptions {
@@ -82,6 +83,7 @@ struct BuildReport {
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
   std::vector<BuildWarning> warnings;
+  std::vector<std::string> joints_left_out;  ///< joints with 3D points that are none of the dataset's 19
   double calibration_offset_frames = 0;  ///< largest time offset that the calibration states for a camera without a timeline;
                                          ///< not applied
 };

@@ -1,4 +1,4 @@
-// Private: HDF5's types, for the .cc files of this folder and of exports/.
+// Private: HDF5's types, for the .cc files of this folder, of exports/ and of dataset/trackers/.
 #pragma once
 
 #include <hdf5.h>

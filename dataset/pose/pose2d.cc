@@ -42,7 +42,7 @@ json ParsePoseJson(const std::string& text, const PoseFile& file) {
   const bool truncated = problem.byte >= text.size();
   file.Fail("", std::string(truncated ? "truncated JSON: it ends" : "damaged JSON: unreadable") + " at byte " +
                     std::to_string(std::min(problem.byte, text.size())) + " of " + std::to_string(text.size()) +
-                    "; detect this image's keypoints again or remove the file");
+                    "; detect this image's keypoints again, or copy its file again");
 }
 
 std::string FittingSkeletons(size_t num_joints) {

@@ -238,6 +238,23 @@ body::Skeleton SkeletonOf(const Pose3d& pose) {
   return body::SkeletonOrPoints(pose.skeleton, joints);
 }
 
+std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose) {
+  const body::Skeleton skeleton = SkeletonOf(pose);
+  std::vector<char> used(skeleton.joints.size(), 0), seen(skeleton.joints.size(), 0);
+  for (const std::vector<int>& sources : body::Coco19From(skeleton)) {
+    for (const int joint : sources) used[static_cast<size_t>(joint)] = 1;
+  }
+  for (const JointRow& row : pose.rows) {
+    const int joint = row.status == Status::kOk ? skeleton.Find(row.joint) : -1;
+    if (joint >= 0) seen[static_cast<size_t>(joint)] = 1;
+  }
+  std::vector<std::string> beyond;
+  for (size_t j = 0; j < skeleton.joints.size(); ++j) {
+    if (seen[j] && !used[j]) beyond.push_back(skeleton.joints[j]);
+  }
+  return beyond;
+}
+
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
   constexpr double kConfidenceScale = 0.05;  // metres
   const body::Skeleton skeleton = SkeletonOf(pose);

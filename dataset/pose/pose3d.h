@@ -27,8 +27,8 @@ struct JointRow {
 };
 
 struct Pose3d {
-  std::string skeleton;        ///< name, stored in pose3d.json
-  std::vector<JointRow> rows;  ///< sorted by frame, person, joint in skeleton order
+  std::string skeleton;              ///< name, stored in pose3d.json
+  std::vector<JointRow> rows;        ///< sorted by frame, person, joint in skeleton order
   std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
 };
 
@@ -47,12 +47,14 @@ std::vector<JointRow> ReadPointsCsv(const std::string& path);
 struct Coco19Pose {
   Eigen::Matrix<double, 3, 19> x_in_world = Eigen::Matrix<double, 3, 19>::Zero();  ///< metres
   std::array<bool, 19> valid{};
-  std::array<double, 19>
-      confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
+  std::array<double, 19> confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
 };
 
 /// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that the skeleton lacks.
 body::Skeleton SkeletonOf(const Pose3d& pose);
+
+/// Joints with points that give none of Panoptic's 19.
+std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose);
 
 /// frame -> person -> pose; missing joints stay missing.
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose);

@@ -29,13 +29,12 @@ double ParseNumber(const std::string& text) {
   return error == std::errc() ? value : std::nan("");
 }
 
-/// The header's fourth line pairs the third's names: … Units … over … m ….
-double MetresPerUnit(const std::vector<std::string>& names, const std::vector<std::string>& values, const std::string& path) {
+/// The header's third line has values for the names of its second: … Units … over … m ….
+std::string UnitOf(const std::vector<std::string>& names, const std::vector<std::string>& values, const std::string& path) {
   for (size_t i = 0; i < names.size() && i < values.size(); ++i) {
     if (names[i] != "Units") continue;
-    if (values[i] == "m") return 1;
-    if (values[i] == "mm") return 0.001;
-    throw FormatError(path, "line 3", "unit `" + values[i] + "` is neither m nor mm");
+    if (MetresPerUnit(values[i])) return values[i];
+    throw FormatError(path, "line 3", "unit `" + values[i] + "` is none of m, cm, mm and in; name it by option 'marker-unit'");
   }
   throw FormatError(path, "line 2", "no column `Units`; this is not a .trc file");
 }
@@ -52,19 +51,22 @@ JointRow ToRow(int frame, const std::string& marker, const Eigen::Vector3d& in_f
 
 }  // namespace
 
-Pose3d ReadTrc(const std::string& path) {
+MarkerFile ReadTrcMarkers(const std::string& path, const std::string& unit) {
   const std::string text = ReadFile(path);
   std::istringstream stream(text);
   std::vector<std::vector<std::string>> header;
   std::string line;
   for (int i = 0; i < 5 && std::getline(stream, line); ++i) header.push_back(SplitTabs(line));
   if (header.size() < 5) throw FormatError(path, "header", "fewer than 5 lines; this is not a .trc file");
-  const double metres = MetresPerUnit(header[1], header[2], path);
+  MarkerFile file;
+  file.unit = unit.empty() ? UnitOf(header[1], header[2], path) : unit;
+  const double metres = MetresPerUnit(file.unit).value_or(1);
   std::vector<std::string> markers;
   for (size_t i = 2; i < header[3].size(); i += 3) {
     if (!header[3][i].empty()) markers.push_back(header[3][i]);
   }
-  Pose3d pose;
+  Pose3d& pose = file.pose;
+  pose.skeleton = "points";
   for (int number = 6; std::getline(stream, line); ++number) {
     const std::vector<std::string> cells = SplitTabs(line);
     if (cells.empty() || cells[0].empty()) continue;
@@ -87,7 +89,9 @@ Pose3d ReadTrc(const std::string& path) {
     }
   }
   if (pose.rows.empty()) throw FormatError(path, "", "no frames");
-  return pose;
+  return file;
 }
+
+Pose3d ReadTrc(const std::string& path) { return ReadTrcMarkers(path).pose; }
 
 }  // namespace mvstudio::dataset

@@ -42,13 +42,13 @@ TEST(PoseTruth, DistancesToATableAreThoseOfTheOffset) {
   dataset::WritePose3d(PoseAt({0, 0, 0}), folder / "truth");
   const dataset::Pose3d pose = PoseAt({0.003, 0, -0.004});
   for (const std::string& truth : {folder / "truth", folder / "truth/points.csv"}) {
-    const dataset::Pose3dComparison comparison = CompareWithTruth(pose, truth, false);
+    const dataset::Pose3dComparison comparison = CompareWithTruth(pose, truth, {false}).comparison;
     EXPECT_EQ(comparison.num, 38);
     for (const double mm : {comparison.median_mm, comparison.mean_mm, comparison.p95_mm, comparison.max_mm})
       EXPECT_NEAR(mm, 5, 1e-9);
     EXPECT_FALSE(comparison.aligned);
   }
-  const dataset::Pose3dComparison aligned = CompareWithTruth(pose, folder / "truth", true);
+  const dataset::Pose3dComparison aligned = CompareWithTruth(pose, folder / "truth", {true}).comparison;
   EXPECT_TRUE(aligned.aligned);
   EXPECT_NEAR(aligned.max_mm, 0, 1e-6);
 }
@@ -63,12 +63,12 @@ TEST(PoseTruth, PanopticsScenesAreTruthToo) {
     }
     dataset::WriteBody3dScene(people, -1, folder / ("body3DScene_0000000" + std::to_string(frame) + ".json"));
   }
-  const dataset::Pose3dComparison comparison = CompareWithTruth(PoseAt({0, 0.002, 0}), folder.path(), false);
+  const dataset::Pose3dComparison comparison = CompareWithTruth(PoseAt({0, 0.002, 0}), folder.path(), {false}).comparison;
   EXPECT_EQ(comparison.num, 38);
   EXPECT_NEAR(comparison.median_mm, 2, 1e-9);
   Put(folder / "body3DScene_x.json", "{}");
   EXPECT_THAT(MessageOf<FormatError>([&] {
-                CompareWithTruth(PoseAt({0, 0, 0}), folder.path(), false);
+                CompareWithTruth(PoseAt({0, 0, 0}), folder.path(), {false});
               }),
               HasSubstr("body3DScene_x.json"));
 }
@@ -76,7 +76,7 @@ TEST(PoseTruth, PanopticsScenesAreTruthToo) {
 TEST(PoseTruth, WhatIsNoTruthIsNamed) {
   const TempDir folder;
   for (const std::string& truth : {folder.path(), folder / "none"}) {
-    const std::string message = MessageOf<IoError>([&] { CompareWithTruth(PoseAt({0, 0, 0}), truth, false); });
+    const std::string message = MessageOf<IoError>([&] { CompareWithTruth(PoseAt({0, 0, 0}), truth, {false}); });
     EXPECT_THAT(message, HasSubstr(truth));
     EXPECT_THAT(message, HasSubstr("option 'truth'"));
   }
@@ -85,12 +85,12 @@ TEST(PoseTruth, WhatIsNoTruthIsNamed) {
 TEST(PoseTruth, CoverageIsToldOnlyWhereThereAreCovariances) {
   dataset::Pose3dComparison comparison;
   comparison.num = 4, comparison.median_mm = 1.5, comparison.coverage68 = 0.5;
-  const nlohmann::ordered_json without = ComparisonToJson(comparison);
+  const nlohmann::ordered_json without = ComparisonToJson({comparison});
   EXPECT_EQ(without["median_mm"], 1.5);
   EXPECT_EQ(without["num"], 4);
   EXPECT_FALSE(without.contains("coverage68"));
   comparison.num_covariance = 4;
-  EXPECT_EQ(ComparisonToJson(comparison)["coverage68"], 0.5);
+  EXPECT_EQ(ComparisonToJson({comparison})["coverage68"], 0.5);
 }
 
 }  // namespace

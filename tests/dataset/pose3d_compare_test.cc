@@ -134,7 +134,7 @@ TEST_F(Trc, AxesUnitsAndFrames) {
 
 TEST_F(Trc, DamageIsNamed) {
   for (const std::string& content :
-       {std::string("a\nb\n"), Header("inch") + "1\t0\t1\t2\t3\n", Header("m"), Header("m") + "x\t0\t1\t2\t3\n"}) {
+       {std::string("a\nb\n"), Header("ell") + "1\t0\t1\t2\t3\n", Header("m"), Header("m") + "x\t0\t1\t2\t3\n"}) {
     Put(content);
     EXPECT_THROW(ReadTrc(path_), FormatError) << content;
   }

@@ -1,0 +1,52 @@
+#include "app/input/project_input.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/format.h"
+#include "dataset/trackers/tracked_project.h"
+
+namespace mvstudio::app {
+namespace {
+
+void FillUnit(const dataset::TrackedProject& project, PoseArguments* pose, CommandResult* result) {
+  if (project.program != "anipose" || !pose->calib_unit.empty()) return;
+  if (project.board_square > 0 && project.board_square < 1) return;  // squares of a metre and more are no board's
+  pose->calib_unit = "mm";
+  const std::string why = project.board_square > 0 ? Format("its board's squares are %g", project.board_square)
+                                                   : std::string("config.toml states no square of its board");
+  result->warnings.push_back({"POSE-UNIT", "lengths of the anipose project are taken as mm: " + why,
+                              "--calib-unit m, cm or in if its calibration counts in another unit"});
+}
+
+void WarnOfLeftOut(const dataset::TrackedProject& project, CommandResult* result) {
+  constexpr size_t kShown = 5;
+  for (size_t i = 0; i < std::min(project.left_out.size(), kShown); ++i) {
+    result->warnings.push_back({"POSE-LEFT-OUT", project.left_out[i], "the other takes of the project can be used"});
+  }
+  if (project.left_out.size() > kShown) {
+    result->warnings.push_back(
+        {"POSE-LEFT-OUT", "and " + std::to_string(project.left_out.size() - kShown) + " more files", ""});
+  }
+}
+
+}  // namespace
+
+void FillFromProject(const std::string& folder, const SessionArguments& session, PoseArguments* pose, CommandResult* result) {
+  if (!session.session.empty()) throw UsageError("give either option 'session' or option 'project'");
+  if (!pose->pose2d.empty() || !pose->points2d.empty()) {
+    throw UsageError("give either option 'project' or the 2D points, option 'pose2d' or 'points2d'");
+  }
+  const dataset::TrackedProject project = dataset::ReadTrackedProject(folder);
+  const dataset::TrackedProject::Take& found = dataset::FindTake(project, session.take);
+  if (pose->calib.empty()) {
+    pose->calib = found.calibration;
+    FillUnit(project, pose, result);
+  }
+  pose->points2d = found.table;
+  for (const auto& [camera, path] : found.files) pose->pose2d.push_back({camera, path});
+  WarnOfLeftOut(project, result);
+  result->metrics["project"] = {{"program", project.program}, {"take", found.name}, {"filtered", found.filtered}};
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/input/pose_input.h"
+#include "dataset/pose/pose2d.h"
+
+/// 2D points in the files of DeepLabCut, SLEAP and caliscope (dataset/trackers/tracker_file.h), as commands take them.
+namespace mvstudio::app {
+
+/// True when one of the files is a tracker's.
+bool HasTrackerFile(const std::vector<NamedPath>& pose2d);
+
+/// Reads a tracker's file for every camera. The skeleton is the named one, else the joints of all files together, with the
+/// bones that a file states. Says which joints some cameras lack, and that several individuals are matched by geometry.
+/// Throws UsageError when only some cameras' files are a tracker's.
+dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const std::string& skeleton, CommandResult* result);
+
+/// Reads option `points2d`: our table or caliscope's. Throws FormatError for one camera's file, with the option that takes
+/// it.
+dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, CommandResult* result);
+
+}  // namespace mvstudio::app

@@ -1,0 +1,50 @@
+#include "dataset/pose/markers.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+#include "core/error.h"
+#include "dataset/pose/pose3d_c3d.h"
+#include "dataset/pose/pose3d_trc.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+std::string Lower(std::string_view text) {
+  std::string lower(text);
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+  return lower;
+}
+
+std::string ExtensionOf(const std::string& path) { return Lower(std::filesystem::path(path).extension().string()); }
+
+}  // namespace
+
+std::optional<double> MetresPerUnit(std::string_view word) {
+  const std::string lower = Lower(word);
+  for (const auto& [metres, words] : {std::pair<double, std::string_view>(1, "|m|meter|meters|metre|metres|"),
+                                      {0.01, "|cm|centimeter|centimeters|centimetre|centimetres|"},
+                                      {0.001, "|mm|millimeter|millimeters|millimetre|millimetres|"},
+                                      {0.0254, "|in|inch|inches|"}}) {
+    if (!lower.empty() && words.find("|" + lower + "|") != std::string_view::npos) return metres;
+  }
+  return std::nullopt;
+}
+
+bool IsMarkerFile(const std::string& path) {
+  std::error_code error;
+  const std::string extension = ExtensionOf(path);
+  return (extension == ".trc" || extension == ".c3d") && std::filesystem::is_regular_file(path, error);
+}
+
+MarkerFile ReadMarkers(const std::string& path, const std::string& unit) {
+  if (!unit.empty() && !MetresPerUnit(unit)) throw UsageError("unit '" + unit + "' of " + path + ": expected m, cm, mm or in");
+  return ExtensionOf(path) == ".c3d" ? ReadC3dMarkers(path, unit) : ReadTrcMarkers(path, unit);
+}
+
+Pose3d ReadPoints3d(const std::string& path, const std::string& unit) {
+  return IsMarkerFile(path) ? ReadMarkers(path, unit).pose : ReadPose3d(path);
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,138 @@
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string_view>
+
+#include "core/csv.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "dataset/pose/pose2d_parse.h"
+#include "dataset/trackers/tracker_file.h"
+#include "dataset/trackers/tracker_table.h"
+
+/// caliscope, docs of its project on GitHub (mprib/caliscope), "Output Files": one row per camera, time step and point.
+namespace mvstudio::dataset {
+namespace {
+
+enum Column { kSync, kCamera, kObject, kPoint, kX, kY, kNumColumns };
+const std::vector<std::string_view> kNames[kNumColumns] = {
+    {"sync_index"}, {"cam_id", "port"}, {"object_id"}, {"keypoint_id", "point_id"}, {"img_loc_x"}, {"img_loc_y"}};
+
+struct Columns {
+  int place[kNumColumns] = {};
+  size_t width = 0;
+
+  explicit Columns(CsvReader* csv) {
+    const std::vector<std::string_view>& cells = csv->Cells();
+    width = cells.size();
+    for (int c = 0; c < kNumColumns; ++c) {
+      place[c] = -1;
+      for (const std::string_view name : kNames[c]) {
+        const auto found = std::find(cells.begin(), cells.end(), name);
+        if (place[c] < 0 && found != cells.end()) place[c] = static_cast<int>(found - cells.begin());
+      }
+      if (place[c] < 0 && c != kObject) csv->Fail("there is no column `" + std::string(kNames[c].front()) + "`");
+    }
+  }
+};
+
+struct Row {
+  int values[kObject + 2] = {};  // kSync, kCamera, kObject, kPoint
+  Keypoint2d key;
+};
+
+template <class T>
+T Number(const CsvReader& csv, std::string_view cell, Column column) {
+  T value{};
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error == std::errc() && end == cell.data() + cell.size() && value >= 0 && value < T(1e9)) return value;
+  csv.Fail("`" + std::string(kNames[column].front()) + "` is `" + std::string(cell) + "`, not a number of 0 or more" +
+           DecimalCommaHint(cell));
+}
+
+double Coordinate(const CsvReader& csv, std::string_view cell) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (cell.empty() || cell == "nan") return std::nan("");
+  if (error != std::errc() || end != cell.data() + cell.size()) csv.Fail("`" + std::string(cell) + "` is not a number");
+  return value;
+}
+
+Row ReadRow(CsvReader* csv, const Columns& columns) {
+  const std::vector<std::string_view>& cells = csv->Cells();
+  csv->RequireCells(columns.width);
+  Row row;
+  const auto cell = [&](int c) { return cells[static_cast<size_t>(columns.place[c])]; };
+  for (const Column c : {kSync, kCamera, kObject, kPoint}) {
+    if (columns.place[c] >= 0) row.values[c] = Number<int>(*csv, cell(c), c);
+  }
+  row.key = internal::ToKeypoint(Coordinate(*csv, cell(kX)), Coordinate(*csv, cell(kY)), 1);
+  return row;
+}
+
+std::vector<Row> ReadRows(const std::string& path, std::vector<std::string>* skipped) {
+  const std::string text = ReadFile(path);
+  CsvReader csv(path, text);
+  if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
+  const Columns columns(&csv);
+  internal::Tolerant tolerant(skipped);
+  std::vector<Row> rows;
+  while (csv.NextLine()) tolerant.Try([&] { rows.push_back(ReadRow(&csv, columns)); });
+  tolerant.Finish();
+  if (rows.empty()) throw FormatError(path, "", "the table holds no point");
+  return rows;
+}
+
+/// Joint of each point number.
+std::map<int, size_t> JointsOf(const std::vector<Row>& rows, const body::Skeleton* skeleton, std::vector<std::string>* names) {
+  std::map<int, size_t> joints;
+  for (const Row& row : rows) joints[row.values[kPoint]] = 0;
+  for (auto entry = joints.begin(); entry != joints.end();) {
+    const size_t number = static_cast<size_t>(entry->first);
+    if (skeleton && number >= skeleton->joints.size()) {
+      entry = joints.erase(entry);
+      continue;
+    }
+    entry->second = skeleton ? number : names->size();
+    names->push_back("point_" + std::to_string(number));
+    ++entry;
+  }
+  return joints;
+}
+
+}  // namespace
+
+CaliscopePoints ReadCaliscopeCsv(const std::string& path, const body::Skeleton* skeleton) {
+  constexpr size_t kMaxPlaces = 200'000'000;
+  CaliscopePoints points;
+  const std::vector<Row> rows = ReadRows(path, &points.set.skipped);
+  std::vector<std::string> names;
+  const std::map<int, size_t> joints = JointsOf(rows, skeleton, &names);
+  points.set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(names);
+  const size_t count = points.set.skeleton.joints.size();
+  std::map<int, std::map<int, std::map<int, Person2d>>> people;  // camera, time step, object
+  size_t places = 0;
+  for (const Row& row : rows) {
+    const auto joint = joints.find(row.values[kPoint]);
+    points.num_beyond += joint == joints.end();
+    if (joint == joints.end() || row.key.score == 0) continue;
+    Person2d& person = people[row.values[kCamera]][row.values[kSync]][row.values[kObject]];
+    places += person.keypoints.empty() ? count : 0;
+    if (places > kMaxPlaces) throw FormatError(path, "", std::to_string(count) + " different points; is it the right column?");
+    person.keypoints.resize(count);
+    person.keypoints[joint->second] = row.key;
+  }
+  for (auto& [camera, frames] : people) {
+    Pose2dTrack& track = points.set.tracks.emplace_back();
+    track.camera = "cam_" + std::to_string(camera);
+    for (auto& [frame, objects] : frames) {
+      for (auto& [object, person] : objects) track.frames[frame].push_back(std::move(person));
+    }
+  }
+  if (people.empty()) throw FormatError(path, "", "no point of the table is a joint of skeleton " + points.set.skeleton.name);
+  return points;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,29 @@
+// Private: HDF5's types, for the .cc files of this folder.
+#pragma once
+
+#include <string>
+
+#include "dataset/trackers/foreign_hdf5.h"
+#include "dataset/trackers/tracker_file.h"
+
+/// One reader for each layout; errors as in ReadTrackerFile.
+namespace mvstudio::dataset::internal {
+
+/// DeepLabCut: a pandas table with the header rows scorer, (individuals,) bodyparts, coords. Its documentation on GitHub,
+/// docs/HelperFunctions.md and docs/convert_maDLC.md, names the rows; the first column is the frame, or of labelled images
+/// their names.
+TrackedPoints ReadDeepLabCutCsv(const std::string& path, const std::string& camera);
+
+/// The same table as pandas' HDFStore keeps it, format "table" (analyze_videos, anipose) or "fixed" (pandas/io/pytables.py):
+/// the one group of the file with an attribute `pandas_type`, or of several `df_with_missing`.
+TrackedPoints ReadDeepLabCutHdf5(const ForeignHdf5& file, const std::string& camera);
+
+/// SLEAP: datasets `tracks`, `node_names`, `track_names`, `point_scores`. The axes of `tracks` are those of its attribute
+/// `dims`, else (track, xy, node, frame), or (frame, node, xy, track) of files written without the transposition for MATLAB
+/// (sleap/info/write_tracking_h5.py, sleap_io/io/analysis_h5.py).
+TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera);
+
+/// SLEAP: columns track, frame_idx, instance.score and NODE.x, NODE.y, NODE.score.
+TrackedPoints ReadSleapCsv(const std::string& path, const std::string& camera);
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,165 @@
+#include "dataset/pose/markers.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+#include "core/random.h"
+#include "dataset/pose/pose3d_c3d.h"
+#include "tests/dataset/c3d_sample.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+/// Files of 3D markers: C3D and TRC.
+namespace mvstudio::dataset {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::MessageOf;
+using testing::TempDir;
+
+class Markers : public ::testing::Test {
+ protected:
+  MarkerFile Read(const std::string& bytes, const std::string& unit = {}, const std::string& name = "a.c3d") const {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return ReadMarkers(folder_ / name, unit);
+  }
+  std::string Message(const std::string& bytes) const {
+    return MessageOf<FormatError>([&] { Read(bytes); });
+  }
+  TempDir folder_;
+};
+
+C3dSample TwoPoints() {
+  C3dSample sample;
+  sample.first = 11;
+  sample.frames = {{1000, -2000, 3000.5, 0.7, 1, 2, 3, 0}, {1500, -2500, 8.1, 0, 0, 0, 0, -1}};
+  return sample;
+}
+
+TEST_F(Markers, EveryKindOfC3dGivesTheSamePoints) {
+  for (const int processor : {84, 85, 86}) {
+    for (const bool floats : {true, false}) {
+      for (const int analog : {0, 3}) {
+        SCOPED_TRACE(std::to_string(processor) + (floats ? " floats" : " integers"));
+        C3dSample sample = TwoPoints();
+        sample.processor = processor, sample.floats = floats, sample.analog_per_frame = analog;
+        const MarkerFile file = Read(sample.Bytes());
+        ASSERT_EQ(file.pose.rows.size(), 4u);
+        EXPECT_EQ(file.unit, "mm");
+        EXPECT_FALSE(file.y_up);
+        EXPECT_EQ(file.pose.rows[0].frame, 10);  // C3D counts from 1
+        EXPECT_EQ(file.pose.rows[0].joint, "a");
+        EXPECT_LT((file.pose.rows[0].x_in_world - Eigen::Vector3d(1, -2, 3.0005)).norm(), 1e-7);
+        EXPECT_LT((file.pose.rows[1].x_in_world - Eigen::Vector3d(0.001, 0.002, 0.003)).norm(), 1e-9);
+        EXPECT_EQ(file.pose.rows[2].frame, 11);
+        EXPECT_LT((file.pose.rows[2].x_in_world - Eigen::Vector3d(1.5, -2.5, 0.0081)).norm(), 1e-7);
+        EXPECT_EQ(file.pose.rows[3].status, Status::kTooFewViews);  // residual -1
+      }
+    }
+  }
+}
+
+TEST_F(Markers, DecFloatsAreReadExactly) {
+  // VAX F format: 1 is the words 4080h, 0; -0.15625 = -0.625 * 2^-2 is BF20h, 0 (VAX Architecture Reference Manual).
+  C3dSample sample;
+  sample.processor = 85;
+  EXPECT_EQ(sample.Float(1), std::string("\x80\x40\0\0", 4));
+  EXPECT_EQ(sample.Float(-0.15625), std::string("\x20\xBF\0\0", 4));
+  sample.units = "m";
+  Rng rng(3);
+  for (int f = 0; f < 50; ++f) {
+    std::vector<double> frame;
+    for (int k = 0; k < 8; ++k) frame.push_back(static_cast<float>(std::ldexp(rng.Normal(), k - 4)) * (k % 4 != 3));
+    sample.frames.push_back(frame);
+  }
+  const MarkerFile file = Read(sample.Bytes());
+  for (size_t f = 0; f < 50; ++f) {
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      EXPECT_EQ(file.pose.rows[2 * f].x_in_world[k], sample.frames[f][static_cast<size_t>(k)]);
+    }
+  }
+}
+
+TEST_F(Markers, UnitsAndUpAxisComeFromTheFile) {
+  C3dSample sample = TwoPoints();
+  for (const auto& [unit, metres] : {std::pair<std::string, double>("m", 1), {"CM", 0.01}, {"inches", 0.0254}}) {
+    sample.units = unit;
+    EXPECT_NEAR(Read(sample.Bytes()).pose.rows[0].x_in_world.x(), 1000 * metres, 1e-4) << unit;
+  }
+  sample.y_screen = "+Y";
+  sample.units = "m";
+  const MarkerFile up = Read(sample.Bytes());
+  EXPECT_TRUE(up.y_up);
+  EXPECT_EQ(up.pose.rows[0].x_in_world, Eigen::Vector3d(3000.5, 1000, -2000));
+  sample.units = "";
+  EXPECT_THAT(Message(sample.Bytes()), AllOf(HasSubstr("POINT:UNITS: is missing"), HasSubstr("'marker-unit'")));
+  EXPECT_NEAR(Read(sample.Bytes(), "mm").pose.rows[0].x_in_world.y(), 1, 1e-6);
+  EXPECT_THAT(MessageOf<UsageError>([&] { Read(sample.Bytes(), "ell"); }), HasSubstr("expected m, cm, mm or in"));
+}
+
+TEST_F(Markers, SubjectsBecomePersonsAndNamesStayDistinct) {
+  C3dSample sample = TwoPoints();
+  sample.labels = {"Rat1:nose", "Rat2:nose"};
+  const MarkerFile two = Read(sample.Bytes());
+  EXPECT_EQ(two.pose.rows[0].person, 0);
+  EXPECT_EQ(two.pose.rows[1].person, 1);
+  EXPECT_EQ(two.pose.rows[1].joint, "nose");
+  sample.labels = {"m", "m"};
+  EXPECT_EQ(Read(sample.Bytes()).pose.rows[1].joint, "m_2");
+  sample.labels = {"m"};  // fewer labels than points
+  EXPECT_EQ(Read(sample.Bytes()).pose.rows[1].joint, "point_2");
+}
+
+TEST_F(Markers, DamagedC3dIsNamed) {
+  const std::string whole = TwoPoints().Bytes();
+  EXPECT_THAT(Message("not a c3d"), HasSubstr("is no C3D file"));
+  EXPECT_THAT(Message(whole.substr(0, 600)), HasSubstr("cut off"));
+  EXPECT_THAT(Message(whole.substr(0, 1024 + 32)), HasSubstr("holds 1 of 2 frames"));
+  std::string other = whole;
+  other[515] = 99;
+  EXPECT_THAT(Message(other), HasSubstr("processor type 99"));
+  other = whole, other[2] = 0;
+  EXPECT_THAT(Message(other), HasSubstr("no 3D points"));
+  EXPECT_THROW(ReadMarkers(folder_ / "none.c3d"), IoError);
+}
+
+TEST_F(Markers, ReadersSurviveDamage) {
+  const std::string whole = TwoPoints().Bytes();
+  Rng rng(7);
+  int refused = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    std::string damaged = whole;
+    for (int k = 0; k < 4; ++k) damaged[static_cast<size_t>(rng.Index(700))] = static_cast<char>(rng.Index(256));
+    try {
+      for (const JointRow& row : Read(damaged).pose.rows) ASSERT_TRUE(row.status != Status::kOk || row.x_in_world.allFinite());
+    } catch (const FormatError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 30);
+  EXPECT_LT(refused, 299);
+}
+
+TEST_F(Markers, TrcOfOtherProgramsAndUnits) {
+  const auto text = [](const std::string& unit) {
+    return "PathFileType\t4\t(X/Y/Z)\tx.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n60\t60\t1\t1\t" +
+           unit +
+           "\t60\nFrame#\tTime\tr_knee\t\t\t\n\t\tX1\tY1\tZ1\t\n\n1\t0\t100\t200\t300\t\n";  // OpenCap leaves a line empty
+  };
+  for (const auto& [unit, metres] : {std::pair<std::string, double>("m", 1), {"mm", 0.001}, {"cm", 0.01}, {"Meters", 1}}) {
+    const MarkerFile file = Read(text(unit), {}, "a.trc");
+    EXPECT_LT((file.pose.rows.at(0).x_in_world - metres * Eigen::Vector3d(300, 100, 200)).norm(), 1e-12) << unit;
+    EXPECT_TRUE(file.y_up);
+    EXPECT_EQ(file.unit, unit);
+  }
+  EXPECT_EQ(Read(text("furlong"), "m", "a.trc").pose.rows[0].x_in_world.x(), 300);
+  EXPECT_THAT(MessageOf<FormatError>([&] { Read(text("furlong"), {}, "a.trc"); }), HasSubstr("`furlong` is none of"));
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset
