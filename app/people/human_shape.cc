@@ -167,6 +167,14 @@ double TrunkTiltDeg(const std::vector<TakePoint>& points, const body::Skeleton& 
   return RadToDeg(std::atan2(sum.head<2>().norm(), sum.z()));
 }
 
+std::string WorldText(const geometry::Rig& rig) {
+  if (rig.gauge.empty()) return "right-handed; the calibration does not say what fixes it";
+  if (rig.gauge == "as imported") return "right-handed, axes of the imported calibration";
+  const bool camera = rig.gauge.rfind("camera ", 0) == 0;
+  return camera ? "right-handed, axes of " + rig.gauge + ": x right, y down, z forward"
+                : "right-handed, z up; fixed by " + rig.gauge;
+}
+
 void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {
   constexpr double kMostTiltDeg = 45;
   const double tilt = TrunkTiltDeg(take.points, input.skeleton);

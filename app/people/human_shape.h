@@ -30,6 +30,9 @@ void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, Com
 /// fewer than ten frames show a trunk.
 double TrunkTiltDeg(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
 
+/// What points in this rig's world state of their axes.
+std::string WorldText(const geometry::Rig& rig);
+
 /// Metrics `world`; a warning "TRI-UP" where the trunks say that z is not up.
 void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result);
 

@@ -159,6 +159,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseIn
   statistics->AddFrames(input.frames, arguments.options);
   dataset::Pose3d pose = app::ToPose3d(take, input.skeleton);
   pose.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
+  pose.world = app::WorldText(input.rig);
   dataset::WritePose3d(pose, arguments.out);
   return take;
 }
@@ -199,7 +200,8 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
     return true;
   };
   dataset::WritePose3d(input.skeleton.name, next, arguments.out,
-                       app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)));
+                       app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)),
+                       app::WorldText(input.rig));
   return settled;
 }
 

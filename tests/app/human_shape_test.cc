@@ -122,5 +122,11 @@ TEST(CheckUp, SaysWhatFixesTheWorldAndWarnsOfPeopleWhoLie) {
   EXPECT_TRUE(few.metrics["world"]["trunk_tilt_deg"].is_null());
 }
 
+TEST(WorldText, OnlyAWorldThatSomebodySetIsZUp) {
+  EXPECT_THAT(WorldText(InputOf("coco17").rig), HasSubstr("z up; fixed by the board in frame 0"));
+  EXPECT_THAT(WorldText(InputOf("coco17", "camera cam_01").rig), HasSubstr("axes of camera cam_01"));
+  EXPECT_THAT(WorldText(InputOf("coco17", "").rig), HasSubstr("does not say"));
+}
+
 }  // namespace
 }  // namespace mvstudio::app
