@@ -12,17 +12,6 @@
 namespace mvstudio::app {
 namespace {
 
-std::vector<std::pair<int, int>> Limbs(const body::Skeleton& skeleton) {
-  std::vector<std::pair<int, int>> limbs;
-  for (const std::string side : {"L", "R"}) {
-    for (const auto& [from, to] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
-      const int a = skeleton.Find(side + from), b = skeleton.Find(side + to);
-      if (a >= 0 && b >= 0) limbs.emplace_back(a, b);
-    }
-  }
-  return limbs;
-}
-
 void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result) {
   constexpr size_t kShown = 5;
   if (skipped.empty()) return;
@@ -107,6 +96,17 @@ void CheckCameras(const PoseInput& input, CommandResult* result) {
 
 }  // namespace
 
+std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
+  std::vector<std::pair<int, int>> limbs;
+  for (const std::string side : {"L", "R"}) {
+    for (const auto& [from, to] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
+      const int a = skeleton.Find(side + from), b = skeleton.Find(side + to);
+      if (a >= 0 && b >= 0) limbs.emplace_back(a, b);
+    }
+  }
+  return limbs;
+}
+
 triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
   return {static_cast<int>(skeleton.joints.size()), body::MirrorGroups(skeleton)};
 }
@@ -120,7 +120,7 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   }
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, result);
-  input.limbs = Limbs(input.skeleton);
+  input.limbs = LimbsOf(input.skeleton);
   input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
   return input;
 }
@@ -131,7 +131,7 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
   if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
     input_ = ReadRig(arguments, result);
     input_.skeleton = SkeletonOf(arguments);
-    input_.limbs = Limbs(input_.skeleton);
+    input_.limbs = LimbsOf(input_.skeleton);
     for (const auto& [camera, folder] : arguments.pose2d) {
       input_.cameras.push_back(camera);
       const std::vector<int> frames = dataset::OpenPoseFrames(folder, camera);

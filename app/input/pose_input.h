@@ -26,11 +26,14 @@ struct PoseArguments {
 struct PoseInput {
   geometry::Rig rig;
   body::Skeleton skeleton;
-  std::vector<std::pair<int, int>> limbs;          ///< upper arms, forearms, thighs and shanks that the skeleton has
+  std::vector<std::pair<int, int>> limbs;          ///< LimbsOf the skeleton
   std::vector<std::string> cameras;                ///< cameras with data, by name
   std::vector<dataset::Pose2dTrack> tracks;        ///< one per camera
   std::vector<triangulate::DetectedFrame> frames;  ///< every frame that any camera has, ascending
 };
+
+/// Pairs of joints: upper arms, forearms, thighs and shanks that the skeleton has.
+std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton);
 
 /// The properties of the skeleton that triangulation uses.
 triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);

@@ -10,6 +10,7 @@
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
+#include "app/people/human_shape.h"
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
@@ -158,6 +159,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseIn
   statistics->AddFrames(input.frames, arguments.options);
   dataset::Pose3d pose = app::ToPose3d(take, input.skeleton);
   pose.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
+  pose.world = app::WorldText(input.rig);
   dataset::WritePose3d(pose, arguments.out);
   return take;
 }
@@ -198,7 +200,8 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
     return true;
   };
   dataset::WritePose3d(input.skeleton.name, next, arguments.out,
-                       app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)));
+                       app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)),
+                       app::WorldText(input.rig));
   return settled;
 }
 
@@ -229,6 +232,8 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   statistics.WarnOfPersons(arguments.options.max_persons, result);
   AddComparisons(arguments, result);
   app::CheckConsistency(take, input.rig, result);
+  app::CheckLimbs(take, input, result);
+  app::CheckUp(take, input, result);
   app::CheckLoss(statistics, result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;

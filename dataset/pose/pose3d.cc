@@ -155,6 +155,7 @@ void ReadHead(const std::string& path, Pose3d* pose) {
   const internal::JsonView view(path, root);
   if (view["schema"].Text() != kSchema) view["schema"].Fail(std::string("must be ") + kSchema);
   pose->skeleton = view["skeleton"].Text();
+  if (view.Has("world")) pose->world = view["world"].Text();
   if (view.Has("covariance_note")) pose->covariance_note = view["covariance_note"].Text();
 }
 
@@ -186,11 +187,11 @@ void WritePose3d(const Pose3d& pose, const std::string& folder) {
         *rows = pose.rows;
         return written = true;
       },
-      folder, pose.covariance_note);
+      folder, pose.covariance_note, pose.world);
 }
 
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder, const std::string& covariance_note) {
+                 const std::string& folder, const std::string& covariance_note, const std::string& world) {
   AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
       head(InFolder(folder, "pose3d.json"));
   WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
@@ -201,8 +202,8 @@ void WritePose3d(const std::string& skeleton, const std::function<bool(std::vect
     AppendToFile(covariance.temporary(), CovarianceText(rows));
   }
   nlohmann::ordered_json header = {
-      {"schema", kSchema}, {"skeleton", skeleton},         {"points", "points.csv"}, {"covariance", "covariance.csv"},
-      {"unit", "m"},       {"world", "right-handed, z up"}};
+      {"schema", kSchema}, {"skeleton", skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
+      {"unit", "m"},       {"world", world}};
   if (!covariance_note.empty()) header["covariance_note"] = covariance_note;
   WriteFile(head.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &head});

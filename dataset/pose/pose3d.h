@@ -26,10 +26,13 @@ struct JointRow {
   std::optional<Eigen::Matrix3d> covariance;  ///< m^2; stored in covariance.csv (frame,person,joint,xx,xy,xz,yy,yz,zz)
 };
 
+inline constexpr char kZUpWorld[] = "right-handed, z up";
+
 struct Pose3d {
   std::string skeleton;              ///< name, stored in pose3d.json
   std::vector<JointRow> rows;        ///< sorted by frame, person, joint in skeleton order
   std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
+  std::string world = kZUpWorld;     ///< its axes, in words, stored in pose3d.json
 };
 
 /// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates
@@ -38,7 +41,7 @@ void WritePose3d(const Pose3d& pose, const std::string& folder);
 /// Same for takes larger than memory: `next` fills the rows that follow, false at the end. The files appear when all are
 /// written.
 void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder, const std::string& covariance_note = {});
+                 const std::string& folder, const std::string& covariance_note = {}, const std::string& world = kZUpWorld);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
 std::vector<JointRow> ReadPointsCsv(const std::string& path);
