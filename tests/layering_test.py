@@ -9,7 +9,7 @@ import pathlib
 import re
 import sys
 
-CORE = {"core", "core/hash", "core/disk", "core/choice", "core/charts"}
+CORE = {"core", "core/hash", "core/disk", "core/choice", "core/charts", "core/optimise"}
 GEOMETRY = {"geometry/rigid", "geometry/solve", "geometry/lens/models", "geometry/lens", "geometry/rig"}
 # Folder -> folders it may include besides itself. Arrows go down only.
 MAY_INCLUDE = {
@@ -18,6 +18,7 @@ MAY_INCLUDE = {
     "core/disk": {"core", "core/hash"},
     "core/choice": {"core"},
     "core/charts": {"core"},
+    "core/optimise": {"core"},
     "geometry/rigid": {"core"},
     "geometry/solve": {"core"},
     "geometry/lens/models": {"core"},
@@ -117,6 +118,7 @@ MAY_INCLUDE |= {
     "app/people": WITHOUT_TORCH | {"app", "app/input"},
     "app/study": WITHOUT_TORCH | {"app"},
     "app/nets": APP_LIBRARIES | {"app", "app/input"},
+    "app/nets/texture": APP_LIBRARIES | {"app", "app/input"},
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
 APP = {f for f in MAY_INCLUDE if f.split("/")[0] == "app"}

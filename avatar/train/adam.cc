@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/adam.h"
+#include "core/optimise/adam.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,7 +1,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "app/nets/body_edit.h"
+#include "app/nets/texture/body_edit.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"

@@ -1,6 +1,6 @@
 #include <memory>
 
-#include "app/nets/avatar_texture.h"
+#include "app/nets/texture/avatar_texture.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/adam.h"
+#include "core/optimise/adam.h"
 #include "core/check.h"
 
 namespace mvstudio::splats {

@@ -1,4 +1,4 @@
-#include "core/adam.h"
+#include "core/optimise/adam.h"
 
 #include <gtest/gtest.h>
 

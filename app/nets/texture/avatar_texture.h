@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "app/nets/texture_source.h"
+#include "app/nets/texture/texture_source.h"
 #include "app/result.h"
 #include "body/texture/bake.h"
 #include "body/texture/refine.h"

@@ -1,4 +1,4 @@
-#include "app/nets/texture_source.h"
+#include "app/nets/texture/texture_source.h"
 
 #include <algorithm>
 #include <filesystem>

@@ -1,4 +1,4 @@
-#include "app/nets/avatar_texture.h"
+#include "app/nets/texture/avatar_texture.h"
 
 #include <algorithm>
 #include <cmath>

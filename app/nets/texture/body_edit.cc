@@ -1,4 +1,4 @@
-#include "app/nets/body_edit.h"
+#include "app/nets/texture/body_edit.h"
 
 #include <algorithm>
 #include <cmath>
