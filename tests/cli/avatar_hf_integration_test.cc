@@ -155,10 +155,10 @@ TEST_F(AvatarHf, SeveralPeopleTeachARenderer) {
                               "0", "--size", "48", "--train-cameras", "00_00,00_01", "--holdout-frames", "5-7"});
   ASSERT_EQ(seen.exit, 0) << seen.err;
   EXPECT_THAT(seen.Json()["warnings"].dump(), HasSubstr("AVA-PRETRAINED-SEEN"));
-  ASSERT_EQ(Train("wide", {"--steps", "0", "--width", "5"}).exit, 0);
+  ASSERT_EQ(Train("wide", {"--steps", "0", "--head-kernel", "5"}).exit, 0);
   const CliRun bad = RunCli({"avatar", "pretrain-renderer", out("a"), out("wide"), "--out", out("bad")});
   EXPECT_EQ(bad.exit, 2);
-  EXPECT_THAT(bad.err, HasSubstr("--width"));
+  EXPECT_THAT(bad.err, HasSubstr("--head-kernel"));
   EXPECT_EQ(RunCli({"avatar", "pretrain-renderer", out("body"), "--out", out("bad")}).exit, 3);
   EXPECT_FALSE(fs::exists(out("bad")));
 }
