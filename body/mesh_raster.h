@@ -23,4 +23,14 @@ struct PartUvMap {
 /// cannot be projected are skipped.
 PartUvMap RasterizeBody(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera);
 
+/// The point of the surface at each pixel, rows from the top.
+struct FaceMap {
+  int width = 0, height = 0;
+  std::vector<int> face;                     // (H, W) -1: background
+  std::vector<Eigen::Vector3f> barycentric;  // (H, W) of the face's corners in space, sum to one; 0 on background
+};
+
+/// The faces that RasterizeBody sees, by the same rules.
+FaceMap RasterizeFaces(const BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world, const geometry::RigCamera& camera);
+
 }  // namespace mvstudio::body

@@ -50,6 +50,7 @@ constexpr Command kCommands[] = {
     {"avatar template", RegisterAvatarTemplate},
     {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},  // and texture, edit
     {"avatar pretrain", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrain)},
+    {"avatar pretrain-renderer", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrainRenderer)},
     {"avatar train", MVSTUDIO_NEEDS_TORCH(RegisterAvatarTrain)},  // and resume, info
     {"avatar eval", MVSTUDIO_NEEDS_TORCH(RegisterAvatarEval)},
     {"avatar compare", MVSTUDIO_NEEDS_TORCH(RegisterAvatarCompare)},

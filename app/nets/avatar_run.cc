@@ -10,6 +10,7 @@
 #include "app/nets/pretrain_input.h"
 #include "avatar/io/evaluate/evaluation_protocol.h"
 #include "avatar/io/evaluate/strips.h"
+#include "avatar/io/references/reference_views.h"
 #include "avatar/maps/bones.h"
 #include "avatar/maps/camera_tensor.h"
 #include "core/disk/files.h"
@@ -60,6 +61,7 @@ std::vector<std::string> AvatarRun::Names() {
   return {avatar::kCheckpointFile,
           avatar::kRunConfigFile,
           body::kPersonFileName,
+          avatar::kReferencesFile,
           avatar::kGaussiansFile,
           "gaussians.ply",
           splats::kPlayerFileName,
@@ -142,6 +144,12 @@ void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& 
   const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
   trainer.UseHanded([&](avatar::AvatarModel& model) {
     const avatar::Rendering r = avatar::Render(model, PosesOf(one), one.size_px, one.size_px);
+    if (avatar::NumBoneChannels(model.options) == 0) {
+      const at::Tensor input =
+          (one.references.defined() ? one.references[0].slice(0, 0, 3) : one.template_colours[0]).to(at::kFloat) / 255;
+      dataset::WriteImage(avatar::MakeStrip(truth, r.image[0], input), StepPath("pictures", model.step));
+      return;
+    }
     const at::Tensor joints_px = avatar::ProjectPinhole(one.intrinsics, one.joints_in_cam);
     const at::Tensor maps = avatar::NetworkInput(model, one.joints_in_cam, one.joint_valid, joints_px, one.size_px, one.size_px,
                                                  PosesOf(one).body)[0]
@@ -163,6 +171,7 @@ std::vector<CommandResult::Output> AvatarRun::Outputs() const {
     outputs.push_back({Path("gaussians.ply"), "gaussians"});
     if (fs::exists(Path(splats::kPlayerFileName))) outputs.push_back({Path(splats::kPlayerFileName), "gaussians-player"});
   }
+  if (fs::exists(Path(avatar::kReferencesFile))) outputs.push_back({Path(avatar::kReferencesFile), "references"});
   outputs.push_back({Path(avatar::kRunConfigFile), "configuration"});
   outputs.push_back({Path("history.csv"), "history"});
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});

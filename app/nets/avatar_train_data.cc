@@ -102,6 +102,17 @@ std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& da
   }
 }
 
+/// Warps training images into each image of the packs.
+void AddReferences(const avatar::ModelOptions& model, const avatar::RunConfig& config, const RunContext& run,
+                   std::shared_ptr<const avatar::References> references, RunPacks* packs) {
+  if (!references)
+    references = std::make_shared<const avatar::References>(avatar::SpreadReferenceViews(packs->train, packs->train_views),
+                                                            config.pack.fitted->person.body, run.num_threads);
+  packs->references = std::move(references);
+  FillReferences(*packs->references, packs->train_views, model, run.num_threads, &packs->train);
+  if (packs->watched) FillReferences(*packs->references, packs->watched_views, model, run.num_threads, &*packs->watched);
+}
+
 }  // namespace
 
 avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& a) {
@@ -122,7 +133,8 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
 }
 
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
-                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config) {
+                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config,
+                    std::shared_ptr<const avatar::References> references) {
   if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_pictures == 0))
     throw UsageError(
         "option 'patience' needs option 'validate-camera' or a option 'split' with validation images, and option "
@@ -133,6 +145,7 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   config->pack.cameras = config->split.train_cameras;
   config->pack.frames = config->split.train_frames;
   config->pack.template_colours = CorrectsColours(model);
+  config->pack.keep_views = config->pack.keep_views || TakesReferences(model);
   avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
   config->shape = config->pack.shape = built.shape;
   config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;
@@ -142,6 +155,7 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   packs.train = std::move(built.pack), packs.train_views = std::move(built.views);
   auto watched = WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run);
   if (watched) packs.watched = std::move(watched->pack), packs.watched_views = std::move(watched->views);
+  if (TakesReferences(model)) AddReferences(model, *config, run, std::move(references), &packs);
   packs.skipped = std::move(built.skipped);
   packs.frames_without_person = avatar::FramesWithout(data, built.person);
   return packs;

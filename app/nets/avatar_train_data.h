@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -7,6 +8,7 @@
 
 #include "app/result.h"
 #include "avatar/io/pack/run_config.h"
+#include "avatar/io/references/references.h"
 #include "avatar/settings/options.h"
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"
@@ -26,6 +28,7 @@ struct RunPacks {
   avatar::AvatarPack train;
   std::vector<avatar::PackView> train_views, watched_views;  ///< of their rows, where the options keep them
   std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
+  std::shared_ptr<const avatar::References> references;  ///< of the training images, where the network takes some
   std::vector<std::string> skipped;
   dataset::MissingPictures missing;  ///< of the training images: those that the dataset does not hold
   /// Side of the split, and what is missing of it: validation and held-out images, where some are.
@@ -34,8 +37,9 @@ struct RunPacks {
 };
 
 /// Throws FormatError when a camera or a side of the split has no image left, or less than half of the training images.
-/// Sets crop and template shape in `config` from the training images.
+/// Sets crop and template shape in `config` from the training images. `references`: those of a run that goes on.
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
-                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config);
+                    const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config,
+                    std::shared_ptr<const avatar::References> references = nullptr);
 
 }  // namespace mvstudio::app

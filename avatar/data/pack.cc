@@ -37,6 +37,7 @@ const std::vector<Field>& Fields() {
       {"uv", &AvatarPack::uv, at::kFloat, {2, kSize, kSize}},
       {"template_maps", &AvatarPack::template_maps, at::kFloat, {kTemplateMaps, kNetworkSize, kNetworkSize}, true},
       {"template_colours", &AvatarPack::template_colours, at::kByte, {3, kNetworkSize, kNetworkSize}, true},
+      {"references", &AvatarPack::references, at::kByte, {4, kNetworkSize, kNetworkSize}, true},
       {"body_images", &AvatarPack::body_images, at::kByte, {4, kSize, kSize}, true},
       {"camera_idx", &AvatarPack::camera_idx, at::kLong, {}},
       {"frame", &AvatarPack::frame, at::kLong, {}}};
@@ -77,11 +78,11 @@ PoseBatch PosesOf(const AvatarPack& pack) { return PosesOf(pack, at::arange(pack
 
 PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows) {
   const auto of = [&](const at::Tensor& t) { return t.defined() ? t.index_select(0, rows) : at::Tensor(); };
-  const at::Tensor colours = of(pack.template_colours);
+  const auto share = [&](const at::Tensor& t) { return t.defined() ? of(t).to(at::kFloat) / 255 : at::Tensor(); };
   return {of(pack.joints_in_cam),
           of(pack.joint_valid),
           of(pack.intrinsics),
-          {of(pack.template_maps), colours.defined() ? colours.to(at::kFloat) / 255 : at::Tensor()}};
+          {of(pack.template_maps), share(pack.template_colours), share(pack.references)}};
 }
 
 std::string PictureName(const AvatarPack& pack, int64_t i) {

@@ -32,6 +32,9 @@ struct AvatarPack {
   at::Tensor template_colours;
   /// (N, 4, H, W) uint8: the fitted body in its averaged colours, posed by the joints: RGB on black, coverage; undefined: none
   at::Tensor body_images;
+  /// (N, 4, P, P) uint8: training images of other time steps warped onto the body beside template_maps, RGB on black, and
+  /// where there is any (avatar/io/references); for networks that see them; undefined: none
+  at::Tensor references;
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
   at::Tensor frame;                  ///< (N) int64, frame number of the dataset
   std::vector<std::string> cameras;  ///< names
@@ -43,8 +46,9 @@ struct AvatarPack {
 
 /// The posed body as a network's input.
 struct TemplateView {
-  at::Tensor maps;     ///< (B, 4, H, W) float32, as in AvatarPack; undefined for networks without the template
-  at::Tensor colours;  ///< (B, 3, H, W) float32 in [0, 1]; undefined for networks that do not correct them
+  at::Tensor maps;          ///< (B, 4, H, W) float32, as in AvatarPack; undefined for networks without the template
+  at::Tensor colours;       ///< (B, 3, H, W) float32 in [0, 1]; undefined for networks that do not correct them
+  at::Tensor references{};  ///< (B, 4, H, W) float32 in [0, 1]; undefined for networks that see none
 };
 
 /// Network input for B images.

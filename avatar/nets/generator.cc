@@ -8,6 +8,8 @@
 
 #include "avatar/maps/template_maps.h"
 #include "avatar/nets/init_weights.h"
+#include "avatar/nets/layers.h"
+#include "avatar/nets/reference_renderer.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -15,23 +17,9 @@ namespace {
 
 namespace nn = torch::nn;
 
-int Channels(const ModelOptions& o, int level) { return std::min(o.width << level, 8 * o.width); }
-
-/// Instance normalisation has no parameters, so the strided convolutions before it keep a bias, as the released models do.
-bool HasBias(const ModelOptions& o) { return o.norm == NormLayer::kInstance; }
-
 void AddNormRelu(const ModelOptions& o, int channels, bool relu, nn::Sequential& out) {
-  if (o.norm == NormLayer::kBatch) {
-    out->push_back(nn::BatchNorm2d(channels));
-  } else {
-    out->push_back(nn::InstanceNorm2d(channels));
-  }
+  AddNorm(o, channels, out);
   if (relu) out->push_back(nn::ReLU(nn::ReLUOptions(true)));
-}
-
-nn::Conv2d Conv(int in, int out, int kernel, int stride, bool bias) {
-  const int padding = stride == 2 ? 1 : kernel / 2;
-  return nn::Conv2d(nn::Conv2dOptions(in, out, kernel).stride(stride).padding(padding).bias(bias));
 }
 
 /// x + norm(conv(relu(norm(conv(x))))).
@@ -58,20 +46,20 @@ nn::Sequential MakeStem(const ModelOptions& o) {
 }
 
 nn::Sequential MakeDown(const ModelOptions& o, int level) {
-  nn::Sequential net(Conv(Channels(o, level), Channels(o, level + 1), 4, 2, HasBias(o)));
-  AddNormRelu(o, Channels(o, level + 1), true, net);
+  nn::Sequential net(Conv(ChannelsAt(o, level), ChannelsAt(o, level + 1), 4, 2, HasBias(o)));
+  AddNormRelu(o, ChannelsAt(o, level + 1), true, net);
   return net;
 }
 
 nn::Sequential MakeBlocks(const ModelOptions& o, int count) {
   nn::Sequential net;
-  for (int i = 0; i < count; ++i) net->push_back(ResBlock(o, Channels(o, o.downs)));
+  for (int i = 0; i < count; ++i) net->push_back(ResBlock(o, ChannelsAt(o, o.downs)));
   return net;
 }
 
 /// From level + 1 to level.
 nn::Sequential MakeUp(const ModelOptions& o, int level) {
-  const int in = Channels(o, level + 1), out = Channels(o, level);
+  const int in = ChannelsAt(o, level + 1), out = ChannelsAt(o, level);
   nn::Sequential net;
   if (o.upsample == Upsampling::kTransposed) {
     net->push_back(nn::ConvTranspose2d(nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(HasBias(o))));
@@ -138,17 +126,30 @@ std::pair<std::string, std::string> DecoderNames(Method method) {
   return {heads.first_name, heads.second_name};
 }
 
+int NumBoneChannels(const ModelOptions& options) { return options.method == Method::kHf ? 0 : options.inputs; }
+
 int NumPreviousChannels(const ModelOptions& options) { return options.method == Method::kV2v ? 3 * kNumPrevious : 0; }
 
 struct GeneratorImpl::Parts {
   nn::Sequential stem{nullptr}, blocks{nullptr};
   std::vector<nn::Sequential> downs;
   Decoder first{nullptr}, second{nullptr};
+  ReferenceRenderer renderer{nullptr};  // hf alone, in place of all others
+
+  bool IsZero() const { return renderer ? renderer->IsZero() : first->IsZero() && second->IsZero(); }
+  int64_t first_outputs() const { return renderer ? 1 : first->outputs(); }
+  int64_t second_outputs() const { return renderer ? 3 : second->outputs(); }
 };
 
 GeneratorImpl::GeneratorImpl(const ModelOptions& options, uint64_t seed)
     : parts_(std::make_unique<Parts>()), size_multiple_(1 << options.downs) {
   Validate(options);
+  if (options.method == Method::kHf) {
+    parts_->renderer = register_module("renderer", ReferenceRenderer(options));
+    InitWeights(*this, seed);
+    parts_->renderer->BeginAtZero();
+    return;
+  }
   const Heads heads = HeadsOf(options);
   parts_->stem = register_module("stem", MakeStem(options));
   for (int level = 0; level < options.downs; ++level) {
@@ -170,11 +171,15 @@ std::pair<at::Tensor, at::Tensor> GeneratorImpl::forward(const at::Tensor& bone_
             "image sizes must be multiples of " << size_multiple_ << ", they are " << bone_maps.sizes());
   MVS_CHECK(std::min(bone_maps.size(2), bone_maps.size(3)) / size_multiple_ >= 2,
             "an image of " << bone_maps.sizes() << " is too small: at least " << 2 * size_multiple_ << " px are needed");
-  if (!is_training() && !at::GradMode::is_enabled() && parts_->first->IsZero() && parts_->second->IsZero()) {
+  if (!is_training() && !at::GradMode::is_enabled() && parts_->IsZero()) {
     const auto zeros = [&](int64_t channels) {  // a template that nothing was learned about costs no network
       return at::zeros({bone_maps.size(0), channels, bone_maps.size(2), bone_maps.size(3)}, bone_maps.options());
     };
-    return {zeros(parts_->first->outputs()), zeros(parts_->second->outputs())};
+    return {zeros(parts_->first_outputs()), zeros(parts_->second_outputs())};
+  }
+  if (parts_->renderer) {
+    const at::Tensor out = parts_->renderer->forward(bone_maps);
+    return {out.slice(1, 0, 1), out.slice(1, 1)};
   }
   std::vector<at::Tensor> levels;
   at::Tensor x = parts_->stem->forward(bone_maps);

@@ -14,6 +14,8 @@ namespace mvstudio::avatar {
 inline constexpr int kNumPrevious = 2;
 /// Number of input channels beside the bone maps.
 int NumPreviousChannels(const ModelOptions& options);
+/// Input channels before the template's: the bones; none for `hf`.
+int NumBoneChannels(const ModelOptions& options);
 
 /// Names of the two decoders in a checkpoint.
 std::pair<std::string, std::string> DecoderNames(Method method);
@@ -28,6 +30,7 @@ std::pair<std::string, std::string> DecoderNames(Method method);
 ///   `direct`: a foreground logit (B, 1, H, W) and colours before tanh (B, 3, H, W).
 ///   `v2v`, whose input also holds the kNumPrevious previous images: a foreground logit and (B, 6, H, W), colours
 ///     before tanh, flow, weight logit.
+///   `hf`: as `direct`, from the input of a ReferenceRenderer (reference_renderer.h), which it is.
 class GeneratorImpl : public torch::nn::Module {
  public:
   GeneratorImpl(const ModelOptions& options, uint64_t seed);

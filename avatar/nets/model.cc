@@ -9,6 +9,8 @@
 #include "avatar/maps/camera_tensor.h"
 #include "avatar/maps/template_maps.h"
 #include "avatar/maps/texture.h"
+#include "avatar/nets/neural_texture.h"
+#include "avatar/nets/reference_renderer.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -100,6 +102,25 @@ void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
   out->uv = (0.5 * chosen + 0.5).clamp(0, 1) * (part > 0).unsqueeze(1);
 }
 
+/// What the options are valid for while those of the body are not known yet.
+ModelOptions WithoutBody(ModelOptions options) {
+  if (options.method == Method::kHf) options.method = Method::kDirect;
+  return options;
+}
+
+/// The joints' bones as the options lay them out.
+void AddBoneMaps(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
+                 const at::Tensor& joints_px, int64_t height, int64_t width, std::vector<at::Tensor>* maps) {
+  const InputLayout& layout = LayoutOf(model.options.inputs);
+  MVS_CHECK(
+      NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
+      "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
+  const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
+  const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
+  maps->push_back(RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth));
+  if (layout.slopes) maps->push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
+}
+
 }  // namespace
 
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed) {
@@ -116,32 +137,54 @@ AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange
     model.textures = at::zeros({24, 3, size, size}, at::kFloat).requires_grad_();
     model.seen = at::zeros({24, size, size}, at::kFloat);
   }
+  if (options.method == Method::kHf) {
+    const int64_t size = model.options.texture_px;
+    model.textures = at::zeros({24, 3, size, size}, at::kFloat);
+    model.learned = at::zeros({24, options.neural_channels - 3, size, size}, at::kFloat).requires_grad_();
+  }
   return model;
+}
+
+void SetBodyTextures(AvatarModel& model, const at::Tensor& textures) {
+  MVS_CHECK(model.options.method == Method::kHf && textures.dim() == 4 && textures.size(0) == 24 && textures.size(1) == 3,
+            "a body's textures are (24, 3, S, S), they are " << textures.sizes());
+  const int64_t size = model.options.texture_px;
+  const at::Tensor resampled =
+      textures.size(2) == size ? textures : at::_upsample_bilinear2d_aa(textures, {size, size}, /*align_corners=*/false);
+  model.textures = resampled.to(model.textures.options()).clone();
 }
 
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width, const TemplateView& seen) {
-  const InputLayout& layout = LayoutOf(model.options.inputs);
-  MVS_CHECK(
-      NumBodyJoints(joints_px.size(1)) == NumBodyJoints(layout.num_joints),
-      "a network with " << model.options.inputs << " inputs takes joints of a body of " << NumBodyJoints(layout.num_joints));
-  const double half_width = BoneHalfWidth(model.options.bone_half_width_px, std::max(height, width));
-  const at::Tensor depth = BoneDepth(joints_in_cam, valid, model.options.relative_depth);
-  std::vector<at::Tensor> maps = {RasterizeMaps(layout.maps, joints_px, depth, valid, height, width, half_width, model.depth)};
-  if (layout.slopes) maps.push_back(RasterizeSlopes(joints_px, joints_in_cam, valid, height, width, half_width));
+  std::vector<at::Tensor> maps;
+  if (NumBoneChannels(model.options) > 0) AddBoneMaps(model, joints_in_cam, valid, joints_px, height, width, &maps);
   MVS_CHECK(seen.maps.defined() == (NumTemplateChannels(model.options) > 0),
             "a network with prior " << ToString(model.options.prior) << (seen.maps.defined() ? " takes no" : " needs")
                                     << " template maps");
   const bool colours = CorrectsColours(model.options);
   MVS_CHECK(seen.colours.defined() || !colours, "a network that corrects the template's colours needs them");
   if (seen.maps.defined()) maps.push_back(TemplateChannels(seen.maps, colours ? seen.colours : at::Tensor()));
-  return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
+  if (!TakesReferences(model.options)) return maps.size() == 1 ? maps[0] : at::cat(maps, 1);
+  MVS_CHECK(seen.references.defined(), "a network that takes references needs them");
+  maps.push_back(seen.references.to(maps[0].options()));
+  return at::cat(maps, 1);
+}
+
+at::Tensor RendererInput(const AvatarModel& model, const at::Tensor& maps) {
+  constexpr int64_t kParts = 24, kFirstPart = 3, kFirstColour = kFirstPart + kParts;
+  const at::Tensor cover = maps.slice(1, 0, 1), colours = maps.slice(1, kFirstColour, kFirstColour + 3);
+  const at::Tensor texture = at::cat({model.textures, model.learned}, 1);
+  const at::Tensor sampled = SampleCharts(texture, maps.slice(1, kFirstPart, kFirstColour), maps.slice(1, 1, kFirstPart));
+  return at::cat({cover * sampled, cover * colours, cover, maps.slice(1, kFirstColour + 3)}, 1);
 }
 
 std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& maps, const at::Tensor& previous) {
-  auto [first, second] = model.generator->forward(previous.defined() ? at::cat({maps, previous}, 1) : maps);
+  const at::Tensor input = previous.defined()                    ? at::cat({maps, previous}, 1)
+                           : model.options.method == Method::kHf ? RendererInput(model, maps)
+                                                                 : maps;
+  auto [first, second] = model.generator->forward(input);
   first = first.to(at::kFloat), second = second.to(at::kFloat);
-  const int64_t bones = model.options.inputs, channels = NumTemplateChannels(model.options);
+  const int64_t bones = NumBoneChannels(model.options), channels = NumTemplateChannels(model.options);
   if (channels > 0) AddTemplate(model.options, maps.slice(1, bones, bones + channels), &first, &second);
   return {first, second};
 }
@@ -212,8 +255,9 @@ TensorFile ModelToTensors(const AvatarModel& model) {
   file.tensors = NetworkTensors(model);
   if (model.textures.defined()) {
     file.tensors["textures"] = model.textures;
-    file.tensors["textures_seen"] = model.seen;
+    if (model.seen.defined()) file.tensors["textures_seen"] = model.seen;
   }
+  if (model.learned.defined()) file.tensors["neural_textures"] = model.learned;
   for (auto& [name, tensor] : file.tensors) tensor = tensor.detach().to(at::kCPU).clone();
   file.metadata["format"] = kFormat;
   for (const auto& [name, value] : FieldsAsText(model.options)) file.metadata["model." + name] = value;
@@ -231,10 +275,15 @@ ModelOptions ModelOptionsFrom(const TensorFile& file, const std::string& path) {
     if (found == file.metadata.end()) continue;
     try {
       SetFieldFromText(options, name, found->second);
-      Validate(options);
+      Validate(WithoutBody(options));
     } catch (const UsageError& error) {
       throw FormatError(path, "__metadata__.model." + name, error.what());
     }
+  }
+  try {
+    Validate(options);
+  } catch (const UsageError& error) {
+    throw FormatError(path, "__metadata__.model.method", error.what());
   }
   return options;
 }
@@ -252,8 +301,9 @@ AvatarModel ModelFromTensors(const TensorFile& file, const std::string& path) {
   for (auto& [name, tensor] : NetworkTensors(model)) CopyInto(tensor, file, name, path);
   if (model.textures.defined()) {
     CopyInto(model.textures, file, "textures", path);
-    CopyInto(model.seen, file, "textures_seen", path);
+    if (model.seen.defined()) CopyInto(model.seen, file, "textures_seen", path);
   }
+  if (model.learned.defined()) CopyInto(model.learned, file, "neural_textures", path);
   return model;
 }
 

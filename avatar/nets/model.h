@@ -21,18 +21,26 @@ struct AvatarModel {
   int size_px = 0;   ///< image size it was trained at
   int64_t step = 0;  ///< training steps done, initialisation included
   Generator generator{nullptr};
-  at::Tensor textures;  ///< (24, 3, S, S) float32, about [-1, 1]; undefined for `direct`
+  at::Tensor textures;  ///< (24, 3, S, S) float32, about [-1, 1]; `hf`: of the fitted body, frozen; undefined for `direct`
+  at::Tensor learned;   ///< (24, C - 3, S, S) float32, `hf` alone: the other channels of its neural texture, from 0
   at::Tensor seen;  ///< (24, S, S) float32: how often a texel was seen when textures were averaged; 0: filled from neighbours
 };
 
 /// New weights: convolutions N(0, 0.02), grey textures (their size follows `size_px` where the options do not set it).
 AvatarModel MakeModel(const ModelOptions& options, int size_px, const DepthRange& depth, uint64_t seed);
 
+/// Colours of a fitted body, one (3, S', S') image in [-1, 1] a part, as the frozen channels of `hf`: resampled to its texels.
+void SetBodyTextures(AvatarModel& model, const at::Tensor& textures);
+
 /// Network input for a batch of poses: joints_in_cam (B, J, 3) metres, valid (B, J), joints_px (B, J, 2) -> (B, inputs, H,
-/// W). Where the template is the prior, the channels of `seen` follow; it must be given then, and only then. J includes the
-/// body that the inputs need (bone_lists.h); where J has no hands and face, their maps are background.
+/// W), without bones for `hf`. Where the template is the prior, the channels of `seen` follow; it must be given then, and only
+/// then. J includes the body that the inputs need (bone_lists.h); where J has no hands and face, their maps are background.
 at::Tensor NetworkInput(const AvatarModel& model, const at::Tensor& joints_in_cam, const at::Tensor& valid,
                         const at::Tensor& joints_px, int64_t height, int64_t width, const TemplateView& seen = {});
+
+/// What a ReferenceRenderer sees of such input: the neural texture on the body, the body's image, its cover, references.
+/// Gradients reach `learned`.
+at::Tensor RendererInput(const AvatarModel& model, const at::Tensor& maps);
 
 /// The network's two outputs (see Generator) for such input; corrections to the template where that is the prior.
 /// `previous`: as in ComposeImage.

@@ -10,8 +10,13 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr ChoiceWords<Method, 4> kMethods = {
-    {{Method::kTna, "tna"}, {Method::kDirect, "direct"}, {Method::kV2v, "v2v"}, {Method::kGaussians, "gaussians"}}};
+constexpr ChoiceWords<Method, 5> kMethods = {{{Method::kTna, "tna"},
+                                              {Method::kDirect, "direct"},
+                                              {Method::kV2v, "v2v"},
+                                              {Method::kGaussians, "gaussians"},
+                                              {Method::kHf, "hf"}}};
+constexpr ChoiceWords<ReferenceChoice, 2> kReferenceChoices = {
+    {{ReferenceChoice::kBest, "best"}, {ReferenceChoice::kFrontBack, "frontback"}}};
 constexpr ChoiceWords<NormLayer, 2> kNormLayers = {{{NormLayer::kBatch, "batch"}, {NormLayer::kInstance, "instance"}}};
 constexpr ChoiceWords<Upsampling, 2> kUpsamplings = {
     {{Upsampling::kTransposed, "transposed"}, {Upsampling::kNearest, "nearest"}}};
@@ -53,12 +58,17 @@ bool FromText(const std::string& text, T* value) {
 }  // namespace
 
 std::string_view ToString(Method method) { return WordOf(kMethods, method); }
+std::string_view ToString(ReferenceChoice choice) { return WordOf(kReferenceChoices, choice); }
 std::string_view ToString(NormLayer norm) { return WordOf(kNormLayers, norm); }
 std::string_view ToString(Upsampling upsampling) { return WordOf(kUpsamplings, upsampling); }
 std::string_view ToString(Prior prior) { return WordOf(kPriors, prior); }
 
 void FromString(const std::string& text, Method* method) {
-  *method = KnownChoice(kMethods, text, "option 'method' must be tna, direct, v2v or gaussians");
+  *method = KnownChoice(kMethods, text, "option 'method' must be tna, direct, v2v, gaussians or hf");
+}
+
+void FromString(const std::string& text, ReferenceChoice* choice) {
+  *choice = KnownChoice(kReferenceChoices, text, "option 'reference-choice' must be best or frontback");
 }
 
 void FromString(const std::string& text, NormLayer* norm) {
@@ -105,6 +115,8 @@ bool CorrectsColours(const ModelOptions& options) {
   return options.prior == Prior::kTemplate && options.method != Method::kTna && options.template_colours;
 }
 
+bool TakesReferences(const ModelOptions& options) { return options.method == Method::kHf && options.references > 0; }
+
 bool CorrectsParts(const ModelOptions& options) {
   return options.prior == Prior::kTemplate && options.method == Method::kTna && options.spread_parts;
 }
@@ -126,7 +138,7 @@ double KeepInit(const TrainOptions& options, const ModelOptions& model) {
 }
 
 void Validate(const ModelOptions& o) {
-  Require(o.method != Method::kGaussians, "method", "tna, direct or v2v here: Gaussians have no network");
+  Require(o.method != Method::kGaussians, "method", "tna, direct, v2v or hf here: Gaussians have no network");
   Require(o.width >= 1 && o.width <= 256, "width", "in 1..256");
   Require(o.downs >= 1 && o.downs <= 6, "downs", "in 1..6");
   Require(o.encoder_blocks >= 0 && o.encoder_blocks <= 32, "encoder-blocks", "in 0..32");
@@ -137,6 +149,11 @@ void Validate(const ModelOptions& o) {
   Require(o.prior != Prior::kAuto, "prior", "none or template");
   Require(o.texture_px == 0 || (o.texture_px >= 2 && o.texture_px <= 4096), "texture-px", "0 or in 2..4096");
   Require(o.bone_half_width_px > 0 && o.bone_half_width_px < 100, "bone-half-width-px", "above 0 and below 100");
+  Require(o.neural_channels >= 4 && o.neural_channels <= 256, "neural-channels", "in 4..256");
+  Require(o.references >= 0 && o.references <= 32, "references", "in 0..32");
+  Require(o.reference_gap >= 0 && o.reference_gap <= 1000000, "reference-gap", "in 0..1e6");
+  Require(o.method != Method::kHf || CorrectsColours(o), "prior",
+          "template with option 'template-colours' for option 'method' hf, which renders a fitted body");
 }
 
 void Validate(const TrainOptions& o) {

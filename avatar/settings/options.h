@@ -15,6 +15,12 @@ enum class Method {
   kDirect,     ///< the same network, which predicts colours itself
   kV2v,        ///< that with memory, flow and discriminators
   kGaussians,  ///< no network: Gaussians on the fitted body (gaussian_options.h)
+  kHf,         ///< reference-based neural rendering of the fitted body
+};
+/// Which training images a picture of method `hf` may take its details from (avatar/io/references).
+enum class ReferenceChoice {
+  kBest,       ///< those that show most of what the picture shows, in the most similar poses
+  kFrontBack,  ///< the paper's: the person from the front and from the back
 };
 enum class NormLayer { kBatch, kInstance };
 enum class Upsampling { kTransposed, kNearest };
@@ -24,12 +30,14 @@ enum class Prior {
   kTemplate,  ///< the body template posed by the joints
   kAuto,      ///< to be chosen before there is a network
 };
-std::string_view ToString(Method method);          ///< "tna", "direct", "v2v", "gaussians"
-std::string_view ToString(NormLayer norm);         ///< "batch", "instance"
-std::string_view ToString(Upsampling upsampling);  ///< "transposed", "nearest"
-std::string_view ToString(Prior prior);            ///< "none", "template", "auto"
+std::string_view ToString(Method method);           ///< "tna", "direct", "v2v", "gaussians", "hf"
+std::string_view ToString(ReferenceChoice choice);  ///< "best", "frontback"
+std::string_view ToString(NormLayer norm);          ///< "batch", "instance"
+std::string_view ToString(Upsampling upsampling);   ///< "transposed", "nearest"
+std::string_view ToString(Prior prior);             ///< "none", "template", "auto"
 /// Throw UsageError.
 void FromString(const std::string& text, Method* method);
+void FromString(const std::string& text, ReferenceChoice* choice);
 void FromString(const std::string& text, NormLayer* norm);
 void FromString(const std::string& text, Upsampling* upsampling);
 void FromString(const std::string& text, Prior* prior);
@@ -53,6 +61,10 @@ struct ModelOptions {
   int texture_px = 0;
   bool relative_depth = true;
   double bone_half_width_px = 12.0;
+  int neural_channels = 16;
+  int references = 4;
+  ReferenceChoice reference_choice = ReferenceChoice::kBest;
+  int reference_gap = 0;
 };
 
 template <class Visitor>
@@ -60,7 +72,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("method", o.method,
         "tna: textured neural avatar; direct: the same network predicting colours itself; v2v: that with memory, flow and "
         "discriminators, the essentials of video-to-video translation (both are baselines); gaussians: no network, Gaussians "
-        "on the fitted body");
+        "on the fitted body; hf: a neural texture on the fitted body and training images warped onto it, rendered by a U-Net");
   visit("width", o.width, "channels of the first layer; the deepest layer has 8 times as many (the paper's network: 32)");
   visit("downs", o.downs, "stride-2 steps of the encoder; the image size must be a multiple of 2^downs");
   visit("encoder-blocks", o.encoder_blocks, "residual blocks of the encoder");
@@ -92,10 +104,21 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
         "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
   visit("bone-half-width-px", o.bone_half_width_px,
         "half-width of a drawn bone in a 512 px image; scales with the image, at least 1 px (the paper: 4)");
+  visit("neural-channels", o.neural_channels,
+        "hf: channels of the neural texture; the first three are the fitted body's colours and stay as they are");
+  visit("references", o.references, "hf: training images of other time steps that are warped into each image; 0: none");
+  visit("reference-choice", o.reference_choice,
+        "hf: best (those that see most of what the image shows, in similar poses) or frontback (the person from the front and "
+        "from the back, as in the paper)");
+  visit("reference-gap", o.reference_gap,
+        "hf: references are more than this many frame numbers away from the image; 0: any other time step");
 }
 
 /// Whether the network sees the fitted body in its colours and predicts corrections of that image.
 bool CorrectsColours(const ModelOptions& options);
+
+/// Whether the network sees training images that are warped into the picture.
+bool TakesReferences(const ModelOptions& options);
 
 /// Whether the network corrects the parts and coordinates that the template gives at each pixel: the second output then holds
 /// the coordinates themselves.

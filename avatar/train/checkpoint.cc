@@ -59,7 +59,7 @@ void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, con
 
 void Trainer::State::TakeUp(const TensorFile& file, const std::string& path) {
   LoadAdam(network, file, "adam", path);
-  if (tna()) LoadAdam(texels, file, "adam_textures", path);
+  if (!texels.slots.empty()) LoadAdam(texels, file, "adam_textures", path);
   if (v2v()) {
     LoadAdam(critic_weights, file, "adam_critic", path);
     LoadCritic(file, path);
@@ -111,7 +111,7 @@ TensorFile Trainer::Checkpoint() const {
     file.metadata[prefix + ".step"] = std::to_string(adam.step);
   };
   add(s.network, "adam");
-  if (s.tna()) add(s.texels, "adam_textures");
+  if (!s.texels.slots.empty()) add(s.texels, "adam_textures");
   if (s.v2v()) {
     add(s.critic_weights, "adam_critic");
     for (const Adam::Slot& slot : s.critic_weights.slots)

@@ -33,6 +33,9 @@ void CheckFit(const AvatarPack& pack, const AvatarModel& model) {
     throw UsageError("option 'prior' " + std::string(ToString(model.options.prior)) + (wants_maps ? " needs" : " takes no") +
                      " template maps of the images' size in the pack");
   }
+  const at::Tensor& references = pack.references;
+  if (TakesReferences(model.options) && !(references.defined() && references.size(3) == pack.size_px))
+    throw UsageError("option 'references' needs warped training images in the pack, of the images' size");
   const at::Tensor& colours = pack.template_colours;
   if (CorrectsColours(model.options) && !(colours.defined() && colours.size(3) == pack.size_px)) {
     throw UsageError(
@@ -70,8 +73,13 @@ void Trainer::State::Prepare(const AvatarPack& source, const RunContext& run, bo
   const at::Device device(options.device);
   model.generator->to(device);
   if (tna()) model.textures = model.textures.detach().to(device).requires_grad_();
+  if (hf()) {
+    model.textures = model.textures.to(device);
+    model.learned = model.learned.detach().to(device).requires_grad_();
+  }
   for (const auto& item : model.generator->named_parameters()) network.Add(item.key(), item.value());
   if (tna()) texels.AddSparse("textures", model.textures);
+  if (hf()) texels.AddSparse("neural_textures", model.learned);
   if (v2v()) PrepareVideo(device);
 }
 

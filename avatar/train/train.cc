@@ -54,6 +54,19 @@ void Trainer::ReplacePictures(const AvatarPack& pack) {
   if (s.v2v()) s.previous_rows = PreviousRows(s.pack);
 }
 
+void Trainer::SetBodyTextures(const at::Tensor& textures) { avatar::SetBodyTextures(state_->model, textures); }
+
+void Trainer::TakeNetwork(const Trainer& other) {
+  const Adam &own = state_->network, &theirs = other.state_->network;
+  const auto same = [](const Adam::Slot& a, const Adam::Slot& b) {
+    return a.name == b.name && a.value.sizes() == b.value.sizes();
+  };
+  MVS_CHECK(std::equal(own.slots.begin(), own.slots.end(), theirs.slots.begin(), theirs.slots.end(), same),
+            "networks of other shapes");
+  state_->model.generator = other.state_->model.generator;
+  state_->network = theirs;
+}
+
 Trainer::~Trainer() = default;
 Trainer::Trainer(Trainer&&) noexcept = default;
 

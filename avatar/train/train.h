@@ -66,6 +66,14 @@ class Trainer {
   ~Trainer();
   Trainer(Trainer&&) noexcept;
 
+  /// Before Run, method `hf`: the fitted body's colours (24, 3, S', S') in [-1, 1], which its renderer sees and no step
+  /// changes.
+  void SetBodyTextures(const at::Tensor& textures);
+
+  /// The steps that follow train `other`'s network, of the same options: its weights and Adam's moments are those of both from
+  /// now on, textures stay apart. Several people thus train one renderer when they take turns, each after the one before.
+  void TakeNetwork(const Trainer& other);
+
   /// Before Run: each step then uses `batch` images on every rank and the mean of their gradients. This equals one process
   /// with a batch larger by the number of ranks (with instance normalisation; running statistics are of rank 0's images).
   /// All ranks must have the same pack, options, seed and step; throws UsageError otherwise. They end together.

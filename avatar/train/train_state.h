@@ -65,6 +65,7 @@ struct Trainer::State {
 
   bool v2v() const { return model.options.method == Method::kV2v; }
   bool tna() const { return model.options.method == Method::kTna; }
+  bool hf() const { return model.options.method == Method::kHf; }
   int64_t total_steps() const { return int64_t{options.init_steps} + options.steps; }
   bool InInit() const { return tna() && model.step < options.init_steps; }
   bool Exhausted() const { return options.patience > 0 && idle_checks >= options.patience; }

@@ -69,6 +69,7 @@ NamedTensors Trainer::State::Tensors() const {
   for (const auto& item : model.generator->named_parameters()) tensors["generator." + item.key()] = item.value();
   for (const auto& item : model.generator->named_buffers()) tensors["generator." + item.key()] = item.value();
   if (model.textures.defined()) tensors["textures"] = model.textures;
+  if (model.learned.defined()) tensors["neural_textures"] = model.learned;
   return tensors;
 }
 
@@ -86,6 +87,7 @@ void Trainer::State::UpdateAverage() {
   };
   for (const Adam::Slot& slot : network.slots) follow("generator." + slot.name, slot.value);
   if (tna() && textures_ready) follow("textures", model.textures);
+  if (hf()) follow("neural_textures", model.learned);
 }
 
 bool Trainer::State::CheckDue() const {

@@ -1,6 +1,7 @@
 #include <memory>
 
 #include "app/nets/avatar_pretrain.h"
+#include "app/nets/renderer_pretrain.h"
 #include "avatar/maps/bone_lists.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -23,7 +24,27 @@ CommandResult RunPretrain(const PretrainArguments& arguments, CommandContext& co
   return Pretrain(input, arguments.options, arguments.out, arguments.overwrite, Redacting(), context.run);
 }
 
+struct RendererArguments {
+  std::string out;
+  app::RendererPretraining pretraining;
+  bool overwrite = false;
+};
+
 }  // namespace
+
+void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry) {
+  auto a = std::make_shared<RendererArguments>();
+  CLI::App* sub = avatar.add_subcommand("pretrain-renderer",
+                                        "Train one renderer of method hf on several people, for `avatar train --init-from`");
+  AddOption(sub, "runs", a->pretraining.runs,
+            "folders of `avatar train --method hf`, one a person, with networks of one size; --steps 0 is enough")
+      ->required();
+  AddOption(sub, "--out", a->out, "folder of the renderer")->required();
+  AddOptions(sub, a->pretraining);
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older network in --out");
+  registry.Add(sub, "avatar pretrain-renderer",
+               [a](CommandContext& context) { return PretrainRenderer(a->pretraining, a->out, a->overwrite, context.run); });
+}
 
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<PretrainArguments>();

@@ -192,8 +192,9 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
-  const RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
+  RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
   Loaded model = Load(arguments.run_folder, config);
+  if (model.network) plan.references = ReadReferences(arguments.run_folder, config, model.network->options);
   PictureSink sink(arguments, plan);
   const Clock::time_point start = Clock::now();
   const auto add = [&](const RenderJob& job, const Image& picture) { sink.Add(job, picture); };

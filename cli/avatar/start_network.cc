@@ -6,9 +6,15 @@
 namespace mvstudio::cli {
 namespace {
 
+/// What does not shape the renderer of `hf`; the number of references does when it is 0.
+bool IsReferenceChoice(const std::string& option) {
+  return option == "references" || option == "reference-choice" || option == "reference-gap";
+}
+
 /// Options that a new network may have otherwise than the one that it starts from.
 bool MayDiffer(const std::string& option, bool other_method) {
-  return option == "texture-px" || option == "method" || (option == "template-colours" && other_method);
+  return IsReferenceChoice(option) || option == "texture-px" || option == "method" ||
+         (option == "template-colours" && other_method);
 }
 
 /// What was asked for and the network that training starts from has not is a usage error.
@@ -21,6 +27,15 @@ void RequireFit(const StartArguments& arguments, const avatar::ModelOptions& fro
     throw UsageError("--" + name + " " + value + ": the network of --init-from " + arguments.init_from + " has " +
                      has[i].second + "; leave the option out");
   }
+  const bool hf = arguments.model.method == avatar::Method::kHf, from_hf = from.method == avatar::Method::kHf;
+  if (other_method && (hf || from_hf))
+    throw UsageError("--method " + std::string(ToString(arguments.model.method)) + ": the network of --init-from " +
+                     arguments.init_from + " is of method " + std::string(ToString(from.method)) +
+                     ", and --method hf shares no layer with others");
+  if (from_hf && arguments.given("references") && (arguments.model.references > 0) != (from.references > 0))
+    throw UsageError("--references " + std::to_string(arguments.model.references) + ": the network of --init-from " +
+                     arguments.init_from + (from.references > 0 ? " takes references" : " takes none") +
+                     "; leave the option out");
 }
 
 /// Without a fitted body there are no colours that a network could correct.
@@ -40,8 +55,25 @@ avatar::ModelOptions Transferred(const StartArguments& arguments, const avatar::
   avatar::ModelOptions model = from;
   model.texture_px = arguments.model.texture_px;
   if (arguments.given("method")) model.method = arguments.model.method;
+  if (arguments.given("references")) model.references = arguments.model.references;
+  if (arguments.given("reference-choice")) model.reference_choice = arguments.model.reference_choice;
+  if (arguments.given("reference-gap")) model.reference_gap = arguments.model.reference_gap;
   if (model.method != from.method) model.template_colours = arguments.model.template_colours;
   return model;
+}
+
+/// Options that the method has no use for are usage errors.
+void RefuseOthers(const StartArguments& arguments, avatar::Method method) {
+  const bool hf = method == avatar::Method::kHf;
+  for (const char* option : {"neural-channels", "references", "reference-choice", "reference-gap"})
+    if (!hf && arguments.given(option)) throw UsageError("--" + std::string(option) + " needs --method hf");
+  for (const char* option : {"inputs", "encoder-blocks", "decoder-blocks", "stem-kernel", "upsample", "spread-parts",
+                             "relative-depth", "bone-half-width-px", "pose3d", "init-steps", "weight-part", "weight-uv",
+                             "keep-init", "freeze-unseen", "texture-pictures"})
+    if (hf && arguments.given(option))
+      throw UsageError("--" + std::string(option) + " is of other networks: --method hf has no use for it; leave it out");
+  if (hf && arguments.fit != app::BodyFitMode::kAuto)
+    throw UsageError("--method hf needs a body that is fitted: --fit auto, or --body");
 }
 
 }  // namespace
@@ -55,6 +87,7 @@ std::optional<avatar::AvatarModel> StartOf(const StartArguments& arguments) {
 
 avatar::ModelOptions ModelOf(const StartArguments& arguments, const std::optional<avatar::AvatarModel>& from, bool labelled) {
   avatar::ModelOptions model = from ? Transferred(arguments, from->options) : arguments.model;
+  RefuseOthers(arguments, model.method);
   if (model.prior == avatar::Prior::kAuto) model.prior = labelled ? avatar::Prior::kNone : avatar::Prior::kTemplate;
   if (model.prior == avatar::Prior::kTemplate && labelled)
     throw UsageError("--iuv and --prior template: DensePose's coordinates are not the template's; take --prior none");

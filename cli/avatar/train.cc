@@ -11,6 +11,7 @@
 #include "app/nets/pretrain_input.h"
 #include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/io/pack/pack_builder.h"
+#include "avatar/io/references/body_textures.h"
 #include "cli/avatar/ranks.h"
 #include "cli/avatar/split_options.h"
 #include "cli/avatar/start_network.h"
@@ -122,8 +123,10 @@ void TellFit(const std::optional<avatar::PersonFit>& fit, CommandResult* result)
 }
 
 /// Removes an older run, and writes what a new one begins with.
-void BeginRun(const RunConfig& config, const std::string& out, const app::AvatarRun& files) {
+void BeginRun(const RunConfig& config, const avatar::References* references, const std::string& out,
+              const app::AvatarRun& files) {
   files.Clear();
+  if (references) WriteReferenceViews(references->views(), files.Path(avatar::kReferencesFile));
   if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
   WriteRunConfig(Redacting() ? WithRelativePaths(config, out) : config, files.Path(avatar::kRunConfigFile));
 }
@@ -145,7 +148,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
   };
   CommandResult result = app::TrainGaussianRun(
       {arguments.gaussians, arguments.train, arguments.start.given, clock_s}, config, packs, files,
-      [&] { BeginRun(config, arguments.out, files); }, context.run);
+      [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
   FillCommon(config, packs, arguments.out, &result);
   TellFit(fit, &result);
   return result;
@@ -188,7 +191,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (from) start = StartFrom(*from, model, packs.train.size_px, context.run.seed);
   avatar::Trainer trainer = start ? avatar::Trainer(packs.train, *start, options, context.run, net)
                                   : avatar::Trainer(packs.train, model, options, context.run, net);
-  const auto replace_older = [&] { BeginRun(config, arguments.out, files); };
+  if (model.method == avatar::Method::kHf) trainer.SetBodyTextures(avatar::TexturesToTensor(config.pack.fitted->textures));
+  const auto replace_older = [&] { BeginRun(config, packs.references.get(), arguments.out, files); };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (!ranks.first()) return result;
   FillCommon(config, packs, arguments.out, &result);
@@ -239,8 +243,9 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
   RankProcesses ranks(RanksOf(arguments, checkpoint, files.checkpoint_path()), context, arguments.run);
   context.run.num_threads = ranks.threads();
+  const avatar::ModelOptions model = ModelOptionsFrom(checkpoint, files.checkpoint_path());
   const app::RunPacks packs =
-      app::BuildPacks(data, ModelOptionsFrom(checkpoint, files.checkpoint_path()), options, context.run, &config);
+      app::BuildPacks(data, model, options, context.run, &config, ReadReferences(arguments.run, config, model));
   avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
   const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
@@ -268,7 +273,10 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
     result.inputs = {run};
   }
   Validate(options);
-  const int64_t texels = options.method == avatar::Method::kTna ? int64_t{24} * 3 * options.texture_px * options.texture_px : 0;
+  const int channels = options.method == avatar::Method::kTna  ? 3
+                       : options.method == avatar::Method::kHf ? options.neural_channels
+                                                               : 0;
+  const int64_t texels = int64_t{24} * channels * options.texture_px * options.texture_px;
   result.metrics["num_parameters"] = avatar::NumParameters(options);
   result.metrics["num_texels"] = texels;
   for (const auto& [name, value] : FieldsAsText(options)) result.metrics["model"][name] = value;

@@ -30,6 +30,7 @@ void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarTemplate(CLI::App& avatar, Registry& registry);
 void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
+void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);

@@ -263,7 +263,7 @@ void ScoreTemplateAlone(const Session& session, const Subject& subject, const Pa
                         Evaluation* result) {
   if (!subject.network) return;
   const AvatarModel& model = *subject.network;
-  if (NumTemplateChannels(model.options) == 0 || !model.textures.defined()) return;
+  if (NumTemplateChannels(model.options) == 0 || model.options.method != Method::kTna) return;
   Subject alone;
   alone.network = MakeModel(model.options, model.size_px, model.depth, 0);  // a fresh network corrects nothing
   alone.network->textures = model.textures;

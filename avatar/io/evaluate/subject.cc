@@ -28,7 +28,10 @@ at::Tensor Scaled(const at::Tensor& pictures, int size_px) {
   return pictures.size(2) == size_px ? pictures : at::_upsample_bilinear2d_aa(pictures, {size_px, size_px}, false);
 }
 
-RenderedRows RenderNetwork(AvatarModel& model, const AvatarPack& pack, int batch, const RunContext& run) {
+RenderedRows RenderNetwork(Subject& subject, const PackResult& rows, int batch, const RunContext& run) {
+  AvatarModel& model = *subject.network;
+  AvatarPack pack = rows.pack;
+  if (subject.references) FillReferences(*subject.references, rows.views, model.options, run.num_threads, &pack);
   ProgressStage stage(run, "rendering", pack.size());
   const RenderedPack rendered =
       RenderPack(model, AtSize(pack, model.size_px), std::max(1, batch), [&](int64_t count) { stage.Advance(count); });
@@ -59,8 +62,9 @@ RenderedRows RenderCloud(const splats::CloudFile& file, const RunConfig& config,
   return {images.to(at::kDouble) / 255, masks.select(1, 0).to(at::kDouble) / 255};
 }
 
-Subject ReadNetwork(const std::string& path) {
+Subject ReadNetwork(const std::string& run_folder, const RunConfig& config) {
   Subject subject;
+  const std::string path = run_folder + "/" + kCheckpointFile;
   const TensorFile file = ReadTensorFile(path);
   subject.network = LoadModel(path);
   for (const auto& [key, value] : file.metadata) {
@@ -69,6 +73,7 @@ Subject ReadNetwork(const std::string& path) {
   }
   subject.step = subject.network->step;
   subject.num_parameters = NumParameters(subject.network->options);
+  subject.references = ReadReferences(run_folder, config, subject.network->options);
   return subject;
 }
 
@@ -77,7 +82,7 @@ Subject ReadNetwork(const std::string& path) {
 bool Subject::HasMemory() const { return network && NumPreviousChannels(network->options) > 0; }
 
 Subject ReadSubject(const std::string& run_folder, const RunConfig& config) {
-  if (!HoldsGaussians(run_folder)) return ReadNetwork(run_folder + "/" + kCheckpointFile);
+  if (!HoldsGaussians(run_folder)) return ReadNetwork(run_folder, config);
   Subject subject;
   const auto faces = static_cast<int>(config.pack.fitted->person.body.faces.cols());
   subject.gaussians = splats::ReadCloud(run_folder + "/" + kGaussiansFile, faces);
@@ -98,7 +103,7 @@ Subject ReadSubject(const std::string& run_folder, const RunConfig& config) {
 
 RenderedRows RenderRows(Subject& subject, const RunConfig& config, const PackResult& rows, int batch, const RunContext& run) {
   if (subject.gaussians) return RenderCloud(*subject.gaussians, config, rows, run);
-  return RenderNetwork(*subject.network, rows.pack, batch, run);
+  return RenderNetwork(subject, rows, batch, run);
 }
 
 }  // namespace mvstudio::avatar

@@ -4,11 +4,13 @@
 #include <ATen/core/Tensor.h>
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "avatar/io/pack/pack_builder.h"
 #include "avatar/io/pack/run_config.h"
+#include "avatar/io/references/references.h"
 #include "avatar/nets/model.h"
 #include "core/progress.h"
 #include "splats/files/cloud_file.h"
@@ -18,6 +20,7 @@ namespace mvstudio::avatar {
 /// The avatar that is scored: a network, or Gaussians on the fitted body.
 struct Subject {
   std::optional<AvatarModel> network;
+  std::shared_ptr<const References> references;  ///< of a network that takes some
   std::optional<splats::CloudFile> gaussians;
   std::map<std::string, std::string> training;  ///< as in Evaluation
   int64_t step = 0, num_parameters = 0;

@@ -149,9 +149,9 @@ RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
     throw IoError(checkpoint,
                   "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
   RunConfig config = ReadRunConfig(config_path);
-  config.pack.keep_views = HoldsGaussians(folder);
+  config.pack.keep_views = HoldsGaussians(folder) || fs::exists(folder + "/" + kReferencesFile);
   if (config.pack.keep_views && !config.pack.fitted)
-    throw FormatError(config_path, "/template/body", "is missing: Gaussians lie on a fitted body");
+    throw FormatError(config_path, "/template/body", "is missing: Gaussians and references lie on a fitted body");
   if (!dataset.empty()) config.dataset = dataset;
   if (!fs::is_directory(config.dataset)) {
     throw IoError(config.dataset,

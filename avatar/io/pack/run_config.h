@@ -22,15 +22,17 @@ struct RunConfig {
 inline constexpr char kRunConfigSchema[] = "mvstudio.avatar-run/1";
 inline constexpr char kRunConfigFile[] = "config.json";
 inline constexpr char kCheckpointFile[] = "checkpoint.safetensors";
-inline constexpr char kGaussiansFile[] = "gaussians.npz";  ///< in its place where Gaussians were trained
+inline constexpr char kGaussiansFile[] = "gaussians.npz";            ///< in its place where Gaussians were trained
+inline constexpr char kReferencesFile[] = "references.safetensors";  ///< training images that method `hf` warps
 
 void WriteRunConfig(const RunConfig& config, const std::string& path);
 /// Throws IoError / FormatError with the place.
 RunConfig ReadRunConfig(const std::string& path);
 /// Whether the run of a folder is of Gaussians.
 bool HoldsGaussians(const std::string& folder);
-/// The configuration of a run that has a checkpoint, or Gaussians (pack.keep_views then), and whose dataset exists; `dataset`,
-/// unless empty, replaces the one used for training. Throws IoError / FormatError naming what is missing.
+/// The configuration of a run that has a checkpoint, or Gaussians, and whose dataset exists (pack.keep_views where
+/// rendering needs them); `dataset`, unless empty, replaces the one used for training. Throws IoError / FormatError naming what
+/// is missing.
 RunConfig OpenRun(const std::string& folder, const std::string& dataset);
 
 }  // namespace mvstudio::avatar

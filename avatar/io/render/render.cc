@@ -7,6 +7,7 @@
 
 #include "avatar/io/pack/template_view.h"
 #include "avatar/maps/template_maps.h"
+#include "avatar/nets/reference_renderer.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -43,6 +44,10 @@ void FillBodies(const RenderPlan& plan, size_t begin, const ModelOptions& option
     MVS_CHECK(plan.fitted, "a network that corrects the body's colours was trained with a fitted body");
     pack->template_colours = at::zeros({n, 3, size_px, size_px}, at::kByte);
   }
+  if (TakesReferences(options)) {
+    MVS_CHECK(plan.references, "a network that takes references needs them");
+    pack->references = at::zeros({n, kReferenceMaps, size_px, size_px}, at::kByte);
+  }
   const body::BodyTemplate& body = plan.fitted ? plan.fitted->person.body : *plan.body;
   ParallelFor(n, num_threads, [&](int64_t i) {
     const RenderJob& job = plan.jobs[begin + static_cast<size_t>(i)];
@@ -52,6 +57,9 @@ void FillBodies(const RenderPlan& plan, size_t begin, const ModelOptions& option
     if (pack->template_colours.defined())
       FillTemplateColours(body, plan.fitted->textures, *vertices, job.crop, size_px,
                           pack->template_colours.data_ptr<uint8_t>() + i * 3 * area);
+    const std::optional<int> frame = plan.foreign ? std::nullopt : std::optional<int>(plan.track.frames[job.pose]);
+    if (pack->references.defined())
+      FillReferenceRow(*plan.references, {job.crop, *vertices, frame}, options, i, pack->references);
   });
 }
 

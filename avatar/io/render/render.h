@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "avatar/io/pack/run_config.h"
+#include "avatar/io/references/references.h"
 #include "avatar/io/render/render_pose.h"
 #include "avatar/nets/model.h"
 #include "core/fields.h"
@@ -104,6 +105,7 @@ struct RenderPlan {
   std::vector<std::string> skipped;
   std::shared_ptr<const body::BodyTemplate> body;      ///< the template that the network sees posed; null: none
   std::shared_ptr<const body::TexturedPerson> fitted;  ///< the person's own body in its place; null: none
+  std::shared_ptr<const References> references;        ///< for networks that take some; null: none
   bool HasBody() const { return body || fitted; }
   /// Vertices of the body in a pose; empty when the joints do not determine the trunk.
   std::optional<Eigen::Matrix3Xf> Vertices(const dataset::Coco19Pose& pose) const;
