@@ -2,7 +2,8 @@
 """Textured avatars against their baselines on held-out cameras and motion, as in Table 1 of Shysheya et al., CVPR 2019.
 
 run.py DATASET --out FOLDER --holdout-cameras A,B --holdout-frames 90-119 --cameras 6=A,B,C,D,E,F --cameras 3=A,B,C
-       [--methods girths,fitted,gaussians,template,tna+template,direct+template,v2v+template,tna,direct,v2v,tna+pretrained] [--seeds 1,2,3]
+       [--methods girths,fitted,gaussians,template,tna+template,direct+template,v2v+template,hf+template,tna,direct,v2v,tna+pretrained]
+       [--seeds 1,2,3]
        [--train "--size 96"] [--train-networks "--steps 400 --batch 2"] [--train-bones "--init-steps 100"] [--train-gaussians FLAGS]
        [--fit FLAGS] [--pretrained FOLDER] [--limit-minutes M] [--program FILE]
 
@@ -27,7 +28,7 @@ import tempfile
 import time
 
 NAMES = {"girths": "template with fitted girths", "template": "fitted body, textures of TNA", "fitted": "fitted body"}
-for method, text in (("tna", "TNA"), ("direct", "Direct"), ("v2v", "V2V-lite")):
+for method, text in (("tna", "TNA"), ("direct", "Direct"), ("v2v", "V2V-lite"), ("hf", "HF")):
     NAMES[method], NAMES[method + "+template"], NAMES[method + "+pretrained"] = text, text + " on fitted", text + ", pretrained"
 NAMES["gaussians"] = "Gaussians on fitted"
 WITHOUT_NETWORK = ("girths", "template", "fitted")
