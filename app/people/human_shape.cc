@@ -93,7 +93,7 @@ void CheckScale(const std::map<int, LimbMeans>& persons, CommandResult* result) 
 /// Positions of one person in one frame, by joint.
 using Body = std::map<int, Eigen::Vector3d>;
 
-/// Mean of the named joints that there are; NaN where there is none.
+/// Mean of the named joints; NaN where one is missing.
 Eigen::Vector3d MeanOf(const Body& body, const body::Skeleton& skeleton, const std::vector<std::string>& names) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   int count = 0;
@@ -101,7 +101,8 @@ Eigen::Vector3d MeanOf(const Body& body, const body::Skeleton& skeleton, const s
     const auto found = body.find(skeleton.Find(name));
     if (found != body.end()) sum += found->second, ++count;
   }
-  return count == static_cast<int>(names.size()) ? sum / count : Eigen::Vector3d::Constant(std::nan(""));
+  if (count < static_cast<int>(names.size())) return Eigen::Vector3d::Constant(std::nan(""));
+  return sum / count;
 }
 
 }  // namespace
