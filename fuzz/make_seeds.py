@@ -2,7 +2,8 @@
 """Writes the valid files that the fuzz targets start from: fuzz/make_seeds.py [FOLDER]. Standard library only.
 
 Files called crash-* in the same folders are inputs that once broke a reader; they are kept by hand. The video, a
-file of our own writer, and the HDF5 file, made by h5py, are kept, too."""
+file of our own writer, the HDF5 file, made by h5py, and the files of trackers and markers (pandas 1.5.3 with PyTables 3.7.0,
+h5py; the CSV tables hold the same numbers) are kept, too."""
 import hashlib
 import io
 import json

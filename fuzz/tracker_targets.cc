@@ -1,4 +1,5 @@
 #include <cmath>
+#include <filesystem>
 #include <set>
 
 #include "dataset/pose/markers.h"
@@ -30,17 +31,17 @@ void RequireSound(const dataset::TrackedPoints& points) {
   Require(tracks[0].frames.size() == points.track.frames.size(), "frames were lost");
 }
 
-void RunText(std::string_view bytes, std::string_view header) {
-  const std::string path = Scratch("tracker.csv", std::string(header) + std::string(bytes));
+void RunText(std::string_view bytes) {
+  const std::string path = Scratch("tracker.csv", bytes);
   dataset::TrackedPoints points;
   if (Accepts([&] { points = dataset::ReadTrackerFile(path, "cam"); })) RequireSound(points);
 }
 
 }  // namespace
 
-MVS_FUZZ_TARGET(deeplabcut_csv, bytes) { RunText(bytes, ""); }
+MVS_FUZZ_TARGET(deeplabcut_csv, bytes) { RunText(bytes); }
 
-MVS_FUZZ_TARGET(sleap_csv, bytes) { RunText(bytes, ""); }
+MVS_FUZZ_TARGET(sleap_csv, bytes) { RunText(bytes); }
 
 MVS_FUZZ_TARGET(caliscope_points, bytes) {
   const std::string path = InMemory("xy.csv", bytes);
@@ -66,6 +67,7 @@ MVS_FUZZ_TARGET(tracker_hdf5, bytes) {
 
 MVS_FUZZ_TARGET(anipose_config, bytes) {
   const std::string folder = ScratchFolder("anipose");
+  for (const char* below : {"/pose-2d", "/calibration"}) std::filesystem::create_directories(folder + below);
   Scratch("anipose/config.toml", bytes);
   Scratch("anipose/pose-2d/walk-camA.h5", "");
   Scratch("anipose/pose-2d/walk-camB.h5", "");

@@ -6,10 +6,10 @@
 #include "tests/support/temp_dir.h"
 
 /// What is exported as markers is read back as the same joints.
-namespace mvstudio::exports {
+namespace mvstudio::exports::testing {
 namespace {
 
-using testing::TempDir;
+using mvstudio::testing::TempDir;
 
 TEST(Markers, C3dRoundTripsThroughOurReader) {
   const TempDir folder;
@@ -48,4 +48,4 @@ TEST(Markers, ADatasetsJointsComeBackFromTrc) {
 }
 
 }  // namespace
-}  // namespace mvstudio::exports
+}  // namespace mvstudio::exports::testing
