@@ -14,7 +14,7 @@ namespace {
 constexpr ChoiceWords<DynamicMode, 3> kModes = {
     {{DynamicMode::kAuto, "auto"}, {DynamicMode::kOff, "off"}, {DynamicMode::kLinear, "linear"}}};
 
-constexpr double kOffsetSigmasM[] = {0.0025, 0.005, 0.01};  // of which the judge chooses
+constexpr double kOffsetSigmasM[] = {0.005, 0.01, 0.02, 0.05};  // of which the judge chooses
 
 double MeanGain(const std::vector<BlockGain>& gains) {
   double sum = 0;

@@ -40,7 +40,7 @@ struct DynamicFit {
   double rms_m = 0, most_m = 0;          ///< of the offsets in the poses of the take
 };
 
-/// Linear offsets of three sizes, from stiff to soft. The training must outlive them.
+/// Linear offsets of four sizes, from stiff to soft. The training must outlive them.
 std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training);
 
 /// The trainer with the largest mean gain among those that beat skinning in every block; with `always` the best one even so.
