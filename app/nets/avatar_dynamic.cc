@@ -32,7 +32,6 @@ Json ToJson(const body::DynamicFit& fit) {
           {"components", fit.offsets ? fit.offsets->basis.size() : 0},
           {"rms_mm", 1e3 * fit.rms_m},
           {"most_mm", 1e3 * fit.most_m},
-          {"left_mm", fit.offsets ? 1e3 * fit.offsets->left_m : 0.0},
           {"candidates", candidates}};
 }
 
@@ -47,8 +46,6 @@ std::string ToTable(const body::DynamicFit& fit) {
   if (fit.offsets) {
     text += Format("offsets: %d components of the poses, %.1f mm rms, %.1f mm at most\n",
                    static_cast<int>(fit.offsets->basis.size()), 1e3 * fit.rms_m, 1e3 * fit.most_m);
-    if (fit.offsets->left_m > 0)
-      text += Format("their linear form leaves %.1f mm rms of the network's\n", 1e3 * fit.offsets->left_m);
   }
   return text;
 }

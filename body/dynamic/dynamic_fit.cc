@@ -11,12 +11,10 @@
 namespace mvstudio::body {
 namespace {
 
-constexpr ChoiceWords<DynamicMode, 4> kModes = {{{DynamicMode::kAuto, "auto"},
-                                                 {DynamicMode::kOff, "off"},
-                                                 {DynamicMode::kLinear, "linear"},
-                                                 {DynamicMode::kNetwork, "network"}}};
+constexpr ChoiceWords<DynamicMode, 3> kModes = {
+    {{DynamicMode::kAuto, "auto"}, {DynamicMode::kOff, "off"}, {DynamicMode::kLinear, "linear"}}};
 
-constexpr double kOffsetSigmasM[] = {0.0025, 0.005, 0.01};  // of which the judge chooses
+constexpr double kOffsetSigmasM[] = {0.005, 0.01, 0.02, 0.05};  // of which the judge chooses
 
 double MeanGain(const std::vector<BlockGain>& gains) {
   double sum = 0;
@@ -79,7 +77,7 @@ void MeasureOffsets(const TakeOutlines& take, DynamicFit* fit) {
 
 std::string_view ToString(DynamicMode mode) { return WordOf(kModes, mode); }
 void FromString(const std::string& text, DynamicMode* mode) {
-  *mode = KnownChoice(kModes, text, "option 'dynamic' must be auto, off, linear or network");
+  *mode = KnownChoice(kModes, text, "option 'dynamic' must be auto, off or linear");
 }
 
 std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training) {
@@ -117,6 +115,16 @@ DynamicFit FitDynamic(const TakeOutlines& take, const std::vector<OffsetTrainer>
   kept.kept = fit.offsets.has_value();
   if (fit.offsets) MeasureOffsets(take, &fit);
   stage.Advance();
+  return fit;
+}
+
+DynamicFit FitMovingSurface(const std::vector<FitStep>& steps, const std::vector<RejectedView>& rejected, DynamicMode mode,
+                            const RunContext& run, PersonBody* person) {
+  if (mode == DynamicMode::kOff) return {};
+  const TakeOutlines take = TakeOutlinesOf(*person, steps, rejected, run);
+  LinearTraining training(take, run);
+  DynamicFit fit = FitDynamic(take, LinearTrainers(&training), mode == DynamicMode::kLinear, run);
+  if (fit.offsets) AddLinearOffsets(*fit.offsets, &person->body);
   return fit;
 }
 

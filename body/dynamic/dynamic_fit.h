@@ -11,12 +11,11 @@ namespace mvstudio::body {
 
 /// Whether a body's surface moves with its pose beyond skinning, and how that is trained.
 enum class DynamicMode {
-  kAuto,     ///< offsets linear in the bones' turns, where they beat skinning in poses far from those trained on
-  kOff,      ///< skinning alone
-  kLinear,   ///< offsets linear in the bones' turns, whatever the judge says
-  kNetwork,  ///< a network's offsets, whatever the judge says
+  kAuto,    ///< offsets linear in the bones' turns, where they beat skinning in poses far from those trained on
+  kOff,     ///< skinning alone
+  kLinear,  ///< offsets linear in the bones' turns, whatever the judge says
 };
-std::string_view ToString(DynamicMode mode);                  ///< "auto", "off", "linear", "network"
+std::string_view ToString(DynamicMode mode);                  ///< "auto", "off", "linear"
 void FromString(const std::string& text, DynamicMode* mode);  ///< throws UsageError
 
 /// A way to train offsets on some time steps; nothing where it cannot.
@@ -41,10 +40,15 @@ struct DynamicFit {
   double rms_m = 0, most_m = 0;          ///< of the offsets in the poses of the take
 };
 
-/// Linear offsets of three sizes, from stiff to soft. The training must outlive them.
+/// Linear offsets of four sizes, from stiff to soft. The training must outlive them.
 std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training);
 
 /// The trainer with the largest mean gain among those that beat skinning in every block; with `always` the best one even so.
 DynamicFit FitDynamic(const TakeOutlines& take, const std::vector<OffsetTrainer>& trainers, bool always, const RunContext& run);
+
+/// The same for a person whose surface was fitted to `steps`, without the silhouettes that the fit rejected: linear offsets,
+/// added to the body's pose directions where they are kept.
+DynamicFit FitMovingSurface(const std::vector<FitStep>& steps, const std::vector<RejectedView>& rejected, DynamicMode mode,
+                            const RunContext& run, PersonBody* person);
 
 }  // namespace mvstudio::body

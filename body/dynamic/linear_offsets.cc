@@ -185,11 +185,7 @@ void LimitOffsets(const std::vector<Eigen::VectorXd>& values, double most_m, Eig
   }
 }
 
-Eigen::Matrix3Xf LinearOffsets::At(const ArticulatedPose& pose) const {
-  Eigen::Matrix3Xf offsets = OffsetsAt(weights, basis.Values(pose));
-  if (still.size() > 0) offsets += still;
-  return offsets;
-}
+Eigen::Matrix3Xf LinearOffsets::At(const ArticulatedPose& pose) const { return OffsetsAt(weights, basis.Values(pose)); }
 
 void AddLinearOffsets(const LinearOffsets& offsets, BodyTemplate* body) {
   const TurnBasis& basis = offsets.basis;
@@ -201,7 +197,6 @@ void AddLinearOffsets(const LinearOffsets& offsets, BodyTemplate* body) {
   for (Eigen::Index k = 0; k < basis.size(); ++k) columns.col(k) = offsets.weights.middleCols<3>(3 * k).transpose().reshaped();
   body->pose_directions += (columns * basis.to_unit).cast<float>();
   body->vertices.reshaped() -= (columns * (basis.to_unit * basis.mean)).cast<float>();
-  if (offsets.still.size() > 0) body->vertices += offsets.still;
 }
 
 }  // namespace mvstudio::body

@@ -45,8 +45,6 @@ void LimitOffsets(const std::vector<Eigen::VectorXd>& values, double most_m, Eig
 struct LinearOffsets {
   TurnBasis basis;
   Eigen::MatrixXd weights;  ///< (V, 3 K) as above
-  Eigen::Matrix3Xf still;   ///< (3, V) in the mean pose; empty: 0
-  double left_m = 0;        ///< rms of what they leave of the offsets that they stand for
 
   Eigen::Matrix3Xf At(const ArticulatedPose& pose) const;
 };

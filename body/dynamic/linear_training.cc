@@ -1,8 +1,5 @@
 #include "body/dynamic/linear_training.h"
 
-#include <Eigen/Cholesky>
-#include <cmath>
-
 #include "body/fit/pose_by_images.h"
 #include "core/parallel.h"
 
@@ -23,30 +20,6 @@ std::vector<OffsetPull> PullsOf(const BodyTemplate& moved, const PosedStep& step
 }
 
 }  // namespace
-
-std::optional<LinearOffsets> Linearised(const PoseOffsets& offsets, const std::vector<ArticulatedPose>& poses) {
-  constexpr int kMostComponents = 12;
-  constexpr double kRidge = 0.01;  // (1 cm / 10 cm)^2
-  LinearOffsets out{FindTurnBasis(poses, kMostComponents), {}, {}};
-  const Eigen::Index k = out.basis.size(), count = static_cast<Eigen::Index>(poses.size());
-  if (k == 0) return std::nullopt;
-  Eigen::MatrixXd values(count, k + 1), all;  // all: (N, 3V)
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const Eigen::Matrix3Xf one = offsets(poses[i]);
-    if (i == 0) all.resize(count, one.size());
-    values.row(i) << out.basis.Values(poses[i]).transpose(), 1;
-    all.row(i) = one.reshaped().cast<double>();
-  }
-  Eigen::MatrixXd h = values.transpose() * values;
-  h.diagonal().head(k).array() += kRidge;
-  const Eigen::MatrixXd solution = h.ldlt().solve(values.transpose() * all);  // (K + 1, 3V)
-  out.left_m = (all - values * solution).norm() / std::sqrt(static_cast<double>(all.size()) / 3);
-  out.still = solution.row(k).cast<float>().reshaped(3, all.cols() / 3);
-  out.weights.resize(all.cols() / 3, 3 * k);
-  for (Eigen::Index i = 0; i < k; ++i)
-    out.weights.middleCols<3>(3 * i) = solution.row(i).reshaped(3, all.cols() / 3).transpose();
-  return out;
-}
 
 std::vector<std::vector<OffsetPull>> LinearTraining::Look(const std::vector<int>& indices, const LinearOffsets& at,
                                                           double reach_px) const {
@@ -72,7 +45,7 @@ std::vector<std::vector<OffsetPull>> LinearTraining::LookAtStill(const std::vect
 std::optional<LinearOffsets> LinearTraining::Train(const std::vector<int>& indices, const LinearTrainingOptions& options) {
   std::vector<ArticulatedPose> poses;
   for (const int i : indices) poses.push_back(take_.steps[i].seen);
-  LinearOffsets out{FindTurnBasis(poses, options.most_components), {}, {}};
+  LinearOffsets out{FindTurnBasis(poses, options.most_components), {}};
   if (out.basis.size() == 0) return std::nullopt;
   out.weights = Eigen::MatrixXd::Zero(take_.body.vertices.cols(), 3 * out.basis.size());
   std::vector<Eigen::VectorXd> values;

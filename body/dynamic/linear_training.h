@@ -13,10 +13,6 @@ struct LinearTrainingOptions {
   double reach_px = 16;  ///< of an outline
 };
 
-/// Offsets of any kind as offsets linear in the bones' turns: least squares over the poses they were trained on, of as many
-/// components as vary there, twelve at most, weights with a standard deviation of 0.1 m beside errors of 1 cm.
-std::optional<LinearOffsets> Linearised(const PoseOffsets& offsets, const std::vector<ArticulatedPose>& poses);
-
 /// Trains offsets linear in the bones' turns on the outlines of a take.
 class LinearTraining {
  public:

@@ -65,11 +65,9 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
           "fit the surface to the silhouettes; off: the lengths of the bones alone, to see what the surface is worth");
   AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
           "align poses by the surface's brightness as well; kept only where held-out images agree");
-  AddChoice(
-      sub, "--dynamic", a->options.dynamic,
-      "a surface that moves with the pose beyond skinning. linear: offsets linear in the bones' turns; network: those of a "
-      "network of the posed body, in their linear form; auto: linear, where it beats skinning in poses far from those it "
-      "was trained on; off");
+  AddChoice(sub, "--dynamic", a->options.dynamic,
+            "a surface that moves with the pose beyond skinning. linear: offsets linear in the bones' turns; auto: where these "
+            "beat skinning in poses far from those they were trained on; off");
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });

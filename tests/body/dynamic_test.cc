@@ -29,17 +29,17 @@ TEST(FitDynamic, FindsWhatMovesWithThePose) {
   EXPECT_NE(fit.reason.find("beats skinning in every block"), std::string::npos) << fit.reason;
   EXPECT_GT(fit.rms_m, 0.002);
   EXPECT_LE(fit.most_m, 0.1 + 1e-6);
-  // A pose that is in none of the steps: four tenths of what skinning leaves open are gone, as outlines see them.
+  // A pose that is in none of the steps: outlines bring back a part of what skinning leaves open.
   const ArticulatedPose other = SwingingPose(40);
   const Eigen::Matrix3Xf truth = Swell(other, 0.25);
-  EXPECT_LT((fit.offsets->At(other) - truth).norm(), 0.6f * truth.norm());
+  EXPECT_LT((fit.offsets->At(other) - truth).norm(), 0.8f * truth.norm());
 }
 
 TEST(FitDynamic, StaysOffWhereSkinningExplainsAll) {
   const DynamicFit fit = Fit(SwellingTake(18, 0));
   EXPECT_FALSE(fit.offsets);
   EXPECT_EQ(fit.reason.rfind("off; the best was", 0), 0u) << fit.reason;
-  EXPECT_EQ(fit.candidates.size(), 3u);
+  EXPECT_EQ(fit.candidates.size(), 4u);
   EXPECT_EQ(fit.candidates[0].gains.size(), 5u);
 }
 
@@ -56,15 +56,26 @@ TEST(FitDynamic, DoesWhatIsAskedForAndSaysThatItIsNoGain) {
   EXPECT_LT(fit.rms_m, 0.003);
 }
 
+TEST(FitMovingSurface, AddsToTheBodyOnlyWhatIsKept) {
+  const SwellingTake take(18, 0.25);
+  PersonBody off = take.person, moving = take.person;
+  EXPECT_TRUE(FitMovingSurface(take.steps, {}, DynamicMode::kOff, OneThread(), &off).reason.empty());
+  EXPECT_EQ(off.body.pose_directions.size(), 0);
+  const DynamicFit fit = FitMovingSurface(take.steps, {}, DynamicMode::kLinear, OneThread(), &moving);
+  ASSERT_TRUE(fit.offsets) << fit.reason;
+  const ArticulatedPose& seen = take.person.seen.at(12);
+  const Eigen::Matrix3Xf expected = SkinVertices(WithOffsets(off.body, fit.offsets->At(seen)), ToBodyPose(off.body, seen));
+  EXPECT_LT((SkinVertices(moving.body, ToBodyPose(moving.body, seen)) - expected).cwiseAbs().maxCoeff(), 1e-5f);
+}
+
 TEST(AddLinearOffsets, SkinsAsTheOffsetsDo) {
   std::vector<ArticulatedPose> poses;
   for (int i = 0; i < 20; ++i) poses.push_back(SwingingPose(i));
-  LinearOffsets linear{FindTurnBasis(poses, 3), {}, {}};
+  LinearOffsets linear{FindTurnBasis(poses, 3), {}};
   ASSERT_GE(linear.basis.size(), 2);
   Rng rng(3);
   linear.weights.resize(Small().vertices.cols(), 3 * linear.basis.size());
   for (double& weight : linear.weights.reshaped()) weight = 0.02 * rng.Normal();
-  linear.still = Eigen::Matrix3Xf::Constant(3, Small().vertices.cols(), 0.01f);
   BodyTemplate body = Small();
   for (int twice = 0; twice < 2; ++twice) {  // they add up
     AddLinearOffsets(linear, &body);
@@ -73,23 +84,6 @@ TEST(AddLinearOffsets, SkinsAsTheOffsetsDo) {
     const Eigen::Matrix3Xf expected = SkinVertices(WithOffsets(Small(), offsets), posed);
     EXPECT_LT((SkinVertices(body, posed) - expected).cwiseAbs().maxCoeff(), 1e-5f);
   }
-}
-
-TEST(Linearised, KeepsWhatIsLinearAndSaysWhatIsLeftOfTheRest) {
-  std::vector<ArticulatedPose> poses;
-  for (int i = 0; i < 40; ++i) poses.push_back(SwingingPose(i));
-  const auto linear = Linearised([](const ArticulatedPose& pose) { return Swell(pose, 0.1); }, poses);
-  ASSERT_TRUE(linear);
-  EXPECT_LT(linear->left_m, 0.002);
-  const Eigen::Matrix3Xf truth = Swell(SwingingPose(60), 0.1);
-  EXPECT_LT((linear->At(SwingingPose(60)) - truth).norm(), 0.1f * truth.norm());
-  int at = 0;
-  const auto noise = Linearised(
-      [&at](const ArticulatedPose&) { return Eigen::Matrix3Xf(0.01f * (at++ % 2 ? 1 : -1) * Eigen::Matrix3Xf::Ones(3, 2)); },
-      poses);
-  ASSERT_TRUE(noise);
-  EXPECT_GT(noise->left_m, 0.01);
-  EXPECT_FALSE(Linearised([](const ArticulatedPose& pose) { return Swell(pose, 0.1); }, {poses[3], poses[3]}));
 }
 
 TEST(FindTurnBasis, HasUnitDeviationsAndNothingForAStillPerson) {

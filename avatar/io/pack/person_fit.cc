@@ -8,7 +8,6 @@
 #include <mutex>
 
 #include "avatar/io/pack/person_views.h"
-#include "avatar/io/surface/moving_surface.h"
 #include "body/fit/pose_by_images.h"
 #include "body/templates/read.h"
 #include "core/check.h"
@@ -167,7 +166,7 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   out.result.offset_m = out.fit.offsets, out.result.offset_sigma_m = out.fit.offset_sigma_m;
   NoteImages(options, &out.result);
   if (out.fit.offset_sigma_m.size() > 0)  // a surface was fitted
-    out.dynamic = FitMovingSurface(steps, out.fit.rejected, options.dynamic, run, &out.result.person);
+    out.dynamic = body::FitMovingSurface(steps, out.fit.rejected, options.dynamic, run, &out.result.person);
   BakeTextures(data, sources, options, run, &out);
   if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);
   return out;
