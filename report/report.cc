@@ -54,7 +54,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
             "limits of images must not be negative");
   const RunData data = ScanRun(run_folder);
-  SectionContext context{data, options, Value::Object(), {}, 0};
+  SectionContext context{data, options, Value::Object(), {}, 0, {}};
   std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
                                    DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),
                                    ProvenanceSection(&context)};
