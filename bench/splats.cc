@@ -60,7 +60,7 @@ void Row(const body::BodyTemplate& body, const body::Textures& textures, int64_t
     splats::AdamState adam = splats::MakeAdam(cloud.size(), 0);
     splats::Cloud learned = cloud;
     steps[threads - 1] = Rate(seconds, [&] {
-      const splats::BatchResult step = splats::BatchGradient(learned, body.faces, {&view, &view}, {}, true, threads);
+      const splats::BatchResult step = splats::BatchGradient(learned, body.faces, {&view, &view}, {}, {}, true, threads);
       splats::AdamStep(step.gradient, {}, 1, &adam, &learned.values);
     });
   }

@@ -11,6 +11,7 @@ void CheckCloud(const BasicCloud<S>& cloud, int num_faces) {
   const size_t n = cloud.size();
   MVS_CHECK(cloud.values.degree >= 0 && cloud.values.degree <= kMaxDegree, "degree " << cloud.values.degree);
   MVS_CHECK(cloud.filter_variance.size() == n, cloud.filter_variance.size() << " filters of " << n << " Gaussians");
+  MVS_CHECK(cloud.values.bends || cloud.values.bend.empty(), "a corrective that is switched off");
   ForEachGroup(cloud.values, [&](Group group, int width, const std::vector<S>& array) {
     MVS_CHECK(array.size() == n * static_cast<size_t>(width),
               "array " << static_cast<int>(group) << " has " << array.size() << " numbers for " << n << " Gaussians");
@@ -22,7 +23,7 @@ template void CheckCloud(const BasicCloud<float>&, int);
 template void CheckCloud(const BasicCloud<double>&, int);
 
 Parameters<float> Select(const Parameters<float>& values, const std::vector<size_t>& indices) {
-  Parameters<float> out = ZeroParameters<float>(indices.size(), values.degree);
+  Parameters<float> out = ZeroParameters<float>(indices.size(), values.degree, values.bends);
   std::vector<const std::vector<float>*> arrays;
   ForEachGroup(values, [&](Group, int, const std::vector<float>& array) { arrays.push_back(&array); });
   size_t group = 0;

@@ -9,6 +9,8 @@
 namespace mvstudio::splats {
 
 inline constexpr int kMaxDegree = 2;
+/// The corrective of poses (bend.h): two bones, three axes of their turns, five numbers that change.
+inline constexpr int kBendBones = 2, kBendKinds = 5, kBendSize = kBendBones * 3 * kBendKinds;
 /// Spherical harmonics up to a degree.
 constexpr int BasisSize(int degree) { return (degree + 1) * (degree + 1); }
 
@@ -23,11 +25,13 @@ struct Parameters {
   std::vector<S> rotation;   ///< (N, 4) x, y, z, w of face_from_own; of any length but 0
   std::vector<S> opacity;    ///< (N) logit
   std::vector<S> colour;     ///< (N, BasisSize(degree), 3) coefficients of R, G, B; 0: grey 0.5 (colour.h)
+  bool bends = false;        ///< whether there is a corrective of poses
+  std::vector<S> bend;       ///< (N, 2 bones, 3 axes, 5) its coefficients, bend.h; empty without one
 
   size_t size() const { return offset.size(); }
 };
 
-enum class Group { kPlace, kOffset, kScale, kRotation, kOpacity, kColour };
+enum class Group { kPlace, kOffset, kScale, kRotation, kOpacity, kColour, kBend };
 
 /// Calls `visit(group, numbers a Gaussian, array)` for each array.
 template <class P, class Visitor>
@@ -38,13 +42,14 @@ void ForEachGroup(P& p, Visitor&& visit) {
   visit(Group::kRotation, 4, p.rotation);
   visit(Group::kOpacity, 1, p.opacity);
   visit(Group::kColour, 3 * BasisSize(p.degree), p.colour);
+  if (p.bends) visit(Group::kBend, kBendSize, p.bend);
 }
 
-/// N Gaussians of this degree, all numbers 0.
+/// N Gaussians of this degree, with a corrective of poses or without, all numbers 0.
 template <class S>
-Parameters<S> ZeroParameters(size_t n, int degree) {
+Parameters<S> ZeroParameters(size_t n, int degree, bool bends = false) {
   Parameters<S> p;
-  p.degree = degree;
+  p.degree = degree, p.bends = bends;
   ForEachGroup(p, [n](Group, int width, std::vector<S>& array) { array.assign(n * static_cast<size_t>(width), S(0)); });
   return p;
 }
@@ -72,7 +77,7 @@ BasicCloud<To> CloudCast(const BasicCloud<From>& from) {
   BasicCloud<To> to;
   to.face = from.face;
   to.filter_variance.assign(from.filter_variance.begin(), from.filter_variance.end());
-  to.values = ZeroParameters<To>(from.size(), from.values.degree);
+  to.values = ZeroParameters<To>(from.size(), from.values.degree, from.values.bends);
   std::vector<const std::vector<From>*> arrays;
   ForEachGroup(from.values, [&](Group, int, const std::vector<From>& array) { arrays.push_back(&array); });
   size_t i = 0;

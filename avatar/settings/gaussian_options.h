@@ -19,6 +19,7 @@ struct GaussianOptions {
   ColourDegree colour_degree = ColourDegree::kAuto;
   bool densify = true;
   bool mip_filter = true;
+  bool pose_corrective = false;
 };
 
 template <class Visitor>
@@ -29,6 +30,8 @@ void VisitFields(Visitor&& visit, GaussianOptions& o) {
         "gaussians: degree of the spherical harmonics of colour, 0 to 2; auto: the lowest that validation images, or else a "
         "training camera left out of short trainings, do not show to be worse");
   visit("densify", o.densify, "gaussians: divide those that the images pull at most, remove transparent ones");
+  visit("pose-corrective", o.pose_corrective,
+        "gaussians: each changes its height, opacity and colour linearly with the turns of the two bones that it hangs on");
   visit("mip-filter", o.mip_filter,
         "gaussians: none finer than the training images can show, and each keeps its light in small ones");
 }

@@ -29,8 +29,18 @@ const char* NameOf(Group group) {
       return "opacity";
     case Group::kColour:
       return "colour";
+    case Group::kBend:
+      return "bend";
   }
   return "";
+}
+
+/// Of the array of a kind, of N Gaussians with `width` numbers each.
+std::vector<size_t> ShapeOf(Group group, int width, size_t n, int degree) {
+  if (group == Group::kColour) return {n, static_cast<size_t>(BasisSize(degree)), 3};
+  if (group == Group::kBend) return {n, kBendBones, 3, kBendKinds};
+  if (width == 1) return {n};
+  return {n, static_cast<size_t>(width)};
 }
 
 /// The four bones that move a Gaussian most: those of the corners, weighted as its place is.
@@ -124,11 +134,10 @@ void TakeCloud(const std::string& path, int num_faces, Members* members, Cloud* 
   const int64_t n = face.shape[0];
   const int degree = static_cast<int>(TakeWhole(path, members, "degree", 0, kMaxDegree));
   cloud->filter_variance = Floats(TakeShaped(path, members, "filter_variance_m2", {n}));
-  cloud->values.degree = degree;
+  cloud->values.degree = degree, cloud->values.bends = members->count("bend") > 0;
   ForEachGroup(cloud->values, [&](Group group, int width, std::vector<float>& array) {
-    const std::vector<int64_t> shape = group == Group::kColour ? std::vector<int64_t>{n, BasisSize(degree), 3}
-                                       : width == 1            ? std::vector<int64_t>{n}
-                                                               : std::vector<int64_t>{n, width};
+    const std::vector<size_t> sides = ShapeOf(group, width, static_cast<size_t>(n), degree);
+    const std::vector<int64_t> shape(sides.begin(), sides.end());
     array = Floats(TakeShaped(path, members, NameOf(group), shape));
   });
 }
@@ -149,10 +158,7 @@ std::string CloudFileBytes(const CloudFile& file, const body::BodyTemplate& body
                                                               {"face", NpyOfInts({n}, {cloud.face.begin(), cloud.face.end()})},
                                                               {"filter_variance_m2", NpyOfFloats({n}, cloud.filter_variance)}};
   ForEachGroup(cloud.values, [&](Group group, int width, const std::vector<float>& array) {
-    const auto basis = static_cast<size_t>(BasisSize(cloud.values.degree)), numbers = static_cast<size_t>(width);
-    const std::vector<size_t> shape = group == Group::kColour ? std::vector<size_t>{n, basis, 3}
-                                      : width == 1            ? std::vector<size_t>{n}
-                                                              : std::vector<size_t>{n, numbers};
+    const std::vector<size_t> shape = ShapeOf(group, width, n, cloud.values.degree);
     members.emplace_back(NameOf(group), NpyOfFloats(shape, array));
   });
   std::vector<std::string> options;

@@ -24,6 +24,8 @@ double RateOf(Group group, const AdamRates& rates) {
       return rates.opacity;
     case Group::kColour:
       return rates.colour;
+    case Group::kBend:
+      return rates.bend;
   }
   return 0;
 }
@@ -35,19 +37,22 @@ void MoveArray(const std::vector<float>& gradient, int width, const AdamMove& mo
   higher.rate *= 0.1f;
   for (size_t i = 0; i < values->size(); ++i) {
     const float g = std::isfinite(gradient[i]) ? gradient[i] : 0.f;
-    const bool low = width <= 4 || i % static_cast<size_t>(width) < 3;
+    const bool low = width == 1 || i % static_cast<size_t>(width) < 3;
     (*values)[i] -= MoveByAdam(g, low ? move : higher, &(*first)[i], &(*second)[i]);
   }
 }
 
 }  // namespace
 
-AdamState MakeAdam(size_t n, int degree) { return {ZeroParameters<float>(n, degree), ZeroParameters<float>(n, degree), 0}; }
+AdamState MakeAdam(size_t n, int degree, bool bends) {
+  return {ZeroParameters<float>(n, degree, bends), ZeroParameters<float>(n, degree, bends), 0};
+}
 
 void AdamStep(const Parameters<float>& gradient, const AdamRates& rates, double share, AdamState* state,
               Parameters<float>* values) {
   MVS_CHECK(gradient.size() == values->size() && state->first.size() == values->size(), "gradients of another cloud");
   MVS_CHECK(gradient.degree == values->degree && state->first.degree == values->degree, "gradients of another degree");
+  MVS_CHECK(gradient.bends == values->bends && state->first.bends == values->bends, "gradients without the corrective");
   ++state->step;
   std::vector<const std::vector<float>*> gradients;
   std::vector<std::vector<float>*> first, second;
@@ -57,7 +62,7 @@ void AdamStep(const Parameters<float>& gradient, const AdamRates& rates, double 
   size_t k = 0;
   ForEachGroup(*values, [&](Group group, int width, std::vector<float>& array) {
     const AdamMove move = AdamMoveOf(share * RateOf(group, rates), state->step, kEpsilon);
-    MoveArray(*gradients[k], width, move, first[k], second[k], &array);
+    MoveArray(*gradients[k], group == Group::kColour ? width : 1, move, first[k], second[k], &array);
     ++k;
   });
 }

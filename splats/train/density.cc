@@ -151,7 +151,7 @@ DensityReport Densify(const DensityOptions& options, const Eigen::Matrix3Xi& fac
 }
 
 void Confine(Cloud* cloud) {
-  constexpr float kOutside = 0.5f, kFarthest = 0.1f, kLeast = -9.21f, kMost = -1.609f, kMostLogit = 6;
+  constexpr float kOutside = 0.5f, kFarthest = 0.1f, kLeast = -9.21f, kMost = -1.609f, kMostLogit = 6, kMostBend = 5;
   const auto into = [](float low, float high, float* value) { *value = std::min(std::max(*value, low), high); };
   for (size_t i = 0; i < cloud->size(); ++i) {
     Parameters<float>& v = cloud->values;
@@ -166,6 +166,7 @@ void Confine(Cloud* cloud) {
     else
       q << 0, 0, 0, 1;
   }
+  for (float& value : cloud->values.bend) into(-kMostBend, kMostBend, &value);
 }
 
 }  // namespace mvstudio::splats

@@ -46,7 +46,8 @@ DensityReport Densify(const DensityOptions& options, const Eigen::Matrix3Xi& fac
                       std::vector<float>* pixel_m);
 
 /// Keeps the parameters where they mean something: places at most half a triangle outside theirs, offsets within 10 cm,
-/// standard deviations from 0.1 mm to 20 cm, opacities below 0.998, and quaternions of length 1.
+/// standard deviations from 0.1 mm to 20 cm, opacities below 0.998, coefficients of the
+/// corrective of poses within 5, and quaternions of length 1.
 void Confine(Cloud* cloud);
 
 }  // namespace mvstudio::splats

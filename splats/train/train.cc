@@ -11,6 +11,7 @@
 #include "core/statistics.h"
 #include "metrics/masks.h"
 #include "metrics/scores.h"
+#include "splats/bend.h"
 #include "splats/render.h"
 #include "splats/train/initial.h"
 #include "splats/train/train_step.h"
@@ -80,6 +81,7 @@ struct Training {
   Rng rng;
   ViewOrder order;
   Cloud cloud;
+  Eigen::Matrix2Xi bones;  // of the faces; empty without a corrective of poses
   AdamState adam;
   std::vector<float> pixel_m;
   ViewSpaceGradients gradients;
@@ -99,12 +101,21 @@ void AddSum(const LossTerms& loss, Training* t) {
   ++t->summed;
 }
 
+/// What the corrective of poses needs of a batch.
+BatchBends BendsOf(const std::vector<const TrainView*>& batch, const Training& t) {
+  BatchBends out;
+  if (!t.cloud.values.bends) return out;
+  out.bones = t.bones;
+  for (const TrainView* view : batch) out.turns.push_back(BoneTurns(t.body, *view->vertices));
+  return out;
+}
+
 /// False where the loss of the batch is not finite: nothing is changed then.
 bool Step(Training* t) {
   std::vector<const TrainView*> batch;
   for (int k = 0; k < t->options.batch; ++k) batch.push_back(&t->views[t->order.Next()]);
-  const BatchResult step =
-      BatchGradient(t->cloud, t->body.faces, batch, t->options.weights, t->options.smooth, t->run.num_threads);
+  const BatchResult step = BatchGradient(t->cloud, t->body.faces, batch, BendsOf(batch, *t), t->options.weights,
+                                         t->options.smooth, t->run.num_threads);
   t->result.skipped = step.skipped;
   if (!std::isfinite(step.loss.total)) {
     t->result.status = Status::kNotConverged;
@@ -114,7 +125,9 @@ bool Step(Training* t) {
   for (size_t i = 0; i < t->cloud.size(); ++i) t->gradients.sum[i] += step.view_space[i], t->gradients.seen[i] += step.seen[i];
   AddSum(step.loss, t);
   const double done = static_cast<double>(t->adam.step) / std::max(1, t->options.steps);
-  AdamStep(step.gradient, t->options.rates, std::pow(t->options.decay, done), &t->adam, &t->cloud.values);
+  const double share = std::pow(t->options.decay, done);
+  AdamStep(step.gradient, t->options.rates, share, &t->adam, &t->cloud.values);
+  for (float& value : t->cloud.values.bend) value *= static_cast<float>(1 - share * t->options.bend_decay);
   Confine(&t->cloud);
   return true;
 }
@@ -159,7 +172,10 @@ void Look(int step, const std::function<void(const TrainRow&, const Cloud&)>& on
 Cloud FirstCloud(const body::BodyTemplate& body, const body::Textures& textures, const std::vector<TrainView>& views,
                  const TrainOptions& options, const RunContext& run) {
   const int64_t count = options.count > 0 ? options.count : AutomaticCount(body, views);
-  return CoverBody(body, textures, count, options.degree, run.seed);
+  Cloud cloud = CoverBody(body, textures, count, options.degree, run.seed);
+  cloud.values.bends = options.bends;
+  if (options.bends) cloud.values.bend.assign(cloud.size() * static_cast<size_t>(kBendSize), 0.f);
+  return cloud;
 }
 
 }  // namespace
@@ -205,10 +221,11 @@ TrainResult TrainCloud(const body::BodyTemplate& body, const body::Textures& tex
   CheckViews(body, views), CheckViews(body, validation);
   Rng rng(run.seed ^ 0x5eedu);
   Training t{
-      body, views, validation, options, run, rng, {views.size(), nullptr}, FirstCloud(body, textures, views, options, run),
+      body, views, validation, options, run, rng, {views.size(), nullptr}, FirstCloud(body, textures, views, options, run), {},
       {},   {},    {},         {},      0,   {}};
   t.order = ViewOrder(views.size(), &t.rng);
-  t.adam = MakeAdam(t.cloud.size(), options.degree);
+  t.adam = MakeAdam(t.cloud.size(), options.degree, options.bends);
+  if (options.bends) t.bones = BonesOfFaces(body);
   t.pixel_m = SizesIn(t.cloud, body, views, run.num_threads);
   if (options.smooth) SetFilters(t.pixel_m, &t.cloud);
   t.ForgetGradients();

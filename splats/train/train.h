@@ -28,9 +28,11 @@ struct TrainOptions {
   int steps = 1500;
   int batch = 2;  ///< images a step
   bool densify = true;
-  bool smooth = true;     ///< the 3D filter, and the 2D Mip filter in pictures
-  int check_every = 150;  ///< steps between looks at the validation images
-  double decay = 0.05;    ///< rates at the end, in parts of those at the beginning; exponential
+  bool smooth = true;        ///< the 3D filter, and the 2D Mip filter in pictures
+  int check_every = 150;     ///< steps between looks at the validation images
+  bool bends = false;        ///< with a corrective of poses (bend.h)
+  double bend_decay = 0.02;  ///< its coefficients shrink by this share of their rate in each step
+  double decay = 0.05;       ///< rates at the end, in parts of those at the beginning; exponential
   AdamRates rates;
   LossWeights weights;
   DensityOptions density;

@@ -1,6 +1,8 @@
 #include "splats/train/train_step.h"
 
+#include "core/check.h"
 #include "core/parallel.h"
+#include "splats/bend.h"
 
 namespace mvstudio::splats {
 namespace {
@@ -33,6 +35,17 @@ ImageResult ImageGradient(const Cloud& cloud, const Eigen::Matrix3Xi& faces, con
   return out;
 }
 
+/// The same for a cloud with a corrective of poses.
+ImageResult BentGradient(const Cloud& cloud, const Bending<float>& bending, const Eigen::Matrix3Xi& faces,
+                         const TrainView& from, const LossWeights& weights, const RenderSettings& settings) {
+  ImageResult out = ImageGradient(Bent(cloud, bending), faces, from, weights, settings);
+  Parameters<float> gradient = out.gradient;
+  gradient.bends = true, gradient.bend.assign(cloud.values.bend.size(), 0.f);
+  AddBendGradient(cloud, bending, out.gradient, &gradient);
+  out.gradient = std::move(gradient);
+  return out;
+}
+
 void AddTerms(const LossTerms& from, double share, LossTerms* to) {
   to->l1 += share * from.l1, to->ssim += share * from.ssim, to->mask += share * from.mask, to->total += share * from.total;
 }
@@ -50,16 +63,18 @@ void AddParameters(const Parameters<float>& from, float share, Parameters<float>
 }  // namespace
 
 BatchResult BatchGradient(const Cloud& cloud, const Eigen::Matrix3Xi& faces, const std::vector<const TrainView*>& batch,
-                          const LossWeights& weights, bool mip, int num_threads) {
+                          const BatchBends& bends, const LossWeights& weights, bool mip, int num_threads) {
   const int threads = ResolveThreads(num_threads), images = static_cast<int>(batch.size());
   const RenderSettings settings{mip, std::max(1, threads / std::max(1, images))};
+  MVS_CHECK(!cloud.values.bends || bends.turns.size() == batch.size(), "turns of the bones are not those of the images");
   std::vector<ImageResult> results(batch.size());
   ParallelFor(images, threads, [&](int64_t i) {
     const auto at = static_cast<size_t>(i);
-    results[at] = ImageGradient(cloud, faces, *batch[at], weights, settings);
+    results[at] = cloud.values.bends ? BentGradient(cloud, {bends.bones, bends.turns[at]}, faces, *batch[at], weights, settings)
+                                     : ImageGradient(cloud, faces, *batch[at], weights, settings);
   });
   BatchResult out;
-  out.gradient = ZeroParameters<float>(cloud.size(), cloud.values.degree);
+  out.gradient = ZeroParameters<float>(cloud.size(), cloud.values.degree, cloud.values.bends);
   out.view_space.assign(cloud.size(), 0.f), out.seen.assign(cloud.size(), 0);
   const double share = 1.0 / images;
   for (const ImageResult& result : results) {

@@ -16,8 +16,13 @@ struct BatchResult {
   SkippedSplats skipped;          // in the last image
 };
 
-/// Images side by side on the run's threads, sums in their order.
+/// Images side by side on the run's threads, sums in their order. `turns` holds BoneTurns of the images of a cloud with a
+/// corrective of poses, on `bones`; both may be empty for others.
+struct BatchBends {
+  Eigen::Matrix2Xi bones;
+  std::vector<Eigen::Matrix3Xf> turns;
+};
 BatchResult BatchGradient(const Cloud& cloud, const Eigen::Matrix3Xi& faces, const std::vector<const TrainView*>& batch,
-                          const LossWeights& weights, bool mip, int num_threads);
+                          const BatchBends& bends, const LossWeights& weights, bool mip, int num_threads);
 
 }  // namespace mvstudio::splats

@@ -186,7 +186,7 @@ TEST(Train, TenThousandRandomStepsStayFinite) {
   for (int step = 0; step < 10000; ++step) {
     for (uint8_t& value : view.image.pixels) value = static_cast<uint8_t>(rng.Index(256));
     for (uint8_t& value : view.mask.pixels) value = rng.Uniform() < 0.7 ? 255 : 0;
-    const BatchResult result = BatchGradient(cloud, scene.faces, {&view}, {}, step % 2 == 0, 1);
+    const BatchResult result = BatchGradient(cloud, scene.faces, {&view}, {}, {}, step % 2 == 0, 1);
     ASSERT_TRUE(std::isfinite(result.loss.total)) << step;
     AdamStep(result.gradient, rates, 10, &adam, &cloud.values);
     Confine(&cloud);

@@ -127,7 +127,7 @@ splats::TrainOptions TrainOptionsOf(const GaussianOptions& gaussians, const Trai
   Validate(gaussians), Validate(networks);
   splats::TrainOptions out;
   out.count = gaussians.gaussians;
-  out.densify = gaussians.densify, out.smooth = gaussians.mip_filter;
+  out.densify = gaussians.densify, out.smooth = gaussians.mip_filter, out.bends = gaussians.pose_corrective;
   if (given("steps")) out.steps = networks.steps;
   if (given("batch")) out.batch = networks.batch;
   if (given("save-every")) out.check_every = networks.save_every;
