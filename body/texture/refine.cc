@@ -30,6 +30,23 @@ struct Corners {
         weight{(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down} {}
 };
 
+/// Adds the derivatives of towards |d|^2 + smooth times the squared differences of d between neighbours in a chart, of
+/// d = texels - first. (24, S, S)
+void AddPrior(const std::vector<float>& texels, const std::vector<float>& first, int size, const RefineOptions& options,
+              std::vector<float>* gradient) {
+  const auto towards = static_cast<float>(2 * options.towards_start), smooth = static_cast<float>(2 * options.smooth);
+  const auto pull = [&](size_t a, size_t b) {
+    const float slope = smooth * ((texels[a] - first[a]) - (texels[b] - first[b]));
+    (*gradient)[a] += slope, (*gradient)[b] -= slope;
+  };
+  const auto width = static_cast<size_t>(size);
+  for (size_t t = 0; t < texels.size(); ++t) {
+    (*gradient)[t] += towards * (texels[t] - first[t]);
+    if (t % width + 1 < width) pull(t, t + 1);
+    if (t / width % width + 1 < width) pull(t, t + width);
+  }
+}
+
 Image ResizedChart(const Image& chart, int size) {
   constexpr int kMostPlaces = 8;
   const double ratio = static_cast<double>(chart.width) / size;
@@ -125,13 +142,13 @@ std::vector<float> TextureRefiner::RefineChannel(int channel, const Textures& st
   std::vector<float> texels = first, gradient, mean(texels.size(), 0), square(texels.size(), 0);
   for (int step = 1; step <= options.steps; ++step) {
     Loss(channel, texels, &gradient);
+    AddPrior(texels, first, size_px_, options, &gradient);
     const double cosine = 0.55 + 0.45 * std::cos(kPi * (step - 1) / options.steps);
     const auto rate = static_cast<float>(options.rate * cosine);
-    const auto pull = static_cast<float>(2 * options.towards_start);
     const float unbias_mean = 1 - static_cast<float>(std::pow(kFirst, step)),
                 unbias_square = 1 - static_cast<float>(std::pow(kSecond, step));
     for (size_t t = 0; t < texels.size(); ++t) {
-      const float slope = gradient[t] + pull * (texels[t] - first[t]);
+      const float slope = gradient[t];
       mean[t] = kFirst * mean[t] + (1 - kFirst) * slope;
       square[t] = kSecond * square[t] + (1 - kSecond) * slope * slope;
       const float move = mean[t] / unbias_mean / (std::sqrt(square[t] / unbias_square) + kEpsilon);
@@ -151,7 +168,8 @@ double TextureRefiner::MeanDifference(const Textures& textures) const {
 
 Textures TextureRefiner::Refine(const Textures& start, const RefineOptions& options, const RunContext& run,
                                 RefineReport* report) const {
-  MVS_CHECK(options.steps >= 0 && options.rate > 0 && options.rate < 1 && options.towards_start >= 0, "options of refinement");
+  MVS_CHECK(options.steps >= 0 && options.rate > 0 && options.rate < 1 && options.towards_start >= 0 && options.smooth >= 0,
+            "options of refinement");
   for (const Image& chart : start)
     MVS_CHECK(chart.width == size_px_ && chart.height == size_px_ && chart.channels == 3, "charts");
   Textures out = start;

@@ -14,8 +14,10 @@ namespace mvstudio::body {
 
 struct RefineOptions {
   int steps = 200;
-  double rate = 0.02;            ///< of Adam at the start, in colours of [0, 1]; falls to a tenth along a cosine
-  double towards_start = 0.002;  ///< weight of the squared distance from the start, a texel as much as a pixel
+  double rate = 0.02;  ///< of Adam at the start, in colours of [0, 1]; falls to a tenth along a cosine
+  /// Weights of two squares that settle what pixels leave open, where texels are finer than they are: of each texel's change,
+  /// and of the differences of neighbours' changes; a texel's as much as a pixel's loss.
+  double towards_start = 0.02, smooth = 2;
 };
 
 struct RefineReport {
@@ -38,8 +40,8 @@ class TextureRefiner {
   /// value with delta = 0.5 / 255; `gradient` (24, S, S) gets its derivatives.
   double Loss(int channel, const std::vector<float>& texels, std::vector<float>* gradient) const;
 
-  /// Minimises the loss, plus the pull towards `start`, from there by Adam (Kingma and Ba, 2015). Texels in no pixel keep their
-  /// colours. `start`: square charts of this size.
+  /// Minimises the loss plus both squares from `start` by Adam (Kingma and Ba, 2015). Texels in no pixel follow their
+  /// neighbours as far as `smooth` carries them; with 0 they keep their colours. `start`: square charts of this size.
   Textures Refine(const Textures& start, const RefineOptions& options, const RunContext& run, RefineReport* report) const;
 
  private:

@@ -15,7 +15,7 @@ namespace mvstudio::body {
 struct ViewChoiceOptions {
   /// Price of a seam, per mm and grey level that the two images differ by: in units of a square millimetre of surface that
   /// takes an image that sees it not at all.
-  double seam_price = 0.03;
+  double seam_price = 0.3;
   int max_sweeps = 4;
   bool level_seams = true;
 };

@@ -115,7 +115,7 @@ TEST_F(TextureMethods, WithoutAPriceOfSeamsEachFaceTakesItsBestView) {
   options.seam_price = 3;
   const ViewChoice dear = ChooseViews(body_, views, options, {});
   EXPECT_LT(dear.energy, dear.energy_of_best);
-  EXPECT_LT(dear.seam_m, 0.6 * free.seam_m);
+  EXPECT_LT(dear.seam_m, 0.9 * free.seam_m) << "few faces are seen by more than two of six views";
 }
 
 TEST_F(TextureMethods, ChosenViewsBringTheColoursBack) {
@@ -146,7 +146,7 @@ TEST_F(TextureMethods, RefinementRecoversAKnownCoatFromGrey) {
   TextureRefiner refiner(body_, kChartPx);
   for (const TextureView& view : ViewsOf(body_, truth, 12, 240)) refiner.Add(view);
   RefineOptions options;
-  options.steps = 120;
+  options.steps = 120, options.smooth = 0, options.towards_start = 0;
   RefineReport report;
   const Textures refined = refiner.Refine(Plain(128), options, {}, &report);
   EXPECT_GT(report.loss_before, 20);
@@ -158,7 +158,9 @@ TEST_F(TextureMethods, TexelsThatNobodySeesKeepTheirColours) {
   TextureRefiner refiner(body_, kChartPx);
   refiner.Add(PlainView(body_, 0, 200));
   RefineReport report;
-  const Textures refined = refiner.Refine(Plain(60), {}, {}, &report);
+  RefineOptions options;
+  options.smooth = 0;
+  const Textures refined = refiner.Refine(Plain(60), options, {}, &report);
   size_t kept = 0, reached = 0, others = 0;
   for (const Image& chart : refined) {
     for (const uint8_t value : chart.pixels) kept += value == 60, reached += std::abs(value - 200) <= 2, others += value < 50;

@@ -88,10 +88,10 @@ TextureScore ScoreOnValidation(const TextureSource& source, const body::Textures
     scores.push_back(
         metrics::ScorePicture(metrics::FromImage(view.image), mask, metrics::FromImage(seen.image), ForegroundOf(seen.cover)));
   }
-  const metrics::MeanScore mean = metrics::Mean(scores);
   score.images = static_cast<int>(scores.size());
-  score.psnr_db = scores.empty() ? std::nan("") : mean.masked.psnr_db;
-  score.ssim = scores.empty() ? std::nan("") : mean.bbox.ssim;
+  if (scores.empty()) return score;
+  const metrics::MeanScore mean = metrics::Mean(scores);
+  score.psnr_db = mean.masked.psnr_db, score.ssim = mean.bbox.ssim;
   return score;
 }
 

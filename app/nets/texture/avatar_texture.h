@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -43,7 +44,7 @@ struct TextureOptions {
   int views = 90;
   int render_px = 0;
   int steps = 200;
-  double seam_price = 0.03;
+  double seam_price = 0.3;
   bool level_seams = true;
 };
 
@@ -73,7 +74,8 @@ void VisitFields(Visitor&& visit, TextureOptions& o) {
 /// Scores of the textured body on validation images, which no method sees.
 struct TextureScore {
   int images = 0;
-  double psnr_db = 0, ssim = 0;  ///< mean over the images: PSNR of the pixels of the mask, SSIM of its box; NaN without images
+  double psnr_db = std::nan(""),
+         ssim = std::nan("");  ///< mean over the images: PSNR of the pixels of the mask, SSIM of its box; NaN without images
 };
 
 struct TextureResult {
