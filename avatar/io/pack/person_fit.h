@@ -26,7 +26,7 @@ struct PersonFitOptions {
   int max_texture_views = 150;
   bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
-  body::DynamicMode dynamic = body::DynamicMode::kAuto;
+  body::DynamicMode dynamic = body::DynamicMode::kOff;
 };
 
 /// One of several templates.
