@@ -48,7 +48,7 @@ void RegisterAvatarEdit(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "body", a->body, "fitted body: body.npz or the folder with it")->required();
   AddOption(sub, "--out", a->out, "folder for the changed body")->required();
   AddOption(sub, "--picture", a->picture,
-            "its texture.png after a paint program, of the same size (or of another that charts can have)");
+            "its texture.png after a paint program, of the same size, or with charts of a multiple of theirs");
   AddOption(
       sub, "--shape", a->shape,
       "what is added to its shape, NAME=NUMBER,...: trunk, head, arm, leg (girths: 0.1 is a tenth thicker), and the blend "

@@ -67,8 +67,9 @@ void RequireProper(const body::BodyTemplate& body) {
 
 void EditTexture(const Image& atlas, const std::string& place, body::TexturedPerson* person, BodyEdit* edit) {
   const auto charts = body::ChartsOfAtlas(atlas);
-  if (!charts) {
-    const int chart_px = person->textures[0].width, size = body::AtlasSizePx(chart_px);
+  const int chart_px = person->textures[0].width;
+  if (!charts || (*charts)[0].width % chart_px != 0) {
+    const int size = body::AtlasSizePx(chart_px);
     throw FormatError(place, "",
                       Format("is %d x %d px; the texture of this body is %d x %d px, as its texture.png: keep its size",
                              atlas.width, atlas.height, size, size));

@@ -18,8 +18,8 @@ struct BodyEdit {
   double mean_move_m = 0, most_move_m = 0;  ///< of the vertices at rest
 };
 
-/// Takes the colours of an atlas (texture.png of a body's folder, edited). `place` is for messages. Throws FormatError for a
-/// picture whose size no atlas has.
+/// Takes the colours of an atlas (texture.png of a body's folder, edited). `place` is for messages. Throws FormatError
+/// unless it holds charts of the body's size, or of a multiple of it.
 void EditTexture(const Image& atlas, const std::string& place, body::TexturedPerson* person, BodyEdit* edit);
 
 /// Adds to the shape: `text` is NAME=VALUE,…. trunk, head, arm and leg are girths, 0.1 for a tenth thicker; the others are the
