@@ -245,8 +245,12 @@ TEST(TriangulateCommand, SaysWhoseCalibrationErrorIsUnknown) {
     more.insert(more.end(), {"--out", folder / "out", "--json"});
     const CliRun ran = RunCli(Words(Words({"triangulate"}, take.Write(folder)), more));
     EXPECT_EQ(ran.exit, 0) << ran.out << ran.err;
-    const nlohmann::json json = ran.Json();
+    nlohmann::json json = ran.Json();
     EXPECT_EQ(dataset::ReadPose3d(folder / "out").covariance_note, json["metrics"]["calibration_covariance"]["reason"]);
+    nlohmann::json& warnings = json["warnings"];  // JointAt is no person, and says so
+    warnings.erase(std::remove_if(warnings.begin(), warnings.end(),
+                                  [](const nlohmann::json& w) { return w["code"] == "TRI-LIMBS" || w["code"] == "TRI-UP"; }),
+                   warnings.end());
     return json;
   };
   const nlohmann::json whole = run({}), partial = run({1}), none = run({0, 1, 2, 3, 4}),
