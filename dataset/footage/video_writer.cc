@@ -18,9 +18,9 @@ extern "C" {
 namespace mvstudio::dataset {
 namespace {
 
-/// The AVX-512 code of x264's macroblock tree (r3095) reads memory that nobody wrote where the width is no multiple of 64, and
-/// the bytes differ from run to run. Its AVX2 code does not.
-void AvoidUnwrittenMemory(AVCodecContext* codec) {
+/// With the AVX-512 code of x264's macroblock tree (r3095) the same frames gave different bytes from run to run at most small
+/// sizes; with its AVX2 code, or without that tree, they did not.
+void MakeRepeatable(AVCodecContext* codec) {
 #ifdef __x86_64__
   if (__builtin_cpu_supports("avx512f")) av_opt_set(codec->priv_data, "x264-params", "asm=AVX2", 0);
 #else
@@ -89,7 +89,7 @@ void VideoWriter::Impl::OpenCodec(double frame_rate_hz, int crf, bool full_chrom
   codec->flags |= AV_CODEC_FLAG_BITEXACT;
   av_opt_set(codec->priv_data, "preset", "veryfast", 0);
   av_opt_set(codec->priv_data, "crf", std::to_string(crf).c_str(), 0);
-  AvoidUnwrittenMemory(codec);
+  MakeRepeatable(codec);
   Check(avcodec_open2(codec, encoder, nullptr), "cannot start libx264");
 }
 
