@@ -168,7 +168,7 @@ class Demo {
     Stage(BuildWords());
     Stage({"dataset", "verify", o_.out + "/dataset", "--keep", o_.out});
     Stage(TrainWords());
-    eval_ = Stage({"avatar", "eval", o_.out + "/avatar"});
+    eval_ = Stage({"avatar", "eval", o_.out + "/avatar", "--overwrite"});
     CommandResult result = Summary();
     // The report reads saved results, so the demo's own must be there before it.
     WriteFileAtomic(o_.out + "/demo.result.json", RedactedJson(Json{{"schema", "mvstudio.result/1"},

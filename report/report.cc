@@ -1,5 +1,6 @@
 #include "report/report.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "core/check.h"
@@ -59,7 +60,8 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
                                    DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),
                                    ProvenanceSection(&context)};
   sections.insert(sections.begin(), VerdictSection(&context));
-  // A section without a body had nothing to say, not even that it was not run.
+  // What was not run is told last. A section without a body had nothing to say, not even that.
+  std::stable_partition(sections.begin(), sections.end(), [](const Section& section) { return section.has_results; });
   std::vector<Section> shown;
   for (Section& section : sections) {
     if (!section.body_html.empty()) shown.push_back(std::move(section));

@@ -330,8 +330,8 @@ Section AvatarSection(SectionContext* context) {
     if (!all.empty()) section.body_html += DetailsHtml("All numbers of `" + stage.command + "` (" + stage.file + ")", all);
   }
   if (section.body_html.empty()) {
-    section.body_html = NotRun(
-        "Avatar", "mvstudio avatar train RUN/dataset --method tna --out RUN/avatar, then mvstudio avatar eval RUN/avatar");
+    SetNotRun(&section, "Avatar",
+              "mvstudio avatar train RUN/dataset --method tna --out RUN/avatar, then mvstudio avatar eval RUN/avatar");
   }
   return section;
 }

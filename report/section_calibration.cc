@@ -152,14 +152,12 @@ std::string ResidualFigures(const Value& metrics, const Value& calibration) {
                                      ResidualCloud("their directions", arrows) + "</div>",
                                  ""));
   }
-  if (figures.empty()) return {};
-  return "<h3>Residuals</h3>\n" +
-         ParagraphHtml(
-             "Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same "
-             "way mean that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that "
-             "holds 95 %; the cross is their mean. A round cloud about zero is what noise alone looks like.",
-             "muted") +
-         GridHtml(figures);
+  return CameraFigures(
+      "Residuals",
+      "Left: each residual (observed minus projected) drawn from its corner, enlarged; neighbours that point the same way mean "
+      "that the lens model does not fit there. Right: the same residuals about zero; dashed, the circle that holds 95 %; the "
+      "cross is their mean. A round cloud about zero is what noise alone looks like.",
+      figures, figures.size());
 }
 
 std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
@@ -221,7 +219,7 @@ Section CalibrationSection(SectionContext* context) {
   for (const Stage* stage : data.All("calib refine")) stages.push_back(stage);
   for (const Stage* stage : stages) section.body_html += StageBody(context, *stage, stages.size() > 1);
   if (stages.empty() && data.calibrations.empty()) {
-    section.body_html = NotRun("Calibration", kCommand);
+    SetNotRun(&section, "Calibration", kCommand);
     return section;
   }
   if (data.calibrations.empty()) return section;

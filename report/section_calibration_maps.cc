@@ -71,7 +71,7 @@ std::string CameraMaps(const Value& metrics) {
                                        FormatNumber(scale) + " px" + (scale < 1 ? "." : " and more.")));
     }
   }
-  return figures.empty() ? "" : "<h3>Over the image</h3>\n" + GridHtml(figures);
+  return CameraFigures("Over the image", "", figures, metrics["cameras"].items().size());
 }
 
 std::string Covisibility(const Value& metrics) {
@@ -96,6 +96,15 @@ std::string FilmNext(const Value& hints) {
 }
 
 }  // namespace
+
+std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
+                          size_t num_cameras) {
+  constexpr size_t kMostOpen = 4;
+  if (figures.empty()) return {};
+  const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures);
+  const std::string title = "<h3>" + EscapeHtml(heading) + "</h3>\n";
+  return title + (num_cameras > kMostOpen ? DetailsHtml("Figures of " + std::to_string(num_cameras) + " cameras", body) : body);
+}
 
 std::string CalibrationMaps(const Value& metrics) {
   return FilmNext(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) +

@@ -20,11 +20,25 @@ bool IsShortNumbers(const Value& value) {
          std::all_of(value.items().begin(), value.items().end(), [](const Value& v) { return v.IsNumber() || v.IsNull(); });
 }
 
+/// Numbers of one quantity have as many decimals as the largest needs: 0.0000, 0.0402 and not -4.21e-06, 0.04019.
+std::string TogetherText(const Value& list) {
+  double largest = 0;
+  for (const Value& item : list.items()) {
+    if (std::isfinite(item.Number())) largest = std::max(largest, std::abs(item.Number()));
+  }
+  const bool whole = std::all_of(list.items().begin(), list.items().end(),
+                                 [](const Value& v) { return v.Number() == std::floor(v.Number()); });
+  const bool plain = largest >= 1e-4 && largest < 1e7 && !whole;
+  const int decimals = plain ? std::max(0, 3 - static_cast<int>(std::floor(std::log10(largest)))) : 0;
+  return Join(list.items(), ", ",
+              [&](const Value& item) { return plain ? FormatFixed(item.Number(), decimals) : FormatNumber(item.Number()); });
+}
+
 std::string ScalarText(const Value& value) {
   if (value.IsText()) return value.Text();
   if (value.kind() == Value::Kind::kBool) return value.Flag() ? "yes" : "no";
   if (value.kind() == Value::Kind::kInteger) return FormatCount(value.Number());
-  if (IsShortNumbers(value)) return Join(value.items(), ", ", [](const Value& item) { return FormatNumber(item.Number()); });
+  if (IsShortNumbers(value)) return TogetherText(value);
   return FormatNumber(value.Number());
 }
 
@@ -98,8 +112,9 @@ std::string StageHeading(const Stage& stage, bool always_named) {
          EscapeHtml(stage.file) + "</span></h3>\n";
 }
 
-std::string NotRun(const std::string& what, const std::string& command) {
-  return "<p class=\"muted\">" + EscapeHtml(what) + ": not run. <code>" + EscapeHtml(command) + "</code></p>\n";
+void SetNotRun(Section* section, const std::string& what, const std::string& command) {
+  section->has_results = false;
+  section->body_html = "<p class=\"muted\">" + EscapeHtml(what) + ": not run. <code>" + EscapeHtml(command) + "</code></p>\n";
 }
 
 std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,

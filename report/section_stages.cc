@@ -75,9 +75,9 @@ Section FootageSection(SectionContext* context) {
 Section DatasetSection(SectionContext* context) {
   Section section{"dataset", "Dataset", StagesOf(context, {"dataset"})};
   if (section.body_html.empty()) {
-    section.body_html = NotRun("Dataset",
-                               "mvstudio dataset build --calib RUN/calibration.json --video CAM=FILE … "
-                               "--pose3d RUN/pose3d --out RUN/dataset");
+    SetNotRun(&section, "Dataset",
+              "mvstudio dataset build --calib RUN/calibration.json --video CAM=FILE … "
+              "--pose3d RUN/pose3d --out RUN/dataset");
   }
   return section;
 }

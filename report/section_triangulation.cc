@@ -283,7 +283,7 @@ Section TriangulationSection(SectionContext* context) {
   for (const CsvFile* points : left) {
     section.body_html += "<h3>" + EscapeHtml(points->file) + "</h3>\n" + TableBody(context, *points, true);
   }
-  if (section.body_html.empty()) section.body_html = NotRun("Triangulation", kCommand);
+  if (section.body_html.empty()) SetNotRun(&section, "Triangulation", kCommand);
   return section;
 }
 

@@ -49,7 +49,7 @@ std::string ObjectsTable(const std::string& caption, const Value& array, const s
 /// "avatar/avatar_eval.result.json" above the stage's content, with its verdict.
 std::string StageHeading(const Stage& stage, bool always_named);
 /// Brief note for a section without data.
-std::string NotRun(const std::string& what, const std::string& command);
+void SetNotRun(Section* section, const std::string& what, const std::string& command);
 
 /// The bytes of an output that may be embedded, where `is_right` takes them; else an empty string and a warning, that it is
 /// `what_is_wrong` for one.
@@ -65,6 +65,10 @@ std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value
 
 /// What to film next, the compared lenses, maps over the images and co-visibility, from a calibration's metrics.
 std::string CalibrationMaps(const Value& metrics);
+
+/// Figures of every camera under a heading; of more than four cameras folded.
+std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
+                          size_t num_cameras);
 
 /// What the fits of bodies found, with their surfaces; empty when none was run.
 std::string FittedBodies(SectionContext* context);

@@ -258,7 +258,7 @@ std::string Volume(double mm) { return Format(", %.3f mm where the boards were",
 
 }  // namespace
 
-std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path) {
+std::string CalibrateSummary(const calib::CalibrateReport& report) {
   std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     const calib::CameraReport& c = report.cameras[i];
@@ -281,10 +281,7 @@ std::string CalibrateSummary(const calib::CalibrateReport& report, const std::st
   for (const calib::CameraReport& c : report.cameras) {
     if (!c.given_up.empty()) text += c.name + ": " + c.given_up + "\n";
   }
-  text += "verdict: " + report.verdict.status + "\n";
-  for (const auto& reason : report.verdict.reasons)
-    text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
-  return text + "wrote " + path + "\n";
+  return text + "verdict: " + report.verdict.status + "\n";
 }
 
 }  // namespace mvstudio::app

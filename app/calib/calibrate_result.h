@@ -14,7 +14,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
                           nlohmann::ordered_json* metrics);
 
 /// Summary for the terminal.
-std::string CalibrateSummary(const calib::CalibrateReport& report, const std::string& path);
+std::string CalibrateSummary(const calib::CalibrateReport& report);
 
 nlohmann::ordered_json VerdictJson(const calib::Verdict& verdict);
 

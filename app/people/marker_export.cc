@@ -132,17 +132,19 @@ void CheckMarkerOptions(const MarkerOptions& options) {
   markers::ParseFilter(options.filter);
 }
 
+MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& options) {
+  MarkerWork work;
+  work.before = std::move(take);
+  work.after = work.before;
+  work.filled = FillGaps(options.fill_frames, &work.after);
+  markers::Filter(markers::ParseFilter(options.filter), &work.after);
+  return work;
+}
+
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path) {
-  const markers::FilterSpec filter = markers::ParseFilter(options.filter);
   std::vector<MarkerWork> list;
-  for (markers::MarkerTake& take : markers::MarkersOf(pose, options.rate_hz)) {
-    MarkerWork work;
-    work.before = std::move(take);
-    work.after = work.before;
-    work.filled = FillGaps(options.fill_frames, &work.after);
-    markers::Filter(filter, &work.after);
-    list.push_back(std::move(work));
-  }
+  for (markers::MarkerTake& take : markers::MarkersOf(pose, options.rate_hz))
+    list.push_back(FilledAndFiltered(std::move(take), options));
   if (list.empty()) throw FormatError(path, "", "no joint of anybody has a position");
   return list;
 }

@@ -40,6 +40,9 @@ struct MarkerWork {
   markers::FillReport filled;
 };
 
+/// One of them, by the options' gaps and filter.
+MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& options);
+
 /// Every person of the take. Throws FormatError when nobody has a position.
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path);
 

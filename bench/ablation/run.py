@@ -124,7 +124,7 @@ def one(a, folder, cameras, method, seed, body):
     begin = time.time()
     training, train_mb = trained(a, folder, cameras, method, seed, body)
     training = training["metrics"]
-    scores, eval_mb = call_measured(a.program, ["avatar", "eval", folder, "--features", a.features])
+    scores, eval_mb = call_measured(a.program, ["avatar", "eval", folder, "--overwrite", "--features", a.features])
     metrics = scores["metrics"]
     holdout = metrics["baselines"]["body_alone"] if method == "fitted" else metrics["holdout"]
     result = {"ssim": holdout["ssim"], "psnr_db": holdout["psnr_db"], "mask_iou": holdout["mask_iou"], "fd": holdout["fd"]["value"],

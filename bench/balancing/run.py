@@ -89,6 +89,8 @@ def do(a, name, words):
             return json.load(file)
     begin = time.time()
     extra = ["--threads", str(a.threads)] if a.threads else []
+    if "--overwrite" not in words and words[:2] != ["dataset", "verify"]:  # of a step that was interrupted
+        extra.append("--overwrite")
     run = subprocess.run([a.program, *words, *extra, "--json"], stdout=subprocess.PIPE, text=True)
     if run.returncode not in (0, 6):
         sys.exit(f"{name}: {a.program} {' '.join(words)}\nended with {run.returncode}: {run.stdout.strip()[-2000:]}")

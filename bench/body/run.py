@@ -184,7 +184,7 @@ def score(a, dataset, variant, fit, out):
     cameras = a.train_cameras.split(",")[0] if variant == "one-camera" else a.train_cameras
     train = call(a.program, ["avatar", "train", dataset, "--out", out, "--steps", "0", "--size", a.size, "--fit", fit, "--pose-by", a.pose_by,
                              "--train-cameras", cameras, "--holdout-cameras", a.holdout_cameras, "--holdout-frames", a.holdout_frames])
-    scores = call(a.program, ["avatar", "eval", out, "--features", "gabor"])["metrics"]
+    scores = call(a.program, ["avatar", "eval", out, "--overwrite", "--features", "gabor"])["metrics"]
     found = scores["baselines"].get("body_alone") or scores["baselines"]["template_alone"]
     return {"ssim": found["ssim"], "psnr_db": found["psnr_db"], "iou": found["mask_iou"], "warnings": train["warnings"],
             "body": train["metrics"].get("body")}

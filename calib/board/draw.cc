@@ -8,8 +8,11 @@
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <tuple>
 
 #include "calib/board/print.h"
+#include "calib/board/propose.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/fields.h"
@@ -26,33 +29,54 @@ constexpr double kFont = 2.8;        // mm
 constexpr double kCharWidth = 0.56;  // of the font's height, Helvetica's digits and small letters
 constexpr double kMaxPixels = 4e8;
 
-constexpr ChoiceWords<Paper, 4> kPapers = {
-    {{Paper::kA4, "a4"}, {Paper::kA3, "a3"}, {Paper::kLetter, "letter"}, {Paper::kNone, "none"}}};
+constexpr ChoiceWords<Paper, 6> kPapers = {{{Paper::kA4, "a4"},
+                                            {Paper::kA3, "a3"},
+                                            {Paper::kA2, "a2"},
+                                            {Paper::kA1, "a1"},
+                                            {Paper::kLetter, "letter"},
+                                            {Paper::kNone, "none"}}};
 
 /// Width and height, mm.
 std::pair<double, double> PaperSize(Paper paper) {
   if (paper == Paper::kA3) return {297, 420};
+  if (paper == Paper::kA2) return {420, 594};
+  if (paper == Paper::kA1) return {594, 841};
   return paper == Paper::kLetter ? std::pair(215.9, 279.4) : std::pair(210.0, 297.0);
 }
 
-/// Page size for what must be printed; the paper is turned when only that fits.
-void ChoosePage(const Board& board, Paper paper, double width, double height, BoardPage* page) {
-  if (paper == Paper::kNone) {
-    page->width = width, page->height = height;
-    return;
-  }
-  const auto [paper_x, paper_y] = PaperSize(paper);
-  const double room_x = paper_x - 2 * kPrinterMargin, room_y = paper_y - 2 * kPrinterMargin;
-  if (width <= room_x && height <= room_y) {
-    page->width = paper_x, page->height = paper_y;
-  } else if (width <= room_y && height <= room_x) {
-    page->width = paper_y, page->height = paper_x;
-  } else {
-    throw UsageError(
-        Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; take larger "
-               "paper (option 'paper' a3 or none) or a smaller board",
-               ToString(board).c_str(), width, height, std::string(ToString(paper)).c_str(), room_x, room_y));
-  }
+/// What must be printed: the board with its white margin and the strip below.
+struct Needed {
+  Eigen::Vector2d print;  // mm
+  double quiet = 0, width = 0, height = 0;
+};
+
+Needed NeededFor(const BoardPrint& print) {
+  Needed needed{(print.high_m - print.low_m) * 1e3};
+  needed.quiet = std::max(2.0, print.quiet_m * 1e3);
+  needed.width = std::max(needed.print.x() + 2 * needed.quiet, kRulerRoom);
+  needed.height = needed.print.y() + 2 * needed.quiet + kStrip;
+  return needed;
+}
+
+/// Width and height of the page; the paper is turned when only that fits. Empty: it does not fit.
+std::optional<std::pair<double, double>> PageFor(const Needed& needed, Paper paper) {
+  if (paper == Paper::kNone) return std::pair(needed.width, needed.height);
+  const auto [x, y] = PaperSize(paper);
+  const auto fits = [&](double width, double height) {
+    return needed.width <= width - 2 * kPrinterMargin && needed.height <= height - 2 * kPrinterMargin;
+  };
+  if (fits(x, y)) return std::pair(x, y);
+  return fits(y, x) ? std::optional(std::pair(y, x)) : std::nullopt;
+}
+
+[[noreturn]] void ThrowTooLarge(const Board& board, const Needed& needed, Paper paper) {
+  const auto [x, y] = PaperSize(paper);
+  const std::optional<Board> largest = LargestOn(board, paper);
+  throw UsageError(Format("board %s needs %.1f x %.1f mm with its margin and ruler, but %s leaves %.1f x %.1f mm; ",
+                          ToString(board).c_str(), needed.width, needed.height, std::string(ToString(paper)).c_str(),
+                          x - 2 * kPrinterMargin, y - 2 * kPrinterMargin) +
+                   (largest ? "the largest of its kind there is " + ToString(*largest) + "; " : "") +
+                   "take that or larger paper (option 'paper' a3, a2, a1 or none)");
 }
 
 void AddRuler(double x, double y, BoardPage* page) {
@@ -142,16 +166,21 @@ void Darken(const BoardPage::Rect& rect, double px_per_mm, cv::Mat* page) {
 std::string_view ToString(Paper paper) { return WordOf(kPapers, paper); }
 
 void FromString(const std::string& text, Paper* paper) {
-  *paper = KnownChoice(kPapers, text, "option 'paper' " + text + " is unknown: use a4, a3, letter or none");
+  *paper = KnownChoice(kPapers, text, "option 'paper' " + text + " is unknown: use a4, a3, a2, a1, letter or none");
+}
+
+bool FitsPaper(const Board& board, const BoardDrawOptions& options) {
+  return PageFor(NeededFor(PrintOf(board)), options.paper).has_value();
 }
 
 BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
   const BoardPrint print = PrintOf(board);
-  const Eigen::Vector2d size = (print.high_m - print.low_m) * 1e3;
-  const double quiet = std::max(2.0, print.quiet_m * 1e3);
-  const double width = std::max(size.x() + 2 * quiet, kRulerRoom), height = size.y() + 2 * quiet + kStrip;
+  const Needed needed = NeededFor(print);
+  const auto& [size, quiet, width, height] = needed;
+  const auto room = PageFor(needed, options.paper);
+  if (!room) ThrowTooLarge(board, needed, options.paper);
   BoardPage page;
-  ChoosePage(board, options.paper, width, height, &page);
+  std::tie(page.width, page.height) = *room;
   page.board_x = (page.width - size.x()) / 2;
   page.board_y = (page.height - height) / 2 + quiet;
   for (const PrintRect& r : print.black) {

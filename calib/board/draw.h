@@ -11,6 +11,8 @@ namespace mvstudio::calib {
 enum class Paper {
   kA4,
   kA3,
+  kA2,
+  kA1,
   kLetter,
   kNone,  ///< a page as large as the board needs
 };
@@ -25,7 +27,8 @@ struct BoardDrawOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, BoardDrawOptions& o) {
-  visit("paper", o.paper, "a4, a3, letter (rotated when the board fits better), or none: a page as large as the board needs");
+  visit("paper", o.paper,
+        "a4, a3, a2, a1, letter (rotated when the board fits better), or none: a page as large as the board needs");
   visit("dpi", o.dpi, "resolution of PNG files, pixels an inch");
 }
 
@@ -43,6 +46,9 @@ struct BoardPage {
   std::vector<Rect> rects;
   std::vector<Text> texts;
 };
+
+/// True when the board fits on the paper with its white margin and the ruler.
+bool FitsPaper(const Board& board, const BoardDrawOptions& options);
 
 /// Places the board with its white margin, a ruler of 100 mm and a line that describes the board. Throws UsageError with
 /// the required size when the paper is too small.

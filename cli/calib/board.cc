@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "calib/board/draw.h"
+#include "calib/board/propose.h"
 #include "calib/detect/board_check.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -169,6 +170,35 @@ CommandResult RunCheck(const CheckArguments& arguments, CommandContext& context)
   return result;
 }
 
+ordered_json ProposalJson(const calib::BoardProposal& proposal) {
+  return {{"board", calib::ToString(proposal.board)},
+          {"print_mm", {1e3 * proposal.width_m, 1e3 * proposal.height_m}},
+          {"near_m", proposal.near_m},
+          {"far_m", proposal.far_m}};
+}
+
+CommandResult RunPropose(const calib::ProposeOptions& options) {
+  CommandResult result;
+  result.metrics["boards"] = ordered_json::array();
+  result.text = Format("%-28s %-13s distance m\n", "board", "print mm");
+  for (const calib::BoardProposal& proposal : calib::ProposeBoards(options)) {
+    result.metrics["boards"].push_back(ProposalJson(proposal));
+    result.text += Format("%-28s %3.0f x %-7.0f %.2f to %.2f\n", calib::ToString(proposal.board).c_str(),
+                          1e3 * proposal.width_m, 1e3 * proposal.height_m, proposal.near_m, proposal.far_m);
+  }
+  result.text += Format(
+      "for images %d px wide with a field of view of %g degrees; board draw BOARD --paper %s --out board.pdf prints one\n",
+      options.image_width_px, options.fov_deg, std::string(calib::ToString(options.paper)).c_str());
+  return result;
+}
+
+void RegisterPropose(CLI::App& board, Registry& registry) {
+  const auto options = std::make_shared<calib::ProposeOptions>();
+  CLI::App* sub = board.add_subcommand("propose", "Boards that fit the paper, and the distances that they suit");
+  AddOptions(sub, *options);
+  registry.Add(sub, "board propose", [options](CommandContext&) { return RunPropose(*options); });
+}
+
 void RegisterDraw(CLI::App& board, Registry& registry) {
   const auto arguments = std::make_shared<DrawArguments>();
   CLI::App* sub = board.add_subcommand("draw", "Write a board as PDF, SVG or PNG at true scale");
@@ -191,8 +221,9 @@ void RegisterCheck(CLI::App& board, Registry& registry) {
 }  // namespace
 
 void RegisterBoard(CLI::App& app, Registry& registry) {
-  CLI::App* board = app.add_subcommand("board", "Draw calibration boards, find out which one is in the images");
+  CLI::App* board = app.add_subcommand("board", "Propose and draw calibration boards, find out which one is in the images");
   board->require_subcommand(1);
+  RegisterPropose(*board, registry);
   RegisterDraw(*board, registry);
   RegisterCheck(*board, registry);
 }

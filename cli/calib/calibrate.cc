@@ -98,7 +98,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   result.outputs.push_back({path, "calibration"});
   app::FillCalibrateMetrics(report, corners.found, &result.metrics);
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  result.text = app::CalibrateSummary(report, path);
+  result.text = app::CalibrateSummary(report);
   for (const auto& reason : report.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
   app::WarnOfCovariance(report.rig, &result);

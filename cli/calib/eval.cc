@@ -85,11 +85,7 @@ std::string Summary(const calib::RigCheck& check) {
   text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
                  check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
   text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
-  text += "verdict: " + check.verdict.status + "\n";
-  for (const auto& reason : check.verdict.reasons) {
-    text += "  " + reason.text + (reason.hint.empty() ? "" : ": " + reason.hint) + "\n";
-  }
-  return text;
+  return text + "verdict: " + check.verdict.status + "\n";
 }
 
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
@@ -113,7 +109,6 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
     const OutputFiles place({arguments.repair}, result.inputs);
     geometry::WriteRig(check.repaired, arguments.repair);
     result.outputs.push_back({arguments.repair, "calibration"});
-    result.text += "wrote " + arguments.repair + "\n";
     app::WarnOfCovariance(check.repaired, &result);
   }
   return result;

@@ -295,7 +295,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
   geometry::WriteRig(written, path);
   result.outputs.push_back({path, "calibration"});
-  result.text = Summary(report) + "wrote " + path + "\n";
+  result.text = Summary(report);
   app::WarnOfCovariance(written, &result);
   return result;
 }

@@ -157,6 +157,7 @@ void CountDropped(const app::FoundTake& found, const Arguments& arguments, app::
 
 void Write(const dataset::SyncFile& file, const Arguments& arguments, CommandResult* result) {
   const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
+  if (KeepsOlder(path, result)) return;
   dataset::WriteSync(file, path);
   result->outputs.push_back({path, "sync"});
 }

@@ -10,6 +10,7 @@
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
+#include "app/people/filter_check.h"
 #include "app/people/human_shape.h"
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
@@ -48,6 +49,7 @@ struct Arguments {
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
   app::MarkerOptions markers;
+  bool had_points = false;  ///< those of an earlier run are in the folder
 };
 
 void AddComparisons(const Arguments& arguments, CommandResult* result) {
@@ -134,15 +136,19 @@ std::string WhyWithoutCovariance(const triangulate::TakeOptions& options, const 
   return method.IsExhaustiveDlt() ? "exhaustive-dlt states no covariance" : "";
 }
 
-/// Joints of each person together, where that predicts left-out cameras better.
+/// What is done with the take once its single points are there: joints of each person together where that predicts left-out
+/// cameras better, and what such cameras say of the filter.
 void RefineTake(const Arguments& arguments, const app::PoseInput& input, const RunContext& run, triangulate::TakeResult* take,
                 CommandResult* result) {
-  if (!arguments.refine || take->method.IsExhaustiveDlt()) return;
+  const bool filters = arguments.markers.filter != "none" || arguments.markers.fill_frames > 0;
+  if (!(arguments.refine || filters) || take->method.IsExhaustiveDlt()) return;
   triangulate::TakeOptions options = arguments.options;
   options.select_views |= options.method.IsAuto();
   triangulate::TakeProblem problem;
   problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
   const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
+  if (filters) AddFilterCheck(CheckFilter(problem.rig, *take, solve, input.skeleton, arguments.markers, run), result);
+  if (!arguments.refine) return;
   triangulate::SkeletonRefineResult refined =
       RefineSkeleton(problem.rig, *take, input.skeleton.bones, solve, arguments.refine_options, run);
   take->points = std::move(refined.points);
@@ -222,6 +228,8 @@ void SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveF
                                    error.hint, result);
 }
 
+std::string PointsPath(const Arguments& arguments) { return (std::filesystem::path(arguments.out) / "points.csv").string(); }
+
 /// What is said of a take however it was read.
 void Conclude(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeResult& take,
               const app::PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
@@ -230,7 +238,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   app::AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
-  AddComparisons(arguments, result);
+  if (statistics.num_ok() > 0) AddComparisons(arguments, result);
   app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
   app::CheckUp(take, input, result);
@@ -242,11 +250,12 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
   SayWhy(arguments, input, sample, run, result);
+  if (arguments.had_points && KeepsOlder(PointsPath(arguments), result)) return;
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
   }
-  result->text = Summary(*result) + "\n";
+  result->text = Summary(*result) + "\n" + result->text;
   app::ReportCovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method), result);
   if (result->metrics.contains("calibration_offsets")) {
     const ordered_json& offsets = result->metrics["calibration_offsets"];
@@ -313,6 +322,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
                            Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
                            {"points.csv", "covariance.csv", "pose3d.json"});
   result.folder = arguments.out;
+  arguments.had_points = std::filesystem::exists(PointsPath(arguments));
   std::unique_ptr<AtomicFolder> markers;
   if (!arguments.markers.to.empty()) markers = std::make_unique<AtomicFolder>(MarkerFolder(arguments), true);
   if (arguments.chunk_frames > 0) {

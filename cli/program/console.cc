@@ -49,14 +49,23 @@ class ConsoleProgress : public ProgressSink {
   bool Cancelled() const override { return ReceivedSignal() != 0; }
 
  private:
+  /// The first items also pay for what is read once: nothing is said before three are done.
+  std::string Left(double rate) const {
+    constexpr int kLeast = 3;
+    if (done_ < kLeast || total_ <= done_ || !(rate > 0)) return "";
+    const double left_s = static_cast<double>(total_ - done_) / rate;
+    if (left_s < 100) return Format("  ETA %.0f s", left_s);
+    return left_s < 6000 ? Format("  ETA %.0f min", left_s / 60) : Format("  ETA %.1f h", left_s / 3600);
+  }
+
   void Show(const std::string& note) {
     const double elapsed = std::chrono::duration<double>(last_ - start_).count();
     const double rate = elapsed > 0 ? static_cast<double>(done_) / elapsed : 0;
-    const double eta = rate > 0 && total_ > done_ ? static_cast<double>(total_ - done_) / rate : 0;
+    const std::string eta = Left(rate);
     const std::string speed =
         Format(rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s", rate > 0 && rate < 0.5 ? 1 / rate : rate);
-    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s  ETA %.0f s  %s" : "%s %lld/%lld  %s  ETA %.0f s  %s\n",
-                 stage_.c_str(), static_cast<long long>(done_), static_cast<long long>(total_), speed.c_str(), eta,
+    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s%s  %s" : "%s %lld/%lld  %s%s  %s\n", stage_.c_str(),
+                 static_cast<long long>(done_), static_cast<long long>(total_), speed.c_str(), eta.c_str(),
                  OneLine(note).c_str());
     std::fflush(stderr);
     shown_ = true;

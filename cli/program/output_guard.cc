@@ -1,5 +1,7 @@
 #include "cli/program/output_guard.h"
 
+#include <filesystem>
+
 namespace mvstudio::cli {
 
 std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named) {
@@ -17,6 +19,13 @@ std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& foot
 std::vector<std::string> Joined(std::vector<std::string> first, const std::vector<std::string>& second) {
   first.insert(first.end(), second.begin(), second.end());
   return first;
+}
+
+bool KeepsOlder(const std::string& path, app::CommandResult* result) {
+  if (result->exit != app::kExitIllPosed || !std::filesystem::exists(path)) return false;
+  result->warnings.push_back({"CLI-OLDER-KEPT", path + ": of an earlier run, was kept, for this one found nothing", ""});
+  result->folder.clear();
+  return true;
 }
 
 }  // namespace mvstudio::cli

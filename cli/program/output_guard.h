@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "app/result.h"
 #include "app/words.h"
 #include "core/disk/output.h"
 #include "dataset/build/build.h"
@@ -11,6 +12,10 @@ namespace mvstudio::cli {
 
 /// Paths alone, for the check that no output is an input.
 std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named);
+
+/// True where `path` is there and the run ended in failure (exit code 5): the older result is the better one. It is then said,
+/// and the result's folder stays as it is.
+bool KeepsOlder(const std::string& path, app::CommandResult* result);
 
 /// Footage and plates.
 std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& footage);

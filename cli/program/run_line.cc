@@ -12,6 +12,7 @@
 #include "cli/program/short_help.h"
 #include "core/check.h"
 #include "core/disk/manifest.h"
+#include "core/disk/replace.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -30,6 +31,42 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
       ->check(OneOf({"auto", "bar", "plain", "none"}));
   AddFlag(&app, "--redact", global.redact,
           "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
+}
+
+/// Commands that go on with what is there, or that have rules of their own for it; a report says what other results hold.
+constexpr const char* kReplacing[] = {"report",
+                                      "demo",
+                                      "avatar resume",
+                                      "avatar pretrain",
+                                      "avatar pretrain-renderer",
+                                      "avatar template",
+                                      "dataset import panoptic",
+                                      "dataset pack"};
+
+bool GoesOn(const std::string& command) {
+  return command.rfind("tradeoff ", 0) == 0 ||
+         std::find(std::begin(kReplacing), std::end(kReplacing), command) != std::end(kReplacing);
+}
+
+/// Commands whose results lie where their input does.
+constexpr const char* kWritingBeside[] = {"avatar eval", "session timeline"};
+
+bool Writes(const Registry::Entry& entry) {
+  const bool beside = std::find(std::begin(kWritingBeside), std::end(kWritingBeside), entry.name) != std::end(kWritingBeside);
+  return beside || entry.app->get_option_no_throw("--out") || entry.app->get_option_no_throw("--repair");
+}
+
+/// What may be written over: commands without a rule of their own get the flag.
+void AddOverwrite(const Registry& registry, GlobalOptions& global) {
+  for (const Registry::Entry& entry : registry.entries()) {
+    if (GoesOn(entry.name) || !Writes(entry) || entry.app->get_option_no_throw("--overwrite")) continue;
+    AddFlag(entry.app, "--overwrite", global.overwrite, "replace the results of an earlier run");
+  }
+}
+
+bool MayReplaceResults(const Registry::Entry& entry) {
+  const CLI::Option* flag = entry.app->get_option_no_throw("--overwrite");
+  return GoesOn(entry.name) || (flag && flag->count() > 0 && flag->as<bool>());
 }
 
 const Registry::Entry* Chosen(const Registry& registry) {
@@ -91,9 +128,12 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   CLI::App app{"mvstudio: multi-view capture, from footage to scored avatars", "mvstudio"};
   app.fallthrough();
   app.require_subcommand(1);
+  app.set_version_flag("--version", std::string("mvstudio ") + MVSTUDIO_VERSION, "print the version and exit");
+  UsePlainFlags(app);
   AddGlobalOptions(app, global);
   Registry registry;
   RegisterAll(app, registry);
+  AddOverwrite(registry, global);
   CheckValues(app);
   ShortenHelp(app);
 
@@ -108,11 +148,14 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
     MVS_CHECK(entry, "a command that runs nothing");
     outcome.command = entry->name;
     const WriterScope writer(entry->name);
+    const ReplaceScope replacing(MayReplaceResults(*entry));
     outcome.result = run(*entry);
   } catch (const CLI::CallForHelp&) {
     outcome.help = app.help();
   } catch (const CLI::CallForAllHelp&) {
     outcome.help = app.help("", CLI::AppFormatMode::All);
+  } catch (const CLI::CallForVersion& version) {
+    outcome.help = version.what() + std::string("\n");
   } catch (const CLI::ParseError& e) {
     SeeFlags(words, argv, global);
     outcome.result = UsageResult(ParseNotice(app, e));

@@ -48,10 +48,36 @@ constexpr CommonOptions kCommon[] = {
      "--width --size --steps --batch --picture-every --init-from --device --ranks --overwrite"},
 };
 
-class ShortFormatter : public CLI::Formatter {
+bool IsOn(const CLI::Option* option) { return option->get_default_str() == "true"; }
+
+class PlainFlags : public CLI::Formatter {
+ public:
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override {
+    if (!HasBoth(option)) return CLI::Formatter::make_option_name(option, is_positional);
+    for (const std::string& name : option->get_lnames()) {
+      if (IsOff(option, name) == IsOn(option)) return "--" + name;
+    }
+    return CLI::Formatter::make_option_name(option, is_positional);
+  }
+  std::string make_option_desc(const CLI::Option* option) const override {
+    const std::string text = CLI::Formatter::make_option_desc(option);
+    return HasBoth(option) && IsOn(option) ? "on unless this is given: " + text : text;
+  }
+
+ private:
+  static bool IsOff(const CLI::Option* option, const std::string& name) {
+    const auto& off = option->get_fnames();
+    return std::find(off.begin(), off.end(), name) != off.end();
+  }
+  static bool HasBoth(const CLI::Option* option) {
+    return option->get_items_expected_max() == 0 && !option->get_fnames().empty();
+  }
+};
+
+class ShortFormatter : public PlainFlags {
  public:
   std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
-    const std::string all = CLI::Formatter::make_help(app, name, mode);
+    const std::string all = PlainFlags::make_help(app, name, mode);
     const size_t more = all.find(std::string("\n") + kMore + ":\n");
     if (mode == CLI::AppFormatMode::All || more == std::string::npos) return all;
     const size_t count = app->get_options([](const CLI::Option* option) { return option->get_group() == kMore; }).size();
@@ -84,6 +110,8 @@ void KeepInFront(CLI::App* command, const std::string& names) {
 }
 
 }  // namespace
+
+void UsePlainFlags(CLI::App& app) { app.formatter(std::make_shared<PlainFlags>()); }
 
 void ShortenHelp(CLI::App& app) {
   app.set_help_all_flag("--help-all", "Print all options of a command, and exit");

@@ -70,6 +70,7 @@ std::vector<std::string> EvalWords(const app::AvatarTradeoffOptions& options, co
   return {"avatar",
           "eval",
           folder,
+          "--overwrite",
           "--score-size",
           std::to_string(options.score_size_px),
           "--other-pictures",

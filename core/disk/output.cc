@@ -15,6 +15,7 @@
 #include "core/disk/manifest_write.h"
 #include "core/disk/output_publish.h"
 #include "core/disk/parents.h"
+#include "core/disk/replace.h"
 #include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
@@ -40,6 +41,13 @@ void RequireReplaceable(const std::string& path) {
   if (!S_ISREG(info.st_mode) && !S_ISLNK(info.st_mode))
     throw IoError(path, "is a device, a pipe or a socket; choose another name");
   RequireOurs({path});
+  RequireNoResult(path);
+}
+
+std::vector<std::string> PathsOf(const std::vector<internal::Replacement>& replacements) {
+  std::vector<std::string> paths;
+  for (const internal::Replacement& replacement : replacements) paths.push_back(replacement.path);
+  return paths;
 }
 
 }  // namespace
@@ -89,6 +97,7 @@ void CommitTogether(const std::vector<AtomicFile*>& files) {
   const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());
   for (const AtomicFile* file : outside) RequireReplaceable(file->path_);
   if (!replacements.empty()) internal::Publish(replacements);
+  internal::RecordResults(PathsOf(replacements));
   for (AtomicFile* file : files) {
     file->committed_ = true;
     internal::UnregisterTemporary(file->temporary_);
@@ -140,12 +149,12 @@ void FilesTogether::Commit() {
 // --- Folders ---
 
 AtomicFolder::AtomicFolder(const std::string& path, bool overwrite, const std::vector<std::string>& inputs)
-    : path_(internal::FollowedFolder(path)), overwrite_(overwrite) {
+    : path_(internal::FollowedFolder(path)), overwrite_(overwrite && MayReplace()) {
   RequireSafeOutput(path, inputs, true);
   if (internal::Exists(path_) && !fs::is_directory(path_)) throw UsageError(path + ": is a file; a folder goes there");
   lock_ = std::make_unique<OutputLock>(path_);
   if (internal::Exists(path_) && !fs::is_empty(path_)) {
-    if (!overwrite) throw UsageError(path + ": exists already; choose another option 'out' or pass option 'overwrite'");
+    if (!overwrite_) throw UsageError(path + ": exists already; choose another option 'out' or pass option 'overwrite'");
     RequireOurs({path_});
   }
   MakeFolder(internal::ParentOf(path_));
@@ -217,6 +226,7 @@ OutputFolder::OutputFolder(const std::string& path, const std::vector<std::strin
   std::vector<std::string> paths;
   for (const std::string& name : names) paths.push_back(path + "/" + name);
   RequireOurs(paths);
+  for (const std::string& name : paths) RequireNoResult(name);
 }
 
 OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vector<std::string>& inputs) {

@@ -178,9 +178,9 @@ bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int
 
 }  // namespace
 
-void WritePose3d(const Pose3d& pose, const std::string& folder) {
+bool WritePose3d(const Pose3d& pose, const std::string& folder) {
   bool written = false;
-  WritePose3d(
+  return WritePose3d(
       pose.skeleton,
       [&](std::vector<JointRow>* rows) {
         if (written) return false;
@@ -190,23 +190,27 @@ void WritePose3d(const Pose3d& pose, const std::string& folder) {
       folder, pose.covariance_note, pose.world);
 }
 
-void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
+bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder, const std::string& covariance_note, const std::string& world) {
   AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
       head(InFolder(folder, "pose3d.json"));
   WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
   WriteFile(covariance.temporary(), std::string(kCovarianceHeader) + '\n');
   std::vector<JointRow> rows;
+  bool any = false;
   while (next(&rows)) {
+    any = any || std::any_of(rows.begin(), rows.end(), [](const JointRow& row) { return row.status == Status::kOk; });
     AppendToFile(points.temporary(), PointsText(rows));
     AppendToFile(covariance.temporary(), CovarianceText(rows));
   }
+  if (!any && std::filesystem::exists(points.path())) return false;
   nlohmann::ordered_json header = {
       {"schema", kSchema}, {"skeleton", skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", world}};
   if (!covariance_note.empty()) header["covariance_note"] = covariance_note;
   WriteFile(head.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &head});
+  return true;
 }
 
 std::vector<JointRow> ReadPointsCsv(const std::string& path) {

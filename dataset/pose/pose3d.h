@@ -36,11 +36,12 @@ struct Pose3d {
 };
 
 /// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates
-/// are empty unless status is Ok. The round trip is exact.
-void WritePose3d(const Pose3d& pose, const std::string& folder);
+/// are empty unless status is Ok. The round trip is exact. False: nothing was written, for an older take is there and this one
+/// has no joint at all.
+bool WritePose3d(const Pose3d& pose, const std::string& folder);
 /// Same for takes larger than memory: `next` fills the rows that follow, false at the end. The files appear when all are
 /// written.
-void WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
+bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder, const std::string& covariance_note = {}, const std::string& world = kZUpWorld);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.

@@ -59,6 +59,7 @@ class Table {
 struct Section {
   std::string id, title;
   std::string body_html;
+  bool has_results = true;  ///< false: the body says that nothing was run
 };
 
 /// The whole document; its title is the heading without `header_html`. No external links, no script but the given one, and a

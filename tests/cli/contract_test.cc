@@ -6,10 +6,10 @@
 namespace mvstudio::testing {
 namespace {
 
-const char* const kCommands[] = {"demo",          "synth",         "calibrate",     "calib convert",  "calib show",
-                                 "calib compare", "calib eval", "triangulate",   "dataset build", "dataset verify", "dataset info",
-                                 "avatar train",  "avatar resume", "avatar eval",   "avatar info",    "metrics",
-                                 "report",        "version"};
+const char* const kCommands[] = {"demo",          "synth",        "calibrate",     "calib convert", "calib show",
+                                 "calib compare", "calib eval",   "triangulate",   "dataset build", "dataset verify",
+                                 "dataset info",  "avatar train", "avatar resume", "avatar eval",   "avatar info",
+                                 "metrics",       "report",       "version"};
 
 std::vector<std::string> Words(const std::string& text) {
   std::istringstream in(text);
@@ -42,6 +42,32 @@ TEST(Contract, EveryCommandHasHelp) {
     EXPECT_EQ(run.exit, 0) << command;
     EXPECT_THAT(run.out, ::testing::HasSubstr("--help")) << command;
     EXPECT_THAT(run.out, ::testing::HasSubstr(Words(command).back())) << command;
+  }
+}
+
+TEST(Contract, VersionAsAFlag) {
+  const CliRun run = RunCli({"--version"});
+  EXPECT_EQ(run.exit, 0);
+  EXPECT_THAT(run.out, ::testing::MatchesRegex("mvstudio [0-9.]+\n"));
+}
+
+TEST(Contract, HelpShowsWhatChangesADefault) {
+  const std::string help = RunCli({"dataset", "build", "--help-all"}).out;
+  EXPECT_THAT(help, ::testing::HasSubstr("  --no-masks"));
+  EXPECT_THAT(help, ::testing::HasSubstr("  --png "));
+  EXPECT_THAT(help, ::testing::Not(::testing::HasSubstr("{false}")));
+}
+
+// Whatever writes files can be asked to replace older ones.
+TEST(Contract, CommandsWithAnOutputHaveOverwrite) {
+  const bool avatar = HasAvatar();
+  for (const std::string command : kCommands) {
+    if (!avatar && (command.rfind("avatar", 0) == 0 || command == "demo" || command == "metrics")) continue;
+    std::vector<std::string> words = Words(command);
+    words.push_back("--help-all");
+    const std::string help = RunCli(words).out;
+    if (help.find(" --out ") == std::string::npos || command == "report") continue;
+    EXPECT_THAT(help, ::testing::HasSubstr("--overwrite")) << command;
   }
 }
 

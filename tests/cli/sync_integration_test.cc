@@ -82,6 +82,28 @@ TEST(Sync, StillPersonIsIllPosed) {
   for (const auto& camera : dataset::ReadSync(folder / "sync/sync.json").cameras) EXPECT_FALSE(camera.offset_frames);
 }
 
+TEST(Sync, KeepsAnEarlierResult) {
+  const TempDir folder, still;
+  std::vector<std::string> words = WriteTake(folder, true);
+  ASSERT_EQ(RunCli(words).exit, 0);
+  const std::string good = Slurp(folder / "sync/sync.json"), told = Slurp(folder / "sync/sync.result.json");
+  const CliRun again = RunCli(words);
+  EXPECT_EQ(again.exit, 2);
+  EXPECT_THAT(again.err, HasSubstr("is a result of an earlier run of `mvstudio sync`"));
+  EXPECT_THAT(again.err, HasSubstr("--overwrite"));
+  // Asked to replace it, a run that finds nothing still leaves it.
+  std::vector<std::string> lost = WriteTake(still, false);
+  *(std::find(lost.begin(), lost.end(), "--out") + 1) = folder / "sync";
+  lost.push_back("--overwrite");
+  const CliRun failed = RunCli(lost);
+  EXPECT_EQ(failed.exit, 5) << failed.out;
+  EXPECT_EQ(failed.Json()["warnings"].back()["code"], "CLI-OLDER-KEPT");
+  EXPECT_EQ(Slurp(folder / "sync/sync.json"), good);
+  EXPECT_EQ(Slurp(folder / "sync/sync.result.json"), told);
+  words.push_back("--overwrite");
+  EXPECT_EQ(RunCli(words).exit, 0);
+}
+
 TEST(Sync, WrongWords) {
   const TempDir folder;
   std::vector<std::string> words = WriteTake(folder, true);

@@ -65,8 +65,19 @@ class Case:
 CASES = {}
 
 
+# Commands that go on with what is there, or never replace anything: they have no --overwrite.
+WITHOUT_OVERWRITE = ("report", "tradeoff ", "avatar resume", "avatar template", "dataset import", "dataset pack", "dataset verify")
+
+
+def replacing(argv):
+    """The run replaces what the one before it wrote."""
+    words = argv.split() if isinstance(argv, str) else argv
+    line = " ".join(words)
+    return words if "--overwrite" in words or line.startswith(WITHOUT_OVERWRITE) else words + ["--overwrite"]
+
+
 def case(name, argv, **more):
-    CASES[name] = Case(argv.split() if isinstance(argv, str) else argv, name=name, **{
+    CASES[name] = Case(replacing(argv), name=name, **{
         k: [w.split() for w in v] if k == "old" else v.split() if k == "again" and v else v for k, v in more.items()})
 
 

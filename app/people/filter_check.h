@@ -1,0 +1,29 @@
+#pragma once
+
+#include "app/people/marker_export.h"
+#include "body/skeleton.h"
+#include "triangulate/point/holdout.h"
+#include "triangulate/take/take.h"
+
+/// What filling and filtering do to cameras that had no part in the points.
+namespace mvstudio::app {
+
+struct FilterCheck {
+  int num_cameras = 0;  ///< left out in turn
+  /// What the left-out cameras detected, against the points of the others: as triangulated, and filled and filtered.
+  triangulate::LeftOutFigures before, after;
+  triangulate::PairedDifference difference;  ///< after minus before
+  /// The filtered points predict worse by more than twice the standard error: motion was smoothed away.
+  bool Hurts() const { return difference.num_samples > 0 && difference.median_px > 2 * difference.median_error_px; }
+};
+
+/// At most `max_cameras` cameras, evenly spread over those with detections. `solve` triangulated the take, single points before
+/// any refinement.
+FilterCheck CheckFilter(const triangulate::PreparedRig& rig, const triangulate::TakeResult& take,
+                        const triangulate::PointSolver& solve, const body::Skeleton& skeleton, const MarkerOptions& options,
+                        const RunContext& run, int max_cameras = 5);
+
+/// Adds metrics `filter_holdout` and a line of text; a warning where the filter hurts.
+void AddFilterCheck(const FilterCheck& check, CommandResult* result);
+
+}  // namespace mvstudio::app
