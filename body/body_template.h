@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,15 @@
 namespace mvstudio::body {
 
 inline constexpr int kNumParts = kNumBodyCharts;
+
+/// Offsets of a rest surface that move with the pose, beyond what is linear in the bones' rotations.
+class MovingOffsets {
+ public:
+  virtual ~MovingOffsets() = default;
+  /// Offsets (3, V) at rest, metres in body. `posed` (3, V): the skinned surface without them, metres, about the root bone's
+  /// head in the axes that the root bone turns. Finite for whatever is finite.
+  virtual Eigen::Matrix3Xf At(const Eigen::Matrix3Xf& posed) const = 0;
+};
 
 /// A skinned, textured body. Frame `body`: metres, z up, the person faces -y, x points to the
 /// person's left, feet near z = 0, arms spread (T- or A-pose).
@@ -37,6 +47,7 @@ struct BodyTemplate {
   /// unit of entry (r, c) of the local rotation of bone b minus identity; bone 0 is the root. Loper et al., "SMPL: a skinned
   /// multi-person linear model", SIGGRAPH Asia 2015.
   Eigen::MatrixXf pose_directions;
+  std::shared_ptr<const MovingOffsets> moving_offsets;  ///< of these vertices; null: none
 };
 
 /// Procedural clothed mannequin in an A-pose: smooth union of tubes with measured-looking profiles, meshed by surface nets.
@@ -68,8 +79,11 @@ BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_
 bool PoseFromJoints(const BodyTemplate& body, const Eigen::Matrix3Xd& coco19_in_world, const std::array<bool, 19>& valid,
                     BodyPose* pose);
 
-/// Linear blend skinning, after the pose blend shapes where the body has them: vertices in world, (3, V) metres.
+/// Linear blend skinning, after the pose blend shapes and the moving offsets where the body has them: vertices in world, (3, V)
+/// metres.
 Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose);
+/// What MovingOffsets::At takes, for a body with or without them.
+Eigen::Matrix3Xf PosedAboutRoot(const BodyTemplate& body, const BodyPose& pose);
 /// Panoptic joints of a posed body, (3, 19) in world.
 Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose);
 

@@ -28,8 +28,9 @@ std::vector<BoneAffine> BoneAffines(const BodyTemplate& body, const BodyPose& po
   return affines;
 }
 
-/// Rest vertices displaced by the pose blend shapes. (3, V) in body
-Eigen::Matrix3Xf PosedShape(const BodyTemplate& body, const BodyPose& pose) {
+/// Rest vertices, displaced by the pose blend shapes where there are any. (3, V) in body
+Eigen::Matrix3Xf RestShape(const BodyTemplate& body, const BodyPose& pose) {
+  if (body.pose_directions.size() == 0) return body.vertices;
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
   const size_t count = body.bone_names.size();
   MVS_CHECK(body.pose_directions.rows() == 3 * body.vertices.cols() &&
@@ -45,6 +46,20 @@ Eigen::Matrix3Xf PosedShape(const BodyTemplate& body, const BodyPose& pose) {
   }
   Eigen::Matrix3Xf vertices = body.vertices;
   vertices.reshaped() += body.pose_directions * turns;
+  return vertices;
+}
+
+Eigen::Matrix3Xf Skin(const BodyTemplate& body, const std::vector<BoneAffine>& affines, const Eigen::Matrix3Xf& rest) {
+  Eigen::Matrix3Xf vertices(3, rest.cols());
+  for (int i = 0; i < vertices.cols(); ++i) {
+    const Eigen::Vector3d x = rest.col(i).cast<double>();
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = 0; k < 4; ++k) {
+      const BoneAffine& affine = affines[body.skin_bones(k, i)];
+      sum += body.skin_weights(k, i) * (affine.linear * x + affine.offset);
+    }
+    vertices.col(i) = sum.cast<float>();
+  }
   return vertices;
 }
 
@@ -66,22 +81,18 @@ BodyPose PoseFromAngles(const BodyTemplate& body, const geometry::Rigid3& world_
   return pose;
 }
 
+Eigen::Matrix3Xf PosedAboutRoot(const BodyTemplate& body, const BodyPose& pose) {
+  const Eigen::Matrix3Xf skinned = Skin(body, BoneAffines(body, pose), RestShape(body, pose));
+  const geometry::Rigid3& root = pose.bone_transforms[0];
+  const Eigen::Vector3d head = root * body.bone_heads.col(0).eval();
+  const Eigen::Matrix3d root_from_world = root.rotation.conjugate().toRotationMatrix();
+  return (root_from_world * (skinned.cast<double>().colwise() - head)).cast<float>();
+}
+
 Eigen::Matrix3Xf SkinVertices(const BodyTemplate& body, const BodyPose& pose) {
-  const std::vector<BoneAffine> affines = BoneAffines(body, pose);
-  const bool corrected = body.pose_directions.size() > 0;
-  const Eigen::Matrix3Xf displaced = corrected ? PosedShape(body, pose) : Eigen::Matrix3Xf();
-  const Eigen::Matrix3Xf& rest = corrected ? displaced : body.vertices;
-  Eigen::Matrix3Xf vertices(3, rest.cols());
-  for (int i = 0; i < vertices.cols(); ++i) {
-    const Eigen::Vector3d x = rest.col(i).cast<double>();
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (int k = 0; k < 4; ++k) {
-      const BoneAffine& affine = affines[body.skin_bones(k, i)];
-      sum += body.skin_weights(k, i) * (affine.linear * x + affine.offset);
-    }
-    vertices.col(i) = sum.cast<float>();
-  }
-  return vertices;
+  Eigen::Matrix3Xf rest = RestShape(body, pose);
+  if (body.moving_offsets) rest += body.moving_offsets->At(PosedAboutRoot(body, pose));
+  return Skin(body, BoneAffines(body, pose), rest);
 }
 
 Eigen::Matrix3Xd PosedCoco19(const BodyTemplate& body, const BodyPose& pose) {

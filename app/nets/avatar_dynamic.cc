@@ -29,7 +29,8 @@ Json ToJson(const body::DynamicFit& fit) {
   for (const body::DynamicCandidate& candidate : fit.candidates) candidates.push_back(CandidateJson(candidate));
   return {{"kept", fit.offsets.has_value()},
           {"reason", fit.reason},
-          {"components", fit.offsets ? fit.offsets->basis.size() : 0},
+          {"network", fit.offsets && fit.offsets->network},
+          {"components", fit.offsets && fit.offsets->linear ? fit.offsets->linear->basis.size() : 0},
           {"rms_mm", 1e3 * fit.rms_m},
           {"most_mm", 1e3 * fit.most_m},
           {"candidates", candidates}};
@@ -44,8 +45,10 @@ std::string ToTable(const body::DynamicFit& fit) {
   }
   text += fit.reason + "\n";
   if (fit.offsets) {
-    text += Format("offsets: %d components of the poses, %.1f mm rms, %.1f mm at most\n",
-                   static_cast<int>(fit.offsets->basis.size()), 1e3 * fit.rms_m, 1e3 * fit.most_m);
+    const std::string kind = fit.offsets->network
+                                 ? "a network"
+                                 : Format("%d components of the poses", static_cast<int>(fit.offsets->linear->basis.size()));
+    text += Format("offsets: %s, %.1f mm rms, %.1f mm at most\n", kind.c_str(), 1e3 * fit.rms_m, 1e3 * fit.most_m);
   }
   return text;
 }

@@ -11,8 +11,10 @@
 namespace mvstudio::body {
 namespace {
 
-constexpr ChoiceWords<DynamicMode, 3> kModes = {
-    {{DynamicMode::kAuto, "auto"}, {DynamicMode::kOff, "off"}, {DynamicMode::kLinear, "linear"}}};
+constexpr ChoiceWords<DynamicMode, 4> kModes = {{{DynamicMode::kAuto, "auto"},
+                                                 {DynamicMode::kOff, "off"},
+                                                 {DynamicMode::kLinear, "linear"},
+                                                 {DynamicMode::kNetwork, "network"}}};
 
 constexpr double kOffsetSigmasM[] = {0.005, 0.01, 0.02, 0.05};  // of which the judge chooses
 
@@ -23,12 +25,13 @@ double MeanGain(const std::vector<BlockGain>& gains) {
 }
 
 DynamicCandidate Judge(const TakeOutlines& take, const std::vector<PoseBlock>& blocks, const OffsetTrainer& trainer,
-                       const RunContext& run) {
+                       const RunContext& run, ProgressStage* stage) {
   const auto begin = std::chrono::steady_clock::now();
   const TrainOffsets train = [&](const std::vector<int>& indices) -> std::optional<PoseOffsets> {
-    const std::optional<LinearOffsets> offsets = trainer.train(indices);
+    const std::optional<TrainedOffsets> offsets = trainer.train(indices);
+    stage->Advance();
     if (!offsets) return std::nullopt;
-    return [offsets](const ArticulatedPose& pose) { return offsets->At(pose); };
+    return [offsets, &take](const ArticulatedPose& pose) { return offsets->At(take.body, pose); };
   };
   DynamicCandidate candidate{trainer.name, JudgeOffsets(take, blocks, train, run)};
   candidate.mean_gain = MeanGain(candidate.gains);
@@ -66,7 +69,7 @@ std::string ReasonOf(const DynamicCandidate& best, bool always) {
 void MeasureOffsets(const TakeOutlines& take, DynamicFit* fit) {
   double squares = 0;
   for (const PosedStep& step : take.steps) {
-    const Eigen::Matrix3Xf offsets = fit->offsets->At(step.seen);
+    const Eigen::Matrix3Xf offsets = fit->offsets->At(take.body, step.seen);
     squares += static_cast<double>(offsets.squaredNorm() / static_cast<float>(offsets.cols()));
     fit->most_m = std::max(fit->most_m, static_cast<double>(offsets.colwise().norm().maxCoeff()));
   }
@@ -77,7 +80,19 @@ void MeasureOffsets(const TakeOutlines& take, DynamicFit* fit) {
 
 std::string_view ToString(DynamicMode mode) { return WordOf(kModes, mode); }
 void FromString(const std::string& text, DynamicMode* mode) {
-  *mode = KnownChoice(kModes, text, "option 'dynamic' must be auto, off or linear");
+  *mode = KnownChoice(kModes, text, "option 'dynamic' must be auto, off, linear or network");
+}
+
+Eigen::Matrix3Xf TrainedOffsets::At(const BodyTemplate& body, const ArticulatedPose& pose) const {
+  return network ? network->At(PosedAboutRoot(body, ToBodyPose(body, pose))) : linear->At(pose);
+}
+
+void AddOffsets(const TrainedOffsets& offsets, BodyTemplate* body) {
+  if (offsets.network) {
+    body->moving_offsets = offsets.network;
+  } else {
+    AddLinearOffsets(*offsets.linear, body);
+  }
 }
 
 std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training) {
@@ -86,7 +101,10 @@ std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training) {
     LinearTrainingOptions options;
     options.stiffness.offset_sigma_m = sigma_m;
     trainers.push_back({Format("linear offsets of %.1f mm", 1e3 * sigma_m),
-                        [training, options](const std::vector<int>& indices) { return training->Train(indices, options); }});
+                        [training, options](const std::vector<int>& indices) -> std::optional<TrainedOffsets> {
+                          auto linear = training->Train(indices, options);
+                          return linear ? std::optional(TrainedOffsets{std::move(linear), nullptr}) : std::nullopt;
+                        }});
   }
   return trainers;
 }
@@ -99,8 +117,8 @@ DynamicFit FitDynamic(const TakeOutlines& take, const std::vector<OffsetTrainer>
     fit.reason = "off; fewer than 15 time steps, or their poses hardly vary";
     return fit;
   }
-  ProgressStage stage(run, "a surface that moves with the pose", static_cast<int64_t>(trainers.size()) + 1);
-  for (const OffsetTrainer& trainer : trainers) fit.candidates.push_back(Judge(take, blocks, trainer, run)), stage.Advance();
+  ProgressStage stage(run, "a surface that moves with the pose", static_cast<int64_t>(trainers.size() * blocks.size()) + 1);
+  for (const OffsetTrainer& trainer : trainers) fit.candidates.push_back(Judge(take, blocks, trainer, run, &stage));
   const int best = Best(fit.candidates);
   if (best < 0) {
     fit.reason = "off; the outlines say nothing of it";
@@ -119,12 +137,14 @@ DynamicFit FitDynamic(const TakeOutlines& take, const std::vector<OffsetTrainer>
 }
 
 DynamicFit FitMovingSurface(const std::vector<FitStep>& steps, const std::vector<RejectedView>& rejected, DynamicMode mode,
-                            const RunContext& run, PersonBody* person) {
+                            const MakeNetworkTrainer& network, const RunContext& run, PersonBody* person) {
   if (mode == DynamicMode::kOff) return {};
   const TakeOutlines take = TakeOutlinesOf(*person, steps, rejected, run);
   LinearTraining training(take, run);
-  DynamicFit fit = FitDynamic(take, LinearTrainers(&training), mode == DynamicMode::kLinear, run);
-  if (fit.offsets) AddLinearOffsets(*fit.offsets, &person->body);
+  const std::vector<OffsetTrainer> trainers =
+      mode == DynamicMode::kNetwork ? std::vector{network(take)} : LinearTrainers(&training);
+  DynamicFit fit = FitDynamic(take, trainers, mode != DynamicMode::kAuto, run);
+  if (fit.offsets) AddOffsets(*fit.offsets, &person->body);
   return fit;
 }
 

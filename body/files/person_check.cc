@@ -3,6 +3,7 @@
 #include <cmath>
 #include <set>
 
+#include "body/offset_net/offset_net.h"
 #include "core/label.h"
 
 namespace mvstudio::body::internal {
@@ -122,6 +123,11 @@ std::optional<BodyProblem> ProblemOf(const BodyTemplate& body) {
     if (auto p = SizeProblem("pose_directions", body.pose_directions.cols(), wanted)) return p;
     if (auto p = SizeProblem("pose_directions", body.pose_directions.rows(), 3 * body.vertices.cols())) return p;
     if (auto p = NumberProblem("pose_directions", body.pose_directions)) return p;
+  }
+  if (body.moving_offsets) {
+    const auto* net = dynamic_cast<const OffsetNet*>(body.moving_offsets.get());
+    if (net == nullptr) return BodyProblem{"moving_offsets", "are of a kind that has no file"};
+    if (auto p = SizeProblem("moving_offsets", net->num_vertices(), body.vertices.cols())) return p;
   }
   if (auto p = SizeProblem("coco19", body.coco19.cols(), 19)) return p;
   if (auto p = NumberProblem("coco19", body.coco19)) return p;

@@ -10,6 +10,7 @@
 
 #include "body/files/npz.h"
 #include "body/files/person_check.h"
+#include "body/offset_net/offset_net.h"
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/npy_write.h"
@@ -21,6 +22,7 @@ namespace {
 constexpr const char* kSchema = "mvstudio.body/1";
 constexpr const char* kExtra = "extra.";
 constexpr const char* kPoseDirections = "pose_directions";  // bodies of SMPL's layout have it
+constexpr const char* kOffsetNet = "offset_net.";           // surfaces that a network moves
 constexpr size_t kMaxExtraName = 100;
 
 using Members = std::vector<std::pair<std::string, std::string>>;
@@ -74,6 +76,10 @@ Members MembersOf(const BodyTemplate& body) {
   if (body.pose_directions.size() > 0)
     members.emplace_back(kPoseDirections,
                          FloatRows(body.pose_directions, {static_cast<size_t>(body.pose_directions.cols()), vertices, 3}));
+  if (body.moving_offsets) {
+    for (const auto& [name, array] : dynamic_cast<const OffsetNet&>(*body.moving_offsets).arrays())
+      members.emplace_back(kOffsetNet + name, NpyOfFloats({array.shape.begin(), array.shape.end()}, array.values));
+  }
   return members;
 }
 
@@ -113,6 +119,20 @@ class Arrays {
     std::vector<int> ints;
     for (const double value : Numbers(name, shape)) ints.push_back(static_cast<int>(Checked(name, value, true)));
     return ints;
+  }
+
+  /// Those of a network of offsets; its problems are the file's. Null: there are none.
+  std::shared_ptr<const MovingOffsets> Network(const BodyTemplate& body) {
+    NetArrays arrays;
+    const std::string prefix = kOffsetNet;
+    for (auto at = members_.lower_bound(prefix); at != members_.end() && at->first.compare(0, prefix.size(), prefix) == 0;) {
+      const NpyArray array = ParseNpy(at->second, path_ + ": " + at->first);
+      arrays[at->first.substr(prefix.size())] = {array.shape, {array.values.begin(), array.values.end()}};
+      at = members_.erase(at);
+    }
+    if (arrays.empty()) return nullptr;
+    if (const auto problem = ProblemOf(arrays)) Refuse(kOffsetNet + problem->array, problem->what);
+    return std::make_shared<OffsetNet>(body, std::move(arrays));
   }
 
   /// What is left: extras, and nothing else.
@@ -201,6 +221,7 @@ PersonFile ParsePersonFile(const std::string& bytes, const std::string& path) {
   PersonFile person;
   person.body = BodyFrom(&arrays);
   if (const auto problem = internal::ProblemOf(person.body)) arrays.Refuse(problem->array, problem->what);
+  person.body.moving_offsets = arrays.Network(person.body);
   person.extras = arrays.Extras();
   return person;
 }

@@ -65,9 +65,11 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
           "fit the surface to the silhouettes; off: the lengths of the bones alone, to see what the surface is worth");
   AddFlag(sub, "--brightness,!--no-brightness", a->options.use_brightness,
           "align poses by the surface's brightness as well; kept only where held-out images agree");
-  AddChoice(sub, "--dynamic", a->options.dynamic,
-            "a surface that moves with the pose beyond skinning. linear: offsets linear in the bones' turns; auto: where these "
-            "beat skinning in poses far from those they were trained on; off");
+  AddChoice(
+      sub, "--dynamic", a->options.dynamic,
+      "a surface that moves with the pose beyond skinning. linear: offsets linear in the bones' turns; network: offsets of a "
+      "network of the posed surface, trained for minutes; auto: linear ones where they beat skinning in poses far from "
+      "those they were trained on; off");
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });

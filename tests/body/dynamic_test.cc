@@ -32,7 +32,7 @@ TEST(FitDynamic, FindsWhatMovesWithThePose) {
   // A pose that is in none of the steps: outlines bring back a part of what skinning leaves open.
   const ArticulatedPose other = SwingingPose(40);
   const Eigen::Matrix3Xf truth = Swell(other, 0.25);
-  EXPECT_LT((fit.offsets->At(other) - truth).norm(), 0.8f * truth.norm());
+  EXPECT_LT((fit.offsets->At(Small(), other) - truth).norm(), 0.8f * truth.norm());
 }
 
 TEST(FitDynamic, StaysOffWhereSkinningExplainsAll) {
@@ -59,12 +59,13 @@ TEST(FitDynamic, DoesWhatIsAskedForAndSaysThatItIsNoGain) {
 TEST(FitMovingSurface, AddsToTheBodyOnlyWhatIsKept) {
   const SwellingTake take(18, 0.25);
   PersonBody off = take.person, moving = take.person;
-  EXPECT_TRUE(FitMovingSurface(take.steps, {}, DynamicMode::kOff, OneThread(), &off).reason.empty());
+  EXPECT_TRUE(FitMovingSurface(take.steps, {}, DynamicMode::kOff, nullptr, OneThread(), &off).reason.empty());
   EXPECT_EQ(off.body.pose_directions.size(), 0);
-  const DynamicFit fit = FitMovingSurface(take.steps, {}, DynamicMode::kLinear, OneThread(), &moving);
+  const DynamicFit fit = FitMovingSurface(take.steps, {}, DynamicMode::kLinear, nullptr, OneThread(), &moving);
   ASSERT_TRUE(fit.offsets) << fit.reason;
   const ArticulatedPose& seen = take.person.seen.at(12);
-  const Eigen::Matrix3Xf expected = SkinVertices(WithOffsets(off.body, fit.offsets->At(seen)), ToBodyPose(off.body, seen));
+  const Eigen::Matrix3Xf expected =
+      SkinVertices(WithOffsets(off.body, fit.offsets->At(off.body, seen)), ToBodyPose(off.body, seen));
   EXPECT_LT((SkinVertices(moving.body, ToBodyPose(moving.body, seen)) - expected).cwiseAbs().maxCoeff(), 1e-5f);
 }
 

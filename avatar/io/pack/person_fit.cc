@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "avatar/io/pack/person_views.h"
+#include "avatar/io/surface/network_training.h"
 #include "body/fit/pose_by_images.h"
 #include "body/templates/read.h"
 #include "core/check.h"
@@ -166,7 +167,9 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   out.result.offset_m = out.fit.offsets, out.result.offset_sigma_m = out.fit.offset_sigma_m;
   NoteImages(options, &out.result);
   if (out.fit.offset_sigma_m.size() > 0)  // a surface was fitted
-    out.dynamic = body::FitMovingSurface(steps, out.fit.rejected, options.dynamic, run, &out.result.person);
+    out.dynamic = body::FitMovingSurface(
+        steps, out.fit.rejected, options.dynamic,
+        [&run](const body::TakeOutlines& take) { return NetworkTrainer(take, {}, run); }, run, &out.result.person);
   BakeTextures(data, sources, options, run, &out);
   if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);
   return out;
