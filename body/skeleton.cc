@@ -2,155 +2,45 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
+#include <filesystem>
 
-#include "body/skeleton_parts.h"
+#include "body/skeleton_text.h"
 #include "core/check.h"
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
 
 namespace mvstudio::body {
 namespace {
 
-using NamePairs = std::vector<std::pair<std::string, std::string>>;
-
-const NamePairs kFace = {{"Nose", "LEye"}, {"LEye", "LEar"}, {"Nose", "REye"}, {"REye", "REar"}};
-const NamePairs kArms = {{"LShoulder", "LElbow"}, {"LElbow", "LWrist"}, {"RShoulder", "RElbow"}, {"RElbow", "RWrist"}};
-const NamePairs kLegs = {{"LHip", "LKnee"}, {"LKnee", "LAnkle"}, {"RHip", "RKnee"}, {"RKnee", "RAnkle"}};
-const NamePairs kFeet = {{"LAnkle", "LBigToe"}, {"LBigToe", "LSmallToe"}, {"LAnkle", "LHeel"},
-                         {"RAnkle", "RBigToe"}, {"RBigToe", "RSmallToe"}, {"RAnkle", "RHeel"}};
-const NamePairs kNeckToHead = {{"Neck", "Nose"}, {"Neck", "LShoulder"}, {"Neck", "RShoulder"}};
-const NamePairs kNeckToHips = {{"Neck", "LHip"}, {"Neck", "RHip"}};
-const NamePairs kMidHip = {{"Neck", "MidHip"}, {"MidHip", "LHip"}, {"MidHip", "RHip"}};
-const NamePairs kBox = {{"LShoulder", "RShoulder"}, {"LShoulder", "LHip"}, {"RShoulder", "RHip"}, {"LHip", "RHip"}};
-const NamePairs kUpperNeck = {{"LShoulder", "Neck"}, {"RShoulder", "Neck"}, {"Neck", "Head"}, {"Neck", "Nose"}};
-
-void AddBones(const NamePairs& group, Skeleton* skeleton) {
-  for (const auto& [a, b] : group) {
-    const int i = skeleton->Find(a), j = skeleton->Find(b);
-    MVS_CHECK(i >= 0 && j >= 0, "skeleton " << skeleton->name << " has no bone " << a << "-" << b);
-    skeleton->bones.emplace_back(i, j);
-  }
-}
-
-Skeleton MakeSkeleton(const std::string& name, std::vector<std::string> joints, const std::vector<NamePairs>& groups) {
-  Skeleton skeleton{name, std::move(joints), {}};
-  for (const NamePairs& group : groups) AddBones(group, &skeleton);
-  return skeleton;
-}
-
-Skeleton MakeCoco17(const std::string& name) {
-  return MakeSkeleton(name,
-                      {"Nose", "LEye", "REye", "LEar", "REar", "LShoulder", "RShoulder", "LElbow", "RElbow", "LWrist", "RWrist",
-                       "LHip", "RHip", "LKnee", "RKnee", "LAnkle", "RAnkle"},
-                      {kBox, kArms, kLegs, kFace});
-}
-
-Skeleton MakeBody25b(const std::string& name) {
-  return MakeSkeleton(name, {"Nose",   "LEye",    "REye",      "LEar",  "REar",    "LShoulder", "RShoulder", "LElbow", "RElbow",
-                             "LWrist", "RWrist",  "LHip",      "RHip",  "LKnee",   "RKnee",     "LAnkle",    "RAnkle", "Neck",
-                             "Head",   "LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel"},
-                      {kUpperNeck, kBox, kArms, kLegs, kFace, kFeet});
-}
-
-Skeleton MakeHalpe26(const std::string& name) {
-  return MakeSkeleton(name,
-                      {"Nose",   "LEye",   "REye",    "LEar",    "REar",      "LShoulder", "RShoulder", "LElbow", "RElbow",
-                       "LWrist", "RWrist", "LHip",    "RHip",    "LKnee",     "RKnee",     "LAnkle",    "RAnkle", "Head",
-                       "Neck",   "MidHip", "LBigToe", "RBigToe", "LSmallToe", "RSmallToe", "LHeel",     "RHeel"},
-                      {kUpperNeck, kMidHip, kArms, kLegs, kFace, kFeet});
-}
-
-Skeleton MakeMediapipe33(const std::string& name) {
-  const NamePairs head = {{"Nose", "LEyeInner"}, {"LEyeInner", "LEye"}, {"LEye", "LEyeOuter"},
-                          {"LEyeOuter", "LEar"}, {"Nose", "REyeInner"}, {"REyeInner", "REye"},
-                          {"REye", "REyeOuter"}, {"REyeOuter", "REar"}, {"LMouth", "RMouth"}};
-  const NamePairs hands = {{"LWrist", "LPinky"}, {"LWrist", "LIndex"}, {"LWrist", "LThumb"}, {"LPinky", "LIndex"},
-                           {"RWrist", "RPinky"}, {"RWrist", "RIndex"}, {"RWrist", "RThumb"}, {"RPinky", "RIndex"}};
-  const NamePairs feet = {{"LAnkle", "LHeel"}, {"LHeel", "LFootIndex"}, {"LAnkle", "LFootIndex"},
-                          {"RAnkle", "RHeel"}, {"RHeel", "RFootIndex"}, {"RAnkle", "RFootIndex"}};
-  return MakeSkeleton(
-      name, {"Nose",   "LEyeInner", "LEye",      "LEyeOuter", "REyeInner",  "REye",      "REyeOuter", "LEar",   "REar",
-             "LMouth", "RMouth",    "LShoulder", "RShoulder", "LElbow",     "RElbow",    "LWrist",    "RWrist", "LPinky",
-             "RPinky", "LIndex",    "RIndex",    "LThumb",    "RThumb",     "LHip",      "RHip",      "LKnee",  "RKnee",
-             "LAnkle", "RAnkle",    "LHeel",     "RHeel",     "LFootIndex", "RFootIndex"},
-      {head, hands, kBox, kArms, kLegs, feet});
-}
-
-Skeleton WithHands(Skeleton skeleton, bool with_wrists = true) {
-  AppendHand("L", with_wrists, &skeleton);
-  AppendHand("R", with_wrists, &skeleton);
-  return skeleton;
-}
-
-Skeleton WithFace(Skeleton skeleton, int num_points) {
-  AppendFace(num_points, &skeleton);
-  return skeleton;
-}
-
-Skeleton MakeCoco133() {
-  Skeleton skeleton = MakeCoco17("coco133");
-  skeleton.joints.insert(skeleton.joints.end(), {"LBigToe", "LSmallToe", "LHeel", "RBigToe", "RSmallToe", "RHeel"});
-  AddBones(kFeet, &skeleton);
-  return WithHands(WithFace(std::move(skeleton), 68));
-}
-
-/// An OpenPose body with its other lists of keypoints.
-Skeleton WithParts(const Skeleton& body, bool face, bool hands, const std::string& name) {
-  using Kind = SkeletonPart::Kind;
-  Skeleton skeleton = body;
-  skeleton.name = name;
-  const auto size = [&skeleton] { return static_cast<int>(skeleton.joints.size()); };
-  skeleton.parts = {{Kind::kBody, 0, size()}};
-  const auto close = [&](Kind kind, int first) { skeleton.parts.push_back({kind, first, size() - first}); };
-  int first = size();
-  if (face) AppendFace(70, &skeleton), close(Kind::kFace, first);
-  if (!hands) return skeleton;
-  first = size(), AppendHand("L", true, &skeleton), close(Kind::kLeftHand, first);
-  first = size(), AppendHand("R", true, &skeleton), close(Kind::kRightHand, first);
-  return skeleton;
-}
-
-// Orders: OpenPose's poseParameters.cpp (BODY_25, BODY_25B, BODY_135, COCO), COCO's and COCO-WholeBody's keypoint order, the
-// tables of Halpe-FullBody and MediaPipe, CMU Panoptic's joints19.
-std::vector<Skeleton> MakeAll() {
-  const Skeleton body25 =
-      MakeSkeleton("body25", {"Nose", "Neck",    "RShoulder", "RElbow", "RWrist",  "LShoulder", "LElbow", "LWrist", "MidHip",
-                              "RHip", "RKnee",   "RAnkle",    "LHip",   "LKnee",   "LAnkle",    "REye",   "LEye",   "REar",
-                              "LEar", "LBigToe", "LSmallToe", "LHeel",  "RBigToe", "RSmallToe", "RHeel"},
-                   {kNeckToHead, kMidHip, kArms, kLegs, kFace, kFeet});
-  const Skeleton coco18 = MakeSkeleton("coco18",
-                                       {"Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist",
-                                        "RHip", "RKnee", "RAnkle", "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar"},
-                                       {kNeckToHead, kNeckToHips, kArms, kLegs, kFace});
-  const Skeleton coco19 =
-      MakeSkeleton("coco19",
-                   {"Neck", "Nose", "MidHip", "LShoulder", "LElbow", "LWrist", "LHip", "LKnee", "LAnkle", "RShoulder", "RElbow",
-                    "RWrist", "RHip", "RKnee", "RAnkle", "LEye", "LEar", "REye", "REar"},
-                   {kNeckToHead, kMidHip, kArms, kLegs, kFace});
-  const Skeleton body25b = MakeBody25b("body25b");
-  std::vector<Skeleton> all = {body25,
-                               body25b,
-                               WithFace(WithHands(MakeBody25b("body135"), false), 70),
-                               MakeCoco17("coco17"),
-                               coco18,
-                               coco19,
-                               MakeCoco133(),
-                               MakeHalpe26("halpe26"),
-                               WithHands(WithFace(MakeHalpe26("halpe136"), 68)),
-                               MakeMediapipe33("mediapipe33"),
-                               WithHands(MakeMediapipe33("mediapipe75")),
-                               WithParts(body25, true, true, "openpose137")};
-  for (const Skeleton& body : {body25, body25b, coco18}) {
-    all.push_back(WithParts(body, true, false, body.name + "+face"));
-    all.push_back(WithParts(body, false, true, body.name + "+hands"));
-    all.push_back(WithParts(body, true, true, body.name + "+face+hands"));
+std::vector<Skeleton> ParseAll() {
+  std::vector<Skeleton> all;
+  for (const internal::KnownSkeleton& known : internal::KnownSkeletons()) {
+    all.push_back(SkeletonFromToml(known.toml, std::string(known.name) + ".toml"));
+    MVS_CHECK(all.back().name == known.name, known.name << ".toml calls itself " << all.back().name);
   }
   return all;
 }
 
 const std::vector<Skeleton>& All() {
-  static const std::vector<Skeleton> all = MakeAll();
+  static const std::vector<Skeleton> all = ParseAll();
   return all;
+}
+
+/// Pairs among the 70 points of a face, which have numbers for names.
+const std::vector<std::pair<std::string, std::string>>& FaceMirror() {
+  static const auto pairs = [] {
+    const Skeleton& whole = SkeletonByName("openpose137");
+    std::vector<std::pair<std::string, std::string>> names;
+    for (const auto& [left, right] : whole.pairs) {
+      const std::string& name = whole.joints[static_cast<size_t>(left)];
+      if (name.rfind("Face", 0) == 0) names.emplace_back(name, whole.joints[static_cast<size_t>(right)]);
+    }
+    return names;
+  }();
+  return pairs;
 }
 
 /// What the joint `name` of the left side may be called on the right; empty when it names no left side.
@@ -182,15 +72,40 @@ int Skeleton::Find(const std::string& joint) const {
 
 std::vector<std::string> SkeletonNames() {
   std::vector<std::string> names;
-  for (const Skeleton& skeleton : All()) names.push_back(skeleton.name);
+  for (const internal::KnownSkeleton& known : internal::KnownSkeletons()) names.push_back(known.name);
   return names;
 }
 
-const Skeleton& SkeletonByName(const std::string& name) {
+const Skeleton* FindSkeleton(const std::string& name) {
   for (const Skeleton& skeleton : All()) {
-    if (skeleton.name == name) return skeleton;
+    if (skeleton.name == name) return &skeleton;
   }
-  throw UsageError("unknown skeleton \"" + name + "\"; known are " + Join(SkeletonNames(), ", "));
+  return nullptr;
+}
+
+const Skeleton& SkeletonByName(const std::string& name) {
+  if (const Skeleton* found = FindSkeleton(name)) return *found;
+  throw UsageError("unknown skeleton \"" + name + "\"; known are " + Join(SkeletonNames(), ", ") +
+                   "; one of your own is a file FILE.toml (docs/formats.md)");
+}
+
+bool IsSkeletonFile(const std::string& name_or_file) {
+  return std::filesystem::path(name_or_file).extension() == ".toml" || name_or_file.find('/') != std::string::npos;
+}
+
+Skeleton SkeletonFrom(const std::string& name_or_file) {
+  if (!IsSkeletonFile(name_or_file)) return SkeletonByName(name_or_file);
+  RequireRegularFile(name_or_file);
+  if (std::filesystem::file_size(name_or_file) > kMaxSkeletonBytes) {
+    throw FormatError(name_or_file, "",
+                      "is larger than 1 MiB; a skeleton has at most " + std::to_string(kMaxSkeletonJoints) + " joints");
+  }
+  Skeleton skeleton = SkeletonFromToml(ReadFile(name_or_file), name_or_file);
+  const Skeleton* known = FindSkeleton(skeleton.name);
+  if (skeleton.name == PointsSkeleton({}).name || (known && known->joints != skeleton.joints)) {
+    throw FormatError(name_or_file, "name", "`" + skeleton.name + "` is the name of other joints; choose another");
+  }
+  return skeleton;
 }
 
 std::vector<std::string> SkeletonsOfSize(size_t num_joints) {
@@ -203,15 +118,75 @@ std::vector<std::string> SkeletonsOfSize(size_t num_joints) {
 
 Skeleton PointsSkeleton(std::vector<std::string> joints) { return {"points", std::move(joints), {}}; }
 
+bool HasJoints(const Skeleton& skeleton, const std::vector<std::string>& joints) {
+  const auto known = [&skeleton](const std::string& joint) { return skeleton.Find(joint) >= 0; };
+  return std::all_of(joints.begin(), joints.end(), known);
+}
+
 Skeleton SkeletonOrPoints(const std::string& name, const std::vector<std::string>& joints) {
-  for (const Skeleton& skeleton : All()) {
-    const auto known = [&skeleton](const std::string& joint) { return skeleton.Find(joint) >= 0; };
-    if (skeleton.name == name && std::all_of(joints.begin(), joints.end(), known)) return skeleton;
+  const Skeleton* known = FindSkeleton(name);
+  return known && HasJoints(*known, joints) ? *known : PointsSkeleton(joints);
+}
+
+std::string BoneName(const Skeleton& skeleton, const std::pair<int, int>& bone) {
+  return skeleton.joints[static_cast<size_t>(bone.first)] + "-" + skeleton.joints[static_cast<size_t>(bone.second)];
+}
+
+std::vector<std::array<uint8_t, 3>> BoneColours(const Skeleton& skeleton) {
+  enum Side { kNeither, kLeft, kRight };
+  constexpr std::array<uint8_t, 3> kBySide[] = {{255, 220, 60}, {255, 60, 60}, {60, 230, 60}};
+  std::vector<Side> sides(skeleton.joints.size(), kNeither);
+  for (const auto& [left, right] : MirrorJoints(skeleton)) {
+    sides[static_cast<size_t>(left)] = kLeft, sides[static_cast<size_t>(right)] = kRight;
   }
-  return PointsSkeleton(joints);
+  std::vector<std::array<uint8_t, 3>> colours;
+  for (size_t b = 0; b < skeleton.bones.size(); ++b) {
+    const Side from = sides[static_cast<size_t>(skeleton.bones[b].first)];
+    const Side to = sides[static_cast<size_t>(skeleton.bones[b].second)];
+    colours.push_back(kBySide[from == to ? from : kNeither]);
+    if (skeleton.colours.empty() || skeleton.colours[b].empty()) continue;
+    const unsigned long rgb = std::strtoul(skeleton.colours[b].c_str() + 1, nullptr, 16);
+    for (size_t k = 0; k < 3; ++k) colours.back()[k] = static_cast<uint8_t>(rgb >> (16 - 8 * k));
+  }
+  return colours;
+}
+
+std::vector<int> SpanningTree(const Skeleton& skeleton, int root) {
+  constexpr int kUnreached = -2;
+  std::vector<std::vector<int>> neighbours(skeleton.joints.size());
+  for (const auto& [a, b] : skeleton.bones) {
+    neighbours[static_cast<size_t>(a)].push_back(b), neighbours[static_cast<size_t>(b)].push_back(a);
+  }
+  std::vector<int> parents(skeleton.joints.size(), kUnreached), order = {root};
+  parents[static_cast<size_t>(root)] = -1;
+  const auto reach = [&](size_t first) {
+    for (size_t i = first; i < order.size(); ++i) {
+      for (const int next : neighbours[static_cast<size_t>(order[i])]) {
+        if (parents[static_cast<size_t>(next)] != kUnreached) continue;
+        parents[static_cast<size_t>(next)] = order[i];
+        order.push_back(next);
+      }
+    }
+  };
+  reach(0);
+  for (size_t j = 0; j < parents.size(); ++j) {
+    if (parents[j] != kUnreached) continue;
+    parents[j] = root;
+    order.push_back(static_cast<int>(j));
+    reach(order.size() - 1);
+  }
+  return parents;
+}
+
+std::vector<int> HierarchyOf(const Skeleton& skeleton) {
+  if (!skeleton.parents.empty() || skeleton.joints.empty()) return skeleton.parents;
+  std::vector<int> degree(skeleton.joints.size(), 0);
+  for (const auto& [a, b] : skeleton.bones) ++degree[static_cast<size_t>(a)], ++degree[static_cast<size_t>(b)];
+  return SpanningTree(skeleton, static_cast<int>(std::max_element(degree.begin(), degree.end()) - degree.begin()));
 }
 
 std::vector<std::pair<int, int>> MirrorJoints(const Skeleton& skeleton) {
+  if (!skeleton.pairs.empty()) return skeleton.pairs;
   std::vector<std::pair<int, int>> pairs;
   for (size_t i = 0; i < skeleton.joints.size(); ++i) {
     for (const std::string& right : NamesOfRight(skeleton.joints[i])) {
@@ -222,7 +197,7 @@ std::vector<std::pair<int, int>> MirrorJoints(const Skeleton& skeleton) {
     }
   }
   for (const auto& [left, right] : FaceMirror()) {
-    const int i = skeleton.Find("Face" + std::to_string(left)), j = skeleton.Find("Face" + std::to_string(right));
+    const int i = skeleton.Find(left), j = skeleton.Find(right);
     if (i >= 0 && j >= 0) pairs.emplace_back(i, j);
   }
   return pairs;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "body/skeleton.h"
+#include "core/csv.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "markers/marker_files.h"
@@ -59,16 +60,34 @@ std::string PersonFile(const Take& take, int person, const std::string& extensio
   return take.sequence + "_person" + std::to_string(person) + extension;
 }
 
+const body::Skeleton& SkeletonOf(const Take& take) { return take.own ? take.own->skeleton : body::Coco19(); }
+
+std::optional<dataset::JointsPose> JointsOf(const Take& take, int frame, int person) {
+  if (take.own) {
+    const auto people = take.own->poses.find(frame);
+    if (people == take.own->poses.end()) return std::nullopt;
+    const auto found = people->second.find(person);
+    return found == people->second.end() ? std::nullopt : std::optional(found->second);
+  }
+  const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
+  if (!pose) return std::nullopt;
+  dataset::JointsPose joints;
+  joints.x_in_world = pose->x_in_world;
+  joints.valid.assign(pose->valid.begin(), pose->valid.end());
+  joints.confidence.assign(pose->confidence.begin(), pose->confidence.end());
+  return joints;
+}
+
 markers::MarkerTake MarkersOf(const Take& take, int person) {
   markers::MarkerTake markers;
   const std::vector<int> frames = ContinuousFrames(take);
   markers.person = person, markers.rate_hz = take.frame_rate_hz, markers.first_frame = frames.front();
-  markers.names = body::Coco19().joints;
+  markers.names = SkeletonOf(take).joints;
   for (const int frame : frames) {
-    const dataset::Coco19Pose* pose = PoseOf(take, frame, person);
-    for (int j = 0; j < 19; ++j) {
+    const auto pose = JointsOf(take, frame, person);
+    for (size_t j = 0; j < markers.names.size(); ++j) {
       const bool valid = pose && pose->valid[j];
-      markers.x_in_world.push_back(valid ? Eigen::Vector3d(pose->x_in_world.col(j))
+      markers.x_in_world.push_back(valid ? Eigen::Vector3d(pose->x_in_world.col(static_cast<Eigen::Index>(j)))
                                          : Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
       markers.source.push_back(valid ? markers::Source::kMeasured : markers::Source::kMissing);
     }
@@ -87,14 +106,16 @@ void WriteTrc(const Job& job) {
 
 void WriteCsv(const Job& job) {
   RequirePeople(job);
+  const std::vector<std::string>& names = SkeletonOf(job.take).joints;
   std::string text = "frame,person,joint,x_m,y_m,z_m,confidence\n";
   for (const int frame : job.take.frames) {
-    for (const auto& [id, pose] : job.take.At(frame)) {
-      for (size_t j = 0; j < 19; ++j) {
-        if (!pose.valid[j]) continue;
-        text += std::to_string(frame) + "," + std::to_string(id) + "," + body::Coco19().joints[j];
-        for (int k = 0; k < 3; ++k) text += "," + Num(pose.x_in_world(k, static_cast<Eigen::Index>(j)));
-        text += "," + Num(pose.confidence[j]) + "\n";
+    for (const auto& [id, unused] : job.take.At(frame)) {
+      const auto pose = JointsOf(job.take, frame, id);
+      for (size_t j = 0; pose && j < names.size(); ++j) {
+        if (!pose->valid[j]) continue;
+        text += std::to_string(frame) + "," + std::to_string(id) + "," + CsvCell(names[j]);
+        for (int k = 0; k < 3; ++k) text += "," + Num(pose->x_in_world(k, static_cast<Eigen::Index>(j)));
+        text += "," + Num(pose->confidence[j]) + "\n";
       }
     }
   }
@@ -103,12 +124,13 @@ void WriteCsv(const Job& job) {
 
 void WriteNpz(const Job& job) {
   const std::vector<int> people = job.take.PersonIds();
+  const std::vector<std::string>& names = SkeletonOf(job.take).joints;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   std::vector<double> joints, confidence;
   for (const int frame : job.take.frames) {
     for (const int person : people) {
-      const dataset::Coco19Pose* pose = PoseOf(job.take, frame, person);
-      for (size_t j = 0; j < 19; ++j) {
+      const auto pose = JointsOf(job.take, frame, person);
+      for (size_t j = 0; j < names.size(); ++j) {
         const bool valid = pose && pose->valid[j];
         for (int k = 0; k < 3; ++k) joints.push_back(valid ? pose->x_in_world(k, static_cast<Eigen::Index>(j)) : nan);
         confidence.push_back(valid ? pose->confidence[j] : 0);
@@ -117,9 +139,9 @@ void WriteNpz(const Job& job) {
   }
   const size_t num_frames = job.take.frames.size(), num_people = people.size();
   std::vector<std::pair<std::string, std::string>> arrays = {
-      {"joints", NpyOfDoubles({num_frames, num_people, 19, 3}, joints)},
-      {"confidence", NpyOfDoubles({num_frames, num_people, 19}, confidence)},
-      {"joint_names", NpyOfTexts(body::Coco19().joints)},
+      {"joints", NpyOfDoubles({num_frames, num_people, names.size(), 3}, joints)},
+      {"confidence", NpyOfDoubles({num_frames, num_people, names.size()}, confidence)},
+      {"joint_names", NpyOfTexts(names)},
       {"frames", NpyOfInts({num_frames}, std::vector<int64_t>(job.take.frames.begin(), job.take.frames.end()))},
       {"people", NpyOfInts({num_people}, std::vector<int64_t>(people.begin(), people.end()))}};
   for (auto& array : CameraArrays(job.take)) arrays.push_back(std::move(array));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,13 @@ std::vector<int> ContinuousFrames(const Take& take);
 /// The joints of a person in a frame; null when absent.
 const dataset::Coco19Pose* PoseOf(const Take& take, int frame, int person);
 
-/// Panoptic's joints of a person over ContinuousFrames.
+/// The skeleton of the joints that the files hold: the dataset's own, else Panoptic's.
+const body::Skeleton& SkeletonOf(const Take& take);
+
+/// All joints of SkeletonOf of a person in a frame; nothing when absent.
+std::optional<dataset::JointsPose> JointsOf(const Take& take, int frame, int person);
+
+/// The joints of a person over ContinuousFrames.
 markers::MarkerTake MarkersOf(const Take& take, int person);
 
 /// `<sequence>_person0.trc`.

@@ -1,5 +1,6 @@
 #include "body/skeleton.h"
 #include "exports/frustum.h"
+#include "exports/joint_files.h"
 #include "exports/writers.h"
 
 /// rig.ply and a PLY of the skeletons for every frame: MeshLab, CloudCompare and Blender show their edges. Metres, z up.
@@ -21,18 +22,25 @@ std::string RigPly(const Take& take) {
   return PlyText(points, edges, "cameras: centre and image corners; metres, z up");
 }
 
-std::string SkeletonPly(const People& people) {
+std::string SkeletonPly(const Take& take, int frame) {
+  const body::Skeleton& skeleton = SkeletonOf(take);
   std::vector<ColouredPoint> points;
   std::vector<std::pair<int, int>> edges;
-  for (const auto& [id, pose] : people) {
-    std::array<int, 19> index{};
-    for (int j = 0; j < 19; ++j) {
-      index[static_cast<size_t>(j)] = pose.valid[j] ? static_cast<int>(points.size()) : -1;
-      if (pose.valid[j]) points.push_back({pose.x_in_world.col(j), {230, 120, 40}});
+  for (const auto& [id, unused] : take.At(frame)) {
+    const auto pose = JointsOf(take, frame, id);
+    if (!pose) continue;
+    std::vector<int> index(skeleton.joints.size(), -1);
+    for (size_t j = 0; j < index.size(); ++j) {
+      index[j] = pose->valid[j] ? static_cast<int>(points.size()) : -1;
+      if (pose->valid[j]) points.push_back({pose->x_in_world.col(static_cast<Eigen::Index>(j)), {230, 120, 40}});
     }
-    for (const auto& [a, b] : body::Coco19().bones) {
-      const int from = index[static_cast<size_t>(a)], to = index[static_cast<size_t>(b)];
-      if (from >= 0 && to >= 0) edges.emplace_back(from, to);
+    const auto colours = BoneColours(skeleton);
+    for (size_t bone = 0; bone < skeleton.bones.size(); ++bone) {
+      const int from = index[static_cast<size_t>(skeleton.bones[bone].first)];
+      const int to = index[static_cast<size_t>(skeleton.bones[bone].second)];
+      if (from < 0 || to < 0) continue;
+      edges.emplace_back(from, to);
+      if (!skeleton.colours.empty()) points[static_cast<size_t>(to)].rgb = colours[bone];
     }
   }
   return PlyText(points, edges, "joints; metres, z up");
@@ -56,7 +64,7 @@ std::array<Eigen::Vector3d, 5> FrustumInCam(const geometry::Camera& camera) {
 void WritePly(const Job& job) {
   job.Write("rig.ply", RigPly(job.take));
   for (const int frame : job.take.frames) {
-    job.Write(Numbered("skeleton/", frame, 8, ".ply"), SkeletonPly(job.take.At(frame)));
+    job.Write(Numbered("skeleton/", frame, 8, ".ply"), SkeletonPly(job.take, frame));
   }
 }
 

@@ -238,6 +238,13 @@ double FloatRoundingM(const Take& take) {
       }
     }
   }
+  if (!take.own) return largest;
+  for (const auto& [frame, people] : take.own->poses) {
+    for (const auto& [id, pose] : people) {
+      const Eigen::Matrix3Xd rounded = pose.x_in_world.cast<float>().cast<double>();
+      largest = std::max(largest, (pose.x_in_world - rounded).colwise().norm().maxCoeff());
+    }
+  }
   return largest;
 }
 
@@ -268,6 +275,7 @@ Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& form
     const auto found = dataset.poses.find(frame);
     if (found != dataset.poses.end()) take.poses[frame] = found->second;
   }
+  take.own = dataset.own;
   take.frame_rate_hz = options.frame_rate_hz > 0 ? options.frame_rate_hz : FrameRate(dataset);
   return take;
 }

@@ -28,6 +28,7 @@ struct Take {
   std::vector<View> views;
   std::vector<int> frames;
   std::map<int, People> poses;
+  std::optional<dataset::OwnJoints> own;  ///< the joints of another skeleton, where the dataset has them
   double frame_rate_hz = 30;
   std::optional<dataset::Split> split;
 

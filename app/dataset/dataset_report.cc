@@ -25,6 +25,8 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
       {"cameras", report.cameras}, {"frames", report.frames}, {"pictures", report.pictures}, {"masks", report.masks},
       {"videos", report.videos},   {"faces", report.faces},   {"hands", report.hands}};
   for (const auto& [name, count] : counts) result.metrics[name] = count;
+  result.metrics["skeleton"] = report.skeleton.empty() ? "coco19" : report.skeleton;
+  result.metrics["own_frames"] = report.own_frames;
   result.metrics["missing_pictures"] = report.no_picture;
   result.metrics["missing_masks"] = report.no_mask;
   result.text += std::to_string(report.cameras) + " cameras with images, " + std::to_string(report.frames) +

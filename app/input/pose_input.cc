@@ -8,6 +8,7 @@
 #include "app/input/take_frames.h"
 #include "app/input/tracker_input.h"
 #include "core/error.h"
+#include "core/some_of.h"
 
 namespace mvstudio::app {
 namespace {
@@ -24,8 +25,8 @@ void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result)
   }
 }
 
-const body::Skeleton& SkeletonOf(const PoseArguments& arguments) {
-  return body::SkeletonByName(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
+body::Skeleton SkeletonOf(const PoseArguments& arguments) {
+  return body::SkeletonFrom(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
 }
 
 PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
@@ -33,6 +34,7 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
   result->inputs.push_back(arguments.calib);
+  if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "calib-unit", &read.unit);
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
@@ -65,7 +67,7 @@ std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
 void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
   CheckNamedOnce(arguments.pose2d);
   if (HasTrackerFile(arguments.pose2d))
-    return TakeSet(ReadTrackerFiles(arguments.pose2d, arguments.skeleton, result), PathsOf(arguments.pose2d), result, input);
+    return TakeSet(ReadTrackerFiles(arguments, result), PathsOf(arguments.pose2d), result, input);
   input->skeleton = SkeletonOf(arguments);
   for (const auto& [camera, path] : arguments.pose2d) {
     const bool file = std::filesystem::is_regular_file(path);
@@ -74,6 +76,26 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
     result->inputs.push_back(path);
     ListSkipped(input->tracks.back().skipped, result);
   }
+}
+
+/// Joints of a skeleton that was asked for and that no file gives.
+void WarnOfMissing(const PoseInput& input, CommandResult* result) {
+  std::vector<char> seen(input.skeleton.joints.size(), 0);
+  for (const dataset::Pose2dTrack& track : input.tracks) {
+    for (const auto& [frame, people] : track.frames) {
+      for (const dataset::Person2d& person : people) {
+        for (size_t j = 0; j < person.keypoints.size(); ++j) seen[j] |= person.keypoints[j].score > 0;
+      }
+    }
+  }
+  std::vector<std::string> missing;
+  for (size_t j = 0; j < seen.size(); ++j) {
+    if (!seen[j]) missing.push_back(input.skeleton.joints[j]);
+  }
+  if (missing.empty()) return;
+  result->warnings.push_back({"POSE-JOINTS-MISSING",
+                              "the files have none of these joints of skeleton " + input.skeleton.name + ": " + SomeOf(missing),
+                              "joints are found by their names: the skeleton's must be those of the files"});
 }
 
 /// The same camera under two names: triangulation counts its pixels once.
@@ -97,6 +119,7 @@ void CheckCameras(const PoseInput& input, CommandResult* result) {
 }  // namespace
 
 std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
+  if (!skeleton.human && !skeleton.bones.empty()) return skeleton.bones;
   std::vector<std::pair<int, int>> limbs;
   for (const std::string side : {"L", "R"}) {
     for (const auto& [from, to] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
@@ -118,6 +141,8 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   } else {
     TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
   }
+  const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
+  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, result);
   input.limbs = LimbsOf(input.skeleton);

@@ -17,9 +17,11 @@ namespace mvstudio::app {
 
 struct PoseArguments {
   std::string calib;
-  std::string calib_unit;         ///< of a calibration that names none: m, cm, mm, in; empty: m
-  std::string skeleton;           ///< empty: body25, or the joints named in the table of points, DeepLabCut's or SLEAP's files
-  std::string points2d;           ///< table of points of all cameras, ours or caliscope's, instead of pose2d
+  std::string calib_unit;  ///< of a calibration that names none: m, cm, mm, in; empty: m
+  std::string skeleton;    ///< name or file; empty: body25, or the joints named in the table of points, DeepLabCut's or SLEAP's
+                           ///< files
+  std::string points2d;    ///< table of points of all cameras, ours or caliscope's, instead of pose2d
+  std::vector<std::pair<std::string, std::string>> bones = {};  ///< of a project's configuration, for files that state none
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
 };
 
@@ -32,7 +34,8 @@ struct PoseInput {
   std::vector<triangulate::DetectedFrame> frames;  ///< every frame that any camera has, ascending
 };
 
-/// Pairs of joints: upper arms, forearms, thighs and shanks that the skeleton has.
+/// Bones whose lengths are measured: of people, and of joints without bones, the upper arms, forearms, thighs and shanks by
+/// their names; of any other skeleton all.
 std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton);
 
 /// The properties of the skeleton that triangulation uses.

@@ -43,7 +43,7 @@ void FillFromProject(const std::string& folder, const SessionArguments& session,
     pose->calib = found.calibration;
     FillUnit(project, pose, result);
   }
-  pose->points2d = found.table;
+  pose->points2d = found.table, pose->bones = project.bones;
   for (const auto& [camera, path] : found.files) pose->pose2d.push_back({camera, path});
   WarnOfLeftOut(project, result);
   result->metrics["project"] = {{"program", project.program}, {"take", found.name}, {"filtered", found.filtered}};

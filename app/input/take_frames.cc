@@ -46,6 +46,7 @@ std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose
 
 dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
   dataset::Pose3d pose{skeleton.name, {}};
+  pose.definition = skeleton;
   pose.rows.reserve(take.points.size());
   for (const triangulate::TakePoint& entry : take.points) {
     dataset::JointRow row;

@@ -38,15 +38,26 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
   }
 }
 
-/// Joints with the bones that files state between them.
-body::Skeleton SkeletonOf(const std::vector<TrackedPoints>& cameras, const std::vector<std::string>& joints) {
-  body::Skeleton skeleton = body::PointsSkeleton(joints);
-  for (const TrackedPoints& camera : cameras) {
-    for (const auto& [a, b] : camera.bones) {
-      const std::pair<int, int> bone(skeleton.Find(a), skeleton.Find(b));
-      if (std::find(skeleton.bones.begin(), skeleton.bones.end(), bone) == skeleton.bones.end()) skeleton.bones.push_back(bone);
-    }
+using NamedBones = std::vector<std::pair<std::string, std::string>>;
+
+/// Adds the bones whose joints exist, each once.
+void AddBones(const NamedBones& bones, body::Skeleton* skeleton) {
+  for (const auto& [from, to] : bones) {
+    const int a = skeleton->Find(from), b = skeleton->Find(to);
+    const auto same = [a = a, b = b](const std::pair<int, int>& bone) {
+      return bone == std::pair(a, b) || bone == std::pair(b, a);
+    };
+    if (a < 0 || b < 0 || a == b || std::any_of(skeleton->bones.begin(), skeleton->bones.end(), same)) continue;
+    skeleton->bones.emplace_back(a, b);
   }
+}
+
+/// Joints with the bones that files state between them, else those of their project.
+body::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, const std::vector<std::string>& joints,
+                              const NamedBones& of_project) {
+  body::Skeleton skeleton = body::PointsSkeleton(joints);
+  for (const TrackedPoints& camera : cameras) AddBones(camera.bones, &skeleton);
+  if (skeleton.bones.empty()) AddBones(of_project, &skeleton);
   return skeleton;
 }
 
@@ -57,9 +68,9 @@ bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
                      [](const NamedPath& named) { return KindOf(named.path) != TrackerKind::kNone; });
 }
 
-dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const std::string& skeleton, CommandResult* result) {
+dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResult* result) {
   std::vector<TrackedPoints> cameras;
-  for (const auto& [camera, path] : pose2d) {
+  for (const auto& [camera, path] : arguments.pose2d) {
     if (KindOf(path) == TrackerKind::kNone) {
       throw UsageError(
           "option 'pose2d' " + camera + "=" + path +
@@ -70,13 +81,15 @@ dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const 
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
   for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, result);
   dataset::Pose2dSet set;
-  set.skeleton = skeleton.empty() ? SkeletonOf(cameras, joints) : body::SkeletonByName(skeleton);
+  set.skeleton =
+      arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones) : body::SkeletonFrom(arguments.skeleton);
   set.tracks = dataset::ToSkeleton(std::move(cameras), set.skeleton);
   return set;
 }
 
 dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, CommandResult* result) {
-  const body::Skeleton* named = skeleton.empty() ? nullptr : &body::SkeletonByName(skeleton);
+  const body::Skeleton given = skeleton.empty() ? body::Skeleton() : body::SkeletonFrom(skeleton);
+  const body::Skeleton* named = skeleton.empty() ? nullptr : &given;
   const TrackerKind kind = KindOf(path);
   if (kind == TrackerKind::kNone) return dataset::ReadPose2dCsv(path, named);
   if (kind != TrackerKind::kCaliscopeCsv) {
@@ -88,7 +101,7 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
   dataset::CaliscopePoints points = dataset::ReadCaliscopeCsv(path, named);
   if (points.num_beyond > 0) {
     result->warnings.push_back({"POSE-POINTS-BEYOND",
-                                std::to_string(points.num_beyond) + " rows are of points that skeleton " + skeleton +
+                                std::to_string(points.num_beyond) + " rows are of points that skeleton " + given.name +
                                     " does not have, and are left out",
                                 "leave option 'skeleton' out to keep every point under its number"});
   }

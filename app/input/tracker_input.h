@@ -12,10 +12,10 @@ namespace mvstudio::app {
 /// True when one of the files is a tracker's.
 bool HasTrackerFile(const std::vector<NamedPath>& pose2d);
 
-/// Reads a tracker's file for every camera. The skeleton is the named one, else the joints of all files together, with the
-/// bones that a file states. Says which joints some cameras lack, and that several individuals are matched by geometry.
-/// Throws UsageError when only some cameras' files are a tracker's.
-dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const std::string& skeleton, CommandResult* result);
+/// Reads a tracker's file, one of `arguments.pose2d`, for every camera. The skeleton is the one given, else the joints of all
+/// files together, with the bones that a file states, else the project's. Says which joints some cameras lack, and that several
+/// individuals are matched by geometry. Throws UsageError when only some cameras' files are a tracker's.
+dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResult* result);
 
 /// Reads option `points2d`: our table or caliscope's. Throws FormatError for one camera's file, with the option that takes
 /// it.

@@ -100,7 +100,8 @@ void AddCalibration(const MaskArguments& arguments, const std::string& path, Mas
 }
 
 void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
-  const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
+  const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
+  if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
   for (const NamedPath& named : arguments.pose2d) {
     const auto& [name, path] = named;
     const auto camera = std::find_if(job->cameras.begin(), job->cameras.end(),

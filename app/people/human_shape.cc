@@ -93,16 +93,22 @@ void CheckScale(const std::map<int, LimbMeans>& persons, CommandResult* result) 
 /// Positions of one person in one frame, by joint.
 using Body = std::map<int, Eigen::Vector3d>;
 
-/// Mean of the named joints; NaN where one is missing.
-Eigen::Vector3d MeanOf(const Body& body, const body::Skeleton& skeleton, const std::vector<std::string>& names) {
+/// Mean of some joints; NaN where one is missing.
+Eigen::Vector3d MeanOf(const Body& body, const std::vector<int>& joints) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int count = 0;
-  for (const std::string& name : names) {
-    const auto found = body.find(skeleton.Find(name));
-    if (found != body.end()) sum += found->second, ++count;
+  for (const int joint : joints) {
+    const auto found = body.find(joint);
+    if (found == body.end()) return Eigen::Vector3d::Constant(std::nan(""));
+    sum += found->second;
   }
-  if (count < static_cast<int>(names.size())) return Eigen::Vector3d::Constant(std::nan(""));
-  return sum / count;
+  return sum / static_cast<double>(joints.size());
+}
+
+/// Joints between which the trunk rises: as the skeleton states, else the hips and the shoulders.
+std::pair<std::vector<int>, std::vector<int>> TrunkOf(const body::Skeleton& skeleton) {
+  if (!skeleton.up_from.empty()) return {skeleton.up_from, skeleton.up_to};
+  if (!skeleton.human && !skeleton.bones.empty()) return {};
+  return {{skeleton.Find("LHip"), skeleton.Find("RHip")}, {skeleton.Find("LShoulder"), skeleton.Find("RShoulder")}};
 }
 
 }  // namespace
@@ -133,7 +139,28 @@ std::vector<std::string> SkeletonsThatFit(const std::vector<TakePoint>& points, 
   return names;
 }
 
+std::vector<std::string> BonesOutOfRange(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+  std::vector<std::string> texts;
+  if (skeleton.lengths.empty()) return texts;
+  for (const triangulate::LimbLength& length : triangulate::MeasureLimbs(points, skeleton.bones)) {
+    const size_t bone = static_cast<size_t>(length.limb);
+    const body::LengthRange& range = skeleton.lengths[bone];
+    if (length.mean_m >= range.min_m && length.mean_m <= range.max_m) continue;
+    texts.push_back(Format("person %d: %s is %.4g mm, not %.4g to %.4g mm", length.person,
+                           BoneName(skeleton, skeleton.bones[bone]).c_str(), 1000 * length.mean_m, 1000 * range.min_m,
+                           1000 * range.max_m));
+  }
+  return texts;
+}
+
 void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {
+  const std::vector<std::string> beyond = BonesOutOfRange(take.points, input.skeleton);
+  if (!beyond.empty()) {
+    result->warnings.push_back(
+        {"TRI-LIMBS", "bones outside the lengths of skeleton " + input.skeleton.name + ": " + Shown(beyond),
+         "check the joints' names, the order of the cameras and the calibration's unit; else the range"});
+  }
+  if (!input.skeleton.human && !input.skeleton.bones.empty()) return;
   const std::map<int, LimbMeans> persons = MeansOf(take.points, input.skeleton);
   const std::vector<std::string> impossible = ImpossibleLimbsOf(persons);
   if (impossible.empty()) return CheckScale(persons, result);
@@ -153,6 +180,7 @@ void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, Com
 
 double TrunkTiltDeg(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
   constexpr int kFewestFrames = 10;
+  const auto [from, to] = TrunkOf(skeleton);
   std::map<std::pair<int, int>, Body> bodies;
   for (const TakePoint& entry : points) {
     if (entry.point.status == Status::kOk) bodies[{entry.person, entry.frame}][entry.joint_idx] = entry.point.x_in_world;
@@ -160,7 +188,7 @@ double TrunkTiltDeg(const std::vector<TakePoint>& points, const body::Skeleton& 
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   int count = 0;
   for (const auto& [who, body] : bodies) {
-    const Eigen::Vector3d trunk = MeanOf(body, skeleton, {"LShoulder", "RShoulder"}) - MeanOf(body, skeleton, {"LHip", "RHip"});
+    const Eigen::Vector3d trunk = MeanOf(body, to) - MeanOf(body, from);
     if (!trunk.allFinite() || trunk.norm() == 0) continue;
     sum += trunk.normalized(), ++count;
   }
@@ -184,9 +212,8 @@ void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, Comman
   if (!(tilt > kMostTiltDeg)) return;
   result->warnings.push_back(
       {"TRI-UP",
-       Format("the world's z is not up: people's trunks lean %.0f degrees from it; what fixes the world: %s", tilt,
-              fixed_by.c_str()),
-       "files that say z or y up show people lying: calibrate with option 'world' and a frame where the board lies on the "
+       Format("the world's z is not up: trunks lean %.0f degrees from it; what fixes the world: %s", tilt, fixed_by.c_str()),
+       "files that say z or y up show everybody lying: calibrate with option 'world' and a frame where the board lies on the "
        "floor; "
        "ignore this where people did lie"});
 }

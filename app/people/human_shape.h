@@ -22,12 +22,16 @@ std::vector<std::string> ImpossibleLimbs(const LimbMeans& means);
 /// Skeletons with the same number of joints, read into which the same points have limbs of people; the best measured first.
 std::vector<std::string> SkeletonsThatFit(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
 
-/// Limbs that no person has: where another skeleton fits, the joints were read as the wrong one: exit 4, "TRI-SKELETON". Else a
+/// Bones whose mean length lies outside the range that their skeleton states, each as text with its lengths.
+std::vector<std::string> BonesOutOfRange(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
+
+/// Bones outside their stated range: a warning "TRI-LIMBS" that names them. Of people, and of joints without bones:
+/// limbs that no person has: where another skeleton fits, the joints were read as the wrong one: exit 4, "TRI-SKELETON". Else a
 /// warning "TRI-LIMBS". With possible limbs of the wrong size a warning "TRI-SCALE".
 void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result);
 
-/// Angle between the mean direction from hips to shoulders and the world's z, degrees, over all people and frames; NaN where
-/// fewer than ten frames show a trunk.
+/// Angle between the mean direction that the skeleton calls up, else from hips to shoulders, and the world's z, degrees, over
+/// all people and frames; NaN where fewer than ten frames show it.
 double TrunkTiltDeg(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
 
 /// What points in this rig's world state of their axes.

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "markers/bvh.h"
 #include "markers/marker_files.h"
 #include "markers/opensim.h"
 
@@ -18,7 +19,7 @@ namespace {
 using nlohmann::ordered_json;
 
 const std::vector<std::string>& KnownFormats() {
-  static const std::vector<std::string> formats = {"trc", "c3d", "csv"};
+  static const std::vector<std::string> formats = {"trc", "c3d", "csv", "bvh"};
   return formats;
 }
 
@@ -112,6 +113,35 @@ void WritePerson(const MarkerWork& work, const MarkerOptions& options, Writer* w
   if (options.opensim) WriteOpenSim(work.after, stem, writer);
 }
 
+bool Wants(const MarkerOptions& options, const char* format) {
+  const std::vector<std::string> formats = FormatsOf(options);
+  return std::find(formats.begin(), formats.end(), format) != formats.end();
+}
+
+/// What a fit with bones of one length leaves, as metrics and as a line.
+void WriteBvhFile(const MarkerWork& work, const body::Skeleton& skeleton, Writer* writer, ordered_json* person,
+                  CommandResult* result) {
+  const markers::BvhMotion motion = FitBvh(work.after, skeleton);
+  writer->Write("person" + std::to_string(work.after.person) + ".bvh", BvhText(motion, skeleton, work.after.rate_hz),
+                "markers");
+  (*person)["bvh"] = {{"joints", skeleton.joints.size()},
+                      {"rms_mm", 1000 * motion.rms_m},
+                      {"max_mm", 1000 * motion.max_m},
+                      {"held_frames", motion.num_held}};
+  result->text += Format("person %d: bones of one length leave %.1f mm rms, %.1f mm at worst in the .bvh", work.after.person,
+                         1000 * motion.rms_m, 1000 * motion.max_m);
+  result->text += motion.num_held > 0 ? Format("; held in %d frames without a root\n", motion.num_held) : std::string("\n");
+}
+
+/// False, and said, where there are no bones.
+bool HasHierarchy(const body::Skeleton& skeleton, CommandResult* result) {
+  if (!skeleton.bones.empty()) return true;
+  result->exit = kExitPartial;
+  result->warnings.push_back({"MRK-BVH", "the joints have no bones, of which a hierarchy could be made: no .bvh was written",
+                              "name the bones in a file, option 'skeleton' FILE.toml (docs/formats.md)"});
+  return false;
+}
+
 }  // namespace
 
 void CheckMarkerOptions(const MarkerOptions& options) {
@@ -149,15 +179,17 @@ std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const Marker
   return list;
 }
 
-void WriteMarkers(const std::vector<MarkerWork>& work, const MarkerOptions& options, const std::string& folder,
-                  const std::string& final_folder, CommandResult* result) {
+void WriteMarkers(const std::vector<MarkerWork>& work, const body::Skeleton& skeleton, const MarkerOptions& options,
+                  const std::string& folder, const std::string& final_folder, CommandResult* result) {
   Writer writer(folder, final_folder, result);
   ordered_json persons = ordered_json::array();
+  const bool with_bvh = Wants(options, "bvh") && HasHierarchy(skeleton, result);
   for (const MarkerWork& person : work) {
     WritePerson(person, options, &writer);
     if (options.opensim) SayWhatOpenSimLacks(person.after, result);
     persons.push_back(WorkJson(person));
     result->text += Line(persons.back()) + "\n";
+    if (with_bvh) WriteBvhFile(person, skeleton, &writer, &persons.back(), result);
   }
   writer.Write("markers.html", MarkerPage(work, options), "report");
   result->metrics["markers"] = {{"filter", ToText(markers::ParseFilter(options.filter))},

@@ -13,7 +13,7 @@
 namespace mvstudio::app {
 
 struct MarkerOptions {
-  std::string to;  ///< words of trc, c3d, csv with commas between them; empty: nothing is written
+  std::string to;  ///< words of trc, c3d, csv, bvh with commas between them; empty: nothing is written
   double rate_hz = 0;
   std::string filter = "none";  ///< markers::ParseFilter
   int fill_frames = 0;
@@ -22,7 +22,8 @@ struct MarkerOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, MarkerOptions& o) {
-  visit("to", o.to, "trc,c3d,csv: marker files that are written, one per person, with every joint");
+  visit("to", o.to,
+        "trc,c3d,csv,bvh: marker files that are written, one per person, with every joint; bvh has bones of one length");
   visit("frame-rate", o.rate_hz, "frames a second of the take; the session's unless given");
   visit("filter", o.filter,
         "butterworth:6Hz (fourth order, no delay), kalman (smoother that knows each point's sigma), gaussian:0.02s, median:5 "
@@ -46,10 +47,12 @@ MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& opti
 /// Every person of the take. Throws FormatError when nobody has a position.
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path);
 
-/// Writes person<N>.trc, .c3d, .csv, the files for OpenSim and markers.html into the folder. Adds the outputs, as they will be
-/// called below `final_folder`, the metrics `markers` and a line of text. Says which joints OpenSim's files leave out.
-void WriteMarkers(const std::vector<MarkerWork>& work, const MarkerOptions& options, const std::string& folder,
-                  const std::string& final_folder, CommandResult* result);
+/// Writes person<N>.trc, .c3d, .csv, .bvh, the files for OpenSim and markers.html into the folder. A skeleton without bones has
+/// no hierarchy: then a warning says so, the other files are written, and the result is partial (exit 6). Adds the outputs, as
+/// they will be called below `final_folder`, the metrics `markers` and a line of text. Says which joints OpenSim's files leave
+/// out.
+void WriteMarkers(const std::vector<MarkerWork>& work, const body::Skeleton& skeleton, const MarkerOptions& options,
+                  const std::string& folder, const std::string& final_folder, CommandResult* result);
 
 /// Curves of every joint before and after, as a page; of long takes the middle.
 std::string MarkerPage(const std::vector<MarkerWork>& work, const MarkerOptions& options);

@@ -166,7 +166,7 @@ const dataset::Person2d* Surest(const std::vector<dataset::Person2d>& people) {
 
 /// Every frame from the first to the last; those without a person have no joints.
 std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const geometry::Camera& camera) {
-  const body::Skeleton& skeleton = body::SkeletonByName(arguments.skeleton);
+  const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
   const dataset::Pose2dTrack track = dataset::ReadPose2d(arguments.pose2d, arguments.camera, skeleton);
   const geometry::Projector projector(camera);
   std::map<int, avatar::LiftView> views;

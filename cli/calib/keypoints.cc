@@ -255,8 +255,8 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers, wands and animals; "
             "joints may be names or numbers, frames need no connection in time");
   AddOption(sub, "--skeleton", arguments.skeleton,
-            "--from-keypoints: body25 | body25b | coco17 | coco18 | coco19; body25 unless given, of --points2d, "
-            "DeepLabCut and SLEAP the points in the file");
+            "--from-keypoints: a name that triangulate knows, or a file FILE.toml (docs/formats.md); body25 unless given, of "
+            "--points2d, DeepLabCut and SLEAP the points in the file");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");

@@ -3,12 +3,13 @@
 #include <filesystem>
 
 #include "app/input/take_input.h"
+#include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "core/join.h"
+#include "core/some_of.h"
 #include "dataset/build/build.h"
 
 namespace mvstudio::cli {
@@ -18,7 +19,7 @@ using nlohmann::ordered_json;
 
 struct BuildArguments {
   app::TakeArguments take;
-  std::string calib, pose3d, marker_unit, out;
+  std::string calib, pose3d, marker_unit, skeleton, out;
   bool sequence_given = false, rate_given = false;
   dataset::BuildOptions options;
 };
@@ -31,7 +32,7 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
   if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
   inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
-  inputs.marker_unit = arguments->marker_unit;
+  inputs.marker_unit = arguments->marker_unit, inputs.skeleton = arguments->skeleton;
   if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
   if (arguments->out.empty()) arguments->out = take.Folder("dataset");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
@@ -77,7 +78,8 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   result.metrics = {{"cameras", report.cameras.size()}, {"frames", report.frames}, {"images", report.images}};
   if (arguments.options.masks) result.metrics["masks"] = MaskMetrics(report);
   result.metrics["per_camera"] = CameraMetrics(report);
-  result.metrics["joints_left_out"] = report.joints_left_out;
+  result.metrics["joints_beside"] = report.joints_beside;
+  result.metrics["skeleton"] = report.skeleton.empty() ? "coco19" : report.skeleton;
   result.metrics["wall_s"] = wall_s;
   if (report.calibration_offset_frames > 0)
     result.metrics["calibration_offsets"] = {{"applied", false},
@@ -89,6 +91,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
       {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
   result.folder = arguments.out;
   result.inputs.insert(result.inputs.end(), {inputs.calibration, inputs.pose3d});
+  if (body::IsSkeletonFile(inputs.skeleton)) result.inputs.push_back(inputs.skeleton);
   if (!report.gaps.empty()) result.exit = kExitPartial;
   if (report.images == 0) {
     result.exit = kExitBadInput;
@@ -98,9 +101,9 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   }
   result.text = Format("%s: %zu cameras, %d frames, %d images in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
                        report.frames, report.images, wall_s);
-  if (!report.joints_left_out.empty()) {
-    result.text += Format("  %zu joints that a dataset does not hold are left out: ", report.joints_left_out.size()) +
-                   Join(report.joints_left_out, ", ") + "\n";
+  if (!report.skeleton.empty()) {
+    result.text += Format("  %zu joints beside Panoptic's 19: ", report.joints_beside.size()) + SomeOf(report.joints_beside) +
+                   "; all joints of " + report.skeleton + " are in hdPose3d_stage1_" + report.skeleton + "\n";
   }
   for (const dataset::BuiltCamera& c : report.cameras) {
     if (arguments.options.masks)
@@ -120,6 +123,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
             "folder with points.csv, as triangulate writes it, or a .trc or .c3d file of markers; the session's pose3d/TAKE "
             "unless given");
   AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+  AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
   AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {

@@ -60,11 +60,7 @@ dataset::PanopticDataset OpenWithoutPictures(const std::string& root) {
   dataset.sequence = std::filesystem::path(calibration).stem().string().substr(std::string("calibration_").size());
   dataset.rig = dataset::ReadPanopticCalibration(calibration);
   dataset.aliases = dataset::ReadPanopticAliases(root);
-  for (const auto& [frame, path] : dataset::ListBody3dScenes(root)) {
-    dataset.frames.push_back(frame);
-    dataset.poses[frame] = dataset::ReadBody3dScene(path);
-  }
-  if (dataset.frames.empty()) throw FormatError(root, "hdPose3d_stage1_coco19", "holds no body3DScene_%08d.json");
+  dataset::ReadJoints(&dataset);
   return dataset;
 }
 

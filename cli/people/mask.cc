@@ -238,7 +238,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
       sub, "--pose3d", arguments->pose3d,
       "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
-  AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints")->capture_default_str();
+  AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
   AddOption(sub, "--backend", arguments->backend,
             "background (what the images show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
             "masks agree best with the visual hull and the joints")

@@ -185,7 +185,8 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   Detected detected;
   if (existing) {
     detected.backend = arguments.backend;
-    detected.skeleton = body::SkeletonByName(arguments.skeleton);
+    detected.skeleton = body::SkeletonFrom(arguments.skeleton);
+    if (body::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
     detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
   } else {
     detected = Detect(arguments, {take.footage, arguments.options, arguments.overlays}, rig, run, &result);
@@ -225,7 +226,8 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
       ->capture_default_str();
   AddOption(sub, "--calib", arguments->calib, "calibration: reports how well the cameras agree");
   AddOption(sub, "--models", arguments->models, "folder of the weights; default: as models fetch");
-  AddOption(sub, "--skeleton", arguments->skeleton, "openpose: the skeleton of the existing files")->capture_default_str();
+  AddOption(sub, "--skeleton", arguments->skeleton, "openpose: the skeleton of the existing files, a name or a file FILE.toml")
+      ->capture_default_str();
   AddOption(sub, "--trial-frames", arguments->trial_frames, "auto: frames on which the nets are compared")
       ->capture_default_str()
       ->check(CLI::Range(4, 10000));

@@ -146,6 +146,11 @@ void RefineTake(const Arguments& arguments, const app::PoseInput& input, const R
   options.select_views |= options.method.IsAuto();
   triangulate::TakeProblem problem;
   problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
+  if (input.skeleton.bones.empty()) {
+    result->warnings.push_back({"TRI-NO-BONES",
+                                "the joints have no bones: --refine has no lengths to hold, smoothness alone is tried",
+                                "name the bones in a file, --skeleton FILE.toml (docs/formats.md)"});
+  }
   const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
   if (filters) AddFilterCheck(CheckFilter(problem.rig, *take, solve, input.skeleton, arguments.markers, run), result);
   if (!arguments.refine) return;
@@ -205,9 +210,10 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
     begin += chunk;
     return true;
   };
-  dataset::WritePose3d(input.skeleton.name, next, arguments.out,
-                       app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method)),
-                       app::WorldText(input.rig));
+  dataset::Pose3d head = app::ToPose3d({}, input.skeleton);
+  head.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method));
+  head.world = app::WorldText(input.rig);
+  dataset::WritePose3d(head, next, arguments.out);
   return settled;
 }
 
@@ -300,8 +306,9 @@ void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOp
 
 void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, CommandResult* result) {
   if (!folder || result->metrics["num_points"] == 0) return;
-  const auto work = PrepareMarkers(dataset::ReadPose3d(arguments.out), arguments.markers, arguments.out);
-  WriteMarkers(work, arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
+  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
+  const auto work = PrepareMarkers(pose, arguments.markers, arguments.out);
+  WriteMarkers(work, SkeletonOf(pose), arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
   folder->Commit();
 }
 

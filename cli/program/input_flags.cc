@@ -37,6 +37,10 @@ void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const 
   AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
 }
 
+void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what) {
+  AddOption(sub, "--skeleton", skeleton, what + ": a name that triangulate knows, or a file FILE.toml (docs/formats.md)");
+}
+
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
   AddChoices(sub, "--pose2d", arguments.pose2d,
@@ -45,9 +49,10 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--points2d", arguments.points2d,
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "
             "caliscope's xy_TRACKER.csv");
-  AddOption(
-      sub, "--skeleton", arguments.skeleton,
-      Join(body::SkeletonNames(), " | ") + "; body25 unless given, of --points2d, DeepLabCut and SLEAP the joints in the file");
+  AddOption(sub, "--skeleton", arguments.skeleton,
+            Join(body::SkeletonNames(), " | ") +
+                ", or a file FILE.toml of your own (docs/formats.md); body25 unless given, of --points2d, DeepLabCut and SLEAP "
+                "the joints in the file");
   AddOption(sub, "--calib-unit", arguments.calib_unit, "m, cm, mm or in: of a calibration that names no unit; m unless given");
 }
 

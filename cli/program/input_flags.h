@@ -25,6 +25,9 @@ void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments);
 void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given);
 
+/// Adds --skeleton: a known name or a file; `what` begins the help.
+void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what);
+
 /// Adds --calib, --pose2d, --points2d and --skeleton.
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments);
 

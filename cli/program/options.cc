@@ -31,7 +31,8 @@ CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::fu
   return app->add_option_function<std::string>(name, set, help)->default_function(now);
 }
 
-CLI::Option* AddWordsOption(CLI::App* app, const std::string& name, const std::function<void(const std::vector<std::string>&)>& set,
+CLI::Option* AddWordsOption(CLI::App* app, const std::string& name,
+                            const std::function<void(const std::vector<std::string>&)>& set,
                             const std::function<std::string()>& now, const std::string& help) {
   return app->add_option_function<std::vector<std::string>>(name, set, help)->default_function(now);
 }

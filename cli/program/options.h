@@ -31,7 +31,8 @@ CLI::Option* AddChoice(CLI::App* app, const std::string& name, T& value, const s
       [&value] { return std::string(ToString(value)); }, help);
 }
 /// For several values, each of them of a word of its own.
-CLI::Option* AddWordsOption(CLI::App* app, const std::string& name, const std::function<void(const std::vector<std::string>&)>& set,
+CLI::Option* AddWordsOption(CLI::App* app, const std::string& name,
+                            const std::function<void(const std::vector<std::string>&)>& set,
                             const std::function<std::string()>& now, const std::string& help);
 template <class T>
 CLI::Option* AddChoices(CLI::App* app, const std::string& name, std::vector<T>& values, const std::string& help) {

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <set>
 
+#include "body/skeleton_text.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -14,7 +15,6 @@
 #include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
-#include "core/some_of.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
 #include "dataset/json/json_file.h"
@@ -135,8 +135,10 @@ Json CameraEntry(const CameraResult& r, const CameraJob& job, bool masks) {
 }
 
 std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, const std::vector<CameraJob>& jobs,
-                    const std::vector<CameraResult>& results, const std::map<int, People>& poses, double frame_rate_hz) {
+                    const std::vector<CameraResult>& results, const std::map<int, People>& poses, double frame_rate_hz,
+                    const std::string& skeleton) {
   Json json = {{"schema", kDatasetSchema}, {"sequence", options.sequence}, {"frame_rate_hz", frame_rate_hz}};
+  if (!skeleton.empty()) json["skeleton"] = skeleton;
   json["calibration"] = FileEntry(inputs.calibration);
   json["pose3d"] = FileEntry(IsMarkerFile(inputs.pose3d) ? inputs.pose3d : (fs::path(inputs.pose3d) / "points.csv").string());
   json["pictures"] = options.png ? Json{{"format", "png"}} : Json{{"format", "jpeg"}, {"quality", options.jpeg_quality}};
@@ -189,6 +191,16 @@ void AddGaps(const CameraResult& r, BuildReport* report) {
                               "the camera dropped frames, or they are damaged; see the timeline"});
 }
 
+/// Two joints of Panoptic's 19 in some frame.
+bool HasLimbs(const std::map<int, People>& poses) {
+  for (const auto& [frame, people] : poses) {
+    for (const auto& [id, pose] : people) {
+      if (std::count(pose.valid.begin(), pose.valid.end(), true) >= 2) return true;
+    }
+  }
+  return false;
+}
+
 std::vector<std::string> InputsOf(const BuildInputs& inputs) {
   std::vector<std::string> paths = {inputs.calibration, inputs.pose3d};
   for (const CameraFootage& footage : inputs.footage) paths.insert(paths.end(), {footage.path, footage.plate});
@@ -211,48 +223,56 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
 }
 
 /// A dataset without a single joint would look like one.
-void RequireJoints(const std::string& path, const std::map<int, People>& poses, const std::vector<std::string>& left_out) {
-  for (const auto& [frame, people] : poses) {
-    for (const auto& [id, pose] : people) {
-      if (std::count(pose.valid.begin(), pose.valid.end(), true) > 0) return;
-    }
-  }
-  throw FormatError(path, "",
-                    left_out.empty() ? "holds no point"
-                                     : "none of its joints (" + SomeOf(left_out) +
-                                           ") is one of a dataset's 19 (Neck, Nose, MidHip, LShoulder, …): rename them, or use "
-                                           "points.csv as it is");
+void RequireJoints(const std::string& path, const Pose3d& pose) {
+  const auto ok = [](const JointRow& row) { return row.status == Status::kOk; };
+  if (std::none_of(pose.rows.begin(), pose.rows.end(), ok)) throw FormatError(path, "", "holds no point");
 }
 
-/// Joints of people's skeletons that a dataset lacks (toes, hands) are in the report; of animals and markers, said.
-void WarnOfJoints(const Pose3d& pose, BuildReport* report) {
-  const std::vector<std::string>& left_out = report->joints_left_out;
-  const body::Skeleton skeleton = SkeletonOf(pose);
-  if (left_out.empty() || skeleton.name != "points") return;
-  report->warnings.push_back({"DAT-JOINTS",
-                              std::to_string(left_out.size()) + " of " + std::to_string(skeleton.joints.size()) +
-                                  " joints are none of a dataset's 19 and are left out: " + SomeOf(left_out),
-                              "points.csv and the marker files keep every joint"});
+Pose3d ReadJointsOf(const BuildInputs& inputs) {
+  Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+  if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
+  RequireJoints(inputs.pose3d, pose);
+  return pose;
+}
+
+/// The joints of the pose's own skeleton, where the 19 do not hold them all.
+std::optional<OwnJoints> OwnJointsOf(const BuildInputs& inputs, const Pose3d& pose, BuildReport* report) {
+  report->joints_beside = JointsBeyondCoco19(pose);
+  if (report->joints_beside.empty()) return std::nullopt;
+  OwnJoints own;
+  own.skeleton = SkeletonOf(pose);
+  body::SkeletonFromJson(SkeletonToJson(own.skeleton), inputs.pose3d, "its skeleton");  // throws for what no file holds
+  own.poses = ToJoints(pose, own.skeleton);
+  report->skeleton = own.skeleton.name;
+  return own;
+}
+
+/// Masks are shaped by people's limbs.
+BuildOptions WithPossibleMasks(BuildOptions options, const std::optional<OwnJoints>& own, const std::map<int, People>& poses,
+                               BuildReport* report) {
+  if (!options.masks || !own || own->skeleton.human || HasLimbs(poses)) return options;
+  options.masks = false;
+  report->warnings.push_back(
+      {"DAT-MASK",
+       "masks are shaped by the limbs of people; skeleton " + own->skeleton.name + " has none of them, so no masks were made",
+       "option 'masks' off says so; mvstudio mask makes masks by motion or a net"});
+  return options;
 }
 
 }  // namespace
 
-BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
-                         const RunContext& run) {
-  CheckOptions(inputs, options);
+BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& wanted, const RunContext& run) {
+  CheckOptions(inputs, wanted);
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
-  const Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+  const Pose3d pose = ReadJointsOf(inputs);
   const std::map<int, People> poses = ToCoco19(pose);
-  if (poses.empty()) throw FormatError(inputs.pose3d, "points.csv", "holds no frame");
-  const std::vector<std::string> left_out = JointsBeyondCoco19(pose);
-  RequireJoints(inputs.pose3d, poses, left_out);
-  AtomicFolder folder(out, options.overwrite, InputsOf(inputs));
+  BuildReport report;
+  const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
+  const BuildOptions options = WithPossibleMasks(wanted, own, poses, &report);
+  AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
-  BuildReport report;
-  report.joints_left_out = left_out;
-  WarnOfJoints(pose, &report);
   for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
     report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
   }
@@ -272,7 +292,9 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   WritePanopticCalibration(built_rig, folder.work_path() + "/calibration_" + options.sequence + ".json",
                            "mvstudio, " + fs::path(inputs.calibration).filename().string());
   WritePoses(poses, frame_rate_hz, folder.work_path());
-  WriteFileAtomic(folder.work_path() + "/dataset.json", Sidecar(inputs, options, jobs, results, poses, frame_rate_hz));
+  if (own) WriteOwnJoints(*own, frame_rate_hz, folder.work_path());
+  WriteFileAtomic(folder.work_path() + "/dataset.json",
+                  Sidecar(inputs, options, jobs, results, poses, frame_rate_hz, report.skeleton));
   folder.Commit();
   return report;
 }

@@ -25,6 +25,7 @@ struct BuildInputs {
   std::vector<CameraFootage> footage;
   std::string pose3d;            ///< folder with points.csv, or a .trc or .c3d file
   std::string marker_unit = {};  ///< m, cm, mm or in, instead of what such a file states
+  std::string skeleton = {};     ///< name or file of the joints' skeleton, instead of what `pose3d` states; may be empty
 };
 
 struct BuildOptions {
@@ -83,9 +84,10 @@ struct BuildReport {
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
   std::vector<BuildWarning> warnings;
-  std::vector<std::string> joints_left_out;  ///< joints with 3D points that are none of the dataset's 19
-  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states for a camera without a timeline;
-                                         ///< not applied
+  std::string skeleton;                    ///< of the joints that are written beside Panoptic's 19; empty: none are
+  std::vector<std::string> joints_beside;  ///< joints with points that give none of the 19
+  double calibration_offset_frames = 0;    ///< largest time offset that the calibration states for a camera without a timeline;
+                                           ///< not applied
 };
 
 /// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the
@@ -93,8 +95,9 @@ struct BuildReport {
 /// are its time steps, and each camera gives the frame that shows the time step, or none (listed in `gaps`).
 ///
 /// The folder appears complete or not at all. The calibration's time offsets are not applied: a dataset holds whole
-/// pictures. Throws FormatError naming camera and frame for damaged footage, cameras that are not in the calibration,
-/// sizes that cannot be explained, and gaps with `require_complete`.
+/// pictures. Joints that give none of Panoptic's 19 are written beside them, with all others of their skeleton
+/// (dataset/panoptic/own_joints.h). Throws FormatError naming camera and frame for damaged footage, cameras that are not in the
+/// calibration, sizes that cannot be explained, and gaps with `require_complete`.
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run = {});
 

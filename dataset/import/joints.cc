@@ -51,7 +51,7 @@ class JointImport {
       }
       return !rows->empty();
     };
-    WritePose3d("coco19", rows_of_next, job_->work + "/pose3d/" + take_);
+    WritePose3d({"coco19", {}}, rows_of_next, job_->work + "/pose3d/" + take_);
     if (other_skeletons_ > 0) {
       job_->findings.Error("DAT-POSE", scenes_.folder,
                            std::to_string(other_skeletons_) + " files hold another skeleton than joints19 and are left out");

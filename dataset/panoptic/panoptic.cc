@@ -84,6 +84,15 @@ std::map<int, std::string> ListBody3dScenes(const std::string& root) {
   return files;
 }
 
+void ReadJoints(PanopticDataset* dataset) {
+  for (const auto& [frame, path] : ListBody3dScenes(dataset->root)) {
+    dataset->frames.push_back(frame);
+    dataset->poses[frame] = ReadBody3dScene(path);
+  }
+  if (dataset->frames.empty()) throw IoError(dataset->root + "/" + kPoseFolder, "holds no body3DScene_%08d.json");
+  dataset->own = ReadOwnJoints(dataset->root);
+}
+
 PanopticDataset OpenPanopticDataset(const std::string& root) {
   PanopticDataset dataset;
   dataset.root = root;
@@ -101,11 +110,7 @@ PanopticDataset OpenPanopticDataset(const std::string& root) {
   if (cameras.empty())
     throw FormatError(root, "hdImgs", "holds no images of any camera of " + fs::path(calibration).filename().string());
   dataset.aliases = ReadPanopticAliases(root);
-  for (const auto& [frame, path] : ListBody3dScenes(root)) {
-    dataset.frames.push_back(frame);
-    dataset.poses[frame] = ReadBody3dScene(path);
-  }
-  if (dataset.frames.empty()) throw IoError(root + "/" + kPoseFolder, "holds no body3DScene_%08d.json");
+  ReadJoints(&dataset);
   return dataset;
 }
 

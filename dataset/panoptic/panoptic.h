@@ -1,9 +1,11 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "dataset/panoptic/own_joints.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
 
@@ -45,6 +47,7 @@ struct PanopticDataset {
       aliases;              ///< studio's name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there is one
   std::vector<int> frames;  ///< frame numbers with a body3DScene file, sorted
   std::map<int, std::map<int, Coco19Pose>> poses;  ///< frame -> person -> joints, in our world
+  std::optional<OwnJoints> own = {};               ///< the joints of another skeleton than the 19, where the folder has them
 
   /// Panoptic name for either kind of name; empty when unknown.
   std::string Resolve(const std::string& camera) const;
@@ -60,6 +63,9 @@ std::string FindPanopticCalibration(const std::string& root);
 
 /// Frame number -> body3DScene file, sorted. Empty when there is none.
 std::map<int, std::string> ListBody3dScenes(const std::string& root);
+
+/// Fills `frames`, `poses` and `own` from the folder `dataset->root`. Throws IoError, FormatError.
+void ReadJoints(PanopticDataset* dataset);
 
 /// Throws IoError / FormatError when the folder does not have this layout.
 PanopticDataset OpenPanopticDataset(const std::string& root);

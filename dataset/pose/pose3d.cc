@@ -9,11 +9,14 @@
 #include <string_view>
 #include <tuple>
 
+#include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/label.h"
+#include "core/some_of.h"
 #include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
@@ -157,6 +160,19 @@ void ReadHead(const std::string& path, Pose3d* pose) {
   pose->skeleton = view["skeleton"].Text();
   if (view.Has("world")) pose->world = view["world"].Text();
   if (view.Has("covariance_note")) pose->covariance_note = view["covariance_note"].Text();
+  if (view.Has("definition")) {
+    pose->definition = body::SkeletonFromJson(view["definition"].value().dump(), path, "definition");
+  }
+}
+
+/// What later commands need not be told again; null for points without bones, and for names that no file may hold.
+const body::Skeleton* DefinitionOf(const Pose3d& pose) {
+  if (!pose.definition) return body::FindSkeleton(pose.skeleton);
+  const std::vector<std::string>& joints = pose.definition->joints;
+  const auto fits = [](const std::string& joint) { return WhyNotALabel(joint).empty(); };
+  const bool writable = !pose.definition->bones.empty() && joints.size() <= body::kMaxSkeletonJoints &&
+                        std::all_of(joints.begin(), joints.end(), fits);
+  return writable ? &*pose.definition : nullptr;
 }
 
 /// Mean of the source joints; false when one of them is missing.
@@ -182,18 +198,21 @@ bool WritePose3d(const Pose3d& pose, const std::string& folder) {
   bool written = false;
   return WritePose3d(
       pose.skeleton,
+  WritePose3d(
+      pose,
       [&](std::vector<JointRow>* rows) {
         if (written) return false;
         *rows = pose.rows;
         return written = true;
       },
-      folder, pose.covariance_note, pose.world);
+      folder);
 }
 
 bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder, const std::string& covariance_note, const std::string& world) {
+void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder) {
   AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
-      head(InFolder(folder, "pose3d.json"));
+      json(InFolder(folder, "pose3d.json"));
   WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
   WriteFile(covariance.temporary(), std::string(kCovarianceHeader) + '\n');
   std::vector<JointRow> rows;
@@ -211,6 +230,14 @@ bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vect
   WriteFile(head.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &head});
   return true;
+      {"schema", kSchema}, {"skeleton", head.skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
+      {"unit", "m"},       {"world", head.world}};
+  if (!head.covariance_note.empty()) header["covariance_note"] = head.covariance_note;
+  if (const body::Skeleton* skeleton = DefinitionOf(head)) {
+    header["definition"] = nlohmann::ordered_json::parse(body::SkeletonToJson(*skeleton));
+  }
+  WriteFile(json.temporary(), header.dump(1) + "\n");
+  CommitTogether({&points, &covariance, &json});
 }
 
 std::vector<JointRow> ReadPointsCsv(const std::string& path) {
@@ -234,13 +261,62 @@ Pose3d ReadPose3d(const std::string& folder) {
   return pose;
 }
 
-body::Skeleton SkeletonOf(const Pose3d& pose) {
+namespace {
+
+/// By order of first appearance.
+std::vector<std::string> JointsIn(const std::vector<JointRow>& rows) {
   std::vector<std::string> joints;
   std::set<std::string> seen;
-  for (const JointRow& row : pose.rows) {
+  for (const JointRow& row : rows) {
     if (seen.insert(row.joint).second) joints.push_back(row.joint);
   }
+  return joints;
+}
+
+double ConfidenceOf(double sigma_m) {
+  constexpr double kConfidenceScale = 0.05;  // metres
+  return std::exp(-sigma_m / kConfidenceScale);
+}
+
+}  // namespace
+
+body::Skeleton SkeletonOf(const Pose3d& pose) {
+  const std::vector<std::string> joints = JointsIn(pose.rows);
+  if (pose.definition && HasJoints(*pose.definition, joints)) return *pose.definition;
   return body::SkeletonOrPoints(pose.skeleton, joints);
+}
+
+void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d* pose) {
+  std::vector<std::string> strangers;
+  for (const std::string& joint : JointsIn(pose->rows)) {
+    if (skeleton.Find(joint) < 0) strangers.push_back(joint);
+  }
+  if (!strangers.empty()) {
+    throw FormatError(
+        path, "",
+        "skeleton " + skeleton.name + " lacks " + std::to_string(strangers.size()) + " of its joints: " + SomeOf(strangers));
+  }
+  pose->skeleton = skeleton.name, pose->definition = skeleton;
+}
+
+std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const body::Skeleton& skeleton) {
+  const size_t count = skeleton.joints.size();
+  std::map<std::string, int> index;
+  for (size_t j = 0; j < count; ++j) index[skeleton.joints[j]] = static_cast<int>(j);
+  std::map<int, std::map<int, JointsPose>> all;
+  for (const JointRow& row : pose.rows) {
+    JointsPose& joints = all[row.frame][row.person];
+    if (joints.valid.empty()) {
+      joints.x_in_world = Eigen::Matrix3Xd::Zero(3, static_cast<Eigen::Index>(count));
+      joints.valid.assign(count, false), joints.confidence.assign(count, 0);
+    }
+    const auto found = index.find(row.joint);
+    if (found == index.end() || row.status != Status::kOk) continue;
+    joints.x_in_world.col(found->second) = row.x_in_world;
+    joints.valid[static_cast<size_t>(found->second)] = true;
+    joints.confidence[static_cast<size_t>(found->second)] = ConfidenceOf(row.sigma_m);
+  }
+  return all;
 }
 
 std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose) {
@@ -261,7 +337,6 @@ std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose) {
 }
 
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
-  constexpr double kConfidenceScale = 0.05;  // metres
   const body::Skeleton skeleton = SkeletonOf(pose);
   const auto sources = body::Coco19From(skeleton);
   std::map<std::pair<int, int>, std::vector<const JointRow*>> people;
@@ -280,7 +355,7 @@ std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
       if (!MeanJoint(joints, sources[k], &mean, &sigma_m)) continue;
       out.valid[k] = true;
       out.x_in_world.col(k) = mean;
-      out.confidence[k] = std::exp(-sigma_m / kConfidenceScale);
+      out.confidence[k] = ConfidenceOf(sigma_m);
     }
   }
   return result;

@@ -33,6 +33,7 @@ struct Pose3d {
   std::vector<JointRow> rows;        ///< sorted by frame, person, joint in skeleton order
   std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
   std::string world = kZUpWorld;     ///< its axes, in words, stored in pose3d.json
+  std::optional<body::Skeleton> definition = {};  ///< joints, bones, …, stored in pose3d.json; none: as its name says
 };
 
 /// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates
@@ -43,6 +44,11 @@ bool WritePose3d(const Pose3d& pose, const std::string& folder);
 /// written.
 bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
                  const std::string& folder, const std::string& covariance_note = {}, const std::string& world = kZUpWorld);
+/// are empty unless status is Ok. The round trip is exact.
+void WritePose3d(const Pose3d& pose, const std::string& folder);
+/// Same for takes larger than memory: `head` has no rows, `next` fills those that follow, false at the end. The files appear
+/// when all are written.
+void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
 std::vector<JointRow> ReadPointsCsv(const std::string& path);
@@ -54,8 +60,22 @@ struct Coco19Pose {
   std::array<double, 19> confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
 };
 
-/// The skeleton by its name, or free points (body::PointsSkeleton) where the table has joints that the skeleton lacks.
+/// The skeleton as defined, else by its name, or free points (body::PointsSkeleton) where the table has joints that the
+/// skeleton lacks.
 body::Skeleton SkeletonOf(const Pose3d& pose);
+
+/// Makes `skeleton` that of the pose. Throws FormatError (path) for joints of the table that it lacks.
+void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d* pose);
+
+/// Joints of one person in one frame, in the order of a skeleton.
+struct JointsPose {
+  Eigen::Matrix3Xd x_in_world;  ///< metres; zero where not valid
+  std::vector<bool> valid;
+  std::vector<double> confidence;  ///< as in Coco19Pose
+};
+
+/// frame -> person -> all joints of the pose's own skeleton.
+std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const body::Skeleton& skeleton);
 
 /// Joints with points that give none of Panoptic's 19.
 std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose);

@@ -22,6 +22,7 @@ struct Config {
   std::string pose = "pose-2d", filtered = "pose-2d-filtered", calibration = "calibration", camera_regex = "-cam([A-Z])";
   bool filter = false;
   double board_square = 0;
+  std::vector<std::pair<std::string, std::string>> bones;
 };
 
 toml::table Parse(const std::string& path) {
@@ -49,6 +50,20 @@ void RefuseCrops(const toml::table& root, const std::string& path) {
   }
 }
 
+/// Joints that follow each other in a list of lists of names; what is no name ends a line.
+std::vector<std::pair<std::string, std::string>> Lines(const toml::table& root, const char* key) {
+  std::vector<std::pair<std::string, std::string>> bones;
+  const toml::array* lists = root.at_path(key).as_array();
+  for (size_t i = 0; lists && i < lists->size(); ++i) {
+    const toml::array* line = (*lists)[i].as_array();
+    for (size_t k = 1; line && k < line->size(); ++k) {
+      const auto from = (*line)[k - 1].value_exact<std::string>(), to = (*line)[k].value_exact<std::string>();
+      if (from && to) bones.emplace_back(*from, *to);
+    }
+  }
+  return bones;
+}
+
 Config ReadConfig(const std::string& folder) {
   Config config;
   config.path = (fs::path(folder) / "config.toml").string();
@@ -59,6 +74,8 @@ Config ReadConfig(const std::string& folder) {
   text("pipeline.calibration_results", &config.calibration), text("triangulation.cam_regex", &config.camera_regex);
   config.filter = root.at_path("filter.enabled").value_or(false);
   config.board_square = root.at_path("calibration.board_square_side_length").value_or(0.0);
+  config.bones = Lines(root, "triangulation.constraints");
+  if (config.bones.empty()) config.bones = Lines(root, "labeling.scheme");
   RefuseCrops(root, config.path);
   return config;
 }
@@ -176,7 +193,7 @@ TrackedProject ReadAniposeProject(const std::string& folder) {
   const CameraNames names(config);
   TrackedProject project;
   project.program = "anipose";
-  project.board_square = config.board_square;
+  project.board_square = config.board_square, project.bones = config.bones;
   const fs::path root = fs::path(folder).lexically_normal();
   const fs::path project_folder = root.has_filename() ? root : root.parent_path();
   for (const std::string& session : Sessions(project_folder.string(), config.nesting)) {

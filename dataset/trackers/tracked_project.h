@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Whole folders of programs that track and triangulate: which files of theirs belong together.
@@ -17,15 +18,17 @@ struct TrackedProject {
     std::string table;              ///< caliscope: one table of all cameras
     bool filtered = false;          ///< anipose: the files are those of pose-2d-filtered
   };
-  std::string program;                ///< "anipose", "caliscope"
-  std::vector<Take> takes;            ///< by name
+  std::string program;                                     ///< "anipose", "caliscope"
+  std::vector<Take> takes;                                 ///< by name
+  std::vector<std::pair<std::string, std::string>> bones;  ///< anipose: between joints, by names, in config.toml
   double board_square = 0;            ///< side of the board's squares as config.toml states it; 0: not stated
   std::vector<std::string> left_out;  ///< files whose name tells no camera, and takes of one camera: "PATH: why"
 };
 
 /// anipose: config.toml with `nesting` levels of session folders, each with pose-2d-filtered (if config.toml enables the
 /// filter) or pose-2d, whose files name their camera as triangulation.cam_regex says; calibration.toml lies in the session's
-/// calibration folder or in that of a folder above (anipose/triangulate.py, anipose/common.py; docs/sphinx/start3d.rst).
+/// calibration folder or in that of a folder above. Bones are triangulation.constraints, else the lines of labeling.scheme
+/// (anipose/triangulate.py, anipose/common.py; docs/sphinx/start3d.rst).
 /// caliscope: camera_array.toml with recordings/NAME/TRACKER/xy_TRACKER.csv (docs/reconstruction.md of its project).
 /// Throws IoError for a folder that cannot be read; FormatError for a folder of neither kind, one without takes, a
 /// config.toml that cannot be read, and for cropped videos (config.toml: cameras.NAME.offset), which would need shifting.

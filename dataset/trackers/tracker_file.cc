@@ -108,7 +108,7 @@ std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const bo
       if (place < 0) {
         throw FormatError("camera " + camera.track.camera, "",
                           "joint `" + joint + "` of its " + camera.program + " file is not in skeleton " + skeleton.name +
-                              "; leave option 'skeleton' out to take the joints from the file");
+                              "; add it there, or leave option 'skeleton' out to take the joints from the file");
       }
       place_of.push_back(static_cast<size_t>(place));
     }

@@ -183,6 +183,7 @@ VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options
   const auto vga = internal::VerifyScenes(sequence.vga_scenes, &findings);
   VerifyReport report;
   report.frames = static_cast<int>(hd.size());
+  report.own_frames = internal::VerifyOwnJoints(root, hd, &report.skeleton, &findings);
   report.faces = internal::VerifyLandmarks(sequence.faces, internal::LandmarkKind::kFaces, hd, &findings);
   report.hands = internal::VerifyLandmarks(sequence.hands, internal::LandmarkKind::kHands, hd, &findings);
   internal::VerifySyncTables(sequence, hd, &findings);

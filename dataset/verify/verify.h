@@ -35,6 +35,8 @@ struct VerifyReport {
   int frames = 0;                           ///< body3DScene files that are readable
   int pictures = 0, masks = 0, videos = 0;  ///< decoded
   int faces = 0, hands = 0;                 ///< files that are readable
+  std::string skeleton;                     ///< of the joints beside Panoptic's 19; empty: there are none
+  int own_frames = 0;                       ///< files of it that are readable
   std::map<std::string, int> no_picture;    ///< by camera, where not 0: frames with joints without a picture
   std::map<std::string, int> no_mask;       ///< likewise with a picture and without a mask, in datasets with masks
   std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor pictures; else empty

@@ -21,6 +21,10 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings);
 /// Returns the readable scenes, by frame.
 std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* findings);
 
+/// Checks the joints of another skeleton beside the scenes; the number of its readable files. `skeleton`: its name.
+int VerifyOwnJoints(const std::string& root, const std::map<int, Body3dScene>& scenes, std::string* skeleton,
+                    Findings* findings);
+
 /// Number of readable files of faces or hands.
 enum class LandmarkKind { kFaces, kHands };
 int VerifyLandmarks(const PanopticFrames& frames, LandmarkKind kind, const std::map<int, Body3dScene>& scenes,

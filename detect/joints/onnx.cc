@@ -31,7 +31,7 @@ Scaling ScalingOf(InputScale scale) {
 class OnnxNet : public JointNet {
  public:
   OnnxNet(const std::string& path, const OnnxOptions& options);
-  const body::Skeleton& skeleton() const override { return *skeleton_; }
+  const body::Skeleton& skeleton() const override { return skeleton_; }
   int input_px() const override { return std::max(width_, height_); }
   double person_fill() const override { return 0.8; }
   JointMaps Run(const Image& crop, const std::vector<dataset::Keypoint2d>& expected) const override;
@@ -41,7 +41,7 @@ class OnnxNet : public JointNet {
   JointMaps ToMaps(const cv::Mat& heat) const;
 
   std::string path_;
-  const body::Skeleton* skeleton_;
+  const body::Skeleton skeleton_;
   Scaling scaling_;
   bool bgr_ = false;
   int width_ = 0, height_ = 0;
@@ -51,7 +51,7 @@ class OnnxNet : public JointNet {
 
 OnnxNet::OnnxNet(const std::string& path, const OnnxOptions& options)
     : path_(path),
-      skeleton_(&body::SkeletonByName(options.skeleton)),
+      skeleton_(body::SkeletonFrom(options.skeleton)),
       scaling_(ScalingOf(options.normalization)),
       bgr_(options.bgr) {
   constexpr int kMaxPx = 4096;
@@ -82,13 +82,13 @@ cv::Mat OnnxNet::Forward(const cv::Mat& blob) const {
 }
 
 JointMaps OnnxNet::ToMaps(const cv::Mat& heat) const {
-  const int joints = static_cast<int>(skeleton_->joints.size());
+  const int joints = static_cast<int>(skeleton_.joints.size());
   if (heat.dims != 4 || heat.size[0] != 1 || heat.type() != CV_32F || heat.size[2] < 3 || heat.size[3] < 3) {
     throw FormatError(path_, "output", "must be heat maps (1, joints, height, width)");
   }
   if (heat.size[1] != joints) {
     throw FormatError(path_, "output",
-                      "has " + std::to_string(heat.size[1]) + " heat maps, skeleton " + skeleton_->name + " has " +
+                      "has " + std::to_string(heat.size[1]) + " heat maps, skeleton " + skeleton_.name + " has " +
                           std::to_string(joints) + " joints");
   }
   const double stride = static_cast<double>(height_) / heat.size[2];

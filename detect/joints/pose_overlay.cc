@@ -11,14 +11,6 @@ bool Drawable(const dataset::Keypoint2d& joint, double min_score) {
   return joint.score >= min_score && std::abs(joint.x_px) < kFar && std::abs(joint.y_px) < kFar;
 }
 
-/// Colour by the side that both ends of a bone are on.
-cv::Scalar ColourOf(const std::string& from, const std::string& to) {
-  const auto side = [](const std::string& name) { return name.size() > 1 && std::isupper(name[1]) ? name[0] : ' '; };
-  const char shared = side(from) == side(to) ? side(from) : ' ';
-  if (shared == 'L') return {255, 60, 60};
-  return shared == 'R' ? cv::Scalar(60, 230, 60) : cv::Scalar(255, 220, 60);
-}
-
 }  // namespace
 
 Image DrawPoses(const Image& rgb, const std::vector<dataset::Person2d>& people, const body::Skeleton& skeleton,
@@ -26,18 +18,21 @@ Image DrawPoses(const Image& rgb, const std::vector<dataset::Person2d>& people, 
   constexpr int kShift = 4;  // bits behind the point in OpenCV's drawing
   Image drawn = rgb;
   cv::Mat canvas(drawn.height, drawn.width, CV_8UC3, drawn.pixels.data());
+  const auto colours = body::BoneColours(skeleton);
   const int thickness = std::max(1, drawn.height / 400);
   const auto point = [](const dataset::Keypoint2d& joint) {
     return cv::Point(static_cast<int>(std::lround(joint.x_px * (1 << kShift))),
                      static_cast<int>(std::lround(joint.y_px * (1 << kShift))));
   };
   for (const dataset::Person2d& person : people) {
-    for (const auto& [a, b] : skeleton.bones) {
+    for (size_t bone = 0; bone < skeleton.bones.size(); ++bone) {
+      const auto& [a, b] = skeleton.bones[bone];
       const dataset::Keypoint2d &from = person.keypoints[static_cast<size_t>(a)],
                                 &to = person.keypoints[static_cast<size_t>(b)];
       if (!Drawable(from, min_score) || !Drawable(to, min_score)) continue;
-      const cv::Scalar colour = ColourOf(skeleton.joints[static_cast<size_t>(a)], skeleton.joints[static_cast<size_t>(b)]);
-      cv::line(canvas, point(from), point(to), colour, thickness, cv::LINE_AA, kShift);
+      const auto& rgb_of_bone = colours[bone];
+      cv::line(canvas, point(from), point(to), cv::Scalar(rgb_of_bone[0], rgb_of_bone[1], rgb_of_bone[2]), thickness,
+               cv::LINE_AA, kShift);
     }
   }
   return drawn;

@@ -180,16 +180,22 @@ TEST(CaliscopeProject, TableAndCalibrationComeFromTheFolder) {
   EXPECT_EQ(result.metrics["project"]["take"], "walk/POSE");
 }
 
+PoseArguments FilesOf(std::vector<NamedPath> files) {
+  PoseArguments arguments;
+  arguments.pose2d = std::move(files);
+  return arguments;
+}
+
 TEST(TrackerInput, JointsThatACameraLacksAreSaid) {
   const TempDir folder;
   Put(folder / "a.csv", "scorer,S,S,S,S\nbodyparts,nose,nose,tail,tail\ncoords,x,y,x,y\n0,1,2,3,4\n");
   Put(folder / "b.csv", "scorer,S,S\nbodyparts,nose,nose\ncoords,x,y\n0,1,2\n");
   CommandResult result;
-  const dataset::Pose2dSet set = ReadTrackerFiles({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}, "", &result);
+  const dataset::Pose2dSet set = ReadTrackerFiles(FilesOf({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}), &result);
   EXPECT_THAT(set.skeleton.joints, ElementsAre("nose", "tail"));
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_THAT(result.warnings[0].text, HasSubstr("b: its file lacks 1 of 2 joints that other cameras have: tail"));
-  const dataset::Pose2dSet sleap = ReadTrackerFiles({{"a", Seed("tracker_hdf5/sleap.h5")}}, "", &result);
+  const dataset::Pose2dSet sleap = ReadTrackerFiles(FilesOf({{"a", Seed("tracker_hdf5/sleap.h5")}}), &result);
   EXPECT_EQ(sleap.skeleton.bones.size(), 2u);
 }
 

@@ -3,13 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <optional>
 #include <set>
 
 #include "core/error.h"
 #include "dataset/pose/pose3d_trc.h"
-#include "exports/bvh.h"
 #include "exports/ply.h"
 #include "exports/take.h"
+#include "markers/bvh.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
 
@@ -50,7 +52,7 @@ TEST(Bvh, AnglesRebuildTheRotation) {
         (Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(DegToRad(b), Eigen::Vector3d::UnitX()) *
          Eigen::AngleAxisd(-0.07 * i, Eigen::Vector3d::UnitY()))
             .toRotationMatrix();
-    const Eigen::Vector3d a = ZxyAngles(r);
+    const Eigen::Vector3d a = markers::ZxyAngles(r);
     const Eigen::Matrix3d back =
         (Eigen::AngleAxisd(a[0], Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(a[1], Eigen::Vector3d::UnitX()) *
          Eigen::AngleAxisd(a[2], Eigen::Vector3d::UnitY()))
@@ -59,33 +61,47 @@ TEST(Bvh, AnglesRebuildTheRotation) {
   }
 }
 
+/// One frame a pose; nobody where there is none.
+markers::MarkerTake MarkersOfPoses(const std::vector<std::optional<dataset::Coco19Pose>>& poses) {
+  markers::MarkerTake take;
+  take.rate_hz = 30, take.names = body::Coco19().joints;
+  for (const auto& pose : poses) {
+    for (int j = 0; j < 19; ++j) {
+      const bool valid = pose && pose->valid[j];
+      take.x_in_world.push_back(valid ? Eigen::Vector3d(pose->x_in_world.col(j)) : Eigen::Vector3d::Constant(std::nan("")));
+      take.source.push_back(valid ? markers::Source::kMeasured : markers::Source::kMissing);
+    }
+  }
+  take.sigma_m.assign(take.source.size(), 0);
+  return take;
+}
+
 TEST(Bvh, FollowsARigidSkeletonExactlyAndHoldsWhatIsMissing) {
-  std::vector<dataset::Coco19Pose> poses;
+  std::vector<std::optional<dataset::Coco19Pose>> poses;
   for (int f = 0; f < 12; ++f) poses.push_back(Person({5, -2, 0}, f, false));
-  std::vector<const dataset::Coco19Pose*> all;
-  for (const auto& pose : poses) all.push_back(&pose);
-  const BvhMotion motion = FitBvh(all);
+  const markers::BvhMotion motion = FitBvh(MarkersOfPoses(poses), body::Coco19());
   EXPECT_LT(motion.max_m, 1e-9);
   EXPECT_EQ(motion.num_joints, 12 * 19);
   // A frame without anybody, a joint never seen.
-  all[5] = nullptr;
-  for (auto& pose : poses) pose.valid[5] = false;
-  const BvhMotion holes = FitBvh(all);
+  poses[5].reset();
+  for (auto& pose : poses) {
+    if (pose) pose->valid[5] = false;
+  }
+  const markers::BvhMotion holes = FitBvh(MarkersOfPoses(poses), body::Coco19());
   EXPECT_LT(holes.max_m, 1e-9);
   EXPECT_TRUE(holes.frames[5].held);
+  EXPECT_EQ(holes.num_held, 1);
   EXPECT_EQ(holes.frames[5].root, holes.frames[4].root);
   EXPECT_TRUE(BvhJoints(holes, holes.frames[3])[5].allFinite());
 }
 
 TEST(Bvh, BonesThatChangeTheirLengthAreReported) {
-  std::vector<dataset::Coco19Pose> poses;
+  std::vector<std::optional<dataset::Coco19Pose>> poses;
   for (int f = 0; f < 4; ++f) {
     poses.push_back(Person({0, 0, 0}, f, false));
-    poses.back().x_in_world.col(14).z() -= f % 2 ? 0.02 : 0;
+    poses.back()->x_in_world.col(14).z() -= f % 2 ? 0.02 : 0;
   }
-  std::vector<const dataset::Coco19Pose*> all;
-  for (const auto& pose : poses) all.push_back(&pose);
-  EXPECT_NEAR(FitBvh(all).max_m, 0.01, 1e-3);
+  EXPECT_NEAR(FitBvh(MarkersOfPoses(poses), body::Coco19()).max_m, 0.01, 1e-3);
 }
 
 TEST(Trc, RoundTripsThroughOurReader) {
