@@ -8,6 +8,7 @@
 #include <set>
 #include <tuple>
 
+#include "calib/board/floor.h"
 #include "calib/bundle/mrcal_engine.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/calibrate_steps.h"
@@ -37,13 +38,6 @@ using internal::Work;
 using internal::World;
 
 constexpr double kMaxFocalSigma = 0.25;  // of the focal length; beyond it the focal length counts as undetermined
-
-/// World of a board that lies face up: x along its columns, z up, so y against its rows.
-Rigid3 WorldFromFloorBoard() {
-  Rigid3 world_from_board;
-  world_from_board.rotation = Eigen::Quaterniond(0, 1, 0, 0);
-  return world_from_board;
-}
 
 /// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
 bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {

@@ -199,9 +199,12 @@ double TrunkTiltDeg(const std::vector<TakePoint>& points, const body::Skeleton& 
 std::string WorldText(const geometry::Rig& rig) {
   if (rig.gauge.empty()) return "right-handed; the calibration does not say what fixes it";
   if (rig.gauge == "as imported") return "right-handed, axes of the imported calibration";
-  const bool camera = rig.gauge.rfind("camera ", 0) == 0;
-  return camera ? "right-handed, axes of " + rig.gauge + ": x right, y down, z forward"
-                : "right-handed, z up; fixed by " + rig.gauge;
+  const std::string axes = "right-handed, axes of " + rig.gauge;
+  if (rig.gauge.rfind("camera ", 0) == 0) return axes + ": x right, y down, z forward";
+  for (const char* upright : {"board in frame ", "the board in frame ", "floor ", "Panoptic "}) {
+    if (rig.gauge.rfind(upright, 0) == 0) return "right-handed, z up; fixed by " + rig.gauge;
+  }
+  return axes;
 }
 
 void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {

@@ -96,20 +96,28 @@ std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const st
   return Eigen::MatrixXd(from.joint(rows, rows));
 }
 
-Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset) {
+Rig InWorld(const Rig& rig, const Rigid3& new_from_world, double scale) {
+  MVS_CHECK(scale > 0, "a scale of " << scale);
   StatedCovariance stated = StatedCovarianceOf(rig);
   Rig moved = rig;
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     Rigid3& pose = moved.cameras[c].cam_from_world;
-    const Eigen::Vector3d arm = pose.rotation * offset;
-    pose.translation += arm;
-    const Eigen::Matrix3d turn = -CrossMatrix(arm);  // t_new = t + R offset turns with R
+    pose.rotation = (pose.rotation * new_from_world.rotation.conjugate()).normalized();
+    const Eigen::Vector3d arm = pose.rotation * new_from_world.translation;
+    pose.translation = scale * pose.translation - arm;
+    const Eigen::Matrix3d turn = CrossMatrix(arm);  // of the new translation by the camera's rotation
     const Eigen::Index row = stated.PoseRow(c);
-    stated.joint.middleRows<3>(row + 3) += turn * stated.joint.middleRows<3>(row);
-    stated.joint.middleCols<3>(row + 3) += stated.joint.middleCols<3>(row) * turn.transpose();
+    stated.joint.middleRows<3>(row + 3) = scale * stated.joint.middleRows<3>(row + 3) + turn * stated.joint.middleRows<3>(row);
+    stated.joint.middleCols<3>(row + 3) =
+        scale * stated.joint.middleCols<3>(row + 3) + stated.joint.middleCols<3>(row) * turn.transpose();
   }
+  for (RigBoard& board : moved.boards) board.bend_m *= scale;
   StoreCovariance(stated, &moved);
   return moved;
+}
+
+Rig MovedWorld(const Rig& rig, const Eigen::Vector3d& offset) {
+  return InWorld(rig, {Eigen::Quaterniond::Identity(), -offset});
 }
 
 }  // namespace mvstudio::geometry

@@ -12,8 +12,8 @@ namespace mvstudio::geometry {
 
 /// Covariance of all cameras in the layout of Rig::joint_covariance.
 struct StatedCovariance {
-  Eigen::MatrixXd joint;                     ///< (N, N); rows and columns of unknown blocks are zero and have no meaning
-  std::vector<Eigen::Index> begin;           ///< (cameras + 1) first row of each camera: its lens parameters, then six of the pose
+  Eigen::MatrixXd joint;            ///< (N, N); rows and columns of unknown blocks are zero and have no meaning
+  std::vector<Eigen::Index> begin;  ///< (cameras + 1) first row of each camera: its lens parameters, then six of the pose
   std::vector<bool> lens_known, pose_known;  ///< per camera
   bool correlated = false;                   ///< from joint_covariance; else blocks count as independent
 
@@ -36,6 +36,11 @@ std::optional<Eigen::MatrixXd> ReorderedJointCovariance(const Rig& rig, const st
 
 /// The cameras at `indices`, with their stated covariances.
 Rig SubsetOf(const Rig& rig, const std::vector<size_t>& indices);
+
+/// The rig in another world: x_in_new = scale * R x_in_world + t with `new_from_world` (R, t); for `scale` > 0 all
+/// projections stay. Covariances are carried as for an exact transform (J S J^T): they stay relative to what fixed the old
+/// world.
+Rig InWorld(const Rig& rig, const Rigid3& new_from_world, double scale = 1);
 
 /// The rig with the world's origin moved by `offset`: x_new = x - offset, with all covariances. Keeps the precision of
 /// rigs far from the world's origin.

@@ -130,7 +130,8 @@ TEST(MovedWorld, CarriesTheCovariance) {
   const Rig moved = MovedWorld(rig, offset);
   const Eigen::Vector3d x(1, 2, 3);
   for (size_t c = 0; c < 2; ++c)
-    EXPECT_LT((moved.cameras[c].cam_from_world * Eigen::Vector3d(x - offset) - rig.cameras[c].cam_from_world * x).norm(), 1e-12);
+    EXPECT_LT((moved.cameras[c].cam_from_world * Eigen::Vector3d(x - offset) - rig.cameras[c].cam_from_world * x).norm(),
+              1e-12);
   Eigen::MatrixXd by_given = Eigen::MatrixXd::Identity(20, 20);
   constexpr double kStep = 1e-6;
   for (int c = 0; c < 2; ++c) {
@@ -148,6 +149,38 @@ TEST(MovedWorld, CarriesTheCovariance) {
   EXPECT_LT((*moved.joint_covariance - expected).norm(), 1e-4 * expected.norm());
   const Rig back = MovedWorld(moved, -offset);
   EXPECT_LT((*back.joint_covariance - *rig.joint_covariance).norm(), 1e-9 * expected.norm());
+}
+
+/// A similarity leaves every pixel where it was, and the covariance follows to first order.
+TEST(InWorld, KeepsPixelsAndCarriesTheCovariance) {
+  const Rig rig = MakeRig(2);
+  constexpr double kScale = 1.7, kStep = 1e-6;
+  const Rigid3 turn{RotationExp(Eigen::Vector3d(0.4, -1.1, 2)), Eigen::Vector3d(3, -2, 5)};
+  const Rig moved = InWorld(rig, turn, kScale);
+  for (const Eigen::Vector3d& x : {Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(-0.5, 0.1, 4)}) {
+    const Eigen::Vector3d x_new = kScale * (turn.rotation * x) + turn.translation;
+    for (size_t c = 0; c < 2; ++c) {
+      const Projection before = Project(rig.cameras[c].camera, rig.cameras[c].cam_from_world * x);
+      const Projection after = Project(moved.cameras[c].camera, moved.cameras[c].cam_from_world * x_new);
+      ASSERT_EQ(before.status, after.status);
+      EXPECT_LT((before.px - after.px).norm(), 1e-9);
+    }
+  }
+  Eigen::MatrixXd by_given = Eigen::MatrixXd::Identity(20, 20);
+  for (int c = 0; c < 2; ++c) {
+    for (int k = 0; k < 6; ++k) {
+      Rig other = rig;
+      other.joint_covariance.reset();
+      other.cameras[c].cam_from_world = Perturb(Vector6d(kStep * Vector6d::Unit(k)), rig.cameras[c].cam_from_world);
+      const Rigid3 a = InWorld(other, turn, kScale).cameras[c].cam_from_world, b = moved.cameras[c].cam_from_world;
+      by_given.block<3, 1>(10 * c + 4, 10 * c + 4 + k) = RotationLog(a.rotation * b.rotation.conjugate()) / kStep;
+      by_given.block<3, 1>(10 * c + 7, 10 * c + 4 + k) = (a.translation - b.translation) / kStep;
+    }
+  }
+  const Eigen::MatrixXd expected = by_given * *rig.joint_covariance * by_given.transpose();
+  ASSERT_TRUE(HasJointCovariance(moved));
+  EXPECT_LT((*moved.joint_covariance - expected).norm(), 1e-5 * expected.norm());
+  EXPECT_THROW(InWorld(rig, turn, 0), ContractViolation);
 }
 
 TEST(JointCovariance, BeyondTheLimitIsLeftOutWithANote) {

@@ -1,0 +1,194 @@
+#include <algorithm>
+#include <optional>
+
+#include "app/calib/calibration_use.h"
+#include "app/input/calib_read.h"
+#include "app/input/corner_input.h"
+#include "app/input/session_input.h"
+#include "app/people/feet_floor.h"
+#include "app/people/human_shape.h"
+#include "calib/points/align_rig.h"
+#include "cli/calib/calib.h"
+#include "cli/program/input_flags.h"
+#include "cli/program/options.h"
+#include "cli/program/output_guard.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "core/units.h"
+#include "geometry/rig/rig_covariance.h"
+#include "geometry/rig/rig_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using calib::RigAlignment;
+using nlohmann::ordered_json;
+
+struct Arguments {
+  std::string calibration, floor_joints, out;
+  int64_t floor_board = -1;
+  std::vector<std::string> points;
+  bool scale = false;
+  app::CalibReadOptions read;
+  app::SessionArguments session;
+  app::CornerArguments corners;
+  calib::PointResectionOptions clicks;
+};
+
+void CheckArguments(const Arguments& a) {
+  const int ways = (a.floor_board >= 0) + !a.floor_joints.empty() + !a.points.empty();
+  if (ways != 1) throw UsageError("give one of --floor-board, --floor-joints and --points: what the new world is");
+  if (a.scale && a.points.empty()) throw UsageError("--scale belongs to --points: neither a board nor feet change the scale");
+  const bool footage = !a.session.session.empty() || !a.corners.cameras.empty() || !a.corners.corners.empty();
+  if (a.floor_board >= 0 && !footage)
+    throw UsageError("--floor-board needs the board's corners: --session, --camera with --board, or --corners");
+}
+
+RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandContext& context, CommandResult* result) {
+  app::FillCorners(arguments.session, &arguments.corners, result);
+  const app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, result);
+  return AlignToBoard(rig, corners.input, arguments.floor_board);
+}
+
+RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {
+  const dataset::Pose3d pose = dataset::ReadPose3d(folder);
+  result->inputs.push_back(folder);
+  if (pose.world != app::WorldText(rig)) {
+    result->warnings.push_back(
+        {"CAL-ALIGN", folder + " states another world (" + pose.world + ") than the calibration (" + app::WorldText(rig) + ")",
+         "make sure that it was triangulated with this calibration"});
+  }
+  const app::FeetFloor floor = app::FloorUnderFeet(pose);
+  RigAlignment out;
+  out.status = floor.status, out.message = floor.message;
+  out.num_points = floor.num_places, out.num_used = floor.num_used, out.rms_m = floor.rms_m;
+  ordered_json& json = result->metrics["floor"];
+  json["tilt_sigma_deg"] = FiniteOrNull(RadToDeg(floor.tilt_sigma_rad));
+  json["turned_deg"] = FiniteOrNull(RadToDeg(floor.turned_rad));
+  json["level"] = floor.level;
+  json["joint_height_mm"] = ordered_json::object();
+  for (const auto& [joint, height_m] : floor.joint_height_m) json["joint_height_mm"][joint] = FiniteOrNull(1e3 * height_m);
+  if (out.status != Status::kOk) return out;
+  out.new_from_old = floor.floor_from_world;
+  out.rig = geometry::InWorld(rig, floor.floor_from_world);
+  out.rig.gauge = calib::GaugeAfter("floor under people's feet", rig.gauge);
+  result->text += Format("z turned by %.2f degrees, tilt known to %.2f degrees; z = 0: %s\n", RadToDeg(floor.turned_rad),
+                         RadToDeg(floor.tilt_sigma_rad), floor.level.c_str());
+  constexpr double kMostTiltDeg = 1;
+  if (RadToDeg(floor.tilt_sigma_rad) > kMostTiltDeg) {
+    result->warnings.push_back({"CAL-FLOOR",
+                                Format("the floor's tilt is known to %.1f degrees only", RadToDeg(floor.tilt_sigma_rad)),
+                                "let people walk about more, in more than one direction"});
+  }
+  return out;
+}
+
+RigAlignment ByPoints(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
+  result->inputs.insert(result->inputs.end(), arguments.points.begin(), arguments.points.end());
+  if (arguments.points.size() == 1 && calib::HasPlacePairs(arguments.points[0]))
+    return AlignToPlaces(rig, calib::ReadPlacePairs(arguments.points[0]), arguments.scale);
+  return AlignToClicks(rig, calib::ReadScenePoints(arguments.points), arguments.scale, arguments.clicks);
+}
+
+void AddMotion(const RigAlignment& found, ordered_json* metrics) {
+  ordered_json& m = *metrics;
+  const Eigen::Quaterniond& q = found.new_from_old.rotation;
+  const Eigen::Vector3d& t = found.new_from_old.translation;
+  m["new_from_old"] = {{"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}}, {"translation", {t.x(), t.y(), t.z()}}};
+  m["scale"] = found.scale;
+}
+
+void Describe(const RigAlignment& found, CommandResult* result) {
+  ordered_json& m = result->metrics;
+  m["status"] = std::string(ToString(found.status));
+  m["num_points"] = found.num_points, m["num_used"] = found.num_used;
+  m["rms_px"] = FiniteOrNull(found.rms_px), m["rms_mm"] = FiniteOrNull(1e3 * found.rms_m);
+  for (const std::string& point : found.gross)
+    result->warnings.push_back({"CAL-CLICK", point + " off", "mark it again, or check its coordinates"});
+  if (found.status != Status::kOk) return;
+  AddMotion(found, &m);
+  m["gauge"] = found.rig.gauge;
+  const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : Format("%.2f mm", 1e3 * found.rms_m);
+  result->text += Format("%d of %d points, rms %s", found.num_used, found.num_points, rms.c_str());
+  if (found.scale != 1) result->text += Format(", scale %.6f", found.scale);
+  result->text += "\n";
+}
+
+/// Where the cameras are beside the floor.
+void DescribeHeights(const geometry::Rig& rig, bool has_floor, CommandResult* result) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  size_t below = 0;
+  ordered_json& heights = result->metrics["camera_height_m"] = ordered_json::object();
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const double z = camera.CenterInWorld().z();
+    heights[camera.camera.name] = FiniteOrNull(z);
+    lowest = std::min(lowest, z), highest = std::max(highest, z), below += z < 0;
+  }
+  result->text += Format("cameras between z = %.2f and %.2f m; world fixed by: %s\n", lowest, highest, rig.gauge.c_str());
+  if (!has_floor || below == 0) return;
+  result->warnings.push_back({"CAL-FLOOR", Format("%zu of %zu cameras are below the floor", below, rig.cameras.size()),
+                              "check the frame of the board, or whether the people's joints are those of this calibration"});
+}
+
+CommandResult Align(const Arguments& arguments, CommandContext& context) {
+  CheckArguments(arguments);
+  CommandResult result;
+  const OutputFiles place({arguments.out},
+                          Joined({arguments.calibration}, Joined(arguments.points, PathsIn(arguments.corners.cameras))));
+  const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
+  app::AddNotes(given.notes, &result);
+  result.inputs.push_back(arguments.calibration);
+  const RigAlignment found = arguments.floor_board >= 0        ? ByBoard(given.rig, arguments, context, &result)
+                             : !arguments.floor_joints.empty() ? ByFeet(given.rig, arguments.floor_joints, &result)
+                                                               : ByPoints(given.rig, arguments, &result);
+  Describe(found, &result);
+  if (found.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"CAL-UNSOLVED", found.message, "see metrics.status"});
+    result.text += found.message + "\n";
+    return result;
+  }
+  constexpr double kMostPx = 1;
+  if (found.rms_px > kMostPx && arguments.floor_board >= 0) {
+    result.warnings.push_back({"CAL-ALIGN", Format("the board lies %.2f px (rms) off the rig's projections", found.rms_px),
+                               "check the board's squares, and with mvstudio calib eval whether a camera has moved"});
+  }
+  DescribeHeights(found.rig, arguments.points.empty(), &result);
+  geometry::WriteRig(found.rig, arguments.out);
+  result.outputs.push_back({arguments.out, "calibration"});
+  app::WarnOfCovariance(found.rig, &result, found.unknown);
+  return result;
+}
+
+}  // namespace
+
+void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* sub = calib.add_subcommand(
+      "align", "Move a calibrated rig to another world: a board on the floor, the floor under people's feet, or known points");
+  AddOption(sub, "CALIB", arguments->calibration, "calibration to move")->required();
+  AddOption(sub, "--floor-board", arguments->floor_board,
+            "frame in which the board lies on the floor: z up, x along its columns, origin at its first corner")
+      ->check(CLI::NonNegativeNumber);
+  AddOption(sub, "--floor-joints", arguments->floor_joints,
+            "folder of triangulate: the floor is the plane on which people's feet stand");
+  AddOption(sub, "--points", arguments->points,
+            "CSV point,x,y,z,x_old,y_old,z_old (metres): points in both worlds; or as --scene-points of calibrate: point,x,y,z "
+            "and camera,point,x_px,y_px, in one file or two")
+      ->take_all();
+  AddFlag(sub, "--scale", arguments->scale, "--points: also change the rig's scale");
+  AddOption(sub, "--out", arguments->out, "file to write")->required();
+  AddSessionArguments(sub, arguments->session, "board and footage", "a board");
+  AddCornerArguments(sub, arguments->corners);
+  AddOption(sub, "--click-sigma-px", arguments->clicks.click_sigma_px,
+            "px; expected standard deviation of a marked point, per coordinate")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
+      ->capture_default_str()
+      ->type_name("FORMAT")
+      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+  registry.Add(sub, "calib align", [arguments](CommandContext& context) { return Align(*arguments, context); });
+}
+
+}  // namespace mvstudio::cli
