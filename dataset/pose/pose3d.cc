@@ -197,8 +197,6 @@ bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int
 bool WritePose3d(const Pose3d& pose, const std::string& folder) {
   bool written = false;
   return WritePose3d(
-      pose.skeleton,
-  WritePose3d(
       pose,
       [&](std::vector<JointRow>* rows) {
         if (written) return false;
@@ -208,9 +206,7 @@ bool WritePose3d(const Pose3d& pose, const std::string& folder) {
       folder);
 }
 
-bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder, const std::string& covariance_note, const std::string& world) {
-void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder) {
+bool WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder) {
   AtomicFile points(InFolder(folder, "points.csv")), covariance(InFolder(folder, "covariance.csv")),
       json(InFolder(folder, "pose3d.json"));
   WriteFile(points.temporary(), std::string(kPointsHeader) + '\n');
@@ -224,12 +220,6 @@ void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointR
   }
   if (!any && std::filesystem::exists(points.path())) return false;
   nlohmann::ordered_json header = {
-      {"schema", kSchema}, {"skeleton", skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
-      {"unit", "m"},       {"world", world}};
-  if (!covariance_note.empty()) header["covariance_note"] = covariance_note;
-  WriteFile(head.temporary(), header.dump(1) + "\n");
-  CommitTogether({&points, &covariance, &head});
-  return true;
       {"schema", kSchema}, {"skeleton", head.skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", head.world}};
   if (!head.covariance_note.empty()) header["covariance_note"] = head.covariance_note;
@@ -238,6 +228,7 @@ void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointR
   }
   WriteFile(json.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &json});
+  return true;
 }
 
 std::vector<JointRow> ReadPointsCsv(const std::string& path) {

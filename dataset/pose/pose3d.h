@@ -40,15 +40,9 @@ struct Pose3d {
 /// are empty unless status is Ok. The round trip is exact. False: nothing was written, for an older take is there and this one
 /// has no joint at all.
 bool WritePose3d(const Pose3d& pose, const std::string& folder);
-/// Same for takes larger than memory: `next` fills the rows that follow, false at the end. The files appear when all are
-/// written.
-bool WritePose3d(const std::string& skeleton, const std::function<bool(std::vector<JointRow>*)>& next,
-                 const std::string& folder, const std::string& covariance_note = {}, const std::string& world = kZUpWorld);
-/// are empty unless status is Ok. The round trip is exact.
-void WritePose3d(const Pose3d& pose, const std::string& folder);
 /// Same for takes larger than memory: `head` has no rows, `next` fills those that follow, false at the end. The files appear
 /// when all are written.
-void WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder);
+bool WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointRow>*)>& next, const std::string& folder);
 Pose3d ReadPose3d(const std::string& folder);
 /// The table alone, without skeleton and covariances. Throws IoError, or FormatError with the line.
 std::vector<JointRow> ReadPointsCsv(const std::string& path);
