@@ -48,7 +48,7 @@ TEST(Pickle, ReadsProtocolZero) {
 }
 
 std::string Refusal(const std::string& bytes) {
-  return testing::MessageOf<FormatError>([&] { ArraysFromPickle(bytes, "a.pkl"); });
+  return mvstudio::testing::MessageOf<FormatError>([&] { ArraysFromPickle(bytes, "a.pkl"); });
 }
 
 TEST(Pickle, RefusesFunctionsByName) {
