@@ -180,10 +180,10 @@ ordered_json ProposalJson(const calib::BoardProposal& proposal) {
 CommandResult RunPropose(const calib::ProposeOptions& options) {
   CommandResult result;
   result.metrics["boards"] = ordered_json::array();
-  result.text = Format("%-28s %-13s distance m\n", "board", "print mm");
+  result.text = Format("%-34s %-13s distance m\n", "board", "print mm");
   for (const calib::BoardProposal& proposal : calib::ProposeBoards(options)) {
     result.metrics["boards"].push_back(ProposalJson(proposal));
-    result.text += Format("%-28s %3.0f x %-7.0f %.2f to %.2f\n", calib::ToString(proposal.board).c_str(),
+    result.text += Format("%-34s %3.0f x %-7.0f %.2f to %.2f\n", calib::ToString(proposal.board).c_str(),
                           1e3 * proposal.width_m, 1e3 * proposal.height_m, proposal.near_m, proposal.far_m);
   }
   result.text += Format(

@@ -17,8 +17,8 @@
 namespace mvstudio::body {
 namespace {
 
-using testing::MessageOf;
-using testing::TempDir;
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
 using Members = std::vector<std::pair<std::string, std::string>>;
 
 TexturedPerson Dancer(int num_frames) {

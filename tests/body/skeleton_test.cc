@@ -192,7 +192,7 @@ TEST(Skeleton, PointsWhereTheNameIsUnknown) {
 TEST(Skeleton, OpenPose137FitsRealKeyPoints) {
   MVS_NEEDS_DATA("tna_keypoints");
   const Skeleton& skeleton = SkeletonByName("openpose137");
-  std::ifstream file(testing::DataRoot() + "/tna_keypoints/person_1/100000.json");
+  std::ifstream file(mvstudio::testing::DataRoot() + "/tna_keypoints/person_1/100000.json");
   std::string text((std::istreambuf_iterator<char>(file)), {});
   for (char& c : text) {
     if (!std::isdigit(static_cast<unsigned char>(c)) && c != '.' && c != '-' && c != 'e') c = ' ';

@@ -90,7 +90,7 @@ TEST(SkeletonText, AMouseKeepsWhatItsFileSays) {
   EXPECT_EQ(mouse.lengths[tail].max_m, 0.22);
   EXPECT_THAT(BoneColours(mouse)[tail], ElementsAre(255, 136, 0));
   const std::vector<int> parents = HierarchyOf(mouse);
-  for (size_t j = 0; j < parents.size(); ++j) EXPECT_EQ(parents[j], testing::Mouse()[j].parent) << mouse.joints[j];
+  for (size_t j = 0; j < parents.size(); ++j) EXPECT_EQ(parents[j], mvstudio::testing::Mouse()[j].parent) << mouse.joints[j];
 }
 
 TEST(SkeletonText, HierarchyReachesJointsWithoutBones) {
@@ -134,7 +134,7 @@ TEST(SkeletonText, HostileFilesAreRefusedByFileAndKey) {
 }
 
 TEST(SkeletonText, FilesOfAnySizeAreRefusedInTime) {
-  const testing::TempDir folder;
+  const mvstudio::testing::TempDir folder;
   const auto write = [&](int joints) {
     std::string text = "name = \"many\"\njoints = [";
     for (int j = 0; j < joints; ++j) text += "\"j" + std::to_string(j) + "\",";
@@ -154,7 +154,7 @@ TEST(SkeletonText, FilesOfAnySizeAreRefusedInTime) {
 }
 
 TEST(SkeletonText, AFileMayNotTakeAKnownName) {
-  const testing::TempDir folder;
+  const mvstudio::testing::TempDir folder;
   std::ofstream(folder / "mouse.toml") << MouseToml();
   EXPECT_EQ(SkeletonFrom(folder / "mouse.toml").name, "mouse");
   std::ofstream(folder / "own.toml") << "name = \"coco17\"\njoints = [\"a\"]\n";

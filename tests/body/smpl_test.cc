@@ -118,7 +118,7 @@ TEST(Smpl, IsATemplateLikeOthers) {
 }
 
 TEST(Smpl, OtherFilesAreRefused) {
-  const testing::TempDir folder;
+  const mvstudio::testing::TempDir folder;
   for (const char* name : {"a.npz", "a.pkl", "a.txt"}) {
     const std::string path = folder / name;
     WriteFileAtomic(path, "no body");
@@ -141,7 +141,7 @@ void ExpectSameBody(const BodyTemplate& a, const BodyTemplate& b) {
 }
 
 TEST(Smpl, PicklesAndTheirCopiesAreOneBody) {
-  const testing::TempDir folder;
+  const mvstudio::testing::TempDir folder;
   for (const bool whole : {true, false}) {
     Arrays arrays = Model();
     if (!whole) arrays.erase("shapedirs"), arrays.erase("posedirs");
@@ -178,7 +178,7 @@ TEST(Smpl, NamesTheArrayThatDoesNotFit) {
   const auto refusal = [](const std::string& name, const auto& change) {
     Arrays arrays = Model();
     change(&arrays.at(name));
-    return testing::MessageOf<FormatError>([&] { SmplFromArrays(arrays, "model.npz"); });
+    return mvstudio::testing::MessageOf<FormatError>([&] { SmplFromArrays(arrays, "model.npz"); });
   };
   const auto expect = [&](const std::string& name, const auto& change) {
     EXPECT_NE(refusal(name, change).find("model.npz: " + name), std::string::npos) << refusal(name, change);
