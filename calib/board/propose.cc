@@ -62,8 +62,8 @@ BoardProposal ProposalOf(const Board& board, const ProposeOptions& options) {
 }  // namespace
 
 double LeastSquarePx(Board::Kind kind) {
-  if (kind == Board::Kind::kChessboard) return 12;
-  return kind == Board::Kind::kCharuco ? 24 : 18;
+  if (kind == Board::Kind::kChessboard) return 16;
+  return kind == Board::Kind::kCharuco ? 22 : 44;
 }
 
 std::optional<Board> LargestOn(const Board& board, Paper paper) {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
+#include <fstream>
 
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
@@ -81,7 +81,7 @@ TEST(ReplaceScope, FoldersAsAWholeAreKeptToo) {
 
 TEST(ReplaceScope, FilesOfOthersAreKeptWhateverIsAsked) {
   const TempDir folder;
-  WriteFile(folder / "notes.json", "mine");
+  std::ofstream(folder / "notes.json") << "mine";
   const ReplaceScope replace(true);
   EXPECT_THROW(WriteFileAtomic(folder / "notes.json", "2"), UsageError);
   EXPECT_EQ(ReadFile(folder / "notes.json"), "mine");
