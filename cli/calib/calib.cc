@@ -13,6 +13,7 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   RegisterCalibCompare(*calib, registry);
   RegisterCalibEval(*calib, registry);
   RegisterCalibRefine(*calib, registry);
+  RegisterCalibClick(*calib, registry);
 }
 
 }  // namespace mvstudio::cli

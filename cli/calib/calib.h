@@ -10,5 +10,6 @@ void RegisterCalibShow(CLI::App& calib, Registry& registry);
 void RegisterCalibCompare(CLI::App& calib, Registry& registry);
 void RegisterCalibEval(CLI::App& calib, Registry& registry);
 void RegisterCalibRefine(CLI::App& calib, Registry& registry);
+void RegisterCalibClick(CLI::App& calib, Registry& registry);
 
 }  // namespace mvstudio::cli
