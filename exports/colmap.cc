@@ -14,28 +14,60 @@ std::array<uint8_t, 3> PersonColour(int index) {
   return kColours[static_cast<size_t>(index) % 4];
 }
 
-/// The joints, seen by every camera in whose picture they lie. The error is that of the numbers as they are written.
-std::vector<calib::ColmapModelPoint> JointPoints(const Take& take, int frame, const std::vector<size_t>& views) {
-  std::vector<geometry::Projector> projectors;
-  for (const size_t i : views) projectors.emplace_back(take.views[i].camera.camera);
-  std::vector<calib::ColmapModelPoint> points;
+/// The joints, a colour per person, seen by every camera in whose image they lie.
+std::vector<StartPoint> JointPoints(const Take& take, const std::vector<geometry::Projector>& projectors, int frame) {
+  std::vector<StartPoint> points;
   int person = 0;
   for (const auto& [id, pose] : take.At(frame)) {
     for (int j = 0; j < 19; ++j) {
       if (!pose.valid[j]) continue;
-      calib::ColmapModelPoint point;
-      point.x_in_world = pose.x_in_world.col(j);
-      point.rgb = PersonColour(person);
-      for (size_t c = 0; c < views.size(); ++c) {
-        const geometry::RigCamera& camera = take.views[views[c]].camera;
-        const geometry::Projection seen = projectors[c].Project(camera.cam_from_world * point.x_in_world);
-        if (seen.status == Status::kOk && InImage(camera.camera, seen.px)) point.track.push_back({c, seen.px});
-      }
-      if (point.track.size() >= 2) points.push_back(std::move(point));
+      const Eigen::Vector3d x = pose.x_in_world.col(j);
+      StartPoint point{{x, PersonColour(person)}, ViewsAround(take, projectors, x)};
+      if (point.seen_by.size() >= 2) points.push_back(std::move(point));
     }
     ++person;
   }
   return points;
+}
+
+/// With a track through the images that see each point. Its error is 0: the features are its projections.
+std::vector<calib::ColmapModelPoint> ModelPoints(const Job& job, int frame, const std::vector<size_t>& views) {
+  const std::vector<geometry::Projector> projectors = ProjectorsOf(job.take);
+  std::vector<StartPoint> start = StartPoints(job, frame);
+  if (start.empty()) {
+    start = JointPoints(job.take, projectors, frame);
+    job.report->points += static_cast<int>(start.size());
+  }
+  std::vector<size_t> place_of(views.size());
+  for (size_t c = 0; c < views.size(); ++c) place_of[views[c]] = c;
+  std::vector<calib::ColmapModelPoint> points;
+  for (const StartPoint& from : start) {
+    calib::ColmapModelPoint point{from.x_in_world, from.rgb, 0, {}};
+    for (const size_t i : from.seen_by) {
+      const Eigen::Vector3d x_in_cam = job.take.views[i].camera.cam_from_world * from.x_in_world;
+      point.track.push_back({place_of[i], projectors[i].Project(x_in_cam).px});
+    }
+    points.push_back(std::move(point));
+  }
+  return points;
+}
+
+/// Gaussian splatting's loader makes points3D.ply of points3D.bin where it is missing; a file of the export's own stays
+/// known to `overwrite`.
+void WritePlyBeside(const Job& job, const std::vector<calib::ColmapModelPoint>& points, const std::string& model) {
+  std::vector<ColouredPoint> coloured;
+  for (const calib::ColmapModelPoint& point : points) coloured.push_back({point.x_in_world, point.rgb});
+  job.Write(model + "/points3D.ply", PlyBinary(coloured));
+}
+
+void NoteLenses(const Job& job) {
+  size_t distorted = 0;
+  for (const View& view : job.take.views) distorted += !Carries(LensNeed::kPinhole, view.camera.camera);
+  if (distorted == 0) return;
+  job.report->notes.push_back(
+      {"EXP-LENS",
+       std::to_string(distorted) + " cameras keep their distortion, which COLMAP reads and Gaussian splatting's loader refuses",
+       "for Gaussian splatting resample the images: option 'undistort' always"});
 }
 
 /// By name: `colmap feature_extractor` numbers the images so, and `point_triangulator` goes by the numbers.
@@ -55,12 +87,13 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
     images.push_back(image);
     job.pictures.AddMask(i, frame, prefix + "masks/" + image + ".png");
   }
-  const auto points = JointPoints(job.take, frame, views);
+  const auto points = ModelPoints(job, frame, views);
   const std::string model = prefix + "sparse/0";
   calib::WriteColmapModel(RigOf(job.take, views), images, points, job.folder + "/" + model);
   for (const char* name : {"cameras", "images", "points3D"}) {
     for (const char* extension : {".bin", ".txt"}) job.report->files.push_back(model + "/" + name + extension);
   }
+  WritePlyBeside(job, points, model);
   if (!job.take.split) return;
   std::string test;
   for (size_t i = 0; i < views.size(); ++i) {
@@ -72,6 +105,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
 }  // namespace
 
 void WriteColmap(const Job& job) {
+  NoteLenses(job);
   for (const int frame : job.take.frames) {
     WriteInstant(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
   }

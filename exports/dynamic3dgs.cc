@@ -44,7 +44,7 @@ Json Meta(const Take& take, const std::vector<size_t>& views, const std::map<std
 std::string InitialPoints(const Job& job) {
   std::vector<double> rows;
   for (const int frame : job.take.frames) {
-    for (const ColouredPoint& point : StartPoints(job, frame)) {
+    for (const StartPoint& point : StartPoints(job, frame)) {
       for (int k = 0; k < 3; ++k) rows.push_back(point.x_in_world[k]);
       for (const uint8_t channel : point.rgb) rows.push_back(channel / 255.0);
       rows.push_back(1);  // foreground

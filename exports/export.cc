@@ -29,8 +29,8 @@ struct Writer {
 const std::vector<Writer>& Writers() {
   constexpr bool kInstant = true, kOneSize = true, kPictures = true, kRigOnly = true;
   static const std::vector<Writer> writers = {
-      {{"colmap", "COLMAP: sparse model with the joints as points, images, masks", LensNeed::kBrown5, kInstant, !kOneSize,
-        kPictures, !kRigOnly},
+      {{"colmap", "COLMAP and Gaussian splatting: sparse model with surface points, images, masks", LensNeed::kBrown5, kInstant,
+        !kOneSize, kPictures, !kRigOnly},
        WriteColmap},
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly},
@@ -98,8 +98,8 @@ std::string ManifestText(const Take& take, const ExportReport& report) {
   Json json = {{"schema", "mvstudio.export/1"}, {"format", report.format},
                {"sequence", take.sequence},     {"frame_rate_hz", take.frame_rate_hz},
                {"frames", take.frames},         {"pictures", report.pictures},
-               {"masks", report.masks},         {"cameras", Json::array()},
-               {"files", report.files}};
+               {"masks", report.masks},         {"points", report.points},
+               {"cameras", Json::array()},      {"files", report.files}};
   for (const View& view : take.views) json["cameras"].push_back(CameraJson(view));
   json["notes"] = Json::array();
   for (const ExportNote& note : report.notes) json["notes"].push_back({{"code", note.code}, {"text", note.text}});

@@ -91,6 +91,7 @@ struct ExportReport {
   std::vector<int> frames;
   int people = 0;  ///< different ids
   int pictures = 0, masks = 0;
+  int points = 0;  ///< 3D points to start a reconstruction from, of all frames
   int missing_pictures = 0, missing_masks = 0;
   dataset::MissingPictures missing;                     ///< the same by camera of the dataset
   int linked = 0;                                       ///< of the pictures and masks, those that use no disk space

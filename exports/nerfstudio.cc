@@ -53,9 +53,9 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
     frames.push_back(FrameJson(view, picture, has_mask ? mask : ""));
     parts[view.info.part].push_back(picture);
   }
-  const std::vector<ColouredPoint> points = StartPoints(job, frame);
+  const std::vector<StartPoint> points = StartPoints(job, frame);
   if (!points.empty()) {
-    job.Write(prefix + "points3d.ply", PlyBinary(points));
+    job.Write(prefix + "points3d.ply", PlyBinary({points.begin(), points.end()}));
     json["ply_file_path"] = "points3d.ply";
   }
   if (job.take.split) {

@@ -7,36 +7,49 @@
 #include "body/skeleton.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/statistics.h"
 #include "dataset/colour/colour_match.h"
 
 namespace mvstudio::exports {
 namespace {
 
-/// Every centimetre along the bones; grey.
-std::vector<ColouredPoint> BonePoints(const People& people) {
+/// The joints, and every centimetre between them along the bones.
+std::vector<Eigen::Vector3d> AlongBones(const dataset::Coco19Pose& pose) {
   constexpr double kStepM = 0.01;
-  std::vector<ColouredPoint> points;
+  std::vector<Eigen::Vector3d> points;
+  for (int j = 0; j < 19; ++j) {
+    if (pose.valid[j]) points.emplace_back(pose.x_in_world.col(j));
+  }
+  for (const auto& [a, b] : body::Coco19().bones) {
+    if (!pose.valid[a] || !pose.valid[b]) continue;
+    const Eigen::Vector3d from = pose.x_in_world.col(a), to = pose.x_in_world.col(b);
+    const int steps = std::clamp(static_cast<int>((to - from).norm() / kStepM), 1, 200);
+    for (int k = 1; k < steps; ++k) points.emplace_back(from + (to - from) * (static_cast<double>(k) / steps));
+  }
+  return points;
+}
+
+std::vector<StartPoint> BonePoints(const Take& take, const People& people) {
+  const std::vector<geometry::Projector> projectors = ProjectorsOf(take);
+  std::vector<StartPoint> points;
   for (const auto& [id, pose] : people) {
-    for (const auto& [a, b] : body::Coco19().bones) {
-      if (!pose.valid[a] || !pose.valid[b]) continue;
-      const Eigen::Vector3d from = pose.x_in_world.col(a), to = pose.x_in_world.col(b);
-      const int steps = std::clamp(static_cast<int>((to - from).norm() / kStepM), 1, 200);
-      for (int k = 0; k <= steps; ++k) {
-        points.push_back({from + (to - from) * (static_cast<double>(k) / steps), {128, 128, 128}});
-      }
+    for (const Eigen::Vector3d& x : AlongBones(pose)) {
+      StartPoint point{{x, {128, 128, 128}}, ViewsAround(take, projectors, x)};
+      if (point.seen_by.size() >= 2) points.push_back(std::move(point));
     }
   }
   return points;
 }
 
-ColouredPoint Coloured(const dataset::ColourPoint& point) {
-  Eigen::Array3d sum = Eigen::Array3d::Zero();
-  for (const auto& view : point.views) sum += view.srgb;
-  ColouredPoint coloured;
+StartPoint Coloured(const dataset::ColourPoint& point) {
+  StartPoint coloured;
   coloured.x_in_world = point.x_in_world;
+  for (const auto& view : point.views) coloured.seen_by.push_back(static_cast<size_t>(view.camera_idx));
   for (int k = 0; k < 3; ++k) {
-    const double mean = sum[k] / static_cast<double>(std::max<size_t>(point.views.size(), 1));
-    coloured.rgb[static_cast<size_t>(k)] = static_cast<uint8_t>(std::lround(255 * std::clamp(mean, 0.0, 1.0)));
+    std::vector<double> values;
+    for (const auto& view : point.views) values.push_back(view.as_seen[k]);
+    const double median = std::clamp(LinearQuantile(std::move(values), 0.5), 0.0, 1.0);
+    coloured.rgb[static_cast<size_t>(k)] = static_cast<uint8_t>(std::lround(255 * median));
   }
   return coloured;
 }
@@ -73,7 +86,24 @@ std::vector<double> RowsOf(const geometry::Rigid3& b_from_a) {
   return std::vector<double>(matrix.data(), matrix.data() + 16);
 }
 
-std::vector<ColouredPoint> StartPoints(const Job& job, int frame) {
+std::vector<geometry::Projector> ProjectorsOf(const Take& take) {
+  std::vector<geometry::Projector> projectors;
+  for (const View& view : take.views) projectors.emplace_back(view.camera.camera);
+  return projectors;
+}
+
+std::vector<size_t> ViewsAround(const Take& take, const std::vector<geometry::Projector>& projectors,
+                                const Eigen::Vector3d& x_in_world) {
+  std::vector<size_t> views;
+  for (size_t i = 0; i < take.views.size(); ++i) {
+    const geometry::RigCamera& camera = take.views[i].camera;
+    const geometry::Projection seen = projectors[i].Project(camera.cam_from_world * x_in_world);
+    if (seen.status == Status::kOk && geometry::InImage(camera.camera, seen.px)) views.push_back(i);
+  }
+  return views;
+}
+
+std::vector<StartPoint> StartPoints(const Job& job, int frame) {
   const People& people = job.take.At(frame);
   if (people.empty() || job.options.hull_points <= 0) return {};
   dataset::ColourMatchOptions options;
@@ -84,9 +114,11 @@ std::vector<ColouredPoint> StartPoints(const Job& job, int frame) {
   const auto mask = [&](int camera, int f) { return job.pictures.LoadMask(static_cast<size_t>(camera), f); };
   const auto samples = dataset::SampleSurfaceColours(RigOf(job.take, AllViews(job.take)), {{frame, people}}, picture, mask,
                                                      options, {nullptr, job.run.num_threads, job.run.seed});
-  std::vector<ColouredPoint> points;
+  std::vector<StartPoint> points;
   for (const dataset::ColourPoint& point : samples) points.push_back(Coloured(point));
-  return points.empty() ? BonePoints(people) : points;
+  if (points.empty()) points = BonePoints(job.take, people);
+  job.report->points += static_cast<int>(points.size());
+  return points;
 }
 
 void RequirePeople(const Job& job) {

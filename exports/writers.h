@@ -47,9 +47,18 @@ std::vector<double> MatrixOf(const geometry::Camera& camera, double shift_px = 0
 /// [R t; 0 1], row by row.
 std::vector<double> RowsOf(const geometry::Rigid3& b_from_a);
 
-/// Initial points for a reconstruction of this frame: the surface of the silhouettes' hull with the cameras' colours, or
-/// points along the bones without masks. Empty when nobody is present.
-std::vector<ColouredPoint> StartPoints(const Job& job, int frame);
+struct StartPoint : ColouredPoint {
+  std::vector<size_t> seen_by;  ///< indices into the take's views, ascending: two or more
+};
+/// Initial points for a reconstruction of this frame: the surface of the silhouettes' hull, in the median colour of the
+/// cameras that see it. Where there are no masks: joints and points along the bones, grey, of all images that they lie in.
+/// Empty when nobody is present or options.hull_points is 0. Counted in the report.
+std::vector<StartPoint> StartPoints(const Job& job, int frame);
+/// Of the exported cameras, in the order of the views.
+std::vector<geometry::Projector> ProjectorsOf(const Take& take);
+/// The views in whose images the point lies, ascending.
+std::vector<size_t> ViewsAround(const Take& take, const std::vector<geometry::Projector>& projectors,
+                                const Eigen::Vector3d& x_in_world);
 
 /// Throws FormatError when the frames contain no joint of anybody.
 void RequirePeople(const Job& job);

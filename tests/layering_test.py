@@ -115,6 +115,7 @@ MAY_INCLUDE |= {
     "app": {"core"},
     "app/input": WITHOUT_TORCH | {"app"},
     "app/calib": WITHOUT_TORCH | {"app", "app/input"},
+    "app/click": WITHOUT_TORCH | {"app"},
     "app/dataset": WITHOUT_TORCH | {"app"},
     "app/people": WITHOUT_TORCH | {"app", "app/input"},
     "app/study": WITHOUT_TORCH | {"app"},

@@ -1,6 +1,7 @@
 #include "app/input/corner_input.h"
 
 #include "app/input/board_footage.h"
+#include "app/input/board_pairing.h"
 #include "core/error.h"
 
 namespace mvstudio::app {
@@ -10,6 +11,7 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
   std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
+  if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
   for (const calib::Board& board : boards) {
     if (calib::HasUniqueNumbering(board) || footage.size() < 2) continue;
     result->warnings.push_back({"CAL-AMBIGUOUS", "the board " + calib::ToString(board) + " looks the same after half a turn",

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detect_footage.h"
 #include "core/progress.h"
+#include "dataset/time/timeline.h"
 
 namespace mvstudio::app {
 
@@ -19,6 +21,7 @@ struct CornerArguments {
   std::string corners;
   calib::FootageOptions footage;
   calib::CornerFileOptions corner_files;
+  std::shared_ptr<const dataset::Timeline> timeline;  ///< of the footage; null: equal frame numbers are one time step
 };
 
 struct CornerInput {

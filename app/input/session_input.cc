@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "app/input/take_frames.h"
+#include "app/input/take_input.h"
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
@@ -86,6 +87,7 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
   for (const dataset::SessionFootage& f : take.footage)
     corners->cameras.push_back({f.camera, dataset::ResolveInSession(session, f.path, arguments.allow_outside)});
   if (corners->cameras.empty()) throw UsageError("take " + take.name + " of " + session.folder + " has no footage");
+  if (corners->cameras.size() > 1) corners->timeline = TimelineOf(session, take, arguments.allow_outside, true, result);
 }
 
 bool RenumberByClock(const FoundTake& found, const SessionArguments& arguments, PoseInput* input) {

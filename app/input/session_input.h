@@ -30,7 +30,7 @@ std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResu
 /// Fills --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
 void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose);
 
-/// Fills --board and --camera from the take with the board.
+/// Fills --board and --camera from the take with the board, and its timeline where there is one (TimelineOf of take_input.h).
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result);
 
 /// Converts frame numbers of 2D poses, which are those of the footage without dropped frames, to ticks of each camera's

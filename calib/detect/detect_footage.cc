@@ -10,6 +10,7 @@
 #include "calib/detect/detection_cache.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
 
@@ -31,6 +32,30 @@ class SharedStage {
   std::mutex mutex_;
   ProgressStage stage_;
 };
+
+/// Empty for a frame that belongs to no time step.
+std::optional<int64_t> StepOf(const Footage& footage, int64_t frame_idx) {
+  if (footage.step_of_frame.empty()) return frame_idx;
+  const auto found = footage.step_of_frame.find(frame_idx);
+  return found == footage.step_of_frame.end() ? std::nullopt : std::optional<int64_t>(found->second);
+}
+
+/// Whether a frame is searched. Without thinning all are, so that what is cached does not depend on the time steps.
+bool IsSearched(const Footage& footage, int64_t frame_idx, int stride) {
+  if (stride == 1) return true;
+  const std::optional<int64_t> step = StepOf(footage, frame_idx);
+  return step && *step % stride == 0;
+}
+
+/// What determines the frames that are searched: the files' contents and, with thinning, the time steps.
+std::optional<std::string> DigestOf(const Footage& footage, int stride) {
+  const std::optional<std::string> digest = ContentDigest(footage.path);
+  if (!digest || stride == 1 || footage.step_of_frame.empty()) return digest;
+  const std::string text = *digest + Join(footage.step_of_frame, ";", [](const auto& row) {
+    return std::to_string(row.first) + ":" + std::to_string(row.second);
+  });
+  return Sha256Hex(text.data(), text.size());
+}
 
 int Stride(const std::vector<Footage>& footage, const FootageOptions& options) {
   if (options.every < 1) throw UsageError("option 'every' must be 1 or more");
@@ -101,7 +126,7 @@ class FrameQueue {
       auto frame = footage_->next();
       if (!frame) break;
       CheckFrame(*footage_, *frame, &seen_, &camera_);
-      if (frame->frame_idx % stride_ == 0) return Frame{num_taken_++, std::move(*frame)};
+      if (IsSearched(*footage_, frame->frame_idx, stride_)) return Frame{num_taken_++, std::move(*frame)};
     }
     done_ = true;
     return std::nullopt;
@@ -205,7 +230,7 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
   const DetectionCache cache(options.cache);
   std::vector<CameraResults> results(footage.size());
   ParallelFor(static_cast<int64_t>(footage.size()), run.num_threads, [&](int64_t c) {
-    if (cache.enabled()) results[c].digest = ContentDigest(footage[c].path);
+    if (cache.enabled()) results[c].digest = DigestOf(footage[c], stride);
     if (!results[c].digest) return;
     results[c].cached = LoadCamera(cache, boards, options.detect, stride, &results[c]);
     if (!results[c].cached) results[c].camera = CameraInput(), results[c].pictures.clear();
@@ -243,16 +268,21 @@ size_t CommonLayout(const std::vector<CameraResults>& results, size_t b, size_t 
 }
 
 /// Adds what was found of board `b` in the chosen layout.
-void Collect(const CameraResults& results, size_t b, size_t layout, const std::string& prefix, int camera_idx,
-             FootageDetections* found) {
+void Collect(const CameraResults& results, const Footage& footage, size_t b, size_t layout, const std::string& prefix,
+             int camera_idx, FootageDetections* found) {
   for (const Searched& picture : results.pictures) {
+    const std::optional<int64_t> step = StepOf(footage, picture.frame_idx);
+    if (!step) {
+      ++found->reasons["no time step"];
+      continue;
+    }
     BoardDetection result = picture.boards[b][layout];
     if (result.status != Status::kOk) {
       ++found->reasons[prefix + result.reason];
       continue;
     }
     result.detection.camera_idx = camera_idx;
-    result.detection.frame_idx = picture.frame_idx;
+    result.detection.frame_idx = *step;
     result.detection.board_idx = static_cast<int>(b);
     found->num_corners_dropped += result.num_found - result.detection.num_corners();
     found->detections.push_back(std::move(result.detection));
@@ -280,7 +310,7 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
     size_t num_seen = 0;
     for (size_t c = 0; c < footage.size(); ++c) {
       const size_t before = found[c].detections.size();
-      Collect(results[c], b, layout, prefix, static_cast<int>(c), &found[c]);
+      Collect(results[c], footage[c], b, layout, prefix, static_cast<int>(c), &found[c]);
       const bool seen = found[c].detections.size() > before;
       num_seen += seen;
       if (layout > 0 && seen) found[c].notes.push_back(LayoutNote(boards[b], layouts[layout]));

@@ -15,7 +15,7 @@
 namespace mvstudio::calib {
 
 struct FootageFrame {
-  int64_t frame_idx = 0;  ///< equal numbers are the same time step in all cameras
+  int64_t frame_idx = 0;  ///< equal numbers are the same time step in all cameras, but for Footage::step_of_frame
   std::string label;      ///< for messages: file name or "frame 12"
   Image image;
 };
@@ -27,6 +27,9 @@ struct Footage {
   std::string camera, path;
   int64_t num_frames = 0;  ///< 0 when unknown
   std::function<std::optional<FootageFrame>()> next;
+  /// Time step of each frame number, where these differ between cameras; frames without one are not used. Empty: the
+  /// numbers are the time steps. Detections then carry time steps, and `every` and `max_frames` choose among those.
+  std::map<int64_t, int64_t> step_of_frame;
 };
 
 struct FootageOptions {
@@ -41,7 +44,8 @@ void VisitFields(Visitor&& visit, FootageOptions& o) {
   visit("every", o.every, "search only frames whose number is a multiple of this");
   visit("max-frames", o.max_frames, "maximum number of frames to search per camera, evenly spread; 0: all");
   visit("cache", o.cache,
-        "where boards found before are kept: a folder, off, or auto: $MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
+        "where boards found before are kept: a folder, off, or auto: $MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or "
+        "~/.cache/mvstudio");
   VisitFields(visit, o.detect);
 }
 

@@ -25,15 +25,15 @@ class Collector {
       throw FormatError(table.path(), "header", "neither the columns camera,point,x_px,y_px nor point,x,y,z are there");
     }
     for (size_t row = 0; row < table.num_rows(); ++row) {
-      const int point = Point(table.Text(row, table.Require({"point"})), table, row);
+      const int point = Point(table.Text(row, table.Require({"point", "name"})), table, row);
       if (has_place) AddPlace(table, row, point);
       if (has_click) AddClick(table, row, point);
     }
     path_ = table.path();
   }
 
-  ScenePoints Finish() {
-    if (out_.clicks.empty())
+  ScenePoints Finish(bool needs_clicks) {
+    if (needs_clicks && out_.clicks.empty())
       throw FormatError(path_, "", "no camera sees a point: the columns camera,point,x_px,y_px are needed");
     out_.x_in_world.resize(3, static_cast<Eigen::Index>(places_.size()));
     for (size_t i = 0; i < places_.size(); ++i) out_.x_in_world.col(static_cast<Eigen::Index>(i)) = places_[i];
@@ -90,6 +90,12 @@ class Collector {
   std::string path_;
 };
 
+Collector Collect(const std::vector<std::string>& paths) {
+  Collector collector;
+  for (const std::string& path : paths) collector.Add(CsvTable(path));
+  return collector;
+}
+
 std::vector<std::string> GrossErrors(const ScenePoints& points, const std::vector<PointClick>& clicks,
                                      const PointResection& resection, const geometry::Rig& rig) {
   std::vector<std::string> gross;
@@ -116,10 +122,10 @@ void AddCameras(const geometry::Rig& group, const PointResection& resection, geo
 
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths) {
   if (paths.empty() || paths.size() > 2) throw UsageError("option 'scene-points' takes one file, or two: clicks and places");
-  Collector collector;
-  for (const std::string& path : paths) collector.Add(CsvTable(path));
-  return collector.Finish();
+  return Collect(paths).Finish(true);
 }
+
+ScenePoints ReadScenePlaces(const std::vector<std::string>& paths) { return Collect(paths).Finish(false); }
 
 SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig& intrinsics, bool rigid,
                                  const PointResectionOptions& options) {

@@ -16,20 +16,24 @@ struct ScenePoints {
   std::vector<PointClick> clicks;    ///< camera_idx into `cameras`
 };
 
-/// Reads `camera,point,x_px,y_px` and `point,x,y,z` (metres), from two files in either order or from one file with all
-/// these columns. Throws UsageError for another number of files, IoError, FormatError. The latter for a point with two
-/// positions, a camera that sees a point twice, a clicked point without a position, or no clicks.
+/// Reads `camera,point,x_px,y_px` and `point,x,y,z` (metres; `name` for `point` is the same), from two files in either order or
+/// from one file with all these columns. Throws UsageError for another number of files, IoError, FormatError. The latter for a
+/// point with two positions, a camera that sees a point twice, a clicked point without a position, or no clicks.
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths);
 
+/// Same of tables that need not hold clicks.
+ScenePoints ReadScenePlaces(const std::vector<std::string>& paths);
+
 struct SceneResectionReport {
-  geometry::Rig rig;  ///< the cameras that could be placed, with covariances (PlacedCovariance); world is the frame of the points
+  geometry::Rig
+      rig;  ///< the cameras that could be placed, with covariances (PlacedCovariance); world is the frame of the points
   struct CameraResult {
     std::string name;
     PointResection resection;
     int num_clicks = 0;
     std::vector<std::string> gross;  ///< points that disagree, with their distance: "door: 143 px"
   };
-  std::vector<CameraResult> cameras;  ///< in the order of the intrinsics; only those that see a point
+  std::vector<CameraResult> cameras;       ///< in the order of the intrinsics; only those that see a point
   std::vector<std::string> given_unknown;  ///< placed cameras whose given lens, or pose in the group, has no covariance
 };
 

@@ -14,6 +14,7 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   RegisterCalibEval(*calib, registry);
   RegisterCalibRefine(*calib, registry);
   RegisterCalibAlign(*calib, registry);
+  RegisterCalibClick(*calib, registry);
 }
 
 }  // namespace mvstudio::cli

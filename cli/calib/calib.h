@@ -11,5 +11,6 @@ void RegisterCalibCompare(CLI::App& calib, Registry& registry);
 void RegisterCalibEval(CLI::App& calib, Registry& registry);
 void RegisterCalibRefine(CLI::App& calib, Registry& registry);
 void RegisterCalibAlign(CLI::App& calib, Registry& registry);
+void RegisterCalibClick(CLI::App& calib, Registry& registry);
 
 }  // namespace mvstudio::cli

@@ -6,6 +6,7 @@
 
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
+#include "app/input/board_pairing.h"
 #include "app/input/calib_read.h"
 #include "app/input/corner_input.h"
 #include "app/input/session_input.h"
@@ -50,6 +51,13 @@ void SaveCorners(const app::CornerInput& corners, const std::string& path, Comma
   result->outputs.push_back({path, "corners"});
 }
 
+/// Where boards were paired by number, a session's videos may know better.
+std::string HintFor(const calib::Verdict::Reason& reason, const Arguments& arguments) {
+  if (reason.code != "CAL-FRAMES" || arguments.session.session.empty() || arguments.corners.timeline) return reason.hint;
+  return reason.hint + "; `mvstudio session timeline` with the board's --take reads dropped frames from time stamps, and " +
+         "calibrate then pairs by time";
+}
+
 CommandResult Unsolved(const calib::CalibrateReport& report) {
   CommandResult result;
   result.exit = kExitIllPosed;
@@ -88,6 +96,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const calib::CalibrateReport report = Calibrate(corners.input, arguments.calibrate, context.run);
   if (report.status != Status::kOk) {
     CommandResult unsolved = Unsolved(report);
+    unsolved.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
     unsolved.warnings = result.warnings;
     unsolved.outputs = result.outputs;
     return unsolved;
@@ -97,9 +106,12 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
   app::FillCalibrateMetrics(report, corners.found, &result.metrics);
+  result.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  result.text = app::CalibrateSummary(report);
-  for (const auto& reason : report.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
+  if (report.rig.cameras.size() > 1) result.text = app::PairingText(arguments.corners.timeline.get());
+  result.text += app::CalibrateSummary(report);
+  for (const auto& reason : report.verdict.reasons)
+    result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments)});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
   app::WarnOfCovariance(report.rig, &result);
   return result;

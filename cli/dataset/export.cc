@@ -36,6 +36,7 @@ ordered_json Metrics(const exports::ExportReport& report) {
                           {"people", report.people},
                           {"pictures", report.pictures},
                           {"masks", report.masks},
+                          {"points", report.points},
                           {"linked", report.linked},
                           {"missing_pictures", report.missing_pictures},
                           {"missing_masks", report.missing_masks}};
@@ -87,9 +88,9 @@ CommandResult Export(const Arguments& arguments, CommandContext& context) {
   }
   result.metrics = Metrics(report);
   for (const exports::ExportNote& note : report.notes) result.warnings.push_back({note.code, note.text, note.hint});
-  result.text =
-      arguments.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks (%s)\n", report.cameras.size(),
-                             report.frames.size(), report.people, report.pictures, report.masks, arguments.to.c_str());
+  result.text = arguments.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks, %d points (%s)\n",
+                                       report.cameras.size(), report.frames.size(), report.people, report.pictures,
+                                       report.masks, report.points, arguments.to.c_str());
   if (report.missing_pictures > 0) result.exit = kExitPartial;
   return result;
 }

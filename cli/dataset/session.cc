@@ -9,6 +9,7 @@
 #include "cli/program/options.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
+#include "core/disk/new_folders.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -24,6 +25,7 @@ using nlohmann::ordered_json;
 
 struct InitArguments {
   std::string folder, cameras, units, board, scan;
+  dataset::SessionLayout layout = dataset::SessionLayout::kAuto;
   double fps = 0;
   bool overwrite = false;
 };
@@ -94,10 +96,7 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
   const fs::path raw = fs::path(arguments.folder) / "raw";
   std::error_code error;
   if (!fs::equivalent(raw, arguments.scan, error)) {
-    const fs::file_status there = fs::symlink_status(raw);
-    if (fs::exists(there) && !(fs::is_directory(there) && fs::is_empty(raw)))
-      throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " is there already: footage, or a link to it");
-    back->raw = raw.string(), back->was_folder = fs::exists(there);
+    back->raw = raw.string(), back->was_folder = fs::exists(fs::symlink_status(raw));
     PlaceLink(fs::absolute(arguments.scan).string(), raw.string());
   }
   if (!fs::is_symlink(raw)) return;
@@ -105,15 +104,31 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
                               "commands on this session need --allow-outside; copy the footage to make it whole"});
 }
 
-void TakeScan(const InitArguments& arguments, LinkBack* back, Session* session, CommandResult* result) {
-  if (!arguments.scan.empty()) LinkRaw(arguments, back, result);
-  const dataset::ScannedSession scanned = dataset::ScanSession(arguments.folder);
+void RequireRoomForLink(const InitArguments& arguments) {
+  const fs::path raw = fs::path(arguments.folder) / "raw";
+  std::error_code error;
+  const fs::file_status there = fs::symlink_status(raw, error);
+  if (!fs::exists(there) || fs::equivalent(raw, arguments.scan, error)) return;
+  if (!fs::is_directory(there) || !fs::is_empty(raw))
+    throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " is there already: footage, or a link to it");
+}
+
+void TakeScan(const InitArguments& arguments, Session* session, CommandResult* result) {
+  if (!arguments.scan.empty() && !fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
+  if (!arguments.scan.empty()) RequireRoomForLink(arguments);
+  const std::string raw = arguments.scan.empty() ? (fs::path(arguments.folder) / "raw").string() : arguments.scan;
+  const dataset::ScannedSession scanned = dataset::ScanRaw(raw, arguments.layout);
   for (const std::string& line : scanned.skipped)
     result->warnings.push_back({"SES-SKIPPED", line, "it is not part of the session"});
+  for (const std::string& note : scanned.notes)
+    result->warnings.push_back(
+        {"SES-LAYOUT", note, "--layout says how the folders are meant; --overwrite writes the session again"});
   if (!arguments.scan.empty() && scanned.takes.empty()) {
-    throw FormatError(arguments.scan, "", "holds no footage; expected TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png in it");
+    throw FormatError(arguments.scan, "",
+                      "holds no footage; expected TAKE/CAMERA.mp4, TAKE/CAMERA/*.png or CAMERA/TAKE.mp4 in it");
   }
   session->takes = scanned.takes;
+  result->metrics["layout"] = std::string(ToString(scanned.layout));
   for (const dataset::SessionCamera& camera : scanned.cameras) {
     if (session->FindCamera(camera.name) >= 0) continue;
     if (!arguments.cameras.empty()) {
@@ -124,13 +139,7 @@ void TakeScan(const InitArguments& arguments, LinkBack* back, Session* session, 
   }
 }
 
-CommandResult RunInit(const InitArguments& arguments) {
-  const fs::path file = fs::path(arguments.folder) / "mvstudio.toml";
-  if (fs::exists(file) && !arguments.overwrite) throw UsageError(file.string() + ": exists already; --overwrite replaces it");
-  if (arguments.units != "m" && arguments.units != "cm" && arguments.units != "mm") {
-    throw UsageError("--units must be m, cm or mm: the unit of the board's squares and of all lengths in the session");
-  }
-  CommandResult result;
+Session SessionOf(const InitArguments& arguments) {
   Session session;
   session.folder = arguments.folder;
   session.units = arguments.units;
@@ -138,18 +147,39 @@ CommandResult RunInit(const InitArguments& arguments) {
   if (!session.board.empty()) calib::ParseBoard(session.board);  // refused now rather than when it is filmed
   if (arguments.fps > 0) session.fps_hz = arguments.fps;
   session.cameras = NamedCameras(arguments.cameras);
-  if (!arguments.scan.empty() && !fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
-  for (const char* name : {"sync", "calib", "pose2d", "masks", "pose3d", "dataset", "avatar"}) {
-    MakeFolder((fs::path(arguments.folder) / name).string());
-  }
-  if (arguments.scan.empty()) MakeFolder((fs::path(arguments.folder) / "raw").string());
+  return session;
+}
+
+/// Everything that `init` writes; nothing stays of it when a step fails.
+void WriteInit(const InitArguments& arguments, const Session& session, CommandResult* result) {
+  const fs::path folder = arguments.folder, file = folder / "mvstudio.toml";
+  NewFolders folders;
+  folders.Make(arguments.folder);
   LinkBack back(file.string());
-  TakeScan(arguments, &back, &session, &result);
+  if (!arguments.scan.empty()) LinkRaw(arguments, &back, result);
+  for (const char* name : {"sync", "calib", "pose2d", "masks", "pose3d", "dataset", "avatar"}) {
+    folders.Make((folder / name).string());
+  }
+  if (arguments.scan.empty()) folders.Make((folder / "raw").string());
   dataset::WriteSession(session, true);
   back.raw.clear();
   dataset::ReadSession(arguments.folder);  // what was written can be read
+  folders.Keep();
+}
+
+CommandResult RunInit(const InitArguments& arguments) {
+  const fs::path file = fs::path(arguments.folder) / "mvstudio.toml";
+  if (fs::exists(file) && !arguments.overwrite) throw UsageError(file.string() + ": exists already; --overwrite replaces it");
+  if (arguments.units != "m" && arguments.units != "cm" && arguments.units != "mm") {
+    throw UsageError("--units must be m, cm or mm: the unit of the board's squares and of all lengths in the session");
+  }
+  CommandResult result;
+  Session session = SessionOf(arguments);
+  TakeScan(arguments, &session, &result);
+  WriteInit(arguments, session, &result);
   result.outputs.push_back({file.string(), "session"});
-  result.metrics = {{"cameras", session.cameras.size()}, {"takes", session.takes.size()}};
+  result.metrics["cameras"] = session.cameras.size();
+  result.metrics["takes"] = session.takes.size();
   result.text = std::to_string(session.cameras.size()) + " cameras, " + std::to_string(session.takes.size()) + " takes\n";
   if (session.takes.empty()) {
     result.text +=
@@ -202,7 +232,10 @@ void RegisterInit(CLI::App* session, Registry& registry) {
   AddOption(sub, "--cameras", arguments->cameras, "how many (cam_01, cam_02, …), or their names with commas between them");
   AddOption(sub, "--board", arguments->board, "the calibration board, as calibrate --board takes it");
   AddOption(sub, "--scan", arguments->scan,
-            "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png; another than FOLDER/raw is linked to, not copied");
+            "folder with TAKE/CAMERA.mp4 or TAKE/CAMERA/*.png, or with CAMERA/TAKE.mp4; another than FOLDER/raw is linked to, "
+            "not copied");
+  AddChoice(sub, "--layout", arguments->layout,
+            "how the folders are read: take-first (TAKE/CAMERA.mp4), camera-first (CAMERA/TAKE.mp4), or auto: by their names");
   AddOption(sub, "--fps", arguments->fps, "Hz; frame rate of image folders")->check(CLI::PositiveNumber);
   AddFlag(sub, "--overwrite", arguments->overwrite, "replace an existing mvstudio.toml");
   registry.Add(sub, "session init", [arguments](CommandContext&) { return RunInit(*arguments); });

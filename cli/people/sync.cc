@@ -155,6 +155,53 @@ void CountDropped(const app::FoundTake& found, const Arguments& arguments, app::
                               "see mvstudio session timeline"});
 }
 
+/// Whole frames by which each camera's numbers lead the reference's, by the videos' time codes; empty unless all have one.
+std::map<std::string, int> OffsetsByTimeCodes(const app::FoundTake& found, const Arguments& arguments) {
+  dataset::TakeTimelineOptions options;
+  options.allow_outside = arguments.session.allow_outside;
+  options.time_codes = true;
+  for (const dataset::SessionFootage& f : found.take.footage) {
+    const std::string path = dataset::ResolveInSession(found.session, f.path, options.allow_outside);
+    if (!dataset::DescribeFootage(path).time_code_s) return {};
+  }
+  std::map<std::string, int> offsets;
+  try {
+    const dataset::TakeTimeline made = dataset::BuildTakeTimeline(found.session, found.take, options);
+    for (const dataset::SyncedCamera& camera : dataset::SyncFromTimeline(made.timeline).cameras) {
+      if (!camera.offset_frames) return {};
+      offsets[camera.name] = static_cast<int>(std::lround(*camera.offset_frames));
+    }
+  } catch (const UsageError&) {  // no time codes
+  }
+  return offsets;
+}
+
+/// Moves the frames so that those of one time code have one number, the earliest camera's numbers staying.
+void AlignByTimeCodes(const std::map<std::string, int>& offsets, app::PoseInput* input) {
+  int largest = 0;
+  for (const auto& [camera, offset] : offsets) largest = std::max(largest, offset);
+  for (dataset::Pose2dTrack& track : input->tracks) {
+    const auto offset = offsets.find(track.camera);
+    std::map<int, std::vector<dataset::Person2d>> frames;
+    for (auto& [frame, people] : track.frames)
+      frames[frame + largest - (offset == offsets.end() ? 0 : offset->second)] = std::move(people);
+    track.frames = std::move(frames);
+  }
+}
+
+/// The offsets of the cameras' own numbers from those of the aligned ones.
+void UndoAlignment(const std::map<std::string, int>& offsets, SyncResult* sync) {
+  const auto of = [&](const CameraSync& camera) {
+    const auto found = offsets.find(camera.name);
+    return found == offsets.end() ? 0 : found->second;
+  };
+  const int reference = of(sync->cameras[static_cast<size_t>(sync->reference_idx)]);
+  for (CameraSync& camera : sync->cameras) {
+    camera.offset_frames += of(camera) - reference;
+    camera.runner_up_frames += of(camera) - reference;
+  }
+}
+
 void Write(const dataset::SyncFile& file, const Arguments& arguments, CommandResult* result) {
   const std::string path = (std::filesystem::path(arguments.out) / "sync.json").string();
   if (KeepsOlder(path, result)) return;
@@ -168,16 +215,23 @@ CommandResult RunPoses(const Arguments& arguments, const std::optional<app::Foun
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
   app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
   if (found) CountDropped(*found, arguments, &input, &result);
+  const std::map<std::string, int> first = found ? OffsetsByTimeCodes(*found, arguments) : std::map<std::string, int>{};
+  if (!first.empty()) {
+    AlignByTimeCodes(first, &input);
+    input.frames = app::ToFrames(input.tracks, input.rig, arguments.pose.calib);
+  }
+  result.metrics["first_offsets"] = first.empty() ? "none" : "timecodes";
   const geometry::Rig filmed = Filmed(input.rig, input.tracks);
   triangulate::SyncOptions options = arguments.options;
   if (arguments.fps > 0 && !arguments.range_given) {
     options.max_offset_frames = static_cast<int>(std::lround(kRangeSeconds * arguments.fps));
   }
-  const SyncResult sync = SynchronizeCameras(triangulate::Prepare(filmed),
-                                             filmed.cameras.size() == input.rig.cameras.size()
-                                                 ? input.frames
-                                                 : app::ToFrames(input.tracks, filmed, arguments.pose.calib),
-                                             options, context.run);
+  SyncResult sync = SynchronizeCameras(triangulate::Prepare(filmed),
+                                       filmed.cameras.size() == input.rig.cameras.size()
+                                           ? input.frames
+                                           : app::ToFrames(input.tracks, filmed, arguments.pose.calib),
+                                       options, context.run);
+  UndoAlignment(first, &sync);
   AddMetrics(sync, arguments.fps, &result);
   AddErrors(sync, &result);
   Write(ToFile(sync, arguments.fps), arguments, &result);
@@ -211,17 +265,28 @@ void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* re
   if (num_ok < total) result->exit = num_ok > 1 ? kExitPartial : kExitIllPosed;
 }
 
+/// A time code counts whole frames: the difference of two has the spread of that of two uniform frames.
+void WidenToFrames(dataset::SyncFile* file) {
+  const double sigma_frames = std::sqrt(2.0 / 12);
+  for (dataset::SyncedCamera& camera : file->cameras) {
+    if (camera.name != file->reference) camera.sigma_frames = std::max(camera.sigma_frames, sigma_frames);
+  }
+}
+
 CommandResult RunTimestamps(const Arguments& arguments, const app::FoundTake& found, CommandContext& context,
                             CommandResult result) {
-  if (found.take.timestamps.empty()) {
+  const bool by_codes = arguments.from == "timecodes";
+  if (!by_codes && found.take.timestamps.empty()) {
     throw UsageError("take " + found.take.name + " names no table of time stamps: timestamps = \"FILE.csv\" in mvstudio.toml");
   }
   dataset::TakeTimelineOptions options;
   options.allow_outside = arguments.session.allow_outside;
   options.timeline.reference = arguments.options.reference;
+  options.time_codes = by_codes;
   const dataset::TakeTimeline made = dataset::BuildTakeTimeline(found.session, found.take, options, context.run);
   for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
-  const dataset::SyncFile file = dataset::SyncFromTimeline(made.timeline);
+  dataset::SyncFile file = dataset::SyncFromTimeline(made.timeline);
+  if (by_codes) WidenToFrames(&file);
   Describe(file, "see mvstudio session timeline", &result);
   Write(file, arguments, &result);
   return result;
@@ -265,8 +330,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   result.folder = arguments.out;
   if (arguments.from == "poses") return RunPoses(arguments, found, context, std::move(result));
   if (!found) throw UsageError("--from " + arguments.from + " needs --session");
-  return arguments.from == "timestamps" ? RunTimestamps(arguments, *found, context, std::move(result))
-                                        : RunMotion(arguments, *found, context, std::move(result));
+  return arguments.from == "motion-energy" ? RunMotion(arguments, *found, context, std::move(result))
+                                           : RunTimestamps(arguments, *found, context, std::move(result));
 }
 
 }  // namespace
@@ -278,8 +343,9 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
   AddOption(sub, "--from", arguments->from,
-            "poses: people's 2D joints; timestamps: the take's table of times; motion-energy: images only, coarse")
-      ->check(CLI::IsMember({"poses", "timestamps", "motion-energy"}))
+            "poses: people's 2D joints; timestamps: the take's table of times; timecodes: of the videos, to a frame; "
+            "motion-energy: images only, coarse")
+      ->check(CLI::IsMember({"poses", "timestamps", "timecodes", "motion-energy"}))
       ->capture_default_str();
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
   AddOption(sub, "--project", arguments->project,

@@ -16,6 +16,7 @@
 
 #include "core/check.h"
 #include "core/disk/lock.h"
+#include "core/disk/new_folders.h"
 #include "core/disk/output.h"
 #include "core/disk/parents.h"
 #include "core/disk/system_calls.h"
@@ -288,5 +289,17 @@ void MakeFolder(const std::string& path) {
   fs::create_directories(path, code);
   if (code) ThrowErrno(path, "cannot create folder", code.value());
 }
+
+NewFolders::~NewFolders() { internal::RemoveEmpty(made_); }
+
+void NewFolders::Make(const std::string& path) {
+  const bool is_new = !internal::Exists(path);
+  const std::vector<std::string> parents = internal::MakeParents(path);
+  made_.insert(made_.end(), parents.begin(), parents.end());
+  MakeFolder(path);
+  if (is_new) made_.push_back(path);
+}
+
+void NewFolders::Keep() { made_.clear(); }
 
 }  // namespace mvstudio

@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/frames.h"
@@ -228,9 +229,9 @@ void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const 
 double FrameRate(const CameraFootage& footage) {
   const std::string& path = footage.path;
   if (footage.timeline) return footage.timeline->fps_hz;
-  const std::string extension = fs::path(path).extension().string();
-  if (!fs::is_regular_file(path) || extension == ".png" || extension == ".jpg" || extension == ".jpeg") return 0;
-  return VideoReader(path).info().frame_rate_hz;
+  if (!fs::is_regular_file(path) && !IsPattern(path)) return 0;
+  const FootageFiles files = ListFootage(path);
+  return files.is_video ? VideoReader(files.paths[0]).info().frame_rate_hz : 0;
 }
 
 CameraMaskModel Learn(const CameraJob& job, const Samples& samples, const geometry::RigCamera& camera,

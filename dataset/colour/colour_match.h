@@ -63,7 +63,8 @@ struct ColourPoint {
   Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  ///< metres
   struct View {
     int camera_idx = 0;
-    Eigen::Array3d srgb = Eigen::Array3d::Zero();  ///< 0..1
+    Eigen::Array3d srgb = Eigen::Array3d::Zero();     ///< 0..1; NaN in channels with clipped values
+    Eigen::Array3d as_seen = Eigen::Array3d::Zero();  ///< 0..1, with the clipped values as they are
   };
   std::vector<View> views;  ///< two or more
 };

@@ -133,9 +133,8 @@ const std::array<double, 256>& LinearOfLevel() {
   return table;
 }
 
-/// Mean colour of a disc, in linear light, as sRGB; NaN in clipped channels. False when the disc leaves the mask or the
-/// picture.
-bool PatchColour(const FrameViews::View& view, const Eigen::Vector2d& px, double radius_px, Eigen::Array3d* srgb) {
+/// Mean colour of a disc, in linear light, as sRGB. False when the disc leaves the mask or the picture.
+bool PatchColour(const FrameViews::View& view, const Eigen::Vector2d& px, double radius_px, ColourPoint::View* seen) {
   const int cx = static_cast<int>(px[0] + 0.5), cy = static_cast<int>(px[1] + 0.5);
   const int r = std::clamp(static_cast<int>(radius_px + 0.5), 0, kMaxPatchPx);
   const Image& image = view.picture;
@@ -153,7 +152,8 @@ bool PatchColour(const FrameViews::View& view, const Eigen::Vector2d& px, double
     }
   }
   for (int k = 0; k < 3; ++k) {
-    (*srgb)[k] = clipped[k] ? std::numeric_limits<double>::quiet_NaN() : internal::SrgbFromLinear(sum[k] / count);
+    seen->as_seen[k] = internal::SrgbFromLinear(sum[k] / count);
+    seen->srgb[k] = clipped[k] ? std::numeric_limits<double>::quiet_NaN() : seen->as_seen[k];
   }
   return true;
 }
@@ -172,7 +172,7 @@ ColourPoint LookAt(const FrameViews& frame, const Hull& hull, const Eigen::Array
     const double px_per_m = std::sqrt(p.d_px_d_x.squaredNorm() / 2);
     ColourPoint::View seen;
     seen.camera_idx = view.camera_idx;
-    if (PatchColour(view, p.px, patch_m * px_per_m, &seen.srgb)) point.views.push_back(seen);
+    if (PatchColour(view, p.px, patch_m * px_per_m, &seen)) point.views.push_back(seen);
   }
   return point;
 }

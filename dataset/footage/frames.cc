@@ -10,6 +10,7 @@
 #include "core/check.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "dataset/footage/chapters.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 
@@ -119,40 +120,79 @@ std::string RangeText(const std::pair<int64_t, int64_t>& range) {
                                      : std::to_string(range.first) + " to " + std::to_string(range.second);
 }
 
+/// A video in one file, or in several that go on from each other.
 class VideoSource : public FrameSource {
  public:
-  VideoSource(const std::string& path, const FrameOptions& options) : path_(path), reader_(path, {options.keep_undamaged, 0}) {}
+  VideoSource(const std::string& path, std::vector<std::string> files, const FrameOptions& options)
+      : path_(path), files_(std::move(files)), options_{options.keep_undamaged, 0} {
+    Open(0);
+    const VideoInfo& first = reader_->info();
+    num_frames_ = first.num_frames;
+    for (size_t i = 1; i < files_.size(); ++i) {
+      const VideoInfo info = VideoReader(files_[i]).info();
+      num_frames_ = num_frames_ > 0 && info.num_frames > 0 ? num_frames_ + info.num_frames : 0;
+      if (info.width == first.width && info.height == first.height) continue;
+      throw FormatError(files_[i], "", "its images have another size than those of " + files_[0] + ", which it continues");
+    }
+  }
 
   std::optional<Frame> Advance() override {
-    if (!reader_.Advance()) return std::nullopt;
+    while (!reader_->Advance()) {
+      AddDamage();
+      if (at_ + 1 == files_.size()) return std::nullopt;
+      const auto& missing = reader_->damage().missing;
+      first_of_file_ += std::max(last_, missing.empty() ? -1 : missing.back().second) + 1;
+      clock_.NextFile();
+      Open(at_ + 1);
+    }
+    last_ = reader_->frame_idx();
     Frame frame;
-    frame.frame_idx = frame.number = reader_.frame_idx();
+    frame.frame_idx = frame.number = first_of_file_ + last_;
     frame.label = "frame " + std::to_string(frame.frame_idx);
-    frame.time_s = reader_.time_s();
+    frame.time_s = clock_.Place(reader_->time_s());
     return frame;
   }
-  Image Picture() override { return reader_.Picture(); }
-  Image Thumbnail(int max_side) override { return reader_.Thumbnail(max_side); }
-  std::pair<int, int> size_px() const override { return {reader_.info().width, reader_.info().height}; }
-  int64_t num_frames() const override { return reader_.info().num_frames; }
+  Image Picture() override { return reader_->Picture(); }
+  Image Thumbnail(int max_side) override { return reader_->Thumbnail(max_side); }
+  std::pair<int, int> size_px() const override { return {reader_->info().width, reader_->info().height}; }
+  int64_t num_frames() const override { return num_frames_; }
   const std::string& path() const override { return path_; }
-  std::vector<std::string> Damage() const override {
-    const VideoDamage& damage = reader_.damage();
-    std::vector<std::string> lines;
-    for (const auto& range : damage.missing) lines.push_back("frames " + RangeText(range) + " are missing");
-    lines.insert(lines.end(), damage.causes.begin(), damage.causes.end());
-    return lines;
-  }
+  std::vector<std::string> Damage() const override { return damage_; }
 
  private:
+  void Open(size_t file) {
+    at_ = file;
+    last_ = -1;
+    reader_ = std::make_unique<VideoReader>(files_[file], options_);
+  }
+  /// Of the file that was read to its end.
+  void AddDamage() {
+    if (at_ < num_told_) return;
+    num_told_ = at_ + 1;
+    const VideoDamage& damage = reader_->damage();
+    for (const auto& [first, last] : damage.missing)
+      damage_.push_back("frames " + RangeText({first_of_file_ + first, first_of_file_ + last}) + " are missing");
+    const std::string file = files_.size() > 1 ? fs::path(files_[at_]).filename().string() + ": " : "";
+    for (const std::string& cause : damage.causes) damage_.push_back(file + cause);
+  }
+
   std::string path_;
-  VideoReader reader_;
+  std::vector<std::string> files_, damage_;
+  VideoOptions options_;
+  std::unique_ptr<VideoReader> reader_;
+  internal::ChapterClock clock_;
+  size_t at_ = 0, num_told_ = 0;
+  int64_t num_frames_ = 0, first_of_file_ = 0, last_ = -1;
 };
 
 std::vector<std::string> OnlyImages(std::vector<std::string> files) {
   files.erase(std::remove_if(files.begin(), files.end(), [](const std::string& f) { return !HasImageExtension(f); }),
               files.end());
   return files;
+}
+
+std::vector<std::string> InOrder(const std::string& pattern, std::vector<std::string> videos) {
+  return videos.size() > 1 ? InChapterOrder(pattern, std::move(videos)) : videos;
 }
 
 void FindGaps(FootageInfo* info) {
@@ -198,7 +238,8 @@ FootageFiles ListFootage(const std::string& path_or_pattern) {
   if (files.paths.empty() && !is_folder) {
     throw IoError(path, is_pattern ? "no file matches the pattern" : "no such file or folder");
   }
-  if (!is_folder && files.paths.size() == 1 && !HasImageExtension(files.paths[0])) return {true, std::move(files.paths)};
+  const bool is_one = files.paths.size() == 1 && !HasImageExtension(files.paths[0]);
+  if (!is_folder && (is_one || ChapterOf(files.paths[0]))) return {true, InOrder(path, std::move(files.paths))};
   files.paths = OnlyImages(std::move(files.paths));
   if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png or .jpg image");
   if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png or .jpg image");
@@ -208,7 +249,7 @@ FootageFiles ListFootage(const std::string& path_or_pattern) {
 
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options) {
   FootageFiles files = ListFootage(path_or_pattern);
-  if (files.is_video) return std::make_unique<VideoSource>(files.paths[0], options);
+  if (files.is_video) return std::make_unique<VideoSource>(path_or_pattern, std::move(files.paths), options);
   return std::make_unique<ImageFolderSource>(path_or_pattern, std::move(files.paths), options);
 }
 
@@ -222,12 +263,13 @@ FootageInfo DescribeFootage(const std::string& path_or_pattern) {
     return info;
   }
   const VideoInfo video = VideoReader(info.files[0]).info();
+  info.num_frames = info.files.size() > 1 ? OpenFrames(path_or_pattern)->num_frames() : video.num_frames;
   info.width = video.width, info.height = video.height;
   info.fps_hz = video.frame_rate_hz;
-  info.num_frames = video.num_frames;
   info.codec = video.codec;
   info.bits = video.bits;
   info.quarter_turns_clockwise = video.quarter_turns_clockwise;
+  info.time_code_s = video.time_code_s;
   return info;
 }
 

@@ -11,7 +11,8 @@
 
 namespace mvstudio::dataset {
 
-/// The frames of one camera, from a video file, an image folder or a pattern (`left*.jpg`), in order.
+/// The frames of one camera, in order: from a video file, an image folder, a pattern of images (`left*.jpg`), or one of the
+/// files of a recording (`GX??0123.MP4`, see chapters.h).
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
@@ -47,7 +48,7 @@ struct FrameOptions {
 /// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video.
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options = {});
 
-/// The files of the footage: the images in order, or one video.
+/// The files of the footage: the images in order, or a video in one file or several chapters.
 struct FootageFiles {
   bool is_video = false;
   std::vector<std::string> paths;
@@ -67,7 +68,8 @@ struct FootageInfo {
   std::string codec;          ///< "h264", "png"
   int bits = 8;
   int quarter_turns_clockwise = 0;
-  std::vector<std::string> files;                 ///< images in order; the video itself
+  std::optional<double> time_code_s;              ///< as in VideoInfo, of the first file
+  std::vector<std::string> files;                 ///< images in order; the files of the video
   std::vector<std::pair<int64_t, int64_t>> gaps;  ///< numbers that no image has, as ranges (first, last)
   std::vector<int64_t> twice;                     ///< numbers that several images have
 };

@@ -16,6 +16,7 @@ extern "C" {
 #include <libavutil/avstring.h>
 #include <libavutil/display.h>
 #include <libavutil/pixdesc.h>
+#include <libavutil/timecode.h>
 }
 
 namespace mvstudio::dataset {
@@ -170,12 +171,28 @@ VideoInfo VideoFile::info() const {
   const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
   info.frame_rate_hz = rate.num > 0 && rate.den > 0 ? av_q2d(rate) : 0;
   info.num_frames = promised();
+  info.time_code_s = time_code_s();
   info.codec = avcodec_get_name(p.codec_id);
   if (const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(p.format))) {
     info.pixel_format = format->name;
     info.bits = format->comp[0].depth;
   }
   return info;
+}
+
+std::optional<double> VideoFile::time_code_s() const {
+  const AVDictionaryEntry* tag = av_dict_get(stream_->metadata, "timecode", nullptr, 0);
+  if (!tag) tag = av_dict_get(format_->metadata, "timecode", nullptr, 0);
+  for (unsigned i = 0; i < format_->nb_streams && !tag; ++i) {
+    tag = av_dict_get(format_->streams[i]->metadata, "timecode", nullptr, 0);
+  }
+  const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;
+  AVTimecode code;
+  if (!tag || rate.num <= 0 || rate.den <= 0 || av_timecode_init_from_string(&code, rate, tag->value, nullptr) < 0)
+    return std::nullopt;
+  // The count is of 30 frames a second at 29.97 Hz too, but for drop-frame codes, whose labels follow the time of day.
+  const bool drops = (code.flags & AV_TIMECODE_FLAG_DROPFRAME) != 0;
+  return code.start * (drops ? 1.001 : 1) / static_cast<double>(code.fps);
 }
 
 double VideoFile::Seconds(int64_t pts) const {
@@ -234,6 +251,7 @@ VideoTimes ReadVideoTimes(const std::string& path) {
   VideoTimes times;
   times.promised = std::max<int64_t>(file.promised() - scan.discarded, 0);
   times.cut_short = scan.cut_short;
+  times.time_code_s = file.time_code_s();
   for (const int64_t pts : scan.pts) times.time_s.push_back(file.Seconds(pts));
   const auto count = static_cast<int64_t>(times.time_s.size());
   if (times.cut_short.empty() && count < times.promised) {

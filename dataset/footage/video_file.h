@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ class VideoFile {
   /// Duration that Matroska and WebM store with the stream, seconds; 0 when absent.
   double tagged_duration_s() const;
   VideoInfo info() const;
+  /// Of the video stream, the container or a stream of time codes; empty: none, or one that is not valid.
+  std::optional<double> time_code_s() const;
   double Seconds(int64_t pts) const;  ///< NaN for AV_NOPTS_VALUE
   /// I/O error at the end of the file; 0: none.
   int io_error() const;

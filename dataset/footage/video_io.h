@@ -19,6 +19,8 @@ struct VideoInfo {
   std::string pixel_format;         ///< libav's name, "yuv420p10le"
   int bits = 8;                     ///< per colour sample
   int quarter_turns_clockwise = 0;  ///< rotation requested by the metadata
+  /// Time of day of the first frame, seconds, by the file's time code (SMPTE ST 12), which counts whole frames.
+  std::optional<double> time_code_s;
 };
 
 struct VideoOptions {
@@ -66,9 +68,10 @@ class VideoReader {
 
 /// Presentation times of a video's frames, without decoding, in display order.
 struct VideoTimes {
-  std::vector<double> time_s;  ///< NaN where the file gives none
-  int64_t promised = 0;        ///< number of frames stated by the container; 0: unknown
-  std::string cut_short;       ///< why reading stopped early; empty: it did not
+  std::vector<double> time_s;         ///< NaN where the file gives none
+  int64_t promised = 0;               ///< number of frames stated by the container; 0: unknown
+  std::string cut_short;              ///< why reading stopped early; empty: it did not
+  std::optional<double> time_code_s;  ///< as in VideoInfo
 };
 /// Throws like VideoReader's constructor.
 VideoTimes ReadVideoTimes(const std::string& path);

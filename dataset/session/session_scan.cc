@@ -8,6 +8,9 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/fields.h"
+#include "dataset/footage/chapters.h"
+#include "dataset/session/session_layout.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -41,20 +44,41 @@ bool HasPictures(const fs::path& folder) {
   return std::any_of(entries.begin(), entries.end(), IsPicture);
 }
 
-/// The camera whose footage this is; empty when it is none.
-std::string CameraOf(const fs::path& path) {
-  if (fs::is_directory(path)) return HasPictures(path) ? path.filename().string() : "";
-  return IsVideo(path) || IsPicture(path) ? path.stem().string() : "";
+std::string Relative(const fs::path& path, const fs::path& folder) { return path.lexically_relative(folder).string(); }
+
+using FoundFootage = std::map<std::string, std::vector<fs::path>>;
+
+/// The videos of a folder by name; the chapters of a recording are one, under a pattern.
+FoundFootage VideosIn(const fs::path& folder) {
+  FoundFootage found;
+  for (const fs::path& entry : Entries(folder)) {
+    if (fs::is_directory(entry) || !IsVideo(entry)) continue;
+    const auto chapter = ChapterOf(entry.string());
+    found[chapter ? chapter->recording : entry.stem().string()].push_back(entry);
+  }
+  for (auto& [name, files] : found) {
+    if (files.size() > 1 && ChapterOf(files[0].string())) files = {ChapterPattern(files[0].string())};
+  }
+  return found;
 }
 
-std::string Relative(const fs::path& path, const std::string& folder) { return path.lexically_relative(folder).string(); }
+/// A folder of one camera's footage: its images, or its only video.
+std::optional<fs::path> FootageOfFolder(const fs::path& folder) {
+  if (HasPictures(folder)) return folder;
+  const FoundFootage videos = VideosIn(folder);
+  if (videos.size() == 1 && videos.begin()->second.size() == 1) return videos.begin()->second[0];
+  return std::nullopt;
+}
 
-/// Camera -> footage of raw/TAKE.
-std::map<std::string, std::vector<fs::path>> FootageIn(const fs::path& take) {
-  std::map<std::string, std::vector<fs::path>> found;
-  for (const fs::path& entry : Entries(take)) {
-    const std::string camera = CameraOf(entry);
-    if (!camera.empty()) found[camera].push_back(entry);
+/// What lies in a folder: name of a camera (or a take) -> footage.
+FoundFootage FootageIn(const fs::path& folder) {
+  FoundFootage found = VideosIn(folder);
+  for (const fs::path& entry : Entries(folder)) {
+    if (fs::is_directory(entry)) {
+      if (const auto footage = FootageOfFolder(entry)) found[entry.filename().string()].push_back(*footage);
+    } else if (IsPicture(entry)) {
+      found[entry.stem().string()].push_back(entry);
+    }
   }
   return found;
 }
@@ -62,69 +86,136 @@ std::map<std::string, std::vector<fs::path>> FootageIn(const fs::path& take) {
 /// A recorder's table of times beside its footage.
 constexpr char kTimestamps[] = "timestamps.csv";
 
-void ListOthers(const fs::path& take, const std::string& folder, std::vector<std::string>* skipped) {
-  for (const fs::path& entry : Entries(take)) {
-    if (CameraOf(entry).empty() && entry.filename() != kTimestamps)
-      skipped->push_back(Relative(entry, folder) + ": neither a video nor images");
+void ListOthers(const fs::path& folder, const fs::path& above, std::vector<std::string>* skipped) {
+  for (const fs::path& entry : Entries(folder)) {
+    if (fs::is_directory(entry) ? FootageOfFolder(entry).has_value() : IsVideo(entry) || IsPicture(entry)) continue;
+    if (entry.filename() == kTimestamps) continue;
+    const bool several = fs::is_directory(entry) && !VideosIn(entry).empty();
+    skipped->push_back(Relative(entry, above) + (several ? ": holds several recordings" : ": neither a video nor images"));
   }
 }
 
-SessionTake ScanTake(const fs::path& path, const std::map<std::string, std::string>& plates, const std::string& folder,
-                     std::vector<std::string>* skipped) {
-  SessionTake take;
-  take.name = path.filename().string();
-  if (take.name == "board" || take.name == "calib" || take.name == "calibration") take.kind = TakeKind::kBoard;
-  for (const auto& [camera, files] : FootageIn(path)) {
-    const std::string why = WhyNotAName(camera);
+/// One folder of raw/, with paths from above it; names that cannot be used are left out.
+internal::FootageFolder ListFolder(const fs::path& path, const fs::path& above, std::vector<std::string>* skipped) {
+  internal::FootageFolder folder{path.filename().string(), {}};
+  for (const auto& [name, files] : FootageIn(path)) {
+    const std::string why = WhyNotAName(name);
     if (!why.empty()) {
-      skipped->push_back(Relative(files[0], folder) + ": '" + camera + "' " + why + ": it cannot be a camera's name");
+      skipped->push_back(Relative(files[0], above) + ": '" + name + "' " + why + ": it cannot be a camera's name");
       continue;
     }
     for (size_t i = 1; i < files.size(); ++i) {
-      skipped->push_back(Relative(files[i], folder) + ": camera " + camera + " has " + Relative(files[0], folder) + " already");
+      skipped->push_back(Relative(files[i], above) + ": camera " + name + " has " + Relative(files[0], above) + " already");
     }
-    const auto plate = plates.find(camera);
-    const bool wants_plate = take.kind == TakeKind::kPeople && plate != plates.end();
-    take.footage.push_back({camera, Relative(files[0], folder), wants_plate ? plate->second : ""});
+    folder.footage[name] = {Relative(files[0], above)};
   }
-  if (fs::is_regular_file(path / kTimestamps)) take.timestamps = Relative(path / kTimestamps, folder);
-  ListOthers(path, folder, skipped);
-  return take;
+  ListOthers(path, above, skipped);
+  return folder;
 }
 
-std::map<std::string, std::string> Plates(const std::string& folder) {
-  std::map<std::string, std::string> plates;
-  for (const fs::path& entry : Entries(fs::path(folder) / "raw" / "plate")) {
-    if (IsPicture(entry)) plates[entry.stem().string()] = Relative(entry, folder);
+std::vector<internal::FootageFolder> ListFolders(const fs::path& raw, std::vector<std::string>* skipped) {
+  const fs::path above = raw.parent_path();
+  std::vector<internal::FootageFolder> folders;
+  for (const fs::path& entry : Entries(raw)) {
+    const std::string name = entry.filename().string(), why = WhyNotAName(name);
+    if (!fs::is_directory(entry) || name == "plate") continue;
+    if (!why.empty()) {
+      skipped->push_back(Relative(entry, above) + ": " + why + ": it cannot be a take's name");
+      continue;
+    }
+    try {
+      folders.push_back(ListFolder(entry, above, skipped));
+    } catch (const IoError& error) {  // such as lost+found on a card
+      skipped->push_back(error.what());
+      continue;
+    }
+    if (!folders.back().footage.empty()) continue;
+    folders.pop_back();
+    skipped->push_back(Relative(entry, above) + ": holds no footage");
+  }
+  return folders;
+}
+
+using Plates = std::map<std::string, std::string>;
+
+/// Clean plates, with paths from above raw/.
+Plates PlatesIn(const fs::path& raw) {
+  Plates plates;
+  for (const fs::path& entry : Entries(raw / "plate")) {
+    if (IsPicture(entry)) plates[entry.stem().string()] = Relative(entry, raw.parent_path());
   }
   return plates;
 }
 
+bool IsBoardsName(const std::string& take) { return take == "board" || take == "calib" || take == "calibration"; }
+
+SessionTake TakeFrom(const internal::FootageFolder& folder, const Plates& plates) {
+  SessionTake take;
+  take.name = folder.name;
+  if (IsBoardsName(take.name)) take.kind = TakeKind::kBoard;
+  for (const auto& [camera, files] : folder.footage) {
+    const auto plate = plates.find(camera);
+    const bool wants_plate = take.kind == TakeKind::kPeople && plate != plates.end();
+    take.footage.push_back({camera, files[0], wants_plate ? plate->second : ""});
+  }
+  return take;
+}
+
+/// Turns folders of cameras into folders of takes; a take named plate holds clean plates.
+void TurnAround(const fs::path& raw, std::vector<internal::FootageFolder>* folders, Plates* plates,
+                std::vector<std::string>* notes) {
+  std::string note;
+  *folders = internal::TakesOfCameras(raw.string(), *folders, &note);
+  if (!note.empty()) notes->push_back(note);
+  for (auto folder = folders->begin(); folder != folders->end();) {
+    const bool is_plate = folder->name == "plate";
+    if (is_plate) {
+      for (const auto& [camera, files] : folder->footage) plates->emplace(camera, files[0]);
+    }
+    folder = is_plate ? folders->erase(folder) : folder + 1;
+  }
+}
+
+constexpr ChoiceWords<SessionLayout, 3> kLayouts = {
+    {{SessionLayout::kAuto, "auto"}, {SessionLayout::kTakeFirst, "take-first"}, {SessionLayout::kCameraFirst, "camera-first"}}};
+
+/// A path as in the session, whose raw/ the folder is or will be.
+std::string InSession(const std::string& path, const fs::path& raw) {
+  return (fs::path("raw") / fs::path(path).lexically_relative(raw.filename())).string();
+}
+
 }  // namespace
 
-ScannedSession ScanSession(const std::string& folder) {
+std::string_view ToString(SessionLayout layout) { return WordOf(kLayouts, layout); }
+
+void FromString(const std::string& text, SessionLayout* layout) {
+  *layout = KnownChoice(kLayouts, text, "option 'layout' " + text + ": must be one of auto, take-first, camera-first");
+}
+
+ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
+  fs::path raw = fs::absolute(folder).lexically_normal();
+  if (raw.filename().empty()) raw = raw.parent_path();
   ScannedSession scanned;
-  const auto plates = Plates(folder);
+  std::vector<internal::FootageFolder> folders = ListFolders(raw, &scanned.skipped);
+  Plates plates = PlatesIn(raw);
+  scanned.layout = layout;
+  if (layout == SessionLayout::kAuto) {
+    const internal::FoundLayout found = internal::FindLayout(folders, !plates.empty());
+    scanned.layout = found.layout;
+    if (!found.doubt.empty()) scanned.notes.push_back(found.doubt);
+  }
+  const bool turned = scanned.layout == SessionLayout::kCameraFirst && !folders.empty();
+  if (turned) TurnAround(raw, &folders, &plates, &scanned.notes);
   std::set<std::string> cameras;
-  for (const fs::path& entry : Entries(fs::path(folder) / "raw")) {
-    const std::string name = entry.filename().string(), why = WhyNotAName(name);
-    if (!fs::is_directory(entry) || name == "plate") continue;
-    if (!why.empty()) {
-      scanned.skipped.push_back(Relative(entry, folder) + ": " + why + ": it cannot be a take's name");
-      continue;
+  for (const internal::FootageFolder& found : folders) {
+    SessionTake take = TakeFrom(found, plates);
+    for (SessionFootage& footage : take.footage) {
+      footage.path = InSession(footage.path, raw);
+      if (!footage.plate.empty()) footage.plate = InSession(footage.plate, raw);
+      cameras.insert(footage.camera);
     }
-    SessionTake take;
-    try {
-      take = ScanTake(entry, plates, folder, &scanned.skipped);
-    } catch (const IoError& error) {  // such as lost+found on a card
-      scanned.skipped.push_back(error.what());
-      continue;
-    }
-    if (take.footage.empty()) {
-      scanned.skipped.push_back(Relative(entry, folder) + ": holds no footage");
-      continue;
-    }
-    for (const SessionFootage& footage : take.footage) cameras.insert(footage.camera);
+    if (!turned && fs::is_regular_file(raw / take.name / kTimestamps))
+      take.timestamps = (fs::path("raw") / take.name / kTimestamps).string();
     scanned.takes.push_back(std::move(take));
   }
   std::stable_sort(scanned.takes.begin(), scanned.takes.end(), [](const SessionTake& a, const SessionTake& b) {
@@ -133,6 +224,8 @@ ScannedSession ScanSession(const std::string& folder) {
   for (const std::string& camera : cameras) scanned.cameras.push_back({camera, "", "", 0, 0});
   return scanned;
 }
+
+ScannedSession ScanSession(const std::string& folder) { return ScanRaw((fs::path(folder) / "raw").string()); }
 
 SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* cameras) {
   SessionTake take;
@@ -152,7 +245,7 @@ std::vector<SessionFootage> ScanFootage(const Session& session, const std::strin
   const fs::path raw = fs::path(session.folder) / "raw";
   auto found = FootageIn(raw / take);
   if (found.empty()) found = FootageIn(raw / Slug(take));
-  const auto plates = Plates(session.folder);
+  const Plates plates = PlatesIn(raw);
   std::vector<SessionFootage> footage;
   for (const SessionCamera& camera : session.cameras) {
     auto files = found.find(camera.name);

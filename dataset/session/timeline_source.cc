@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
+#include "dataset/footage/chapters.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/video_io.h"
 
@@ -52,7 +53,63 @@ void AddNotes(const Timeline& timeline, std::vector<std::string>* notes) {
   }
 }
 
+/// Time of the first or last frame that has one; NaN: none.
+template <class Iterator>
+double FirstFinite(Iterator begin, Iterator end) {
+  const auto found = std::find_if(begin, end, [](double t) { return std::isfinite(t); });
+  return found == end ? std::nan("") : *found;
+}
+
+/// How the cameras' clocks relate; time stamps of a table, or of time codes, replace the cameras' own.
+TimelineClock RelateClocks(const Session& session, const SessionTake& take, const TakeTimelineOptions& options,
+                           std::vector<CameraTimes>* times, std::optional<SyncFile>* sync, std::vector<std::string>* notes) {
+  if (options.time_codes) {
+    if (PlaceByTimeCodes(times)) return TimelineClock::kCommon;
+    throw UsageError("take " + take.name +
+                     ": not every camera's video has a time code, or they film at different times by them");
+  }
+  if (!take.timestamps.empty()) {
+    *notes = ReadTimestamps(ResolveInSession(session, take.timestamps, options.allow_outside), session.cameras, times);
+    return TimelineClock::kCommon;
+  }
+  const std::string sync_path = SyncPathOf(session, take, options.allow_outside);
+  if (!sync_path.empty()) {
+    *sync = ReadSync(sync_path);
+    return TimelineClock::kOffsets;
+  }
+  if (PlaceByTimeCodes(times)) {
+    notes->push_back(
+        "the cameras' clocks are related by the videos' time codes, which count whole frames: offsets may be off by one; "
+        "mvstudio sync finds the rest");
+    return TimelineClock::kCommon;
+  }
+  notes->push_back(
+      "nothing relates the cameras' clocks: their first frames are taken to be one time step; run mvstudio sync, "
+      "or name a table of time stamps");
+  return TimelineClock::kStart;
+}
+
 }  // namespace
+
+bool PlaceByTimeCodes(std::vector<CameraTimes>* times) {
+  constexpr double kDayS = 24 * 3600;
+  std::vector<double> shifts_s;
+  double latest_start_s = -INFINITY, earliest_end_s = INFINITY;
+  for (const CameraTimes& camera : *times) {
+    const double first_s = FirstFinite(camera.time_s.begin(), camera.time_s.end());
+    if (!camera.time_code_s || !std::isfinite(first_s)) return false;
+    const double start_s =
+        *times->front().time_code_s + std::remainder(*camera.time_code_s - *times->front().time_code_s, kDayS);
+    shifts_s.push_back(start_s - first_s);
+    latest_start_s = std::max(latest_start_s, start_s);
+    earliest_end_s = std::min(earliest_end_s, FirstFinite(camera.time_s.rbegin(), camera.time_s.rend()) + shifts_s.back());
+  }
+  if (times->size() < 2 || !(latest_start_s < earliest_end_s)) return false;
+  for (size_t c = 0; c < times->size(); ++c) {
+    for (double& t : (*times)[c].time_s) t += shifts_s[c];
+  }
+  return true;
+}
 
 CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double picture_fps_hz) {
   CameraTimes times;
@@ -60,7 +117,9 @@ CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path,
   times.source = path;
   const FootageFiles files = ListFootage(path);
   if (files.is_video) {
-    times.time_s = ReadVideoTimes(files.paths[0]).time_s;
+    VideoTimes video = ReadVideoTimes(files.paths);
+    times.time_s = std::move(video.time_s);
+    times.time_code_s = video.time_code_s;
     for (size_t i = 0; i < times.time_s.size(); ++i) times.frame.push_back(static_cast<int64_t>(i));
     return times;
   }
@@ -118,20 +177,8 @@ TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, 
     times[k] = ReadFootageTimes(take.footage[k].camera, paths[k], fps);
     if (options.find_repeats) times[k].repeats = FindRepeats(paths[k]);
   });
-  const std::string sync_path = SyncPathOf(session, take, options.allow_outside);
-  TimelineClock clock = TimelineClock::kStart;
   std::optional<SyncFile> sync;
-  if (!take.timestamps.empty()) {
-    result.notes = ReadTimestamps(ResolveInSession(session, take.timestamps, options.allow_outside), session.cameras, &times);
-    clock = TimelineClock::kCommon;
-  } else if (!sync_path.empty()) {
-    sync = ReadSync(sync_path);
-    clock = TimelineClock::kOffsets;
-  } else {
-    result.notes.push_back(
-        "nothing relates the cameras' clocks: their first frames are taken to be one time step; run mvstudio sync, "
-        "or name a table of time stamps");
-  }
+  const TimelineClock clock = RelateClocks(session, take, options, &times, &sync, &result.notes);
   result.timeline = BuildTimeline(times, clock, sync ? &*sync : nullptr, options.timeline);
   result.timeline.take = take.name;
   AddNotes(result.timeline, &result.notes);

@@ -32,6 +32,7 @@ std::vector<int64_t> FindRepeats(const std::string& path);
 struct TakeTimelineOptions {
   TimelineOptions timeline;
   bool find_repeats = false;
+  bool time_codes = false;  ///< by the videos' time codes, whatever else is known; UsageError unless all have one
   bool allow_outside = false;
 };
 
@@ -40,8 +41,13 @@ struct TakeTimeline {
   std::vector<std::string> notes;  ///< assumptions of the timeline, and doubts: one line each
 };
 
+/// Puts all cameras on the clock of their time codes. False, and nothing changes, unless all have one and film at one time
+/// by them.
+bool PlaceByTimeCodes(std::vector<CameraTimes>* times);
+
 /// Timeline of a take, from time stamps on a common clock if the session names a table, else from the offsets of the
-/// take's sync file. Otherwise the first frames of all cameras are taken as simultaneous (a note says so).
+/// take's sync file, else from the time codes of the videos (good to a frame; a note says so). Otherwise the first frames of
+/// all cameras are taken as simultaneous (a note says so).
 TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, const TakeTimelineOptions& options,
                                const RunContext& run = {});
 

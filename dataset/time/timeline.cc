@@ -293,6 +293,20 @@ std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& 
   return rows;
 }
 
+std::map<int64_t, int64_t> InstantOfEachFrame(const CameraTimeline& camera) {
+  std::map<int64_t, std::vector<int64_t>> instants;
+  for (const auto& [frame, instant] : InstantsOfFrames(camera)) instants[frame].push_back(instant);
+  const auto distance_s = [&](int64_t instant) { return std::abs(camera.residual_s.at(static_cast<size_t>(instant))); };
+  std::map<int64_t, int64_t> nearest;
+  for (const auto& [frame, of] : instants) {
+    nearest[frame] = of[(of.size() - 1) / 2];
+    if (camera.residual_s.empty()) continue;
+    nearest[frame] =
+        *std::min_element(of.begin(), of.end(), [&](int64_t a, int64_t b) { return distance_s(a) < distance_s(b); });
+  }
+  return nearest;
+}
+
 std::vector<std::pair<int64_t, int64_t>> TicksOfFrames(const CameraTimes& camera) {
   std::vector<std::pair<int64_t, int64_t>> ticks;
   const ClockFit fit = internal::FitClock(camera.time_s);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -22,6 +23,7 @@ struct CameraTimes {
   std::vector<double> time_s;      ///< NaN where there is no time stamp
   std::vector<int64_t> repeats;    ///< frames that show the same image as the previous one
   std::optional<double> origin_s;  ///< time of its time step 0; none: that of its first frame
+  std::optional<double> time_code_s = {};  ///< time of day of its first frame by a time code, which counts whole frames
 };
 
 /// Relation between the cameras' clocks.
@@ -105,6 +107,10 @@ Timeline ReadTimeline(const std::string& path);
 /// The time step of each frame number, (frame number, time step) ascending by frame; frames used for several time steps
 /// have several rows.
 std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& camera);
+
+/// The time step of each frame number. A frame that is the nearest one of several time steps has the one nearest to it, or
+/// the middle one where the timeline comes from a file.
+std::map<int64_t, int64_t> InstantOfEachFrame(const CameraTimeline& camera);
 
 /// (frame number, tick of the camera's own clock) ascending by frame, for the frames that have one. The tick is the
 /// position if no frame had been dropped or doubled. Images keep their numbers; so do the frames of a camera without a

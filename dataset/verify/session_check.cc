@@ -11,8 +11,8 @@
 #include "core/format.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
+#include "dataset/footage/chapters.h"
 #include "dataset/footage/image_io.h"
-#include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose2d.h"
 #include "dataset/session/timeline_source.h"
@@ -72,7 +72,7 @@ void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
 }
 
 void InspectVideo(InspectedFootage* f, bool decode, Findings* findings) {
-  const VideoTimes times = ReadVideoTimes(f->info->files[0]);
+  const VideoTimes times = ReadVideoTimes(f->info->files);
   f->num_frames = static_cast<int64_t>(times.time_s.size());
   double low = INFINITY, high = -INFINITY;
   for (const double t : times.time_s) {
@@ -83,7 +83,7 @@ void InspectVideo(InspectedFootage* f, bool decode, Findings* findings) {
   std::vector<std::string> damage;
   if (!times.cut_short.empty()) damage.push_back(times.cut_short);
   if (decode) {
-    const auto source = OpenFrames(f->info->files[0], {true});
+    const auto source = OpenFrames(f->path, {true});
     while (source->Advance()) {
     }
     damage = source->Damage();

@@ -186,6 +186,7 @@ class CachedFootage : public ::testing::Test {
   std::vector<FootageDetections> Detect(const std::string& board, int every = 1) {
     std::vector<Footage> footage;
     footage.push_back(FootageOf("a", images_, asked_, folder_ / "video"));
+    footage[0].step_of_frame = steps_;
     FootageOptions options;
     options.cache = CacheIn(folder_ / "cache");
     options.every = every;
@@ -197,6 +198,7 @@ class CachedFootage : public ::testing::Test {
   TempDir folder_;
   std::vector<Image> images_ = Waving(ParseBoard("charuco:7x6:120mm:90mm:4x4_250:legacy"), 3);
   std::shared_ptr<int> asked_ = std::make_shared<int>(0);
+  std::map<int64_t, int64_t> steps_;
 };
 
 TEST_F(CachedFootage, IsNotSearchedAgain) {
@@ -218,6 +220,44 @@ TEST_F(CachedFootage, DependsOnContentBoardAndOptions) {
   EXPECT_TRUE(Detect("charuco:7x6:120mm:90mm:4x4_250")[0].cached);
   WriteVideo("two");
   EXPECT_FALSE(Detect("charuco:7x6:120mm:90mm:4x4_250")[0].cached);
+}
+
+/// Camera b lost its frame 1: its frame 1 shows time step 2, and its frame 3 none.
+TEST(DetectFootage, FramesCarryTheirTimeSteps) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  const std::vector<Image> images = Waving(board, 4);
+  std::vector<Footage> footage;
+  footage.push_back(FootageOf("a", images));
+  footage.push_back(FootageOf("b", images));
+  footage[1].step_of_frame = {{0, 0}, {1, 2}, {2, 4}};
+  FootageOptions options = Uncached();
+  const auto steps = [&](const FootageOptions& how) {
+    for (size_t c = 0; c < 2; ++c) footage[c].next = FootageOf("", images).next;
+    std::vector<int64_t> found;
+    const auto camera = DetectFootage(board, footage, how, RunContext())[1];
+    for (const Detection& d : camera.detections) found.push_back(d.frame_idx);
+    return std::pair(found, camera.num_images);
+  };
+  EXPECT_EQ(steps(options), std::pair(std::vector<int64_t>({0, 2, 4}), 4));
+  options.every = 4;  // of the time steps, so that the cameras' searched frames belong together
+  EXPECT_EQ(steps(options), std::pair(std::vector<int64_t>({0, 4}), 2));
+}
+
+TEST_F(CachedFootage, ServesOtherTimeStepsAsLongAsAllFramesAreSearched) {
+  WriteVideo("one");
+  const std::string board = "charuco:7x6:120mm:90mm:4x4_250";
+  const auto first = Detect(board);
+  steps_ = {{0, 5}, {1, 6}, {2, 8}};
+  const auto moved = Detect(board);
+  EXPECT_TRUE(moved[0].cached);
+  ASSERT_EQ(moved[0].detections.size(), 3u);
+  EXPECT_EQ(moved[0].detections[2].frame_idx, 8);
+  EXPECT_EQ(moved[0].detections[2].points_px, first[0].detections[2].points_px);
+  EXPECT_EQ(Detect(board, 2)[0].detections.size(), 2u);  // 6 and 8
+  steps_ = {{0, 6}, {1, 7}, {2, 9}};
+  const auto thinned = Detect(board, 2);
+  EXPECT_FALSE(thinned[0].cached);
+  EXPECT_EQ(thinned[0].detections.at(0).frame_idx, 6);
 }
 
 TEST_F(CachedFootage, DamagedEntriesAreMadeAnew) {

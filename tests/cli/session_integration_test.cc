@@ -53,6 +53,7 @@ class SessionTest : public ::testing::Test {
   }
 
   std::string Path(const std::string& relative) const { return folder_ / ("s/" + relative); }
+  virtual std::string TimeCode(int) const { return ""; }
   std::string Name(int c) const { return rig_.cameras[static_cast<size_t>(c)].camera.name; }
 
   void Film(int c) {
@@ -65,7 +66,7 @@ class SessionTest : public ::testing::Test {
     stamps << std::fixed;
     ClipOptions options;
     options.width = rig_.cameras[0].camera.width_px, options.height = rig_.cameras[0].camera.height_px;
-    options.codec = "mjpeg";
+    options.codec = "mjpeg", options.time_code = TimeCode(c);
     ClipWriter writer(Path("raw/walk/" + Name(c) + ".mkv"), options);
     Rng rng(static_cast<uint64_t>(c) + 1);
     for (int tick = 0, frame = 0; tick < kInstants; ++tick) {
@@ -342,6 +343,27 @@ TEST_F(SessionTest, MasksKeepTheFootagesNumbersAndFollowTheTimeline) {
     EXPECT_GT(inside, 10);
     EXPECT_GE(on_mask, inside - 3) << instant << ": joints " << inside;
   }
+}
+
+class CodedSession : public SessionTest {
+  std::string TimeCode(int c) const override { return c == 1 ? "10:00:00:26" : "10:00:01:00"; }
+};
+
+TEST_F(CodedSession, TimeCodesAreTheFirstOffsets) {
+  ASSERT_EQ(Init().exit, 0);
+  const CliRun timeline = RunCli({"session", "timeline", Path(""), "--reference", Name(0), "--json"});
+  ASSERT_EQ(timeline.exit, 0) << timeline.out << timeline.err;
+  EXPECT_THAT(timeline.out, HasSubstr("time codes"));
+  EXPECT_EQ(dataset::ReadTimeline(Path("sync/walk.timeline.json")).cameras[1].frame_at[3], 7);
+  const auto sync = [&](const char* from) {
+    const CliRun run = RunCli({"sync", "--session", Path(""), "--from", from, "--reference", Name(0), "--max-offset-frames",
+                               "2", "--out", folder_ / from, "--json"});
+    EXPECT_EQ(run.exit, 0) << run.out << run.err;
+    return dataset::ReadSync(folder_ / (std::string(from) + "/sync.json")).cameras[1];
+  };
+  EXPECT_NEAR(*sync("timecodes").offset_frames, kOffsetB, 0.01);  // stamps in whole ms
+  EXPECT_GT(sync("timecodes").sigma_frames, 0.4);
+  EXPECT_NEAR(*sync("poses").offset_frames, kOffsetB, 0.1) << "further off than was searched without the time codes";
 }
 
 TEST_F(SessionTest, BuildKeepsInStepWhereACameraDroppedFrames) {

@@ -26,6 +26,7 @@ struct ClipOptions {
   bool ten_bit = false;
   int clockwise_deg = 0;
   bool index_first = true;  ///< MP4: moov before the frames
+  std::string time_code;    ///< "10:00:00:05"; empty: none
 };
 
 constexpr int kCodeBits = 12;
@@ -72,6 +73,10 @@ class ClipWriter {
     if (options.clockwise_deg != 0) {
       uint8_t* matrix = av_stream_new_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(int32_t));
       av_display_rotation_set(reinterpret_cast<int32_t*>(matrix), options.clockwise_deg);
+    }
+    if (!options.time_code.empty()) {
+      stream_->avg_frame_rate = {30, 1};
+      av_dict_set(&stream_->metadata, "timecode", options.time_code.c_str(), 0);
     }
     Check(avio_open(&format_->pb, path.c_str(), AVIO_FLAG_WRITE));
     AVDictionary* muxer = nullptr;

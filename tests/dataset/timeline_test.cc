@@ -161,6 +161,20 @@ TEST(Timeline, DifferentFrameRates) {
   EXPECT_LT(InstantsOfFrames(*strict.Find("vga")).size(), InstantsOfFrames(*timeline.Find("vga")).size() / 2);
 }
 
+TEST(Timeline, EachFrameHasOneInstant) {
+  const std::vector<Filmed> cameras = {Film("fast", 5, 1 / 60.0, 600, {0, 0, 0, 0}, 1),
+                                       Film("slow", 5.005, 1 / 30.0, 300, {0, 0, 0, 0}, 2)};
+  Timeline timeline = BuildTimeline(TimesOf(cameras), TimelineClock::kCommon, nullptr);
+  CameraTimeline& slow = timeline.cameras[1];
+  EXPECT_GT(InstantsOfFrames(slow).size(), 550u);  // two a frame
+  const std::map<int64_t, int64_t> nearest = InstantOfEachFrame(slow);
+  EXPECT_GT(nearest.size(), 290u);
+  for (const auto& [frame, instant] : nearest) EXPECT_EQ(instant, 2 * frame) << "0.3 of a step late, so not the step after";
+  slow.residual_s.clear();  // as from a file
+  for (const auto& [frame, instant] : InstantOfEachFrame(slow)) EXPECT_LE(std::abs(instant - 2 * frame), 1) << frame;
+  EXPECT_EQ(InstantOfEachFrame(timeline.cameras[0]).at(7), 7);
+}
+
 TEST(Timeline, MillisecondStampsAndLongGaps) {
   const Faults faults{0.01, 0, 0, 0.001};
   const std::vector<Filmed> cameras = {Film("a", 0, kPeriod, 20000, faults, 7),

@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <optional>
+#include <iterator>
 #include <set>
+#include <sstream>
 
 #include "core/error.h"
 #include "dataset/pose/pose3d_trc.h"
@@ -189,6 +191,59 @@ TEST(Export, RefusesWhatAFormatCannotSay) {
   EXPECT_THROW(FromString("mine", &options.names), UsageError);
   for (const auto& entry : fs::directory_iterator(folder.path()))
     EXPECT_EQ(entry.path().filename().string().find(".mvstudio-"), std::string::npos) << entry.path();
+}
+
+/// The rows of a points3D.txt: track lengths and colours.
+std::vector<std::pair<size_t, std::vector<int>>> PointsOf(const std::string& path) {
+  std::vector<std::pair<size_t, std::vector<int>>> points;
+  std::istringstream lines(ReadFile(path));
+  for (std::string line; std::getline(lines, line);) {
+    if (line[0] == '#') continue;
+    std::istringstream words(line);
+    std::vector<double> w{std::istream_iterator<double>(words), {}};
+    points.push_back({(w.size() - 8) / 2, {static_cast<int>(w[4]), static_cast<int>(w[5]), static_cast<int>(w[6])}});
+  }
+  return points;
+}
+
+TEST(Export, ColmapPointsHaveTheMedianColourOfTheCamerasThatSeeThem) {
+  const TempDir folder;
+  Setting setting;
+  setting.cameras = 8;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
+  Image glare(setting.width, setting.height, 3);
+  std::fill(glare.pixels.begin(), glare.pixels.end(), uint8_t{255});
+  dataset::WriteImage(glare, dataset.ImagePath("00_03", 245));
+  const ExportReport report = ExportDataset(dataset, "colmap", folder / "out", {});
+  const auto points = PointsOf(folder / "out/sparse/0/points3D.txt");
+  EXPECT_EQ(points.size(), static_cast<size_t>(report.points));
+  size_t seen_by_three = 0;
+  for (const auto& [track, rgb] : points) {
+    ASSERT_GE(track, 2u);
+    if (track < 3) continue;
+    ++seen_by_three;
+    for (const int channel : rgb) ASSERT_NEAR(channel, 200, 8);  // JPEG; a mean would be 211 or more
+  }
+  EXPECT_GT(seen_by_three, 10u);
+  for (const char* camera : {"00_00", "00_01", "00_02", "00_04", "00_05", "00_06", "00_07"})
+    dataset::WriteImage(glare, dataset.ImagePath(camera, 245));
+  ExportDataset(dataset, "colmap", folder / "white", {});
+  for (const auto& [track, rgb] : PointsOf(folder / "white/sparse/0/points3D.txt"))
+    ASSERT_THAT(rgb, ElementsAre(255, 255, 255));
+}
+
+TEST(Export, ColmapSaysThatSplattingNeedsPinholes) {
+  const TempDir folder;
+  Setting setting;
+  setting.distorted = true;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
+  const auto has_note = [](const ExportReport& report) {
+    return std::any_of(report.notes.begin(), report.notes.end(), [](const ExportNote& n) { return n.code == "EXP-LENS"; });
+  };
+  EXPECT_TRUE(has_note(ExportDataset(dataset, "colmap", folder / "out", {})));
+  ExportOptions options;
+  options.undistort = ExportUndistort::kAlways;
+  EXPECT_FALSE(has_note(ExportDataset(dataset, "colmap", folder / "flat", options)));
 }
 
 TEST(Export, NobodyIsBadInputForJointFiles) {

@@ -63,7 +63,8 @@ TEST(Readers, PinholeRig) {
   const auto results = ExportAndRead(folder, {}, {});
   ExpectPinned(results);
   EXPECT_LT(results.at("c3d")["max_m"].get<double>(), 1e-6);
-  EXPECT_GT(results.at("colmap")["points"].get<int>(), 10);
+  EXPECT_GT(results.at("colmap")["points"].get<int>(), 25);
+  EXPECT_LT(results.at("colmap")["at_joints"].get<int>(), 2);  // the surface, not the skeleton
   EXPECT_GT(results.at("dynamic3dgs")["points"].get<int>(), 20);
 }
 
@@ -96,7 +97,34 @@ TEST(Readers, TwoPeopleWithHoles) {
   setting.people = 2;
   setting.missing_joints = true;
   setting.masks = false;
-  ExpectPinned(ExportAndRead(folder, setting, {}));
+  const auto results = ExportAndRead(folder, setting, {});
+  ExpectPinned(results);
+  EXPECT_GT(results.at("colmap")["points"].get<int>(), 60);  // along the bones
+  EXPECT_GT(results.at("colmap")["at_joints"].get<int>(), 20);
+}
+
+TEST(Readers, ColmapWithoutHullPointsHasTheJoints) {
+  MVS_NEEDS_PYTHON();
+  const TempDir folder;
+  ExportOptions options;
+  options.hull_points = 0;
+  const auto results = ExportAndRead(folder, {}, options, {"colmap"});
+  ExpectPinned(results);
+  EXPECT_EQ(results.at("colmap")["points"], 19);
+  EXPECT_EQ(results.at("colmap")["at_joints"], 19);
+}
+
+/// The loader of Gaussian splatting takes PINHOLE alone.
+TEST(Readers, ColmapIsOfPinholesWhereAskedFor) {
+  MVS_NEEDS_PYTHON();
+  const TempDir folder;
+  Setting setting;
+  setting.distorted = true;
+  ExportOptions options;
+  EXPECT_FALSE(ExportAndRead(folder, setting, options, {"colmap"}).at("colmap")["pinhole"].get<bool>());
+  options.undistort = ExportUndistort::kAlways;
+  options.overwrite = true;
+  EXPECT_TRUE(ExportAndRead(folder, setting, options, {"colmap"}).at("colmap")["pinhole"].get<bool>());
 }
 
 TEST(Readers, Nobody) {

@@ -5,6 +5,7 @@ import struct
 import numpy as np
 
 from exports.common import Camera, check, instants, need_file, quaternion_matrix
+from exports.ply_file import read_ply
 
 
 COLMAP_MODELS = {0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4), 4: ("OPENCV", 8), 5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12)}
@@ -73,7 +74,7 @@ def colmap_text(folder):
 
 
 def read_colmap(folder, compare):
-    worst_track = 0.0
+    worst_track, at_joints, colours = 0.0, 0, set()
     for frame, root in instants(folder, compare.manifest["frames"]).items():
         alone = frame is None
         binary = colmap_binary(root if alone else root + "/sparse/0")
@@ -93,13 +94,22 @@ def read_colmap(folder, compare):
             compare.camera(name.rsplit(".", 1)[0], readers[ident], [] if alone else [frame])
         if alone:
             return {}
-        truth = np.concatenate([X for X, _ in compare.dataset.frames[frame].values()] or [np.zeros((0, 3))])
-        truth = truth[~np.isnan(truth[:, 0])]
-        for ident, (X, _, error, track) in points.items():
-            check(len(truth) and np.linalg.norm(truth - X, axis=1).min() < 1e-9, "point %d is no joint" % ident)
+        ply = read_ply(root + "/sparse/0/points3D.ply")["vertex"]
+        check(len(ply) == len(points), "points3D.ply has other points than points3D.bin")
+        joints = np.concatenate([X for X, _ in compare.dataset.frames[frame].values()] or [np.zeros((0, 3))])
+        joints = joints[~np.isnan(joints[:, 0])]
+        for row, (ident, (X, rgb, error, track)) in zip(ply, sorted(points.items())):
+            distance = np.linalg.norm(joints - X, axis=1).min() if len(joints) else np.inf
+            check(distance < 1, "point %d is %g m from every joint" % (ident, distance))
+            at_joints += distance < 1e-9
+            check(np.allclose([row["x"], row["y"], row["z"]], X, rtol=1e-6, atol=1e-6), "point %d differs in points3D.ply" % ident)
+            check((row["red"], row["green"], row["blue"]) == rgb, "point %d has another colour in points3D.ply" % ident)
+            check({"nx", "ny", "nz"} <= set(ply.dtype.names) and error == 0, "points3D.ply lacks normals, or an error is not 0")
+            colours.add(rgb)
             check(len(track) >= 2, "point %d has a track of one" % ident)
             for image, feature in track:
                 u, v, point = images[image][3][feature]
                 check(point == ident, "track and feature disagree")
                 worst_track = max(worst_track, float(np.abs(readers[image].project(X) + 0.5 - [u, v]).max()))
-    return {"track_px": worst_track, "points": len(points)}
+    return {"track_px": worst_track, "points": len(points), "at_joints": int(at_joints), "colours": sorted(colours)[:20],
+            "pinhole": all(model in ("PINHOLE", "SIMPLE_PINHOLE") for model, *_ in cameras.values())}

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/points/point_resection.h"
+#include "calib/points/scene_points.h"
+#include "core/image.h"
+#include "geometry/lens/camera.h"
+
+/// Points with known places that are clicked in one image of each camera: what a page shows of them, what it sends back, and
+/// how well the clicks agree with the lenses.
+namespace mvstudio::app {
+
+struct ClickCamera {
+  std::string name;
+  int width_px = 0, height_px = 0;
+  std::string jpeg;                      ///< bytes of the image
+  std::optional<geometry::Camera> lens;  ///< where it is known; residuals need it
+};
+
+struct ClickScene {
+  std::vector<ClickCamera> cameras;
+  std::vector<std::string> names;  ///< of the points
+  Eigen::Matrix3Xd x_in_world;     ///< (3, N) metres
+  /// (camera, point) -> px; (0, 0) is the centre of the top-left pixel.
+  std::map<std::pair<int, int>, Eigen::Vector2d> clicks;
+};
+
+/// Adds a camera with its image (RGB or grey). Throws UsageError for a name that is there already, and for a lens of another
+/// image size.
+void AddCamera(const std::string& name, const Image& image, const std::optional<geometry::Camera>& lens, ClickScene* scene);
+
+/// Points, and the clicks that an earlier table has of cameras that the scene has; those of other cameras are returned.
+std::vector<std::string> AddPoints(const calib::ScenePoints& points, ClickScene* scene);
+
+/// {"cameras": [{name, width, height, has_lens}], "points": [{name, x, y, z}], "clicks": […], "fits": […]}: docs/cli.md's
+/// page reads it.
+std::string SceneJsonText(const ClickScene& scene, const calib::PointResectionOptions& options);
+
+/// Replaces all clicks by those of {"clicks": [{"camera": i, "point": j, "x": px, "y": px}]}. Throws FormatError, and changes
+/// nothing, for anything else: unknown indices, a pair twice, a place outside the image.
+void SetClicks(const std::string& json_text, ClickScene* scene);
+
+/// How well the clicks of one camera agree (calib::ResectFromPoints).
+struct ClickFit {
+  Status status = Status::kTooFewViews;
+  std::string message;  ///< one line when the status is not kOk
+  int num_clicks = 0;
+  double rms_px = 0, leave_one_out_px = 0;      ///< NaN: not known
+  std::map<int, Eigen::Vector2d> residual_px;   ///< by point: observed minus projected
+  std::vector<int> rejected;                    ///< points
+  std::map<int, Eigen::Vector2d> predicted_px;  ///< by point: where the placed camera sees it, inside the image
+};
+ClickFit FitClicks(const ClickScene& scene, int camera_idx, const calib::PointResectionOptions& options);
+std::string FitsJsonText(const ClickScene& scene, const calib::PointResectionOptions& options);
+
+/// The table camera,point,x_px,y_px, as `calib::ReadScenePoints` reads it; a comment says that mvstudio wrote it.
+std::string ClicksCsv(const ClickScene& scene);
+
+}  // namespace mvstudio::app
