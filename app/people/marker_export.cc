@@ -132,6 +132,14 @@ void CheckMarkerOptions(const MarkerOptions& options) {
   markers::ParseFilter(options.filter);
 }
 
+void CheckMarkerWorld(const std::string& world, const MarkerOptions& options, CommandResult* result) {
+  const std::vector<std::string> formats = FormatsOf(options);
+  const bool y_up = options.opensim || std::find(formats.begin(), formats.end(), "trc") != formats.end();
+  if (!y_up || world.find("axes of camera ") == std::string::npos) return;
+  result->warnings.push_back({"MRK-WORLD", "a .trc has y up, but nothing is up in the world of these joints: " + world,
+                              "move the rig onto the floor (mvstudio calib align) and triangulate again"});
+}
+
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path) {
   const markers::FilterSpec filter = markers::ParseFilter(options.filter);
   std::vector<MarkerWork> list;

@@ -14,6 +14,8 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   RegisterCalibEval(*calib, registry);
   RegisterCalibRefine(*calib, registry);
   RegisterCalibAlign(*calib, registry);
+  RegisterCalibResize(*calib, registry);
+  RegisterCalibLenses(*calib, registry);
 }
 
 }  // namespace mvstudio::cli

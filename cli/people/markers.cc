@@ -19,6 +19,7 @@ CommandResult Run(const Arguments& arguments) {
   AtomicFolder folder(arguments.out, arguments.overwrite, {arguments.points});
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.points);
   result.inputs.push_back(arguments.points);
+  app::CheckMarkerWorld(pose.world, arguments.options, &result);
   const auto work = PrepareMarkers(pose, arguments.options, arguments.points);
   WriteMarkers(work, arguments.options, folder.work_path(), arguments.out, &result);
   folder.Commit();

@@ -248,6 +248,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   RequireJoints(inputs.pose3d, poses, left_out);
   AtomicFolder folder(out, options.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
+  internal::RequireSizes(jobs, inputs.calibration, options);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   BuildReport report;
