@@ -67,9 +67,10 @@ void ReconsiderFrames(const Work& work, CalibrateReport* report) {
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   const std::vector<bool> fixed = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
-    const int index = input.start ? input.start->Find(input.cameras[c].name) : -1;
+    const bool placed = input.start && input.start->gauge != kLensesOnly;
+    const int index = placed ? input.start->Find(input.cameras[c].name) : -1;
     if (fixed[c] && index < 0)
-      throw UsageError("option 'fix' poses: camera " + input.cameras[c].name + " is not in the given calibration");
+      throw UsageError("option 'fix' poses: camera " + input.cameras[c].name + " has no pose in the given calibration");
     if (index >= 0) work->known_poses[c] = input.start->cameras[index].cam_from_world;
   }
   work->bundle.fix_camera = fixed;
@@ -84,6 +85,7 @@ bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, C
   report->components = start.components;
   if (start.status != Status::kOk) {
     Stop(start.status, start.message, report);
+    report->culprits = internal::CamerasBesideMost(start.components);
     return false;
   }
   // Boards that no frame links to the first one have no place of their own to be found.
@@ -180,7 +182,7 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
   const RigCovariance covariance =
       ComputeCovariance(work.evidence, considered.state, considered.options, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
-    *culprits = covariance.undetermined_lenses;
+    *culprits = report->culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
   }
   internal::StoreCalibrationCovariance(covariance, held, work, &report->rig);
@@ -188,7 +190,7 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
     if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
-      culprits->push_back(static_cast<int>(c));
+      culprits->push_back(static_cast<int>(c)), report->culprits = *culprits;
       const std::string& alone = work.alone_failed[c];
       const std::string text =
           "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted";
@@ -233,7 +235,7 @@ void SeparateViews(Work* work) {
 }
 
 std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const Work& work) {
-  if (options.intrinsics_only) return "none: lenses only, every camera in a frame of its own";
+  if (options.intrinsics_only) return kLensesOnly;
   if (world.is_board) return "board in frame " + std::to_string(world.frame_idx);
   if (work.bundle.gauge.kind == Gauge::Kind::kNone) return "cameras whose poses were given";
   return "camera " + input.cameras[world.camera].name;

@@ -23,6 +23,9 @@
 
 namespace mvstudio::calib {
 
+/// Rig::gauge of lenses without poses: what `intrinsics_only` gives. As CalibrateInput::start its poses are not used.
+inline constexpr char kLensesOnly[] = "none: lenses only, every camera in a frame of its own";
+
 /// A corner after the adjustment.
 struct CornerResidual {
   int camera_idx = 0;
@@ -78,6 +81,7 @@ struct CalibrateReport {
   std::vector<CameraReport> cameras;
   std::vector<CornerResidual> residuals;
   std::vector<std::vector<int>> components;  ///< groups of cameras linked by shared boards
+  std::vector<int> culprits;  ///< without a solution: cameras whose lenses or links are the reason, as far as that is known
   double rms_px = 0, sigma_px = 0;           ///< 2-D RMS over kept corners; standard deviation per coordinate
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;

@@ -115,6 +115,7 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
     if (!sorted.uncertainty_maps.empty()) report->uncertainty_maps[order[i]] = sorted.uncertainty_maps[i];
     if (!sorted.uncertainty.cameras.empty()) report->uncertainty.cameras[order[i]] = sorted.uncertainty.cameras[i];
   }
+  for (int& camera : report->culprits) camera = order[camera];
   for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
   for (auto& component : report->components) {
     for (int& camera : component) camera = order[camera];

@@ -141,13 +141,12 @@ bool SolveMonos(const CalibrateInput& input, const CalibrateOptions& options, co
     if (Solved(work->monos[c].status)) continue;
     const std::string why = work->monos[c].message;
     const Status status = work->monos[c].status;
-    if (!StartSimpler(input, options, static_cast<int>(c), work)) {
-      Stop(status, why, report);
-      return false;
-    }
     work->alone_failed[c] = why;
+    if (StartSimpler(input, options, static_cast<int>(c), work)) continue;
+    if (report->culprits.empty()) Stop(status, why, report);
+    report->culprits.push_back(static_cast<int>(c));
   }
-  return true;
+  return report->culprits.empty();
 }
 
 /// What a kind of cameras is to be judged on.

@@ -96,6 +96,9 @@ void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
 /// Finds cameras that moved and lenses that changed (CalibrateOptions::motions); stores them in `solved`.
 void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved);
 
+/// The cameras outside the largest of these groups where it holds more than half of all; empty where it does not.
+std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups);
+
 /// Cameras whose lenses have the most parameters.
 std::vector<int> MostDemanding(const Work& work);
 

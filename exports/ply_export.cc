@@ -3,7 +3,8 @@
 #include "exports/joint_files.h"
 #include "exports/writers.h"
 
-/// rig.ply and a PLY of the skeletons for every frame: MeshLab, CloudCompare and Blender show their edges. Metres, z up.
+/// rig.ply and a PLY of the skeletons for every frame: MeshLab, CloudCompare and Blender show their edges. Metres, the
+/// dataset's axes.
 namespace mvstudio::exports {
 namespace {
 
@@ -19,7 +20,7 @@ std::string RigPly(const Take& take) {
     points[static_cast<size_t>(first)].rgb = {230, 60, 40};
     for (const auto& edge : kFrustumEdges) edges.emplace_back(first + edge[0], first + edge[1]);
   }
-  return PlyText(points, edges, "cameras: centre and image corners; metres, z up");
+  return PlyText(points, edges, "cameras: centre and image corners; metres, axes of the dataset's world");
 }
 
 std::string SkeletonPly(const Take& take, int frame) {
@@ -43,7 +44,7 @@ std::string SkeletonPly(const Take& take, int frame) {
       if (!skeleton.colours.empty()) points[static_cast<size_t>(to)].rgb = colours[bone];
     }
   }
-  return PlyText(points, edges, "joints; metres, z up");
+  return PlyText(points, edges, "joints; metres, axes of the dataset's world");
 }
 
 }  // namespace

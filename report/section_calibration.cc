@@ -175,6 +175,7 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
   if (metrics["baseline_mm"].IsNumber()) add("baseline", FormatWithUnit(metrics["baseline_mm"].Number(), "mm", 5));
   if (metrics["rejected_fraction"].IsNumber())
     add("rejected corners", FormatFixed(100 * metrics["rejected_fraction"].Number(), 2) + "%");
+  if (metrics["world"].IsText()) add("world:", metrics["world"].Text());
   if (!summary.empty()) html += ParagraphHtml(summary + ".");
   const Value& cameras = metrics["cameras"];
   if (!cameras.items().empty()) {

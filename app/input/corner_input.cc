@@ -1,17 +1,57 @@
 #include "app/input/corner_input.h"
 
+#include <algorithm>
+
 #include "app/input/board_footage.h"
 #include "app/input/board_pairing.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::app {
 namespace {
+
+void RequireCamera(const std::string& name, bool known) {
+  if (!known) throw UsageError("option 'mirrored' " + name + ": there is no camera called '" + name + "'");
+}
+
+void MarkMirrored(const std::vector<std::string>& mirrored, std::vector<calib::Footage>* footage) {
+  for (const std::string& name : mirrored) {
+    bool known = false;
+    for (calib::Footage& camera : *footage) {
+      if (camera.camera == name) camera.mirrored = known = true;
+    }
+    RequireCamera(name, known);
+  }
+}
+
+/// Corners of a file: column u becomes width - 1 - u.
+void FlipCorners(const std::vector<std::string>& mirrored, calib::CalibrateInput* input) {
+  for (const std::string& name : mirrored) {
+    const auto camera =
+        std::find_if(input->cameras.begin(), input->cameras.end(), [&](const auto& c) { return c.name == name; });
+    RequireCamera(name, camera != input->cameras.end());
+    if (camera->width_px <= 0)
+      throw UsageError("option 'mirrored' " + name + ": its image size is not known; give option 'size'");
+    for (calib::Detection& detection : input->detections) {
+      if (detection.camera_idx != camera - input->cameras.begin()) continue;
+      detection.points_px.row(0) = (camera->width_px - 1.0) - detection.points_px.row(0).array();
+    }
+  }
+}
+
+/// What the mirrored cameras' calibration is for.
+void SayMirrored(const std::vector<std::string>& mirrored, CommandResult* result) {
+  if (mirrored.empty()) return;
+  result->warnings.push_back({"CAL-MIRRORED", "calibrated as images that are not flipped: " + Join(mirrored, ", "),
+                              "flip their footage left-right before other commands read it"});
+}
 
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
   std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
   if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
+  MarkMirrored(arguments.mirrored, &footage);
   for (const calib::Board& board : boards) {
     if (calib::HasUniqueNumbering(board) || footage.size() < 2) continue;
     result->warnings.push_back({"CAL-AMBIGUOUS", "the board " + calib::ToString(board) + " looks the same after half a turn",
@@ -31,6 +71,7 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
 }  // namespace
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+  SayMirrored(arguments.mirrored, result);
   if (arguments.corners.empty()) return Detect(arguments, run, result);
   if (!arguments.cameras.empty())
     throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
@@ -44,6 +85,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   corners.input.boards = file.boards;
   corners.input.cameras = file.cameras;
   corners.input.detections = file.detections;
+  FlipCorners(arguments.mirrored, &corners.input);
   return corners;
 }
 

@@ -19,6 +19,7 @@ struct CornerArguments {
   std::vector<calib::Board> boards;
   std::vector<NamedPath> cameras;
   std::string corners;
+  std::vector<std::string> mirrored;  ///< names of cameras whose images are flipped left-right
   calib::FootageOptions footage;
   calib::CornerFileOptions corner_files;
   std::shared_ptr<const dataset::Timeline> timeline;  ///< of the footage; null: equal frame numbers are one time step
@@ -29,8 +30,8 @@ struct CornerInput {
   std::vector<calib::FootageDetections> found;  ///< of footage only
 };
 
-/// Reads corners from either source; image sizes are 0 where a corner file does not state them. Notes become warnings,
-/// files inputs. Throws UsageError, IoError, FormatError.
+/// Reads corners from either source, those of mirrored cameras as in images that are not flipped; image sizes are 0 where a
+/// corner file does not state them. Notes become warnings, files inputs. Throws UsageError, IoError, FormatError.
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result);
 
 }  // namespace mvstudio::app

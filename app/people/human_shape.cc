@@ -215,10 +215,13 @@ void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, Comman
   if (!(tilt > kMostTiltDeg)) return;
   result->warnings.push_back(
       {"TRI-UP",
-       Format("the world's z is not up: trunks lean %.0f degrees from it; what fixes the world: %s", tilt, fixed_by.c_str()),
-       "files that say z or y up show everybody lying: calibrate with option 'world' and a frame where the board lies on the "
-       "floor; "
-       "ignore this where people did lie"});
+       Format("the world's z is not up: people's trunks lean %.0f degrees from it; what fixes the world: %s", tilt,
+              fixed_by.c_str()),
+       "files that say z or y up show people lying: move the rig onto the floor they walked on (mvstudio calib align CALIB "
+       "option "
+       "'floor-joints' " +
+           (result->folder.empty() ? std::string("FOLDER") : result->folder) +
+           ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie"});
 }
 
 }  // namespace mvstudio::app

@@ -171,6 +171,14 @@ MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& opti
   return work;
 }
 
+void CheckMarkerWorld(const std::string& world, const MarkerOptions& options, CommandResult* result) {
+  const std::vector<std::string> formats = FormatsOf(options);
+  const bool y_up = options.opensim || std::find(formats.begin(), formats.end(), "trc") != formats.end();
+  if (!y_up || world.find("axes of camera ") == std::string::npos) return;
+  result->warnings.push_back({"MRK-WORLD", "a .trc has y up, but nothing is up in the world of these joints: " + world,
+                              "move the rig onto the floor (mvstudio calib align) and triangulate again"});
+}
+
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path) {
   std::vector<MarkerWork> list;
   for (markers::MarkerTake& take : markers::MarkersOf(pose, options.rate_hz))

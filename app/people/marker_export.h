@@ -54,6 +54,9 @@ std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const Marker
 void WriteMarkers(const std::vector<MarkerWork>& work, const body::Skeleton& skeleton, const MarkerOptions& options,
                   const std::string& folder, const std::string& final_folder, CommandResult* result);
 
+/// A warning "MRK-WORLD" where the joints' world (Pose3d::world) is that of a camera, and a file that says y up is written.
+void CheckMarkerWorld(const std::string& world, const MarkerOptions& options, CommandResult* result);
+
 /// Curves of every joint before and after, as a page; of long takes the middle.
 std::string MarkerPage(const std::vector<MarkerWork>& work, const MarkerOptions& options);
 

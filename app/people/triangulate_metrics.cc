@@ -220,12 +220,15 @@ void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, order
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {
-      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message,
-                                  "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
-                                  "option 'from-keypoints'`); check that its images "
-                                  "have the calibrated size and were not cropped"});
+      result->warnings.push_back(
+          {"TRI-CAMERA-OFF", camera.message,
+           "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
+           "option 'from-keypoints'`); check that its images "
+           "have the calibrated size and were not cropped (`mvstudio calib resize` brings lenses to another size)"});
     } else if (camera.scaled) {
-      result->warnings.push_back({"TRI-CAMERA-SCALED", camera.message, "check that its images have the calibrated size"});
+      result->warnings.push_back(
+          {"TRI-CAMERA-SCALED", camera.message,
+           "check that its images have the calibrated size; `mvstudio calib resize` brings its lens to another"});
     }
   }
   for (const triangulate::CameraSides& camera : take.sides.cameras) {

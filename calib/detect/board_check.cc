@@ -30,13 +30,6 @@ constexpr const char* kWholeDictionaries[] = {"4x4_1000",      "5x5_1000",      
                                               "7x7_1000",      "aruco_original", "apriltag_16h5",
                                               "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
 
-Image Mirrored(const Image& grey) {
-  Image mirrored(grey.width, grey.height, 1);
-  for (int v = 0; v < grey.height; ++v)
-    std::reverse_copy(grey.Pixel(0, v), grey.Pixel(0, v) + grey.width, mirrored.Pixel(0, v));
-  return mirrored;
-}
-
 Image Negative(Image grey) {
   for (uint8_t& value : grey.pixels) value = 255 - value;
   return grey;
@@ -52,7 +45,7 @@ Pictures Prepare(const std::vector<Image>& images) {
   Pictures pictures;
   for (const Image& image : images) {
     pictures.grey.push_back(ToGrey(image));
-    pictures.mirrored.push_back(Mirrored(pictures.grey.back()));
+    pictures.mirrored.push_back(FlippedLeftRight(pictures.grey.back()));
     pictures.negative.push_back(Negative(pictures.grey.back()));
   }
   return pictures;

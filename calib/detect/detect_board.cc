@@ -25,7 +25,6 @@ constexpr double kMaxMisplaced =
     0.1;  // of the markers, but always one: a wrong layout may displace as few as one marker in every other row
 constexpr char kMarkersMisplaced[] =
     "the markers do not lie as on the board (wrong numbers of squares or tags, gap, or layout)";
-constexpr char kMirrored[] = "the image is mirrored: the markers can be read only in a mirror";
 constexpr int kGrowRounds = 8;  // from tags that were found to their neighbours
 constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
@@ -162,14 +161,6 @@ BoardDetection CheckCorners(const Board& board, const Located& located, const De
   return result;
 }
 
-Image Mirrored(const Image& grey) {
-  Image mirrored(grey.width, grey.height, 1);
-  for (int v = 0; v < grey.height; ++v) {
-    std::reverse_copy(grey.Pixel(0, v), grey.Pixel(0, v) + grey.width, mirrored.Pixel(0, v));
-  }
-  return mirrored;
-}
-
 bool Misplaced(const MarkerSearch& search) {
   return search.num_markers - search.num_agreeing > std::max(1.0, kMaxMisplaced * search.num_markers);
 }
@@ -177,7 +168,7 @@ bool Misplaced(const MarkerSearch& search) {
 /// Whether the board is there in the mirrored image, in any layout of the same colours: more markers in their places than in
 /// the image itself.
 bool SeenInMirror(const Board& board, const Image& searched, int num_agreeing) {
-  const FoundMarkers found = FindMarkers(board, Mirrored(searched));
+  const FoundMarkers found = FindMarkers(board, FlippedLeftRight(searched));
   const int needed = std::max(board.kind == Board::Kind::kTag ? 1 : 3, 2 * num_agreeing);
   for (const Board& layout : LayoutsOf(board)) {
     if (layout.inverted != board.inverted) continue;
@@ -252,12 +243,23 @@ std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOption
     num_agreeing = std::max(num_agreeing, result.back().num_markers);
   }
   if (!found && options.check_mirror && SeenInMirror(board, image->For(board), num_agreeing)) {
-    result[0] = Failed(Status::kDegenerate, kMirrored);
+    result[0] = Failed(Status::kDegenerate, kMirroredReason);
   }
   return result;
 }
 
 }  // namespace
+
+Image FlippedLeftRight(const Image& image) {
+  Image flipped(image.width, image.height, image.channels);
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) {
+      const uint8_t* from = image.Pixel(image.width - 1 - u, v);
+      std::copy(from, from + image.channels, flipped.Pixel(u, v));
+    }
+  }
+  return flipped;
+}
 
 std::string_view ToString(Detector detector) { return WordOf(kDetectors, detector); }
 

@@ -22,8 +22,8 @@ void FromString(const std::string& text, Detector* detector);
 
 struct DetectOptions {
   Detector detector = Detector::kFast;
-  int min_corners = 8;      ///< boards with fewer good corners are dropped; a single tag needs its 4
-  double max_misfit = 0.2;  ///< rms grey-value misfit of a corner over its contrast
+  int min_corners = 8;       ///< boards with fewer good corners are dropped; a single tag needs its 4
+  double max_misfit = 0.2;   ///< rms grey-value misfit of a corner over its contrast
   bool check_mirror = true;  ///< if no marker is found, also search the mirrored image, to report a mirrored board
 };
 
@@ -71,6 +71,12 @@ size_t BetterLayout(const std::vector<BoardDetection>& layouts);
 /// Locates the guessed corners in a grey image and checks them: the second part of DetectBoard.
 BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses,
                            const DetectOptions& options = {});
+
+/// BoardDetection::reason of a board that can be read only in a mirror.
+inline constexpr char kMirroredReason[] = "the image is mirrored: the markers can be read only in a mirror";
+
+/// The image in a mirror: column u becomes width - 1 - u.
+Image FlippedLeftRight(const Image& image);
 
 /// Converts RGB to brightness; a grey image is returned unchanged.
 Image ToGrey(const Image& image);

@@ -97,6 +97,12 @@ std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, 
   const std::string why =
       Join(found.reasons, ", ", [](const auto& reason) { return reason.first + ": " + std::to_string(reason.second); });
   const std::string names = Join(boards, " or ", [](const Board& board) { return ToString(board); });
+  const bool mirrored = std::any_of(found.reasons.begin(), found.reasons.end(),
+                                    [](const auto& reason) { return reason.first.find(kMirroredReason) != std::string::npos; });
+  if (mirrored) {
+    return "camera " + footage.camera + ": the board " + names + " can be read only in a mirror (" + why +
+           "); if its images are " + "flipped left-right, say so with option 'mirrored' " + footage.camera;
+  }
   return "camera " + footage.camera + ": the board " + names + " was not found in any of " + std::to_string(found.num_images) +
          " images" + (why.empty() ? "" : " (" + why + ")") + "; check " + HintFor(boards.front(), detector) +
          ", or let `mvstudio board check` find out what fits";
@@ -111,7 +117,8 @@ struct Searched {
 /// Hands out the frames of one camera, to one thread at a time.
 class FrameQueue {
  public:
-  FrameQueue(Footage* footage, int stride) : footage_(footage), stride_(stride) {}
+  /// With `tolerant`, unusable images end the camera and become its failure.
+  FrameQueue(Footage* footage, int stride, bool tolerant) : footage_(footage), stride_(stride), tolerant_(tolerant) {}
 
   struct Frame {
     size_t position = 0;  // among the searched frames
@@ -122,11 +129,12 @@ class FrameQueue {
     std::unique_lock<std::mutex> lock(mutex_, std::defer_lock);
     wait ? lock.lock() : static_cast<void>(lock.try_lock());
     if (!lock.owns_lock()) return std::nullopt;
-    while (!done_) {
-      auto frame = footage_->next();
-      if (!frame) break;
-      CheckFrame(*footage_, *frame, &seen_, &camera_);
-      if (IsSearched(*footage_, frame->frame_idx, stride_)) return Frame{num_taken_++, std::move(*frame)};
+    try {
+      if (auto frame = Next()) return frame;
+    } catch (const FormatError& error) {
+      if (!tolerant_) throw;
+      failure_ = error.what();
+      if (failure_.rfind(error.path() + ": ", 0) == 0) failure_.erase(0, error.path().size() + 2);
     }
     done_ = true;
     return std::nullopt;
@@ -142,10 +150,25 @@ class FrameQueue {
   std::vector<Searched> TakeResults() { return std::move(results_); }
   const CameraInput& camera() const { return camera_; }
   const std::string& name() const { return footage_->camera; }
+  const std::string& failure() const { return failure_; }
 
  private:
+  std::optional<Frame> Next() {
+    while (!done_) {
+      auto frame = footage_->next();
+      if (!frame) break;
+      CheckFrame(*footage_, *frame, &seen_, &camera_);
+      if (!IsSearched(*footage_, frame->frame_idx, stride_)) continue;
+      if (footage_->mirrored) frame->image = FlippedLeftRight(frame->image);
+      return Frame{num_taken_++, std::move(*frame)};
+    }
+    return std::nullopt;
+  }
+
   Footage* footage_;
   int stride_;
+  bool tolerant_;
+  std::string failure_;
   std::mutex mutex_, results_mutex_;
   std::set<int64_t> seen_;
   CameraInput camera_;
@@ -193,6 +216,7 @@ struct CameraResults {
   std::vector<Searched> pictures;
   std::optional<std::string> digest;
   bool cached = false;
+  std::string failure;
 };
 
 bool LoadCamera(const DetectionCache& cache, const std::vector<Board>& boards, const DetectOptions& options, int stride,
@@ -232,6 +256,7 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
   ParallelFor(static_cast<int64_t>(footage.size()), run.num_threads, [&](int64_t c) {
     if (cache.enabled()) results[c].digest = DigestOf(footage[c], stride);
     if (!results[c].digest) return;
+    if (footage[c].mirrored) *results[c].digest += "-mirrored";
     results[c].cached = LoadCamera(cache, boards, options.detect, stride, &results[c]);
     if (!results[c].cached) results[c].camera = CameraInput(), results[c].pictures.clear();
     if (results[c].cached) stage.Advance(static_cast<int64_t>(results[c].pictures.size()), footage[c].camera);
@@ -240,15 +265,16 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
   std::vector<size_t> camera_of;
   for (size_t c = 0; c < footage.size(); ++c) {
     if (results[c].cached) continue;
-    queues.push_back(std::make_unique<FrameQueue>(&footage[c], stride));
+    queues.push_back(std::make_unique<FrameQueue>(&footage[c], stride, !options.all_cameras));
     camera_of.push_back(c);
   }
   SearchAll(boards, queues, options.detect, run, &stage);
   for (size_t q = 0; q < queues.size(); ++q) {
     CameraResults& camera = results[camera_of[q]];
     camera.camera = queues[q]->camera();
-    camera.pictures = queues[q]->TakeResults();
-    if (camera.digest) StoreCamera(cache, boards, options.detect, stride, camera);
+    camera.failure = queues[q]->failure();
+    if (camera.failure.empty()) camera.pictures = queues[q]->TakeResults();
+    if (camera.digest && camera.failure.empty()) StoreCamera(cache, boards, options.detect, stride, camera);
   }
   return results;
 }
@@ -325,10 +351,14 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
     found[c].cached = results[c].cached;
     std::stable_sort(found[c].detections.begin(), found[c].detections.end(),
                      [](const Detection& a, const Detection& d) { return a.frame_idx < d.frame_idx; });
-    if (found[c].detections.empty()) {
-      throw FormatError(footage[c].path, "", NeverSeen(boards, footage[c], found[c], options.detect.detector));
-    }
+    if (!found[c].detections.empty()) continue;
+    found[c].failure = results[c].failure;
+    if (found[c].failure.empty()) found[c].failure = NeverSeen(boards, footage[c], found[c], options.detect.detector);
   }
+  const auto failed = [](const FootageDetections& camera) { return !camera.failure.empty(); };
+  const auto first = std::find_if(found.begin(), found.end(), failed);
+  const bool refuse = options.all_cameras ? first != found.end() : std::all_of(found.begin(), found.end(), failed);
+  if (refuse) throw FormatError(footage[static_cast<size_t>(first - found.begin())].path, "", first->failure);
   return found;
 }
 

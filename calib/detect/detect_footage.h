@@ -26,6 +26,7 @@ struct FootageFrame {
 struct Footage {
   std::string camera, path;
   int64_t num_frames = 0;  ///< 0 when unknown
+  bool mirrored = false;   ///< the images are flipped left-right; they are searched as if they were not, and so are the corners
   std::function<std::optional<FootageFrame>()> next;
   /// Time step of each frame number, where these differ between cameras; frames without one are not used. Empty: the
   /// numbers are the time steps. Detections then carry time steps, and `every` and `max_frames` choose among those.
@@ -37,6 +38,8 @@ struct FootageOptions {
   int max_frames = 0;  ///< maximum number of frames searched per camera, thinned out further; 0: all
   CachePlace cache;    ///< of earlier results
   DetectOptions detect;
+  bool all_cameras = true;  ///< a camera that never sees a board, or has unusable images, is an error; else its
+                            ///< FootageDetections::failure says so while others see one
 };
 
 template <class Visitor>
@@ -58,12 +61,14 @@ struct FootageDetections {
   std::map<std::string, int> reasons;  ///< why boards were not used -> number of images; names the board when there are
                                        ///< several
   std::vector<std::string> notes;      ///< one line each: a layout that was determined, a board never seen
+  std::string failure;                 ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
   bool cached = false;                 ///< read from the cache without a search
 };
 
 /// Detects the boards in all footage, images in parallel; the result does not depend on the number of threads. An
 /// ambiguous layout of a ChArUco board (see LayoutsOf) is decided for all footage together. Throws FormatError when the
-/// images of a camera differ in size, when two have the same number, or when a camera never sees a board.
+/// images of a camera differ in size, when two have the same number, or when a camera never sees a board; without
+/// `all_cameras`, when that holds for every camera.
 std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, std::vector<Footage>& footage,
                                              const FootageOptions& options, const RunContext& run);
 std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Footage>& footage, const FootageOptions& options,

@@ -15,6 +15,8 @@ void RegisterCalib(CLI::App& app, Registry& registry) {
   RegisterCalibRefine(*calib, registry);
   RegisterCalibAlign(*calib, registry);
   RegisterCalibClick(*calib, registry);
+  RegisterCalibResize(*calib, registry);
+  RegisterCalibLenses(*calib, registry);
 }
 
 }  // namespace mvstudio::cli

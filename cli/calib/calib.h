@@ -12,5 +12,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry);
 void RegisterCalibRefine(CLI::App& calib, Registry& registry);
 void RegisterCalibAlign(CLI::App& calib, Registry& registry);
 void RegisterCalibClick(CLI::App& calib, Registry& registry);
+void RegisterCalibResize(CLI::App& calib, Registry& registry);
+void RegisterCalibLenses(CLI::App& calib, Registry& registry);
 
 }  // namespace mvstudio::cli

@@ -6,11 +6,14 @@
 
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
+#include "app/calib/lens_library.h"
 #include "app/input/board_pairing.h"
 #include "app/input/calib_read.h"
 #include "app/input/corner_input.h"
 #include "app/input/session_input.h"
+#include "app/people/human_shape.h"
 #include "calib/corners/corner_files.h"
+#include "calib/solvable.h"
 #include "cli/calib/calib.h"
 #include "cli/calib/keypoints.h"
 #include "cli/calib/scene.h"
@@ -20,21 +23,25 @@
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {
 
+using nlohmann::ordered_json;
+
 struct Arguments {
   app::SessionArguments session;
   app::CornerArguments corners;
-  std::string save_corners, start, out;
+  std::string save_corners, start, lenses, out;
   calib::CalibrateOptions calibrate;
   SceneArguments scene;
   KeypointArguments keypoints;
 };
 
 void RequireSizes(const app::CornerInput& corners, const std::string& path) {
+  if (!corners.found.empty()) return;  // the footage says it
   for (const calib::CameraInput& camera : corners.input.cameras) {
     if (camera.width_px <= 0 || camera.height_px <= 0)
       throw UsageError(path + " does not say how large the images of camera " + camera.name + " are; give --size WIDTHxHEIGHT");
@@ -56,6 +63,88 @@ std::string HintFor(const calib::Verdict::Reason& reason, const Arguments& argum
   if (reason.code != "CAL-FRAMES" || arguments.session.session.empty() || arguments.corners.timeline) return reason.hint;
   return reason.hint + "; `mvstudio session timeline` with the board's --take reads dropped frames from time stamps, and " +
          "calibrate then pairs by time";
+}
+
+/// Figures of the footage of the cameras that were calibrated, in their order; empty without footage.
+std::vector<calib::FootageDetections> FoundOf(const app::CornerInput& corners, const std::vector<int>& kept) {
+  std::vector<calib::FootageDetections> found;
+  for (const int c : kept) {
+    if (!corners.found.empty()) found.push_back(corners.found[static_cast<size_t>(c)]);
+  }
+  return found;
+}
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// Lenses of other image sizes are refused, all by name.
+void RequireSameSizes(const calib::CalibrateInput& input, const std::string& path) {
+  std::string wrong, sizes;
+  for (const calib::CameraInput& camera : input.cameras) {
+    const int found = input.start->Find(camera.name);
+    if (found < 0) continue;
+    const geometry::Camera& lens = input.start->cameras[static_cast<size_t>(found)].camera;
+    const bool unknown = camera.width_px <= 0;
+    if (unknown || (lens.width_px == camera.width_px && lens.height_px == camera.height_px)) continue;
+    wrong += (wrong.empty() ? "" : ", ") + camera.name + " (" + SizeText(lens.width_px, lens.height_px) + ", images " +
+             SizeText(camera.width_px, camera.height_px) + ")";
+    sizes += " --camera-size " + camera.name + "=" + SizeText(camera.width_px, camera.height_px);
+  }
+  if (wrong.empty()) return;
+  throw UsageError(path + " has lenses of other image sizes: " + wrong +
+                   "; for the same part of the sensor: mvstudio calib resize" + sizes);
+}
+
+/// Starts from a given calibration, or from the library's lenses of the session's cameras, which are then held.
+void FillStart(Arguments* arguments, calib::CalibrateInput* input, CommandResult* result) {
+  if (!arguments->start.empty()) {
+    const calib::ImportedRig given = app::ReadCalibrationFiles({arguments->start}, {});
+    input->start = given.rig;
+    app::AddNotes(given.notes, result);
+    result->inputs.push_back(arguments->start);
+    return RequireSameSizes(*input, arguments->start);
+  }
+  if (arguments->lenses.empty()) return;
+  if (arguments->session.session.empty()) throw UsageError("--lenses finds lenses by the serial numbers of a --session");
+  const dataset::Session session = dataset::ReadSession(arguments->session.session, arguments->session.allow_outside);
+  geometry::Rig lenses = app::LensesOf(app::ReadLensLibrary(arguments->lenses), session.cameras);
+  result->inputs.push_back(arguments->lenses);
+  calib::HeldPart held;
+  for (const calib::CameraInput& camera : input->cameras) {
+    if (lenses.Find(camera.name) >= 0) held.cameras.push_back(camera.name);
+  }
+  if (held.cameras.empty())
+    throw UsageError(arguments->lenses + " has a lens of none of the cameras: check their serial in mvstudio.toml");
+  result->metrics["lenses_from_library"] = held.cameras;
+  arguments->calibrate.fix.push_back(held);
+  input->start = lenses;
+  RequireSameSizes(*input, arguments->lenses);
+}
+
+/// The cameras that could not be calibrated while others were.
+void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const app::CornerInput& corners, CommandResult* result) {
+  ordered_json& rows = result->metrics["left_out"] = ordered_json::array();
+  for (const calib::LeftOutCamera& camera : left_out) {
+    std::string reason = camera.reason;
+    for (const calib::FootageDetections& found : corners.found) {
+      if (found.camera.name == camera.name && !found.failure.empty()) reason = found.failure;
+    }
+    rows.push_back({{"name", camera.name}, {"reason", reason}});
+    result->errors.push_back({"CAL-LEFTOUT", "camera " + camera.name + " is not calibrated: " + reason,
+                              "the others are written; film it again, or add it later with --start and --fix"});
+  }
+  if (!left_out.empty() && result->exit == kExitOk) result->exit = kExitPartial;
+}
+
+/// Without a floor, the world is a camera's, and nothing is up.
+void AskForFloor(const std::string& gauge, bool in_session, const std::string& path, CommandResult* result) {
+  if (gauge.rfind("camera ", 0) != 0) return;
+  const std::string what = "the world has the axes of " + gauge + " (x right, y down, z forward): z is not up";
+  const std::string hint =
+      "give --world board:FRAME with a frame where the board lies on the floor, or move the rig later: mvstudio "
+      "calib align " +
+      path + " --floor-board FRAME … or --floor-joints FOLDER";
+  if (in_session) result->warnings.push_back({"CAL-WORLD", what, hint});
+  if (!in_session) result->text += what + "; " + hint + "\n";
 }
 
 CommandResult Unsolved(const calib::CalibrateReport& report) {
@@ -83,17 +172,14 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
     return RunScene(arguments.scene, arguments.start, arguments.corners.boards, arguments.out, context);
   CommandResult result;
   app::FillCorners(arguments.session, &arguments.corners, &result);
+  arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
   app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, &result);
   RequireSizes(corners, arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
-  if (!arguments.start.empty()) {
-    const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.start}, {});
-    corners.input.start = given.rig;
-    app::AddNotes(given.notes, &result);
-    result.inputs.push_back(arguments.start);
-  }
-  const calib::CalibrateReport report = Calibrate(corners.input, arguments.calibrate, context.run);
+  FillStart(&arguments, &corners.input, &result);
+  const calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
+  const calib::CalibrateReport& report = solved.report;
   if (report.status != Status::kOk) {
     CommandResult unsolved = Unsolved(report);
     unsolved.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
@@ -105,7 +191,8 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const std::string path = arguments.out + "/calibration.json";
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
-  app::FillCalibrateMetrics(report, corners.found, &result.metrics);
+  result.metrics["world"] = app::WorldText(report.rig);
+  app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
   result.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (report.rig.cameras.size() > 1) result.text = app::PairingText(arguments.corners.timeline.get());
@@ -113,6 +200,8 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   for (const auto& reason : report.verdict.reasons)
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments)});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
+  SayLeftOut(solved.left_out, corners, &result);
+  AskForFloor(report.gauge, !arguments.session.session.empty(), path, &result);
   app::WarnOfCovariance(report.rig, &result);
   return result;
 }
@@ -133,6 +222,9 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
   AddArguments(sub, arguments);
   AddOptions(sub, arguments->scene);
   AddOption(sub, "--start", arguments->start, "a calibration to start from; its cameras keep their lens models");
+  AddOption(sub, "--lenses", arguments->lenses,
+            "library of mvstudio calib lenses: lenses of the session's cameras, by their serial; they are held")
+      ->excludes("--start");
   registry.Add(sub, "calibrate", [arguments](CommandContext& context) { return RunCalibrate(*arguments, context); });
 }
 

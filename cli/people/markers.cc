@@ -23,6 +23,7 @@ CommandResult Run(const Arguments& arguments) {
   result.inputs.push_back(arguments.points);
   if (!arguments.skeleton.empty()) UseSkeleton(body::SkeletonFrom(arguments.skeleton), arguments.points, &pose);
   if (body::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
+  app::CheckMarkerWorld(pose.world, arguments.options, &result);
   const auto work = PrepareMarkers(pose, arguments.options, arguments.points);
   WriteMarkers(work, SkeletonOf(pose), arguments.options, folder.work_path(), arguments.out, &result);
   folder.Commit();

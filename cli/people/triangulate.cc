@@ -307,6 +307,7 @@ void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOp
 void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, CommandResult* result) {
   if (!folder || result->metrics["num_points"] == 0) return;
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
+  app::CheckMarkerWorld(pose.world, arguments.markers, result);
   const auto work = PrepareMarkers(pose, arguments.markers, arguments.out);
   WriteMarkers(work, SkeletonOf(pose), arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
   folder->Commit();

@@ -62,6 +62,9 @@ void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
              "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
   AddChoices(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
   AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
+  AddOption(sub, "--mirrored", arguments.mirrored,
+            "names of cameras, with commas, whose images are flipped left-right: they are calibrated as if they were not")
+      ->delimiter(',');
   AddOptions(sub, arguments.footage);
   AddOptions(sub, arguments.corner_files);
 }

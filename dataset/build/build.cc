@@ -271,6 +271,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const BuildOptions options = WithPossibleMasks(wanted, own, poses, &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
+  internal::RequireSizes(jobs, inputs.calibration, options);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {

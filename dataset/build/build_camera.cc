@@ -274,6 +274,26 @@ CameraResult Build(const CameraJob& job, const BuildOptions& options) {
 
 }  // namespace
 
+void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibration, const BuildOptions& options) {
+  std::string wrong, sizes;
+  for (const CameraJob& job : jobs) {
+    const geometry::Camera& c = job.camera.camera;
+    const auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
+    if (!source->Advance()) continue;
+    const auto [width, height] = source->size_px();
+    if (!SizeRules(c.width_px, c.height_px, width, height).empty()) continue;
+    const bool turned = width == c.height_px && height == c.width_px;
+    wrong += (wrong.empty() ? "" : "; ") + ("camera " + job.footage.camera) + ": footage is " + SizeText(width, height) +
+             ", the calibration is for " + SizeText(c.width_px, c.height_px) +
+             (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart");
+    if (!turned) sizes += " option 'camera-size' " + job.footage.camera + "=" + SizeText(width, height);
+  }
+  if (wrong.empty()) return;
+  const std::string resize =
+      sizes.empty() ? "" : ", or, for the same part of the sensor, mvstudio calib resize " + calibration + sizes;
+  throw FormatError(calibration, "", wrong + "; calibrate at this size or give the footage that was calibrated" + resize);
+}
+
 CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options) {
   try {
     return Build(job, options);

@@ -33,6 +33,10 @@ struct CameraResult {
   std::vector<BuildWarning> warnings;
 };
 
+/// Reads the first image of each camera. Throws FormatError that names every camera whose footage has a size that no rule of
+/// SizeRules explains; `calibration` is the file's path, for the message.
+void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibration, const BuildOptions& options);
+
 /// Writes pictures and masks of one camera.
 CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options);
 

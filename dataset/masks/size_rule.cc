@@ -8,6 +8,7 @@
 #include "core/statistics.h"
 #include "dataset/masks/costs.h"
 #include "dataset/masks/limbs.h"
+#include "geometry/rig/resize.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -104,20 +105,7 @@ std::vector<SizeRule> SizeRules(int calibrated_width, int calibrated_height, int
 }
 
 geometry::RigCamera ApplySizeRule(const geometry::RigCamera& camera, const SizeRule& rule, int width, int height) {
-  geometry::RigCamera out = camera;
-  out.camera.width_px = width;
-  out.camera.height_px = height;
-  Eigen::VectorXd& p = out.camera.params;
-  p[0] *= rule.scale_x;
-  p[1] *= rule.scale_y;
-  p[2] = rule.scale_x * (p[2] + 0.5) + rule.offset_x_px - 0.5;
-  p[3] = rule.scale_y * (p[3] + 0.5) + rule.offset_y_px - 0.5;
-  if (out.params_covariance) {
-    Eigen::VectorXd scale = Eigen::VectorXd::Ones(p.size());
-    scale.head<4>() << rule.scale_x, rule.scale_y, rule.scale_x, rule.scale_y;
-    *out.params_covariance = scale.asDiagonal() * *out.params_covariance * scale.asDiagonal();
-  }
-  return out;
+  return geometry::Resized(camera, {rule.scale_x, rule.scale_y, rule.offset_x_px, rule.offset_y_px}, width, height);
 }
 
 SizeDecision DecideSizeRule(const std::vector<SizeRule>& rules, const geometry::RigCamera& camera,

@@ -175,7 +175,10 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
     findings->push_back({false, "SES-SIZE",
                          Where(f) + ": the footage is " + SizeText(f.info->width, f.info->height) +
                              ", the calibration is for " + SizeText(c.width_px, c.height_px),
-                         "small differences are explained by dataset build option 'size-rule'"});
+                         "if it shows the same part of the sensor: mvstudio calib resize " + path + " option 'camera-size' " +
+                             f.camera + "=" + SizeText(f.info->width, f.info->height) +
+                             ", with option 'crop' for a part of it; small differences are explained by dataset build option "
+                             "'size-rule'"});
   }
   for (const SessionCamera& camera : session.cameras) {
     if (rig.Find(camera.name) >= 0) continue;

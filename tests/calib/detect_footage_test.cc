@@ -154,6 +154,47 @@ TEST(DetectFootage, SaysWhenTheImagesAreMirrored) {
   EXPECT_NE(message.find("mirror"), std::string::npos) << message;
 }
 
+/// Flipped images, said to be so, give the corners of the images as they were.
+TEST(DetectFootage, MirroredFootageIsSearchedAsIfItWereNot) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  const std::vector<Image> images = Waving(board, 2);
+  std::vector<Image> flipped;
+  for (const Image& image : images) flipped.push_back(FlippedLeftRight(image));
+  EXPECT_EQ(FlippedLeftRight(flipped[0]).pixels, images[0].pixels);
+  std::vector<Footage> plain, mirrored;
+  plain.push_back(FootageOf("a", images)), mirrored.push_back(FootageOf("a", flipped));
+  mirrored[0].mirrored = true;
+  ExpectSame(DetectFootage(board, plain, Uncached(), RunContext()), DetectFootage(board, mirrored, Uncached(), RunContext()));
+}
+
+TEST(DetectFootage, ABadCameraIsNamedAndLeavesTheOthers) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  const std::vector<Image> images = Waving(board, 2);
+  const auto all = [&] {
+    std::vector<Footage> footage;
+    footage.push_back(FootageOf("good", images));
+    footage.push_back(FootageOf("blind", {Image(64, 48, 1)}));
+    footage.push_back(FootageOf("mixed", {images[0], Image(48, 64, 1)}));
+    footage.push_back(FootageOf("flipped", {FlippedLeftRight(images[0])}));
+    return footage;
+  };
+  FootageOptions options = Uncached();
+  std::vector<Footage> footage = all();
+  EXPECT_THROW(DetectFootage(board, footage, options, RunContext()), FormatError);
+  options.all_cameras = false;
+  footage = all();
+  const auto found = DetectFootage(board, footage, options, RunContext());
+  EXPECT_EQ(found[0].detections.size(), 2u);
+  EXPECT_EQ(found[0].failure, "");
+  EXPECT_NE(found[1].failure.find("was not found in any of 1 images"), std::string::npos) << found[1].failure;
+  EXPECT_NE(found[2].failure.find("one size"), std::string::npos) << found[2].failure;
+  EXPECT_TRUE(found[2].detections.empty());
+  EXPECT_NE(found[3].failure.find("'mirrored' flipped"), std::string::npos) << found[3].failure;
+  footage = all();
+  footage.erase(footage.begin());
+  EXPECT_THROW(DetectFootage(board, footage, options, RunContext()), FormatError) << "nobody sees the board";
+}
+
 TEST(DetectFootage, RefusesMixedSizesAndRepeatedNumbers) {
   const Board board = ParseBoard("tag:36h11:7:300mm");
   std::vector<Footage> footage;

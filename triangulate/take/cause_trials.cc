@@ -122,8 +122,8 @@ void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std
       if (!changed) continue;
       const std::string whose = only < 0 ? "the images" : "the images of " + rig.cameras[static_cast<size_t>(only)].camera.name;
       list->push_back({Cause::kImageSize, "with " + whose + " " + resize.text,
-                       "detect in images of the calibrated size, or calibrate in the size and crop of the images", *changed,
-                       frames});
+                       "detect in images of the calibrated size, or bring the calibration to theirs with mvstudio calib resize",
+                       *changed, frames});
     }
   }
 }

@@ -1,0 +1,101 @@
+#include "calib/solvable.h"
+
+#include <algorithm>
+
+#include "calib/calibrate_steps.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace {
+
+/// Cameras with corners; the others are left out.
+SolvableCalibration WithCorners(const CalibrateInput& input) {
+  std::vector<bool> seen(input.cameras.size(), false);
+  for (const Detection& d : input.detections) seen[static_cast<size_t>(d.camera_idx)] = true;
+  SolvableCalibration start;
+  for (size_t c = 0; c < seen.size(); ++c) {
+    if (seen[c]) start.kept.push_back(static_cast<int>(c));
+    if (!seen[c]) start.left_out.push_back({input.cameras[c].name, "no corners: no board was found in its images"});
+  }
+  return start;
+}
+
+/// `solvable` without the culprits of its report; false when nothing would be left, or when they are not known.
+bool DropCulprits(const CalibrateInput& input, SolvableCalibration* solvable) {
+  const std::vector<int>& culprits = solvable->report.culprits;
+  std::vector<int> kept;
+  for (size_t k = 0; k < solvable->kept.size(); ++k) {
+    const bool bad = std::find(culprits.begin(), culprits.end(), static_cast<int>(k)) != culprits.end();
+    if (!bad) kept.push_back(solvable->kept[k]);
+    if (bad)
+      solvable->left_out.push_back({input.cameras[static_cast<size_t>(solvable->kept[k])].name, solvable->report.message});
+  }
+  const bool fewer = kept.size() < solvable->kept.size() && !kept.empty();
+  if (fewer) solvable->kept = kept;
+  return fewer;
+}
+
+}  // namespace
+
+namespace internal {
+
+std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups) {
+  size_t total = 0, largest = 0;
+  for (size_t g = 0; g < groups.size(); ++g) {
+    total += groups[g].size();
+    if (groups[g].size() > groups[largest].size()) largest = g;
+  }
+  std::vector<int> beside;
+  if (groups.empty() || 2 * groups[largest].size() <= total) return beside;
+  for (size_t g = 0; g < groups.size(); ++g) {
+    if (g != largest) beside.insert(beside.end(), groups[g].begin(), groups[g].end());
+  }
+  return beside;
+}
+
+}  // namespace internal
+
+CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras) {
+  CalibrateInput part = input;
+  part.cameras.clear(), part.detections.clear(), part.same_lens.clear();
+  std::vector<int> place(input.cameras.size(), -1);
+  for (const int c : cameras) {
+    place[static_cast<size_t>(c)] = static_cast<int>(part.cameras.size());
+    part.cameras.push_back(input.cameras[static_cast<size_t>(c)]);
+  }
+  for (Detection detection : input.detections) {
+    detection.camera_idx = place[static_cast<size_t>(detection.camera_idx)];
+    if (detection.camera_idx >= 0) part.detections.push_back(std::move(detection));
+  }
+  for (const std::vector<int>& group : input.same_lens) {
+    std::vector<int> kept;
+    for (const int c : group) {
+      if (place[static_cast<size_t>(c)] >= 0) kept.push_back(place[static_cast<size_t>(c)]);
+    }
+    if (kept.size() > 1) part.same_lens.push_back(kept);
+  }
+  return part;
+}
+
+SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
+  SolvableCalibration found = WithCorners(input);
+  if (found.kept.empty()) {
+    for (size_t c = 0; c < input.cameras.size(); ++c) found.kept.push_back(static_cast<int>(c));
+    found.left_out.clear();
+  }
+  found.report = Calibrate(InputOf(input, found.kept), options, run);
+  if (found.report.status == Status::kOk) return found;
+  SolvableCalibration all = found;
+  all.left_out.clear();
+  while (found.report.status != Status::kOk) {
+    if (!DropCulprits(input, &found)) return all;
+    try {
+      found.report = Calibrate(InputOf(input, found.kept), options, run);
+    } catch (const UsageError&) {  // an option names a camera that was left out
+      return all;
+    }
+  }
+  return found;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/calibrate.h"
+
+namespace mvstudio::calib {
+
+/// A camera that is not calibrated while others are.
+struct LeftOutCamera {
+  std::string name, reason;
+};
+
+struct SolvableCalibration {
+  CalibrateReport report;  ///< of the cameras in `kept`
+  std::vector<int> kept;   ///< indices into CalibrateInput::cameras
+  std::vector<LeftOutCamera> left_out;
+};
+
+/// Calibrate; where that fails because of some cameras (CalibrateReport::culprits, or cameras without corners), the others
+/// without them. Where the rest has no solution either, or an option names a camera that would be left out, the report is
+/// that of all cameras with corners and `left_out` is empty.
+SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
+
+/// The input of some of the cameras.
+CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras);
+
+}  // namespace mvstudio::calib
