@@ -57,7 +57,9 @@ class OwnSkeleton : public ::testing::Test {
     }
   }
 
+  /// Into an empty folder.
   CliRun Triangulate(const std::vector<std::string>& more) const {
+    fs::remove_all(folder_ / "out");
     std::vector<std::string> words = {
         "triangulate",   "--calib", folder_ / "calibration.json", "--points2d", folder_ / "points.csv", "--out",
         folder_ / "out", "--json"};
