@@ -90,7 +90,8 @@ const Skeleton& SkeletonByName(const std::string& name) {
 }
 
 bool IsSkeletonFile(const std::string& name_or_file) {
-  return std::filesystem::path(name_or_file).extension() == ".toml" || name_or_file.find('/') != std::string::npos;
+  const std::string extension = std::filesystem::path(name_or_file).extension().string();
+  return extension == ".toml" || extension == ".json" || name_or_file.find('/') != std::string::npos;
 }
 
 Skeleton SkeletonFrom(const std::string& name_or_file) {
@@ -100,7 +101,9 @@ Skeleton SkeletonFrom(const std::string& name_or_file) {
     throw FormatError(name_or_file, "",
                       "is larger than 1 MiB; a skeleton has at most " + std::to_string(kMaxSkeletonJoints) + " joints");
   }
-  Skeleton skeleton = SkeletonFromToml(ReadFile(name_or_file), name_or_file);
+  const bool json = std::filesystem::path(name_or_file).extension() == ".json";
+  Skeleton skeleton = json ? SkeletonFromJson(ReadFile(name_or_file), name_or_file, "")
+                           : SkeletonFromToml(ReadFile(name_or_file), name_or_file);
   const Skeleton* known = FindSkeleton(skeleton.name);
   if (skeleton.name == PointsSkeleton({}).name || (known && known->joints != skeleton.joints)) {
     throw FormatError(name_or_file, "name", "`" + skeleton.name + "` is the name of other joints; choose another");

@@ -52,7 +52,7 @@ const Skeleton& SkeletonByName(const std::string& name);
 const Skeleton* FindSkeleton(const std::string& name);
 std::vector<std::string> SkeletonNames();
 
-/// True for a text that names a file, not a skeleton: one that ends in ".toml" or holds a slash.
+/// True for a text that names a file, not a skeleton: one that ends in ".toml" or ".json", or holds a slash.
 bool IsSkeletonFile(const std::string& name_or_file);
 /// SkeletonByName, or the skeleton in a file. Throws UsageError; IoError or FormatError (path, key) for a file that cannot be
 /// read, or that takes a known skeleton's name for other joints.

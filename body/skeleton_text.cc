@@ -321,7 +321,7 @@ std::string SkeletonToJson(const Skeleton& skeleton) {
   if (!skeleton.up_from.empty()) {
     json["up"] = {{"from", NamesOf(skeleton, skeleton.up_from)}, {"to", NamesOf(skeleton, skeleton.up_to)}};
   }
-  return json.dump(1);
+  return json.dump(1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace mvstudio::body

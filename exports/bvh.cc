@@ -43,10 +43,7 @@ void WriteBvh(const Job& job) {
   const std::string text =
       Format("bones of one length cannot follow the joints exactly: %.1f mm RMS, %.1f mm at worst", rms_mm, 1000 * largest);
   job.report->notes.push_back({"EXP-BVH-FIT", text, "trc, csv and npz hold the joints themselves"});
-  if (job.take.own && !take.own) {
-    job.report->notes.push_back({"EXP-JOINTS", "the file holds Panoptic's 19 joints, not all of " + job.take.own->skeleton.name,
-                                 "trc, c3d, csv and npz hold them all"});
-  }
+  if (!take.own) NoteJointsBeside(job);
 }
 
 }  // namespace mvstudio::exports

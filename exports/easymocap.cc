@@ -4,7 +4,7 @@
 
 #include "body/skeleton.h"
 #include "calib/formats/formats.h"
-#include "exports/writers.h"
+#include "exports/joint_files.h"
 
 /// EasyMocap's folders: intri.yml, extri.yml, images/CAM/%06d, mask/CAM/%06d.png, annots/CAM/%06d.json, keypoints3d/%06d.json;
 /// joints in the order of BODY_25, c = 0 where there is none.
@@ -72,6 +72,7 @@ Json Annotations(const View& view, const People& people, const std::string& file
 
 void WriteEasyMocap(const Job& job) {
   const Take& take = job.take;
+  NoteJointsBeside(job);
   calib::WriteCalibration(RigOf(take, AllViews(take)), calib::CalibrationFormat::kEasyMocap, job.folder);
   job.report->files.insert(job.report->files.end(), {"intri.yml", "extri.yml"});
   for (const int frame : take.frames) {

@@ -215,6 +215,7 @@ void AddPeople(GlbBuilder* builder, const Take& take, Json* world_children) {
 }  // namespace
 
 void WriteGltf(const Job& job) {
+  NoteJointsBeside(job);
   GlbBuilder builder;
   Json children = Json::array();
   const int material = Material(&builder, "cameras", {0.15, 0.15, 0.15, 1});

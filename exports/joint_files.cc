@@ -78,6 +78,13 @@ std::optional<dataset::JointsPose> JointsOf(const Take& take, int frame, int per
   return joints;
 }
 
+void NoteJointsBeside(const Job& job) {
+  if (!job.take.own) return;
+  job.report->notes.push_back({"EXP-JOINTS",
+                               "the files hold Panoptic's 19 joints, not all of skeleton " + job.take.own->skeleton.name,
+                               "trc, c3d, csv and npz hold them all"});
+}
+
 markers::MarkerTake MarkersOf(const Take& take, int person) {
   markers::MarkerTake markers;
   const std::vector<int> frames = ContinuousFrames(take);

@@ -26,6 +26,9 @@ std::optional<dataset::JointsPose> JointsOf(const Take& take, int frame, int per
 /// The joints of a person over ContinuousFrames.
 markers::MarkerTake MarkersOf(const Take& take, int person);
 
+/// Says that the files hold Panoptic's 19 joints, where the dataset has others too.
+void NoteJointsBeside(const Job& job);
+
 /// `<sequence>_person0.trc`.
 std::string PersonFile(const Take& take, int person, const std::string& extension);
 

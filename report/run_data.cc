@@ -20,8 +20,8 @@ bool EndsWith(const std::string& text, const std::string& end) {
 }
 
 bool IsWanted(const std::string& name) {
-  return EndsWith(name, ".result.json") || name == "calibration.json" || name == "points.csv" || name == "history.csv" ||
-         name == "provenance.jsonl";
+  return EndsWith(name, ".result.json") || name == "calibration.json" || name == "points.csv" || name == "pose3d.json" ||
+         name == "history.csv" || name == "provenance.jsonl";
 }
 
 std::vector<fs::path> WantedFiles(const fs::path& root, std::vector<ReportNotice>* warnings) {
@@ -98,6 +98,8 @@ class Reader {
         AddCalibration(relative, folder, text);
       } else if (name == "provenance.jsonl") {
         AddProvenance(relative, folder, text);
+      } else if (name == "pose3d.json") {
+        data_->poses.push_back({relative, folder, Value::Parse(text, relative)});
       } else if (!IsGroundTruth(relative)) {
         (name == "points.csv" ? data_->points : data_->histories).push_back({relative, folder, ParseTable(text, relative)});
       }

@@ -36,6 +36,7 @@ struct RunData {
   std::vector<Stage> stages;           ///< in the order of the pipeline
   std::vector<JsonFile> calibrations;  ///< the run's own first, ground truth left out
   std::vector<CsvFile> points;         ///< 3D joints, ground truth left out
+  std::vector<JsonFile> poses;         ///< pose3d.json: whose joints the points are
   std::vector<CsvFile> histories;      ///< training histories
   std::vector<JsonFile> provenance;    ///< one per command, by time
   std::vector<ReportNotice> warnings;

@@ -21,6 +21,14 @@ const JsonFile* CalibrationOf(const RunData& data, const std::string& folder) {
   return data.calibrations.empty() ? nullptr : &data.calibrations.front();
 }
 
+/// What the pose3d.json beside the points says of their skeleton.
+Value SkeletonOf(const RunData& data, const CsvFile& points) {
+  for (const JsonFile& file : data.poses) {
+    if (file.folder == points.folder) return file.value["definition"];
+  }
+  return {};
+}
+
 const Value& CameraByName(const Value& cameras, const std::string& name) {
   static const Value null;
   for (const Value& camera : cameras.items()) {
@@ -227,7 +235,8 @@ Section CalibrationSection(SectionContext* context) {
   const JsonFile& file = data.calibrations.front();
   const Value summary = CalibrationSummary(file.value);
   section.body_html += "<h3>Rig</h3>\n";
-  section.body_html += RigFigures(file.value, data.points.empty() ? nullptr : &data.points.front());
+  const CsvFile* points = data.points.empty() ? nullptr : &data.points.front();
+  section.body_html += RigFigures(file.value, points, points ? SkeletonOf(data, *points) : Value());
   section.body_html += FileTable(file, summary);
   if (data.calibrations.size() > 1) {
     std::string others;

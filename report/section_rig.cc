@@ -71,7 +71,32 @@ Vector3 Mean(const FrameJoints& joints) {
   return mean;
 }
 
-ViewSubject ReadSubject(const TableFile& table) {
+/// A colour such as "#ff8800", or nothing.
+std::string PlainColour(const std::string& text) {
+  const bool plain =
+      text.size() == 7 && text[0] == '#' && text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos;
+  return plain ? text : "";
+}
+
+/// The bones of a pose: those of its skeleton, else people's.
+std::vector<ViewBone> BonesOf(const FrameJoints& joints, const Value& skeleton) {
+  std::vector<ViewBone> bones;
+  const auto add = [&](const std::string& a, const std::string& b, const std::string& colour) {
+    const auto from = joints.find(a), to = joints.find(b);
+    if (from != joints.end() && to != joints.end()) bones.push_back({from->second, to->second, colour});
+  };
+  if (!skeleton["bones"].IsArray() || skeleton["human"].Flag()) {
+    for (const auto& [a, b] : kBones) add(a, b, "");
+    return bones;
+  }
+  for (const Value& bone : skeleton["bones"].items()) {
+    const Value& ends = bone.IsArray() ? bone : bone["joints"];
+    add(ends.At(0).Text(), ends.At(1).Text(), PlainColour(bone["colour"].Text()));
+  }
+  return bones;
+}
+
+ViewSubject ReadSubject(const TableFile& table, const Value& skeleton) {
   ViewSubject subject;
   const auto frames = ReadJoints(table);
   size_t total = 0, index = 0;
@@ -93,10 +118,7 @@ ViewSubject ReadSubject(const TableFile& table) {
     if (frame_index++ % path_stride == 0) subject.path.push_back(hip != joints.end() ? hip->second : Mean(joints));
   }
   if (!fullest) return subject;
-  for (const auto& [a, b] : kBones) {
-    const auto from = fullest->find(a), to = fullest->find(b);
-    if (from != fullest->end() && to != fullest->end()) subject.bones.emplace_back(from->second, to->second);
-  }
+  subject.bones = BonesOf(*fullest, skeleton);
   return subject;
 }
 
@@ -104,7 +126,7 @@ Value Triple(const Vector3& v) { return Value::Array().Append(v[0]).Append(v[1])
 
 }  // namespace
 
-std::string RigFigures(const Value& calibration, const CsvFile* points) {
+std::string RigFigures(const Value& calibration, const CsvFile* points, const Value& skeleton) {
   std::vector<ViewCamera> cameras;
   for (const Value& camera : calibration["cameras"].items()) {
     ViewCamera view = ReadCamera(camera);
@@ -112,7 +134,7 @@ std::string RigFigures(const Value& calibration, const CsvFile* points) {
       cameras.push_back(std::move(view));
   }
   if (cameras.empty()) return {};
-  const ViewSubject subject = points ? ReadSubject(points->table) : ViewSubject{};
+  const ViewSubject subject = points ? ReadSubject(points->table, skeleton) : ViewSubject{};
   const std::string people =
       subject.cloud.empty() ? ""
                             : " Green: joints of all frames; orange: path of the hips; dark: the pose with the most joints.";

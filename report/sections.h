@@ -74,7 +74,8 @@ std::string CameraFigures(const std::string& heading, const std::string& text, c
 std::string FittedBodies(SectionContext* context);
 
 /// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
-std::string RigFigures(const Value& calibration, const CsvFile* points);
+/// `skeleton`: the definition in their pose3d.json, or null: then joints are connected as people's.
+std::string RigFigures(const Value& calibration, const CsvFile* points, const Value& skeleton);
 /// name, model, size_px, focal_px (of fx and fy, as `calibrate` gives it), focal_sigma_px (null when unknown),
 /// center_in_world_m of each camera of a calibration file.
 Value CalibrationSummary(const Value& calibration);

@@ -25,16 +25,23 @@ void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result)
   }
 }
 
-body::Skeleton SkeletonOf(const PoseArguments& arguments) {
-  return body::SkeletonFrom(arguments.skeleton.empty() ? "body25" : arguments.skeleton);
+/// The given skeleton, else the skeleton.json that `mvstudio pose2d` writes beside the cameras' folders, else body25.
+std::string SkeletonNameOf(const PoseArguments& arguments) {
+  if (!arguments.skeleton.empty()) return arguments.skeleton;
+  if (arguments.pose2d.empty()) return "body25";
+  const std::filesystem::path beside = std::filesystem::path(arguments.pose2d.front().path) / ".." / "skeleton.json";
+  std::error_code error;
+  return std::filesystem::is_regular_file(beside, error) ? beside.string() : "body25";
 }
+
+body::Skeleton SkeletonOf(const PoseArguments& arguments) { return body::SkeletonFrom(SkeletonNameOf(arguments)); }
 
 PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   if (arguments.pose2d.empty() == arguments.points2d.empty())
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
   result->inputs.push_back(arguments.calib);
-  if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+  if (body::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "calib-unit", &read.unit);
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);

@@ -7,6 +7,7 @@
 #include "app/nets/pose2d_detect.h"
 #include "app/nets/pose2d_existing.h"
 #include "app/people/pose2d_quality.h"
+#include "body/skeleton_text.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -140,6 +141,7 @@ void Write(const Detected& detected, AtomicFolder& folder) {
       dataset::WriteImage(picture, OverlayPath(folder.work_path(), camera, frame), 90);
     }
   }
+  WriteFileAtomic(folder.work_path() + "/skeleton.json", SkeletonToJson(detected.skeleton) + "\n");
   folder.Commit();
 }
 

@@ -250,7 +250,8 @@ std::optional<OwnJoints> OwnJointsOf(const BuildInputs& inputs, const Pose3d& po
 /// Masks are shaped by people's limbs.
 BuildOptions WithPossibleMasks(BuildOptions options, const std::optional<OwnJoints>& own, const std::map<int, People>& poses,
                                BuildReport* report) {
-  if (!options.masks || !own || own->skeleton.human || HasLimbs(poses)) return options;
+  if (!options.masks || !own || own->skeleton.human) return options;
+  if (own->skeleton.bones.empty() && HasLimbs(poses)) return options;  // points with people's names
   options.masks = false;
   report->warnings.push_back(
       {"DAT-MASK",

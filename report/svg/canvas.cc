@@ -93,13 +93,15 @@ void SvgCanvas::Polygon(const std::vector<Point>& points, const std::string& css
 }
 
 void SvgCanvas::Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class,
-                         double stroke_width) {
+                         double stroke_width, const std::string& colour) {
   std::string path;
   for (const auto& [from, to] : segments) {
     if (IsFinite(from) && IsFinite(to)) path += "M" + Pair(from) + "L" + Pair(to);
   }
   if (path.empty()) return;
-  body_ += "<path d=\"" + path + "\"" + ClassAttribute(css_class) + Attribute("stroke-width", stroke_width) + "/>\n";
+  body_ += "<path d=\"" + path + "\"" + ClassAttribute(css_class) + Attribute("stroke-width", stroke_width);
+  if (!colour.empty()) body_ += " style=\"stroke:" + EscapeHtml(colour) + "\"";
+  body_ += "/>\n";
 }
 
 void SvgCanvas::Dots(const std::vector<Point>& points, const std::string& css_class, double diameter) {

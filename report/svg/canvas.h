@@ -25,8 +25,9 @@ class SvgCanvas {
   /// Points that are not finite break the line there.
   void Polyline(const std::vector<Point>& points, const std::string& css_class, double stroke_width = 1.5, bool dashed = false);
   void Polygon(const std::vector<Point>& points, const std::string& css_class, double stroke_width = 1);
-  /// Many separate segments (from, to) as one path.
-  void Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class, double stroke_width = 1);
+  /// Many separate segments (from, to) as one path. `colour`: "#rrggbb" instead of the class's, or empty.
+  void Segments(const std::vector<std::pair<Point, Point>>& segments, const std::string& css_class, double stroke_width = 1,
+                const std::string& colour = {});
   /// Many round dots as one path.
   void Dots(const std::vector<Point>& points, const std::string& css_class, double diameter);
   /// A shaft with a filled head.

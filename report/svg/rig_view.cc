@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "report/page/format.h"
 #include "report/svg/canvas.h"
@@ -147,7 +148,9 @@ void DrawSubject(SvgCanvas* canvas, const View& view, const ViewSubject& subject
   canvas->Dots(dots, "s2 faint", 2);
   for (const Vector3& p : subject.path) path.push_back(view(p));
   canvas->Polyline(path, "s1", 1.6);
-  DrawLines(canvas, view, subject.bones, "err", 2);
+  std::map<std::string, std::vector<std::pair<Point, Point>>> by_colour;
+  for (const ViewBone& bone : subject.bones) by_colour[bone.colour].emplace_back(view(bone.from), view(bone.to));
+  for (const auto& [colour, bones] : by_colour) canvas->Segments(bones, "err", 2, colour);
 }
 
 void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, double depth, Point middle) {

@@ -17,11 +17,16 @@ struct ViewCamera {
   double half_width = 0.5, half_height = 0.375;           ///< half the picture at unit depth (size / 2 / focal length)
 };
 
+struct ViewBone {
+  Vector3 from{}, to{};
+  std::string colour = {};  ///< "#rrggbb"; empty: the page's
+};
+
 /// The content of the volume between the cameras.
 struct ViewSubject {
-  std::vector<Vector3> cloud;                      ///< joints of all frames
-  std::vector<Vector3> path;                       ///< mean of the joints, frame after frame; a gap is a NaN
-  std::vector<std::pair<Vector3, Vector3>> bones;  ///< one pose
+  std::vector<Vector3> cloud;   ///< joints of all frames
+  std::vector<Vector3> path;    ///< mean of the joints, frame after frame; a gap is a NaN
+  std::vector<ViewBone> bones;  ///< one pose
 };
 
 /// Sets the pose from `cam_from_world`: a quaternion (x, y, z, w) of any length and a translation. NaN input gives NaN.

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/random.h"
@@ -10,6 +11,7 @@
 namespace mvstudio::app {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -97,6 +99,39 @@ TEST(CheckLimbs, WhatNoSkeletonExplainsIsAWarning) {
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "TRI-LIMBS");
   EXPECT_THAT(result.warnings[0].text, HasSubstr("LHip-LKnee"));
+}
+
+TEST(CheckLimbs, BonesOfAnOwnSkeletonHaveTheRangesOfItsFile) {
+  PoseInput input = InputOf("body25");
+  const auto stretch = [](const Eigen::Vector3d& x) { return Eigen::Vector3d(x.x(), x.y(), 3 * x.z()); };
+  input.skeleton.human = false, input.skeleton.name = "giraffe";  // no limb is judged as people's
+  CommandResult free, limited;
+  CheckLimbs(Take("body25", stretch), input, &free);
+  EXPECT_THAT(free.warnings, IsEmpty());
+  EXPECT_EQ(LimbsOf(input.skeleton).size(), input.skeleton.bones.size());
+  input.skeleton.lengths.assign(input.skeleton.bones.size(), {});
+  const auto bone = std::find(input.skeleton.bones.begin(), input.skeleton.bones.end(),
+                              std::pair(input.skeleton.Find("LHip"), input.skeleton.Find("LKnee")));
+  ASSERT_NE(bone, input.skeleton.bones.end());
+  input.skeleton.lengths[static_cast<size_t>(bone - input.skeleton.bones.begin())] = {0.2, 1.2};
+  CheckLimbs(Take("body25", stretch), input, &limited);
+  ASSERT_EQ(limited.warnings.size(), 1u);
+  EXPECT_EQ(limited.warnings[0].code, "TRI-LIMBS");
+  EXPECT_THAT(limited.warnings[0].text,
+              AllOf(HasSubstr("giraffe"), HasSubstr("LHip-LKnee is 129"), HasSubstr("not 200 to 1200 mm")));
+}
+
+TEST(CheckUp, AnOwnSkeletonSaysWhatIsUp) {
+  PoseInput input = InputOf("body25");
+  input.skeleton.human = false;
+  input.skeleton.up_from = {input.skeleton.Find("Neck")}, input.skeleton.up_to = {input.skeleton.Find("MidHip")};
+  CommandResult down, unsaid;
+  CheckUp(Take("body25", Same), input, &down);
+  EXPECT_NEAR(down.metrics["world"]["trunk_tilt_deg"].get<double>(), 180, 3);
+  ASSERT_EQ(down.warnings.size(), 1u);
+  input.skeleton.up_from.clear();
+  CheckUp(Take("body25", Same), input, &unsaid);
+  EXPECT_TRUE(unsaid.metrics["world"]["trunk_tilt_deg"].is_null());
 }
 
 TEST(ImpossibleLimbs, NamesBothLengthsAndNeedsBoth) {

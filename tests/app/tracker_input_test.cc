@@ -108,6 +108,16 @@ TEST_F(Anipose, FilesOfATakeAreReadTogether) {
   EXPECT_NEAR(input.rig.cameras[0].cam_from_world.translation.z(), 0.4, 1e-12);  // mm
 }
 
+TEST_F(Anipose, ItsConstraintsAreBones) {
+  const std::string scheme = "[labeling]\nscheme = [['nose', 'tail base', 'Öhrchen'], ['nose', 'whisker']]\n";
+  Put(folder_ / "config.toml", Config(scheme));
+  CommandResult result;
+  const auto bones = [&] { return ReadPoseInput(Fill("day1/walk", &result), &result).skeleton.bones; };
+  EXPECT_THAT(bones(), ElementsAre(std::pair{0, 1}, std::pair{1, 2}));
+  Put(folder_ / "config.toml", Config("constraints = [['Öhrchen', 'nose'], ['nose', 'Öhrchen'], ['nose', 'nose']]\n" + scheme));
+  EXPECT_THAT(bones(), ElementsAre(std::pair{2, 0}));
+}
+
 TEST_F(Anipose, FilteredPointsWhereTheConfigurationSaysSo) {
   Put(folder_ / "config.toml", Config("[filter]\nenabled = true\n"));
   CommandResult result;

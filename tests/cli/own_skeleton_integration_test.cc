@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "body/skeleton.h"
+#include "body/skeleton_text.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose2d.h"
@@ -56,7 +57,9 @@ class OwnSkeleton : public ::testing::Test {
     }
   }
 
+  /// Into an empty folder.
   CliRun Triangulate(const std::vector<std::string>& more) const {
+    fs::remove_all(folder_ / "out");
     std::vector<std::string> words = {
         "triangulate",   "--calib", folder_ / "calibration.json", "--points2d", folder_ / "points.csv", "--out",
         folder_ / "out", "--json"};
@@ -110,6 +113,23 @@ TEST_F(OwnSkeleton, IsKnownToLaterCommandsByTheResultAlone) {
   const CliRun run = RunCli({"markers", folder_ / "out", "--to", "bvh", "--frame-rate", "50", "--out", folder_ / "markers"});
   ASSERT_EQ(run.exit, 0) << run.err;
   EXPECT_THAT(Slurp(folder_ / "markers/person0.bvh"), HasSubstr("ROOT back\n"));
+}
+
+// As `pose2d` leaves them: folders of cameras, and beside them whose joints they hold.
+TEST_F(OwnSkeleton, FoldersSayWhoseJointsTheyHold) {
+  WriteToml(MouseToml());
+  const body::Skeleton mouse = body::SkeletonFrom(folder_ / "mouse.toml");
+  std::vector<std::string> words = {"triangulate", "--calib", folder_ / "calibration.json", "--out", folder_ / "out", "--json"};
+  for (const dataset::Pose2dTrack& track : dataset::ReadPose2dCsv(folder_ / "points.csv", &mouse).tracks) {
+    dataset::WriteOpenPoseFolder(track, folder_ / ("pose2d/" + track.camera), &mouse);
+    words.insert(words.end(), {"--pose2d", track.camera + "=" + (folder_ / ("pose2d/" + track.camera))});
+  }
+  EXPECT_EQ(RunCli(words).exit, 3);  // not the 25 joints that are expected
+  std::ofstream(folder_ / "pose2d/skeleton.json") << body::SkeletonToJson(mouse);
+  const CliRun run = RunCli(words);
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["limbs"].size(), 14u);
+  EXPECT_EQ(dataset::ReadPose3d(folder_ / "out").skeleton, "mouse");
 }
 
 TEST_F(OwnSkeleton, ABoneOutsideItsRangeIsNamed) {

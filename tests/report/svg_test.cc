@@ -319,5 +319,17 @@ TEST(RigView, NothingNanAndCoincident) {
   }
 }
 
+TEST(RigView, BonesHaveTheColoursOfTheirSkeleton) {
+  std::vector<ViewCamera> cameras(2);
+  SetPose({0, 0, 0, 1}, {0, 0, 0}, &cameras[0]);
+  SetPose({0, 0, 0, 1}, {1, 2, 0}, &cameras[1]);
+  ViewSubject subject;
+  subject.bones = {{{0, 0, 0}, {0, 1, 0}, "#ff8800"}, {{0, 0, 0}, {1, 0, 0}, ""}, {{0, 0, 0}, {0, 0, 1}, "\"><b>"}};
+  const std::string svg = RigTopView(cameras, subject);
+  EXPECT_EQ(CheckMarkup(svg), "");
+  EXPECT_NE(svg.find("style=\"stroke:#ff8800\""), std::string::npos);
+  EXPECT_EQ(svg.find("<b>"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace mvstudio::report

@@ -70,7 +70,7 @@ inline std::string MouseToml(const std::string& tail_m = "[0.18, 0.22]") {
     bones += tail ? "{ joints = " + ends + ", length_m = " + tail_m + ", colour = \"#ff8800\" }, " : ends + ", ";
   }
   return "name = \"mouse\"\njoints = [" + joints + "]\nbones = [" + bones +
-         "]\nroot = \"back\"\nup = { from = [\"left_forepaw\", \"right_forepaw\"], to = [\"back\"] }\n"
+         "]\nroot = \"back\"\nup = { from = [\"left_forepaw\", \"right_forepaw\"], to = [\"neck\"] }\n"
          "pairs = [[\"left_ear\", \"right_ear\"], [\"left_forepaw\", \"right_forepaw\"],\n"
          "         [\"left_knee\", \"right_knee\"], [\"left_hindpaw\", \"right_hindpaw\"]]\n";
 }
