@@ -141,8 +141,9 @@ DynamicFit FitMovingSurface(const std::vector<FitStep>& steps, const std::vector
   if (mode == DynamicMode::kOff) return {};
   const TakeOutlines take = TakeOutlinesOf(*person, steps, rejected, run);
   LinearTraining training(take, run);
-  const std::vector<OffsetTrainer> trainers =
-      mode == DynamicMode::kNetwork ? std::vector{network(take)} : LinearTrainers(&training);
+  std::vector<OffsetTrainer> trainers;
+  if (mode != DynamicMode::kNetwork) trainers = LinearTrainers(&training);
+  if (mode != DynamicMode::kLinear && network) trainers.push_back(network(take));
   DynamicFit fit = FitDynamic(take, trainers, mode != DynamicMode::kAuto, run);
   if (fit.offsets) AddOffsets(*fit.offsets, &person->body);
   return fit;

@@ -12,7 +12,7 @@ namespace mvstudio::body {
 
 /// Whether a body's surface moves with its pose beyond skinning, and how that is trained.
 enum class DynamicMode {
-  kAuto,     ///< offsets linear in the bones' turns, where they beat skinning in poses far from those trained on
+  kAuto,     ///< linear or a network's, where they beat skinning in poses far from those trained on
   kOff,      ///< skinning alone
   kLinear,   ///< offsets linear in the bones' turns, whatever the judge says
   kNetwork,  ///< a network's offsets, whatever the judge says
@@ -63,7 +63,8 @@ std::vector<OffsetTrainer> LinearTrainers(LinearTraining* training);
 DynamicFit FitDynamic(const TakeOutlines& take, const std::vector<OffsetTrainer>& trainers, bool always, const RunContext& run);
 
 /// The same for a person whose surface was fitted to `steps`, without the silhouettes that the fit rejected. Offsets that are
-/// kept are given to the body. `network` is asked in the mode kNetwork alone.
+/// kept are given to the body. Without `network`, kAuto knows
+/// linear ones alone.
 DynamicFit FitMovingSurface(const std::vector<FitStep>& steps, const std::vector<RejectedView>& rejected, DynamicMode mode,
                             const MakeNetworkTrainer& network, const RunContext& run, PersonBody* person);
 

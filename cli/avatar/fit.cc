@@ -68,8 +68,11 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   AddChoice(
       sub, "--dynamic", a->options.dynamic,
       "a surface that moves with the pose beyond skinning. linear: offsets linear in the bones' turns; network: offsets of a "
-      "network of the posed surface, trained for minutes; auto: linear ones where they beat skinning in poses far from "
-      "those they were trained on; off");
+      "network of the posed surface, trained for minutes; auto: the better of them where it beats skinning in poses far "
+      "from those it was trained on; off");
+  AddOption(sub, "--network-steps", a->options.network_steps,
+            "steps of each training of a network by --dynamic: five that are judged, and the one that is kept")
+      ->check(CLI::Range(1, 1000000));
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");
   registry.Add(sub, "avatar fit", [a](CommandContext& context) { return RunFit(*a, context); });

@@ -1,15 +1,20 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <cmath>
 
 #include "body/dynamic/dynamic_fit.h"
+#include "core/error.h"
 #include "tests/body/swelling_take.h"
+#include "tests/support/message_of.h"
 
 /// A surface that moves with the pose beyond skinning.
 namespace mvstudio::body {
 namespace {
 
+using mvstudio::testing::MessageOf;
+using ::testing::HasSubstr;
 using testing::OneThread;
 using testing::Small;
 using testing::Swell;
@@ -67,6 +72,45 @@ TEST(FitMovingSurface, AddsToTheBodyOnlyWhatIsKept) {
   const Eigen::Matrix3Xf expected =
       SkinVertices(WithOffsets(off.body, fit.offsets->At(off.body, seen)), ToBodyPose(off.body, seen));
   EXPECT_LT((SkinVertices(moving.body, ToBodyPose(moving.body, seen)) - expected).cwiseAbs().maxCoeff(), 1e-5f);
+}
+
+struct NoOffsets : MovingOffsets {
+  Eigen::Matrix3Xf At(const Eigen::Matrix3Xf& posed) const override { return Eigen::Matrix3Xf::Zero(3, posed.cols()); }
+};
+
+TEST(FitMovingSurface, TakesTheBetterOfBothKinds) {
+  const SwellingTake take(18, 0.25);
+  int asked = 0;
+  const MakeNetworkTrainer still = [&](const TakeOutlines&) {
+    ++asked;
+    return OffsetTrainer{"a network's offsets", [](const std::vector<int>&) {
+                           return std::optional(TrainedOffsets{std::nullopt, std::make_shared<NoOffsets>()});
+                         }};
+  };
+  PersonBody best = take.person, linear = take.person, network = take.person;
+  const DynamicFit chosen = FitMovingSurface(take.steps, {}, DynamicMode::kAuto, still, OneThread(), &best);
+  ASSERT_EQ(chosen.candidates.size(), 5u);
+  EXPECT_FALSE(chosen.candidates[4].beats) << "it changes nothing";
+  ASSERT_TRUE(chosen.offsets) << chosen.reason;
+  EXPECT_TRUE(chosen.offsets->linear);
+  EXPECT_FALSE(best.body.moving_offsets);
+  EXPECT_EQ(asked, 1);
+  FitMovingSurface(take.steps, {}, DynamicMode::kLinear, still, OneThread(), &linear);
+  EXPECT_EQ(asked, 1) << "linear needs no network";
+  const DynamicFit all_the_same = FitMovingSurface(take.steps, {}, DynamicMode::kNetwork, still, OneThread(), &network);
+  EXPECT_EQ(all_the_same.reason.rfind("asked for; a network's offsets", 0), 0u) << all_the_same.reason;
+  EXPECT_TRUE(network.body.moving_offsets);
+  EXPECT_EQ(network.body.pose_directions.size(), 0);
+}
+
+TEST(DynamicMode, IsOneOfFourWords) {
+  for (const char* word : {"auto", "off", "linear", "network"}) {
+    DynamicMode mode{};
+    FromString(word, &mode);
+    EXPECT_EQ(ToString(mode), word);
+  }
+  DynamicMode mode = DynamicMode::kOff;
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("net", &mode); }), HasSubstr("must be auto, off, linear or network"));
 }
 
 TEST(AddLinearOffsets, SkinsAsTheOffsetsDo) {

@@ -138,6 +138,16 @@ void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOption
   out->fit = std::move(fits[index]);
 }
 
+body::DynamicFit FitDynamicSurface(const std::vector<body::FitStep>& steps, const std::vector<body::RejectedView>& rejected,
+                                   const PersonFitOptions& options, const RunContext& run, body::PersonBody* person) {
+  const auto network = [&](const body::TakeOutlines& take) {
+    NetworkTrainingOptions training;
+    training.steps = options.network_steps, training.seed = run.seed;
+    return NetworkTrainer(take, training, run);
+  };
+  return body::FitMovingSurface(steps, rejected, options.dynamic, network, run, person);
+}
+
 /// Which images a body may have seen.
 void NoteImages(const PersonFitOptions& options, body::TexturedPerson* person) {
   for (const std::string& name : options.cameras) {
@@ -167,9 +177,7 @@ PersonFit FitPerson(const dataset::PanopticDataset& data, const PersonFitOptions
   out.result.offset_m = out.fit.offsets, out.result.offset_sigma_m = out.fit.offset_sigma_m;
   NoteImages(options, &out.result);
   if (out.fit.offset_sigma_m.size() > 0)  // a surface was fitted
-    out.dynamic = body::FitMovingSurface(
-        steps, out.fit.rejected, options.dynamic,
-        [&run](const body::TakeOutlines& take) { return NetworkTrainer(take, {}, run); }, run, &out.result.person);
+    out.dynamic = FitDynamicSurface(steps, out.fit.rejected, options, run, &out.result.person);
   BakeTextures(data, sources, options, run, &out);
   if (out.fit.status == Status::kOk) PoseOthers(data, options, run, &out);
   return out;

@@ -27,6 +27,7 @@ struct PersonFitOptions {
   bool fit_surface = true;  ///< off: the lengths of the bones alone
   bool use_brightness = true;
   body::DynamicMode dynamic = body::DynamicMode::kOff;
+  int network_steps = 500;  ///< of the training of each of its networks
 };
 
 /// One of several templates.

@@ -17,7 +17,7 @@ struct NetworkTrainingOptions {
   body::OffsetNetSizes net;
   int steps = 500;
   int views_per_step = 2;
-  double learning_rate = 1e-3;  ///< of Adam; rises over the first 20 steps, falls to 0 over the second half
+  double learning_rate = 2e-3;  ///< of Adam; rises over the first 20 steps, falls to 0 over the second half
   uint64_t seed = 1;
   body::SoftCoverOptions soft;
   /// Weights of the mean squared difference of the silhouettes over the mask's share of the image, of the offsets' squared
