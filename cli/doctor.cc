@@ -157,6 +157,15 @@ dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   return session;
 }
 
+/// A board that no take shows: the folders were perhaps read the wrong way round.
+void WarnOfBoard(const dataset::Session& session, CommandResult* result) {
+  const auto shows_board = [](const dataset::SessionTake& take) { return take.kind == dataset::TakeKind::kBoard; };
+  if (session.board.empty() || std::any_of(session.takes.begin(), session.takes.end(), shows_board)) return;
+  result->warnings.push_back({"SES-BOARD", "the session has a board (" + session.board + ") and no take of kind board",
+                              "give a take kind = \"board\" in mvstudio.toml; if cameras and takes are exchanged, run "
+                              "session init again with --layout"});
+}
+
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   const bool folder = !arguments.path.empty() && fs::is_directory(arguments.path);
@@ -165,6 +174,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   const dataset::Session session = SessionAt(arguments.path, &result);
   const dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
   result.inputs = {arguments.path};
+  WarnOfBoard(session, &result);
   result.metrics["footage"] = app::FootageJson(report);
   result.metrics["findings"] = ordered_json::array();
   for (const dataset::SessionFinding& f : report.findings) {

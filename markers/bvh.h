@@ -39,6 +39,16 @@ struct BvhMotion {
 /// Markers are joints by their names. Throws ContractViolation for a skeleton without joints.
 BvhMotion FitBvh(const MarkerTake& take, const body::Skeleton& skeleton);
 
+/// Markers and the skeleton that moves them.
+struct MarkerBody {
+  MarkerTake take;
+  body::Skeleton skeleton;
+};
+
+/// People hang from their pelvis: a human skeleton that states no hierarchy gets MidHip as its root, and where it has none, one
+/// in the mean of both hips. A neck is the mean of the shoulders where there is none. Other skeletons stay as they are.
+MarkerBody HungFromPelvis(const MarkerTake& take, const body::Skeleton& skeleton);
+
 /// Positions by the skeleton's joints, y up, metres.
 std::vector<Eigen::Vector3d> BvhJoints(const BvhMotion& motion, const BvhFrame& frame);
 

@@ -209,6 +209,54 @@ void Compare(const Joints& joints, const BvhFrame& frame, double* squares, BvhMo
   }
 }
 
+/// A joint halfway between two that the skeleton has; nothing where it has the joint, or not both of them.
+void AddMean(const std::string& name, const std::string& left, const std::string& right, MarkerBody* body) {
+  const auto index = [body](const std::string& marker) {
+    const auto& names = body->take.names;
+    return static_cast<int>(std::find(names.begin(), names.end(), marker) - names.begin());
+  };
+  const int l = index(left), r = index(right), old = body->take.num_markers();
+  if (body->skeleton.Find(name) >= 0 || std::max(l, r) >= old || body->skeleton.Find(left) < 0 ||
+      body->skeleton.Find(right) < 0)
+    return;
+  MarkerTake to = body->take;
+  to.names.push_back(name);
+  to.x_in_world.clear(), to.sigma_m.clear(), to.source.clear();
+  for (int f = 0; f < body->take.num_frames(); ++f) {
+    const size_t first = body->take.Index(f, 0), a = body->take.Index(f, l), b = body->take.Index(f, r);
+    const Eigen::Vector3d mean = (body->take.x_in_world[a] + body->take.x_in_world[b]) / 2;
+    const auto copy = [first, old](const auto& from, auto* into) {
+      into->insert(into->end(), from.begin() + static_cast<std::ptrdiff_t>(first),
+                   from.begin() + static_cast<std::ptrdiff_t>(first) + old);
+    };
+    copy(body->take.x_in_world, &to.x_in_world), copy(body->take.sigma_m, &to.sigma_m), copy(body->take.source, &to.source);
+    to.x_in_world.push_back(mean);
+    to.sigma_m.push_back(0);
+    to.source.push_back(mean.allFinite() ? Source::kFilled : Source::kMissing);
+  }
+  body->take = std::move(to);
+  body->skeleton.joints.push_back(name);
+}
+
+/// Bones between shoulders and hips, and across, become a spine with shoulders and hips at its ends.
+void ReplaceTrunk(body::Skeleton* skeleton) {
+  const auto joint = [skeleton](const char* name) { return skeleton->Find(name); };
+  const std::vector<int> corners = {joint("LShoulder"), joint("RShoulder"), joint("LHip"), joint("RHip")};
+  const auto is_corner = [&](int j) { return std::find(corners.begin(), corners.end(), j) != corners.end(); };
+  auto& bones = skeleton->bones;
+  bones.erase(
+      std::remove_if(bones.begin(), bones.end(), [&](const auto& b) { return is_corner(b.first) && is_corner(b.second); }),
+      bones.end());
+  const int pelvis = joint("MidHip"), neck = joint("Neck");
+  for (const char* hip : {"LHip", "RHip"}) bones.emplace_back(pelvis, joint(hip));
+  bones.emplace_back(pelvis, neck);
+  for (const char* end : {"LShoulder", "RShoulder", "Nose"}) {
+    const int j = joint(end);
+    const auto joins = [&](const auto& b) { return std::minmax(b.first, b.second) == std::minmax(j, neck); };
+    if (j >= 0 && std::none_of(bones.begin(), bones.end(), joins)) bones.emplace_back(neck, j);
+  }
+}
+
 }  // namespace
 
 std::vector<Eigen::Vector3d> BvhJoints(const BvhMotion& motion, const BvhFrame& frame) {
@@ -224,6 +272,20 @@ std::vector<Eigen::Vector3d> BvhJoints(const BvhMotion& motion, const BvhFrame& 
     by_joint[static_cast<size_t>(node.joint)] = place[i];
   }
   return by_joint;
+}
+
+MarkerBody HungFromPelvis(const MarkerTake& take, const body::Skeleton& skeleton) {
+  MarkerBody hung{take, skeleton};
+  body::Skeleton& to = hung.skeleton;
+  if (!to.human || !to.parents.empty()) return hung;
+  AddMean("MidHip", "LHip", "RHip", &hung);
+  AddMean("Neck", "LShoulder", "RShoulder", &hung);
+  const int pelvis = to.Find("MidHip");
+  if (pelvis < 0) return hung;
+  if (skeleton.Find("MidHip") < 0 && to.Find("Neck") >= 0) ReplaceTrunk(&to);
+  to.parents = SpanningTree(to, pelvis);
+  to.lengths.clear(), to.colours.clear();
+  return hung;
 }
 
 BvhMotion FitBvh(const MarkerTake& take, const body::Skeleton& skeleton) {

@@ -105,6 +105,27 @@ void WarnOfMissing(const PoseInput& input, CommandResult* result) {
                               "joints are found by their names: the skeleton's must be those of the files"});
 }
 
+/// Frames that some cameras lack have fewer partners; cut videos would look the same.
+void WarnOfFrames(const PoseInput& input, CommandResult* result) {
+  constexpr double kFew = 0.9;
+  std::set<int> all;
+  for (const dataset::Pose2dTrack& track : input.tracks) {
+    for (const auto& [frame, people] : track.frames) all.insert(frame);
+  }
+  std::string lacking;
+  for (const dataset::Pose2dTrack& track : input.tracks) {
+    if (track.frames.empty() || static_cast<double>(track.frames.size()) >= kFew * static_cast<double>(all.size())) continue;
+    lacking += (lacking.empty() ? "" : ", ") + track.camera + " has " + std::to_string(track.frames.size()) + " (" +
+               std::to_string(track.frames.begin()->first) + " to " + std::to_string(track.frames.rbegin()->first) + ")";
+  }
+  if (lacking.empty()) return;
+  result->warnings.push_back({"POSE-FRAMES-DIFFER",
+                              "of " + std::to_string(all.size()) + " frames (" + std::to_string(*all.begin()) + " to " +
+                                  std::to_string(*all.rbegin()) + ") " + lacking + ": the others have no partner there",
+                              "if its video begins or ends elsewhere, frames with equal numbers may be other moments: "
+                              "mvstudio sync finds offsets"});
+}
+
 /// The same camera under two names: triangulation counts its pixels once.
 void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& cameras, CommandResult* result) {
   const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
@@ -145,6 +166,7 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   PoseInput input = ReadRig(arguments, result);
   if (arguments.points2d.empty()) {
     ReadTracks(arguments, {}, result, &input);
+    WarnOfFrames(input, result);
   } else {
     TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
   }

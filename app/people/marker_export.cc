@@ -121,10 +121,11 @@ bool Wants(const MarkerOptions& options, const char* format) {
 /// What a fit with bones of one length leaves, as metrics and as a line.
 void WriteBvhFile(const MarkerWork& work, const body::Skeleton& skeleton, Writer* writer, ordered_json* person,
                   CommandResult* result) {
-  const markers::BvhMotion motion = FitBvh(work.after, skeleton);
-  writer->Write("person" + std::to_string(work.after.person) + ".bvh", BvhText(motion, skeleton, work.after.rate_hz),
+  const markers::MarkerBody hung = markers::HungFromPelvis(work.after, skeleton);
+  const markers::BvhMotion motion = FitBvh(hung.take, hung.skeleton);
+  writer->Write("person" + std::to_string(work.after.person) + ".bvh", BvhText(motion, hung.skeleton, work.after.rate_hz),
                 "markers");
-  (*person)["bvh"] = {{"joints", skeleton.joints.size()},
+  (*person)["bvh"] = {{"joints", hung.skeleton.joints.size()},
                       {"rms_mm", 1000 * motion.rms_m},
                       {"max_mm", 1000 * motion.max_m},
                       {"held_frames", motion.num_held}};

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "app/people/likely_cause.h"
 #include "core/format.h"
@@ -217,14 +218,28 @@ void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, order
       {"trials", trials}};
 }
 
+std::string RefinementText(const triangulate::SkeletonRefineReport& report) {
+  std::string terms;
+  const auto add = [&terms](const char* name, double weight) {
+    if (weight > 0) terms += (terms.empty() ? "" : ", ") + Format(name, weight);
+  };
+  add("robust", report.robust), add("smoothness %g", report.smoothness), add("bone lengths %g", report.bone_lengths);
+  if (terms.empty()) return "refined: no term predicts left-out cameras better, so nothing was changed\n";
+  std::string text = Format("refined by %s: one camera left out %.2f -> %.2f px", terms.c_str(), report.before.median_px,
+                            report.after.median_px);
+  if (std::isfinite(report.limb_std_before_mm))
+    text += Format(", bones vary by %.1f -> %.1f mm", report.limb_std_before_mm, report.limb_std_after_mm);
+  return text + Format(", %d joints filled\n", report.num_filled);
+}
+
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
+  std::string hint =
+      "recalibrate these cameras or refine the rig from this take (`mvstudio calib refine option 'from-keypoints'`); check "
+      "that "
+      "their images have the calibrated size and were not cropped (`mvstudio calib resize` brings lenses to another size)";
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
     if (camera.off) {
-      result->warnings.push_back(
-          {"TRI-CAMERA-OFF", camera.message,
-           "recalibrate this camera or refine the rig from this take (`mvstudio calib refine "
-           "option 'from-keypoints'`); check that its images "
-           "have the calibrated size and were not cropped (`mvstudio calib resize` brings lenses to another size)"});
+      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message, std::exchange(hint, "as above")});
     } else if (camera.scaled) {
       result->warnings.push_back(
           {"TRI-CAMERA-SCALED", camera.message,

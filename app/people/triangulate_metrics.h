@@ -49,6 +49,9 @@ void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& s
 /// Terms that were tried, and their effect on limbs.
 void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohmann::ordered_json* metrics);
 
+/// The terms in use and what they did, a line.
+std::string RefinementText(const triangulate::SkeletonRefineReport& report);
+
 /// Warns of cameras that are off or scaled, or that swap left and right.
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
 

@@ -144,8 +144,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   Describe(found, &result);
   if (found.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    result.errors.push_back({"CAL-UNSOLVED", found.message, "see metrics.status"});
-    result.text += found.message + "\n";
+    result.errors.push_back({"CAL-UNSOLVED", found.message, "status " + std::string(ToString(found.status))});
     return result;
   }
   constexpr double kMostPx = 1;

@@ -153,8 +153,7 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   result.metrics["status"] = std::string(ToString(report.status));
   result.metrics["verdict"] = app::VerdictJson(report.verdict);
   if (!report.frame_shift.empty()) result.metrics["frame_shift"] = report.frame_shift;
-  result.errors.push_back({"CAL-UNSOLVED", report.message, "see metrics.status"});
-  result.text = report.message + "\n";
+  result.errors.push_back({"CAL-UNSOLVED", report.message, "status " + std::string(ToString(report.status))});
   return result;
 }
 

@@ -136,6 +136,9 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   options.focus = arguments.focus;
   options.grid_cols = arguments.grid;
   double worst = 0;
+  result->text += arguments.implied
+                      ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
+                      : "projection by the lenses alone:\n";
   auto& list = result->metrics["projection"] = ordered_json::array();
   for (const RigCamera& camera : reference.cameras) {
     const std::string& name = camera.camera.name;

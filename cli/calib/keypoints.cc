@@ -257,6 +257,8 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
   AddOption(sub, "--skeleton", arguments.skeleton,
             "--from-keypoints: a name that triangulate knows, or a file FILE.toml (docs/formats.md); body25 unless given, of "
             "--points2d, DeepLabCut and SLEAP the points in the file");
+  AddOption(sub, "--calib-unit", arguments.calib_unit,
+            "--from-keypoints: m, cm, mm or in: of a calibration that names no unit; m unless given");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
@@ -270,7 +272,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto train = ParseFrames("--train-frames", arguments.train_frames);
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   app::PoseArguments pose;
-  pose.calib = calib_path, pose.skeleton = arguments.skeleton;
+  pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
   pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d;
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
   const app::PoseInput input = app::ReadPoseInput(pose, &result);

@@ -13,6 +13,7 @@ struct KeypointArguments {
   bool from_keypoints = false;
   std::string skeleton;                   ///< "": body25, or the points that the table names
   std::string train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoints/refine.h
+  std::string calib_unit;                 ///< of a calibration that names none
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
   std::vector<app::NamedPath> pose2d;
 

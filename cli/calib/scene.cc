@@ -55,8 +55,7 @@ void AddGross(const std::string& where, const std::vector<std::string>& gross, C
 CommandResult Failed(CommandResult result, Status status, const std::string& message) {
   result.exit = kExitIllPosed;
   result.metrics["status"] = std::string(ToString(status));
-  result.errors.push_back({"CAL-UNSOLVED", message, "see metrics.status"});
-  result.text += message + "\n";
+  result.errors.push_back({"CAL-UNSOLVED", message, "status " + std::string(ToString(status))});
   return result;
 }
 

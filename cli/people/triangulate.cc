@@ -146,18 +146,19 @@ void RefineTake(const Arguments& arguments, const app::PoseInput& input, const R
   options.select_views |= options.method.IsAuto();
   triangulate::TakeProblem problem;
   problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
+  const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
+  if (filters) AddFilterCheck(CheckFilter(problem.rig, *take, solve, input.skeleton, arguments.markers, run), result);
+  if (!arguments.refine) return;
   if (input.skeleton.bones.empty()) {
     result->warnings.push_back({"TRI-NO-BONES",
                                 "the joints have no bones: --refine has no lengths to hold, smoothness alone is tried",
                                 "name the bones in a file, --skeleton FILE.toml (docs/formats.md)"});
   }
-  const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take->method);
-  if (filters) AddFilterCheck(CheckFilter(problem.rig, *take, solve, input.skeleton, arguments.markers, run), result);
-  if (!arguments.refine) return;
   triangulate::SkeletonRefineResult refined =
       RefineSkeleton(problem.rig, *take, input.skeleton.bones, solve, arguments.refine_options, run);
   take->points = std::move(refined.points);
   app::AddRefinementMetrics(refined.report, &result->metrics);
+  result->text += app::RefinementText(refined.report);
 }
 
 /// Solves the take and writes its points; what was settled for all of it comes back.

@@ -50,6 +50,49 @@ TEST(OwnBvh, HoldsWhatIsMissingAndKeepsEveryJoint) {
   for (const Eigen::Vector3d& x : BvhJoints(motion, motion.frames[3])) EXPECT_TRUE(x.allFinite());
 }
 
+/// A standing person in these joints; y is sideways, z up.
+MarkerTake PersonTake(const body::Skeleton& skeleton) {
+  MarkerTake take;
+  take.rate_hz = 50, take.names = skeleton.joints;
+  for (int f = 0; f < 4; ++f) {
+    for (const std::string& joint : skeleton.joints) {
+      const double side = joint[0] == 'L' ? 0.2 : joint[0] == 'R' ? -0.2 : 0;
+      const auto has = [&](const char* word) { return joint.find(word) != std::string::npos; };
+      const double height = has("Hip") ? 0.9 : has("Knee") ? 0.5 : has("Ankle") || has("Heel") || has("Toe") ? 0.1 : 1.4;
+      take.x_in_world.emplace_back(has("Toe") ? 0.2 : 0.01 * f, side, height);
+    }
+  }
+  take.source.assign(take.x_in_world.size(), Source::kMeasured);
+  take.sigma_m.assign(take.x_in_world.size(), 0);
+  return take;
+}
+
+TEST(PersonBvh, HangsFromThePelvis) {
+  for (const char* name : {"body25", "body25b", "coco17", "halpe26"}) {
+    const body::Skeleton& known = body::SkeletonByName(name);
+    const MarkerBody hung = HungFromPelvis(PersonTake(known), known);
+    ASSERT_EQ(hung.take.names, hung.skeleton.joints) << name;
+    const auto parent = [&](const char* joint) {
+      const int p = hung.skeleton.parents[static_cast<size_t>(hung.skeleton.Find(joint))];
+      return p < 0 ? std::string("-") : hung.skeleton.joints[static_cast<size_t>(p)];
+    };
+    EXPECT_EQ(parent("MidHip"), "-") << name;
+    EXPECT_EQ(parent("LHip"), "MidHip") << name;
+    EXPECT_EQ(parent("RKnee"), "RHip") << name;
+    EXPECT_EQ(parent("LElbow"), "LShoulder") << name;
+    EXPECT_NE(parent("Nose"), "MidHip") << name;
+    const BvhMotion motion = FitBvh(hung.take, hung.skeleton);
+    EXPECT_LT(motion.max_m, 1e-9) << name;
+    EXPECT_THAT(BvhText(motion, hung.skeleton, 50), HasSubstr("ROOT MidHip\n")) << name;
+    for (int f = 0; f < hung.take.num_frames(); ++f) {
+      const int hip = hung.skeleton.Find("MidHip");
+      EXPECT_NEAR(hung.take.x_in_world[hung.take.Index(f, hip)].z(), 0.9, 1e-12) << name;
+    }
+  }
+  const MarkerBody mouse = HungFromPelvis(MouseTake(2), Mouse());
+  EXPECT_EQ(mouse.skeleton.joints, Mouse().joints);
+}
+
 TEST(OwnBvh, TextHoldsAHierarchyAndAllChannels) {
   body::Skeleton mouse = Mouse();
   MarkerTake take = MouseTake(3);
