@@ -24,7 +24,7 @@ struct OffsetNetSizes {
 
 inline constexpr int kOffsetNetDowns = 3, kOffsetNetLayers = 8;
 inline constexpr int kOffsetNetSkipAt = 4;         ///< the layer that takes the features again
-inline constexpr double kOffsetNetLeak = 0.1;      ///< slope of the MLP below 0: with the paper's 0 whole trainings went dead
+inline constexpr double kOffsetNetLeak = 0.1;      ///< slope of the MLP below 0; the paper's is 0
 inline constexpr double kOffsetNetMostM = 0.1;     ///< of each coordinate of an offset
 inline constexpr double kOffsetNetStiffness = 10;  ///< of OffsetSmoother
 

@@ -112,8 +112,8 @@ at::Tensor SmoothField() {
   return field;
 }
 
-// Small steps: over tenths of a pixel other edges become the outline, and differences are off by 15 %. The gradient by itself
-// is compared in double precision in tests/body/soft_silhouette_test.cc.
+// Small steps: over tenths of a pixel other edges become the outline, and differences are off by several per cent. The
+// gradient by itself is compared in double precision in tests/body/soft_silhouette_test.cc.
 TEST(SilhouetteOfOffsets, HasTheGradientOfItsDifferences) {
   const SwellingTake take(15, 0.15);
   const body::TakeOutlines outlines = TakeOutlinesOf(take.person, take.steps, {}, OneThread());
