@@ -19,7 +19,8 @@ std::string DataFolder() {
 
 Footage Open(const std::string& name) {
   const std::shared_ptr<dataset::FrameSource> source = dataset::OpenFrames(DataFolder() + "/" + name + "*.jpg");
-  Footage footage{name, source->path(), source->num_frames(), {}, {}};
+  Footage footage;
+  footage.camera = name, footage.path = source->path(), footage.num_frames = source->num_frames();
   footage.next = [source]() -> std::optional<FootageFrame> {
     auto frame = source->Next();
     if (!frame) return std::nullopt;
