@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <opencv2/aruco.hpp>
 #include <sstream>
 #include <vector>
@@ -54,8 +55,10 @@ double LeadingNumber(const std::string& text, const std::string& board, std::str
 double ParseLength(const std::string& text, const std::string& board) {
   std::string unit;
   const double value = LeadingNumber(text, board, &unit);
-  if (unit != "mm" && unit != "cm" && unit != "m") Fail(board, "the length '" + text + "' needs a unit mm, cm or m");
-  const double metres = value * (unit == "mm" ? 1e-3 : unit == "cm" ? 1e-2 : 1);
+  const std::map<std::string, double> units = {{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}, {"in", 0.0254}};
+  const auto known = units.find(unit);
+  if (known == units.end()) Fail(board, "the length '" + text + "' needs a unit mm, cm, m or in");
+  const double metres = value * known->second;
   if (!(metres > 0) || !std::isfinite(metres)) Fail(board, "the length '" + text + "' must be positive");
   return metres;
 }

@@ -48,7 +48,7 @@ struct Board {
 /// The forms that ParseBoard reads, one per line.
 extern const char* const kBoardForms;
 
-/// Parses a board description, see kBoardForms. Units mm, cm or m are required. Throws UsageError that says what was
+/// Parses a board description, see kBoardForms. Units mm, cm, m or in are required. Throws UsageError that says what was
 /// expected.
 Board ParseBoard(const std::string& text);
 /// The same as an option, see core/fields.h.
