@@ -138,8 +138,8 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   RunConfig config = ConfigOf(arguments, data);
   app::AvatarRun files(arguments.out);
-  const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
   files.RequireFree(arguments.overwrite);
+  const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   config.pack.keep_views = true;
   const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
@@ -174,11 +174,11 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   app::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
+    files.RequireFree(arguments.overwrite);
     place.emplace(arguments.out,
                   std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d,
                                            arguments.start.init_from, arguments.body},
                   app::AvatarRun::Names());
-    files.RequireFree(arguments.overwrite);
   }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();

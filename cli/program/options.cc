@@ -23,7 +23,7 @@ template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<doubl
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<int>&, const std::string&);
 
 CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help) {
-  return app->add_flag(name, value, help);
+  return app->add_flag(name, value, help)->default_function([&value] { return value ? "true" : "false"; });
 }
 
 CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::function<void(const std::string&)>& set,

@@ -43,20 +43,20 @@ class AvatarLift : public ::testing::Test {
     data_ = DataRoot() + "/person_a";
   }
   CliRun Train(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words = {
-        "avatar", "lift",    "train",     data_,     "--out", folder_ / "l.safetensors", "--width",
-        "128",    "--steps", "250",       "--batch", "64",    "--baseline-poses",        "1024",
-        "--seed", "1",       "--threads", "1",       "--json"};
+    std::vector<std::string> words = {"avatar",           "lift",  "train",   data_, "--out",     folder_ / "l.safetensors",
+                                      "--width",          "128",   "--steps", "250", "--batch",   "64",
+                                      "--baseline-poses", "1024",  "--seed",  "1",   "--threads", "1",
+                                      "--overwrite",      "--json"};
     return RunCli(With(words, more));
   }
   CliRun Apply(const std::string& poses, const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words = {"avatar",   "lift",
-                                      "apply",    poses,
-                                      "--lifter", folder_ / "l.safetensors",
-                                      "--calib",  data_ + "/calibration_person_a.json",
-                                      "--camera", "00_00",
-                                      "--out",    folder_ / "pose3d",
-                                      "--json"};
+    std::vector<std::string> words = {"avatar",      "lift",
+                                      "apply",       poses,
+                                      "--lifter",    folder_ / "l.safetensors",
+                                      "--calib",     data_ + "/calibration_person_a.json",
+                                      "--camera",    "00_00",
+                                      "--out",       folder_ / "pose3d",
+                                      "--overwrite", "--json"};
     return RunCli(With(words, more));
   }
   TempDir folder_;

@@ -66,7 +66,7 @@ testing::TempDir* AvatarRender::folder_ = nullptr;
 
 TEST_F(AvatarRender, HeldOutPicturesUnlessToldOtherwise) {
   for (int twice = 0; twice < 2; ++twice) {  // its own folder is replaced
-    const CliRun run = Render({});
+    const CliRun run = Render({"--overwrite"});
     ASSERT_EQ(run.exit, 0) << run.out << run.err;
     const auto metrics = run.Json()["metrics"];
     EXPECT_EQ(metrics["pictures"], 2);

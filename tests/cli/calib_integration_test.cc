@@ -168,7 +168,7 @@ TEST(CalibEval, NamesTheBumpedCameraAndRepairs) {
   EXPECT_NEAR(metrics["cameras"][2]["rotation_deg"].get<double>(), 0.2,
               3 * metrics["cameras"][2]["rotation_sigma_deg"].get<double>());
   EXPECT_EQ(RunCli({"calib", "eval", folder / "repaired.json", "--corners", corners}).exit, 0);
-  EXPECT_THAT(RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners}).out, HasSubstr("camera cam2 has moved"));
+  EXPECT_THAT(RunCli({"calib", "eval", folder / "bumped.json", "--corners", corners}).err, HasSubstr("camera cam2 has moved"));
 }
 
 /// Calibrate, bump, repair, refine with held lenses: covariances come along, and what lacks one is named.

@@ -89,7 +89,7 @@ TEST_F(ScenePoints, EveryCameraIsPlacedWithinItsUncertainty) {
     const Marks marks = MakeMarks(truth_, 14, 1, seed);
     const CliRun run =
         RunCli({"calibrate", "--start", lenses, "--scene-points", Write(folder_ / "clicks.csv", marks.clicks), "--scene-points",
-                Write(folder_ / "places.csv", marks.places), "--out", folder_ / "calib", "--json"});
+                Write(folder_ / "places.csv", marks.places), "--out", folder_ / "calib", "--overwrite", "--json"});
     ASSERT_EQ(run.exit, 0) << run.out << run.err;
     EXPECT_EQ(run.Json()["metrics"]["gauge"], "the marked points");
     const geometry::Rig found = geometry::ReadRig(folder_ / "calib" + "/calibration.json");
@@ -148,9 +148,9 @@ TEST_F(ScenePoints, AWrongClickIsNamed) {
   ASSERT_NE(at, std::string::npos);
   const size_t end = marks.clicks.find('\n', at);
   marks.clicks.replace(at, end - at, "cam1,mark4,12,470");
-  const CliRun run =
-      RunCli({"calibrate", "--start", WriteLenses(), "--scene-points", Write(folder_ / "clicks.csv", marks.clicks),
-              "--scene-points", Write(folder_ / "places.csv", marks.places), "--out", folder_ / "calib", "--json"});
+  const CliRun run = RunCli({"calibrate", "--start", WriteLenses(), "--scene-points",
+                             Write(folder_ / "clicks.csv", marks.clicks), "--scene-points",
+                             Write(folder_ / "places.csv", marks.places), "--out", folder_ / "calib", "--overwrite", "--json"});
   ASSERT_EQ(run.exit, 0) << run.out;
   ASSERT_EQ(run.Json()["warnings"].size(), 2u) << run.out;
   EXPECT_EQ(run.Json()["warnings"][1]["code"], "CAL-COVARIANCE-MISSING") << "the given lenses state none";
@@ -181,11 +181,11 @@ TEST_F(ScenePoints, ErrorsOfTheCallerAndOfTheMarks) {
     if (i < 9) fewer += line + "\n";
   }
   run = RunCli({"calibrate", "--start", lenses, "--scene-points", Write(folder_ / "few.csv", few), "--scene-points", places,
-                "--out", out});
+                "--out", out, "--overwrite"});
   EXPECT_EQ(run.exit, 6) << run.out << run.err;
   EXPECT_EQ(geometry::ReadRig(out + "/calibration.json").cameras.size(), 1u);
   run = RunCli({"calibrate", "--start", lenses, "--scene-points", Write(folder_ / "few.csv", fewer), "--scene-points", places,
-                "--out", out});
+                "--out", out, "--overwrite"});
   EXPECT_EQ(run.exit, 5) << run.out << run.err;
   EXPECT_THAT(run.err, HasSubstr("3 points are marked; at least 4 are needed"));
 }

@@ -357,7 +357,7 @@ TEST_F(CodedSession, TimeCodesAreTheFirstOffsets) {
   EXPECT_EQ(dataset::ReadTimeline(Path("sync/walk.timeline.json")).cameras[1].frame_at[3], 7);
   const auto sync = [&](const char* from) {
     const CliRun run = RunCli({"sync", "--session", Path(""), "--from", from, "--reference", Name(0), "--max-offset-frames",
-                               "2", "--out", folder_ / from, "--json"});
+                               "2", "--out", folder_ / from, "--overwrite", "--json"});
     EXPECT_EQ(run.exit, 0) << run.out << run.err;
     return dataset::ReadSync(folder_ / (std::string(from) + "/sync.json")).cameras[1];
   };

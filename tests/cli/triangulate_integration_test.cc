@@ -156,7 +156,8 @@ TEST(TriangulateCommand, WritesMarkersOfEveryJointAtOnce) {
   const TempDir folder;
   const std::vector<std::string> words = Words({"triangulate", "--out", folder / "out", "--json"}, Take().Write(folder));
   EXPECT_EQ(RunCli(Words(words, {"--fill", "5"})).exit, 2);  // of what files?
-  const std::vector<std::string> markers = {"--to", "trc", "--frame-rate", "50", "--filter", "kalman", "--opensim"};
+  const std::vector<std::string> markers = {"--to",     "trc",    "--frame-rate", "50",
+                                            "--filter", "kalman", "--opensim",    "--overwrite"};
   for (int time = 0; time < 2; ++time) {  // and once more over its own
     const CliRun run = RunCli(Words(words, markers));
     ASSERT_EQ(run.exit, 0) << run.err;
