@@ -108,10 +108,12 @@ void WarnOfMissing(const PoseInput& input, CommandResult* result) {
 /// Frames that some cameras lack have fewer partners; cut videos would look the same.
 void WarnOfFrames(const PoseInput& input, CommandResult* result) {
   constexpr double kFew = 0.9;
+  constexpr size_t kLeastFrames = 10;
   std::set<int> all;
   for (const dataset::Pose2dTrack& track : input.tracks) {
     for (const auto& [frame, people] : track.frames) all.insert(frame);
   }
+  if (all.size() < kLeastFrames) return;
   std::string lacking;
   for (const dataset::Pose2dTrack& track : input.tracks) {
     if (track.frames.empty() || static_cast<double>(track.frames.size()) >= kFew * static_cast<double>(all.size())) continue;

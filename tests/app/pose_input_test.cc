@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "core/error.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/support/folder_state.h"
@@ -16,6 +18,7 @@ namespace {
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::Put;
 using mvstudio::testing::TempDir;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using triangulate::DetectedFrame;
@@ -92,6 +95,20 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   EXPECT_THAT(result.inputs, ElementsAre(arguments.calib, folder / "c", folder / "a"));
   EXPECT_EQ(result.exit, kExitOk);
   EXPECT_TRUE(result.warnings.empty());
+}
+
+TEST(PoseInput, ACameraThatFilmedLessIsNamed) {
+  const TempDir folder;
+  PoseArguments arguments;
+  arguments.calib = PutRig(folder, {"a", "b"});
+  std::vector<int> whole(20), part(12);
+  std::iota(whole.begin(), whole.end(), 0), std::iota(part.begin(), part.end(), 3);
+  arguments.pose2d = {PutPoses(folder, "a", whole), PutPoses(folder, "b", part)};
+  CommandResult result;
+  ReadPoseInput(arguments, &result);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_EQ(result.warnings[0].code, "POSE-FRAMES-DIFFER");
+  EXPECT_THAT(result.warnings[0].text, AllOf(HasSubstr("of 20 frames (0 to 19)"), HasSubstr("b has 12 (3 to 14)")));
 }
 
 TEST(PoseInput, ATableOfPoints) {

@@ -59,7 +59,7 @@ MarkerTake PersonTake(const body::Skeleton& skeleton) {
       const double side = joint[0] == 'L' ? 0.2 : joint[0] == 'R' ? -0.2 : 0;
       const auto has = [&](const char* word) { return joint.find(word) != std::string::npos; };
       const double height = has("Hip") ? 0.9 : has("Knee") ? 0.5 : has("Ankle") || has("Heel") || has("Toe") ? 0.1 : 1.4;
-      take.x_in_world.emplace_back(has("Toe") ? 0.2 : 0.01 * f, side, height);
+      take.x_in_world.emplace_back((has("Toe") ? 0.2 : 0) + 0.01 * f, side, height);
     }
   }
   take.source.assign(take.x_in_world.size(), Source::kMeasured);
