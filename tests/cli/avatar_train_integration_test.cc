@@ -219,7 +219,7 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   EXPECT_EQ(train("joints", {"--steps", "0", "--pose-by", "joints"}).exit, 0);
   EXPECT_FALSE(scored("joints").Json()["metrics"]["baselines"].contains("body_by_joints")) << "it is the body as it is";
   EXPECT_EQ(train("girths", {"--fit", "girths", "--template", "mannequin"}).exit, 2) << "nothing would be fitted to it";
-  const CliRun body = train("body", {"--template", "no-such-body"});
+  const CliRun body = train("unknown", {"--template", "no-such-body"});
   EXPECT_EQ(body.exit, 2);
   EXPECT_THAT(body.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--template no-such-body"));
 }

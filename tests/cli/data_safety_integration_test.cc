@@ -207,7 +207,11 @@ TEST_F(DataSafety, BracketsInPathsAreNoPatterns) {
 TEST_F(DataSafety, TriangulateReplacesItsThreeFilesTogether) {
   ASSERT_EQ(RunCli(Triangulate(out("pose3d"))).exit % 4, 0);
   const auto before = StateOf(out("pose3d"));
-  ASSERT_EQ(RunCli(Triangulate(out("pose3d"))).exit % 4, 0);
+  Words words = Triangulate(out("pose3d"));
+  EXPECT_EQ(RunCli(words).exit, 2) << "an earlier result is kept";
+  EXPECT_EQ(StateOf(out("pose3d")), before);
+  words.push_back("--overwrite");
+  ASSERT_EQ(RunCli(words).exit % 4, 0);
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"})
     EXPECT_EQ(Slurp(out("pose3d/") + name), before.at(std::string("/") + name));
   EXPECT_EQ(Entries(folder_.path()), std::set<std::string>({"pose3d"}));
