@@ -59,6 +59,9 @@ class PlainFlags : public CLI::Formatter {
     }
     return CLI::Formatter::make_option_name(option, is_positional);
   }
+  std::string make_option_opts(const CLI::Option* option) const override {
+    return HasBoth(option) ? "" : CLI::Formatter::make_option_opts(option);
+  }
   std::string make_option_desc(const CLI::Option* option) const override {
     const std::string text = CLI::Formatter::make_option_desc(option);
     return HasBoth(option) && IsOn(option) ? "on unless this is given: " + text : text;

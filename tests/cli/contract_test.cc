@@ -53,7 +53,7 @@ TEST(Contract, VersionAsAFlag) {
 
 TEST(Contract, HelpShowsWhatChangesADefault) {
   const std::string help = RunCli({"dataset", "build", "--help-all"}).out;
-  EXPECT_THAT(help, ::testing::HasSubstr("  --no-masks"));
+  EXPECT_THAT(help, ::testing::HasSubstr("  --no-masks   "));
   EXPECT_THAT(help, ::testing::HasSubstr("  --png "));
   EXPECT_THAT(help, ::testing::Not(::testing::HasSubstr("{false}")));
 }

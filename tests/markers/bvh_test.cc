@@ -82,7 +82,7 @@ TEST(PersonBvh, HangsFromThePelvis) {
     EXPECT_EQ(parent("LElbow"), "LShoulder") << name;
     EXPECT_NE(parent("Nose"), "MidHip") << name;
     const BvhMotion motion = FitBvh(hung.take, hung.skeleton);
-    EXPECT_LT(motion.max_m, 1e-9) << name;
+    EXPECT_LT(motion.max_m, 1e-8) << name;  // angles are good to the root of the machine's precision
     EXPECT_THAT(BvhText(motion, hung.skeleton, 50), HasSubstr("ROOT MidHip\n")) << name;
     for (int f = 0; f < hung.take.num_frames(); ++f) {
       const int hip = hung.skeleton.Find("MidHip");
