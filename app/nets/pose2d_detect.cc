@@ -83,10 +83,12 @@ PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, 
     backend.net = detect::OpenPosenet(models, backend.plan.posenet_px);
   } else if (name == "movenet") {
     backend.net = detect::OpenMovenet(models);
+  } else if (name == "blazepose") {
+    backend.net = detect::OpenBlazepose(models);
   } else if (name.rfind("onnx:", 0) == 0) {
     backend.net = detect::OpenOnnx(name.substr(5), onnx);
   } else {
-    throw UsageError("option 'backend' " + name + ": must be auto, posenet, movenet, onnx:FILE or openpose:FOLDER");
+    throw UsageError("option 'backend' " + name + ": must be auto, posenet, movenet, blazepose, onnx:FILE or openpose:FOLDER");
   }
   const bool bring_finder = name.rfind("onnx:", 0) != 0 || detect::HasModel("posenet", models);
   if (bring_finder) backend.finder = std::make_shared<detect::PersonFinder>(models);

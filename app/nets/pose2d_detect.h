@@ -17,7 +17,7 @@ namespace mvstudio::app {
 
 /// A detector of joints.
 struct PoseBackend {
-  std::string name;  ///< "posenet", "movenet" or "onnx:FILE"
+  std::string name;  ///< "posenet", "movenet", "blazepose" or "onnx:FILE"
   std::shared_ptr<const detect::JointNet> net;
   std::shared_ptr<const detect::PersonFinder> finder;  ///< may be null: the person fills the image
   detect::CropPlan plan;

@@ -226,7 +226,8 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   AddOption(sub, "--out", arguments->out,
             "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
   AddOption(sub, "--backend", arguments->backend,
-            "posenet or movenet (mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER (FOLDER/CAMERA holds "
+            "posenet, movenet or blazepose (with feet; mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER "
+            "(FOLDER/CAMERA holds "
             "JSON files that are checked and "
             "renumbered), auto: the installed net whose keypoints agree best across cameras (needs --calib)")
       ->capture_default_str();

@@ -149,15 +149,26 @@ Crop CropAround(const dataset::Person2d& pose, double fill, double min_score, do
   return {c * x - s * y, s * x + c * y, std::max({x1 - x0, y1 - y0, 8.0}) / fill, angle_rad};
 }
 
-double LeanOf(const dataset::Person2d& pose, double min_score) {
-  if (pose.keypoints.size() != 17) return 0;
+double LeanOf(const dataset::Person2d& pose, const body::Skeleton& skeleton, double min_score) {
+  if (pose.keypoints.size() != skeleton.joints.size()) return 0;
   double x = 0, y = 0;
-  for (const size_t hip : {11, 12}) {
-    const Keypoint2d &h = pose.keypoints[hip], &s = pose.keypoints[hip - 6];
+  for (const char* side : {"L", "R"}) {
+    const int hip = skeleton.Find(std::string(side) + "Hip"), shoulder = skeleton.Find(std::string(side) + "Shoulder");
+    if (hip < 0 || shoulder < 0) return 0;
+    const Keypoint2d &h = pose.keypoints[static_cast<size_t>(hip)], &s = pose.keypoints[static_cast<size_t>(shoulder)];
     if (h.score < min_score || s.score < min_score) return 0;
     x += s.x_px - h.x_px, y += s.y_px - h.y_px;
   }
   return std::atan2(x, -y);
+}
+
+dataset::Person2d OnSkeleton(const dataset::Person2d& pose, const body::Skeleton& from, const body::Skeleton& to) {
+  dataset::Person2d person;
+  for (const std::string& joint : to.joints) {
+    const int at = from.Find(joint);
+    person.keypoints.push_back(at < 0 ? Keypoint2d() : pose.keypoints[static_cast<size_t>(at)]);
+  }
+  return person;
 }
 
 Image CutCrop(const Image& rgb, const Crop& crop, int size) {

@@ -41,9 +41,12 @@ struct Crop {
 /// of it. Size 0: no joint.
 Crop CropAround(const dataset::Person2d& pose, double fill, double min_score, double angle_rad = 0);
 
-/// Lean of a coco17 person: the rotation that makes the line from hips to shoulders upright. 0 when these joints score
-/// less than `min_score`.
-double LeanOf(const dataset::Person2d& pose, double min_score);
+/// Lean of a person: the rotation that makes the line from hips to shoulders upright. 0 when these joints score less than
+/// `min_score`, or the pose is not one of this skeleton.
+double LeanOf(const dataset::Person2d& pose, const body::Skeleton& skeleton, double min_score);
+
+/// The joints of `to` by their names in `from`; score 0 for those that `from` lacks.
+dataset::Person2d OnSkeleton(const dataset::Person2d& pose, const body::Skeleton& from, const body::Skeleton& to);
 
 /// The crop scaled to `size` x `size`: the mean of bilinear samples over each pixel's footprint; mid-grey outside the
 /// image.

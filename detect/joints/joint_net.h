@@ -33,6 +33,10 @@ std::unique_ptr<JointNet> OpenPosenet(const std::string& models_folder, int inpu
 /// MoveNet Thunder, 256 px.
 std::unique_ptr<JointNet> OpenMovenet(const std::string& models_folder);
 
+/// BlazePose GHUM full (Bazarevsky et al. 2020, arXiv:2006.10204), 256 px: 33 joints with heels, toes and fingers. Throws like
+/// ReadModel.
+std::unique_ptr<JointNet> OpenBlazepose(const std::string& models_folder);
+
 /// Values of a net's input.
 enum class InputScale {
   kImagenet,   ///< ImageNet's mean 0, standard deviation 1

@@ -138,7 +138,7 @@ TrackedPerson PoseTracker::Locate(const Image& rgb, const Crop& crop, const Pers
 TrackedPerson PoseTracker::Examine(const Image& rgb, const Person2d& rough, int passes) const {
   TrackedPerson person{-1, rough, MeanScore(rough), {}, 0};
   for (int pass = 0; pass < passes; ++pass) {
-    const Crop crop = CropAround(person.pose, net_.person_fill(), kSeenScore, LeanOf(person.pose, kLeanScore));
+    const Crop crop = CropAround(person.pose, net_.person_fill(), kSeenScore, LeanOf(person.pose, net_.skeleton(), kLeanScore));
     if (!(crop.size_px > 0)) break;
     person = Locate(rgb, crop, person.pose);
   }
@@ -161,7 +161,8 @@ TrackedPerson PoseTracker::LookAgain(const Image& rgb, const TrackedPerson& befo
 void PoseTracker::Follow(const Image& rgb) {
   std::vector<TrackedPerson> kept;
   for (const TrackedPerson& before : people_) {
-    const Crop wanted = CropAround(before.pose, net_.person_fill(), kSeenScore, LeanOf(before.pose, kLeanScore));
+    const Crop wanted =
+        CropAround(before.pose, net_.person_fill(), kSeenScore, LeanOf(before.pose, net_.skeleton(), kLeanScore));
     TrackedPerson now = Locate(rgb, Steady(wanted, before.crop), before.pose);
     const bool doubtful =
         now.score < kDoubt * before.usual_score || PoseSimilarity(before.pose, now.pose, kSeenScore) < kSameLikeness;
@@ -183,6 +184,7 @@ void PoseTracker::Follow(const Image& rgb) {
 void PoseTracker::Search(const Image& rgb) {
   std::vector<CoarsePerson> found;
   if (finder_) found = finder_->Find(rgb, options_.max_persons, 2);
+  for (CoarsePerson& coarse : found) coarse.pose = OnSkeleton(coarse.pose, body::SkeletonByName("coco17"), net_.skeleton());
   if (!finder_ && people_.empty()) {
     Person2d frame{{{0, 0, 1}, {rgb.width - 1.0, rgb.height - 1.0, 1}}};
     found.push_back({frame, 1});

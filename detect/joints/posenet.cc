@@ -13,14 +13,17 @@ namespace {
 
 const std::string kScope = "MobilenetV1/";
 
-}  // namespace
-
-FloatTensor ToSymmetric(const Image& rgb) {
+FloatTensor Scaled(const Image& rgb, float factor, float offset) {
   FloatTensor tensor{{1, rgb.height, rgb.width, 3}, {}};
   tensor.values.reserve(rgb.pixels.size());
-  for (const uint8_t value : rgb.pixels) tensor.values.push_back(static_cast<float>(value) / 127.5f - 1.0f);
+  for (const uint8_t value : rgb.pixels) tensor.values.push_back(static_cast<float>(value) * factor + offset);
   return tensor;
 }
+
+}  // namespace
+
+FloatTensor ToSymmetric(const Image& rgb) { return Scaled(rgb, 1 / 127.5f, -1); }
+FloatTensor ToUnit(const Image& rgb) { return Scaled(rgb, 1 / 255.0f, 0); }
 
 float SigmoidOf(float x) { return 1.0f / (1.0f + std::exp(-x)); }
 

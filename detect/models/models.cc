@@ -91,7 +91,7 @@ const ModelPackage& PinnedModelPackage() {
   return package;
 }
 
-std::vector<std::string> ModelNames() { return {"posenet", "movenet-thunder", "selfie"}; }
+std::vector<std::string> ModelNames() { return {"posenet", "movenet-thunder", "blazepose-full", "selfie"}; }
 
 std::string ModelsFolder() {
   const auto variable = [](const char* name) {

@@ -111,10 +111,32 @@ Operation CompileResize(const std::string& path, const TfNode& node) {
   };
 }
 
+Operation CompilePad(const std::string& path, const TfNode& node) {
+  if (node.op != "Pad") return {};
+  CheckInputs(path, node, 2);
+  return [path, node](const std::vector<Tensor>& in) {
+    const Tensor &x = in[0], &sizes = in[1];
+    const bool shapes =
+        sizes.dim() == 2 && sizes.size(0) == x.dim() && sizes.size(1) == 2 && sizes.scalar_type() == torch::kInt;
+    if (!shapes) FailNode(path, node, "needs two sizes for each dimension of its input");
+    std::vector<int64_t> shape = x.sizes().vec(), last_first;
+    for (int64_t d = x.dim() - 1; d >= 0; --d) {
+      for (int64_t end = 0; end < 2; ++end) {
+        const int64_t size = sizes[d][end].item<int>();
+        if (size < 0) FailNode(path, node, "pads by a negative size");
+        last_first.push_back(size), shape[static_cast<size_t>(d)] += size;
+      }
+    }
+    CountElements(path, NodeText(node.name), shape);
+    return torch::constant_pad_nd(x, last_first, 0);
+  };
+}
+
 Operation CompileOperation(const std::string& path, const TfNode& node) {
   if (const Operation op = CompileConvolution(path, node)) return op;
   if (const Operation op = CompilePooling(path, node)) return op;
   if (const Operation op = CompileResize(path, node)) return op;
+  if (const Operation op = CompilePad(path, node)) return op;
   if (node.op == "AddN") return CompileSum(path, node);
   if (const Binary binary = FindBinary(node.op)) {
     CheckInputs(path, node, 2);

@@ -40,5 +40,6 @@ Padding SamePadding(int64_t inputs, int64_t window, int64_t stride, int64_t dila
 Operation CompileConvolution(const std::string& path, const TfNode& node);
 Operation CompilePooling(const std::string& path, const TfNode& node);
 Operation CompileResize(const std::string& path, const TfNode& node);
+Operation CompilePad(const std::string& path, const TfNode& node);
 
 }  // namespace mvstudio::detect::internal

@@ -38,7 +38,7 @@ struct TensorSpec {
 /// A graph ready to run in float32. Immutable and deterministic: the same input and number of threads give the same numbers.
 ///
 /// Operations: Conv2D, DepthwiseConv2dNative, their fused forms (BiasAdd, Relu, Relu6), Conv2DBackpropInput, AvgPool, MaxPool,
-/// ResizeBilinear, Add, AddV2, AddN, BiasAdd, Sub, Mul, Relu, Relu6, Sigmoid, Identity, Const, Placeholder; all NHWC, with
+/// ResizeBilinear, Pad, Add, AddV2, AddN, BiasAdd, Sub, Mul, Relu, Relu6, Sigmoid, Identity, Const, Placeholder; all NHWC, with
 /// TensorFlow's SAME (the odd row of padding below and right) or VALID. Weights: float32, int32, and those quantised to
 /// float16, uint8 or uint16.
 class TfjsGraph {

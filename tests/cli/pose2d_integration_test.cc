@@ -145,7 +145,7 @@ TEST_F(Pose2dCommand, ExistingKeyPointsAreCheckedAndRenumbered) {
 
 TEST_F(Pose2dCommand, WithoutWeightsItSaysHowToGetThem) {
   WriteFootage("A", 1);
-  for (const char* backend : {"auto", "movenet"}) {
+  for (const char* backend : {"auto", "movenet", "blazepose"}) {
     const CliRun run = RunCli({"pose2d", "--backend", backend, "--models", folder_ / "none", "--images", "A=" + (folder_ / "A"),
                                "--out", folder_ / "out"});
     EXPECT_EQ(run.exit, 8) << backend;

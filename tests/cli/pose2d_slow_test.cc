@@ -40,7 +40,8 @@ Figures Score(const TempDir& folder, const std::vector<std::string>& cameras, co
               const std::string& backend, const std::string& quality, const Words& reference) {
   const std::string out = folder / ("pose2d_" + backend);
   Words detect = {"pose2d", "--backend", backend, "--quality", quality, "--out", out};
-  Words triangulate = {"triangulate", "--calib", calibration, "--skeleton", "coco17", "--out", folder / ("pose3d_" + backend)};
+  const std::string skeleton = backend == "blazepose" ? "mediapipe33" : "coco17";
+  Words triangulate = {"triangulate", "--calib", calibration, "--skeleton", skeleton, "--out", folder / ("pose3d_" + backend)};
   for (const std::string& camera : cameras) {
     detect.insert(detect.end(), {"--images", camera + "=" + (folder / camera)});
     triangulate.insert(triangulate.end(), {"--pose2d", camera + "=" + out + "/" + camera});
@@ -84,6 +85,9 @@ TEST(Pose2dOfRecordings, BalancingFromVideoOnly) {
   const Figures movenet = Score(folder, cameras, calibration, "movenet", "fast", reference);
   EXPECT_LT(movenet.median_mm, 45);
   EXPECT_GT(movenet.share, 0.97);
+  const Figures blazepose = Score(folder, cameras, calibration, "blazepose", "balanced", reference);  // with feet
+  EXPECT_LT(blazepose.median_mm, 50);
+  EXPECT_GT(blazepose.share, 0.97);
 }
 
 // Ten cameras around a rendered person whose joints are known exactly.
@@ -108,6 +112,9 @@ TEST(Pose2dOfRecordings, PersonAAgainstExactJoints) {
   const Figures movenet = Score(folder, cameras, p + "/calibration_person_a.json", "movenet", "fast", reference);
   EXPECT_LT(movenet.median_mm, 21);
   EXPECT_GT(movenet.share, 0.99);
+  const Figures blazepose = Score(folder, cameras, p + "/calibration_person_a.json", "blazepose", "balanced", reference);
+  EXPECT_LT(blazepose.median_mm, 40);
+  EXPECT_GT(blazepose.share, 0.9);
 }
 
 }  // namespace

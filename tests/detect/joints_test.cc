@@ -130,12 +130,28 @@ TEST(CropAround, TurnsWithTheTrunk) {
                                200 + std::sin(lean) * right - std::cos(lean) * up, 1};
   };
   place(5, 20, 60), place(6, -20, 60), place(11, 15, 0), place(12, -15, 0), place(15, 10, -100), place(16, -10, -100);
-  EXPECT_NEAR(LeanOf(person, 0.3), lean, 1e-9);
-  const Crop crop = CropAround(person, 0.8, 0.1, LeanOf(person, 0.3));
+  EXPECT_NEAR(LeanOf(person, body::SkeletonByName("coco17"), 0.3), lean, 1e-9);
+  const Crop crop = CropAround(person, 0.8, 0.1, LeanOf(person, body::SkeletonByName("coco17"), 0.3));
   EXPECT_NEAR(crop.size_px, 160 / 0.8, 1e-9);
   EXPECT_NEAR(crop.x_px, 100 - std::sin(lean) * 20, 1e-9);
   EXPECT_NEAR(crop.y_px, 200 + std::cos(lean) * 20, 1e-9);
   EXPECT_EQ(CropAround({std::vector<Keypoint2d>(17)}, 0.8, 0.1).size_px, 0);
+}
+
+TEST(OnSkeleton, JointsKeepTheirNamesAndTheTrunkLeansAlike) {
+  const body::Skeleton &coco = body::SkeletonByName("coco17"), &many = body::SkeletonByName("mediapipe33");
+  Person2d person{std::vector<Keypoint2d>(17)};
+  for (size_t j = 0; j < 17; ++j) person.keypoints[j] = {10.0 * static_cast<double>(j), 7.0 - static_cast<double>(j * j), 0.9};
+  const Person2d mapped = OnSkeleton(person, coco, many);
+  ASSERT_EQ(mapped.keypoints.size(), 33u);
+  for (size_t j = 0; j < 33; ++j) {
+    const int from = coco.Find(many.joints[j]);
+    EXPECT_EQ(mapped.keypoints[j].score, from < 0 ? 0 : 0.9) << many.joints[j];
+    if (from >= 0) EXPECT_EQ(mapped.keypoints[j].x_px, 10.0 * from);
+  }
+  EXPECT_NE(LeanOf(person, coco, 0.3), 0);
+  EXPECT_EQ(LeanOf(mapped, many, 0.3), LeanOf(person, coco, 0.3));
+  EXPECT_EQ(LeanOf(person, many, 0.3), 0) << "17 joints are no pose of 33";
 }
 
 TEST(PoseSimilarity, FallsWithDistance) {

@@ -51,7 +51,10 @@ class Model {
     Append(tensor.values.data(), 4 * tensor.values.size());
   }
   void Ints(const std::string& name, const std::vector<int32_t>& values) {
-    Entry(name, "int32", {static_cast<int64_t>(values.size())}, {});
+    Ints(name, {static_cast<int64_t>(values.size())}, values);
+  }
+  void Ints(const std::string& name, const Shape& shape, const std::vector<int32_t>& values) {
+    Entry(name, "int32", shape, {});
     Append(values.data(), 4 * values.size());
   }
   template <class T>
@@ -254,6 +257,31 @@ TEST(TfjsGraph, ResizeHasTheThreeGridsOfTensorFlow) {
                {{"half_pixel_centers", {{"b", grid.half_pixel}}}, {"align_corners", {{"b", grid.corners}}}});
     ExpectNear(RunOne(model, {{1, 1, 3, 1}, {0, 1, 2}}), {{1, 1, 6, 1}, grid.expected}, 1e-6);
   }
+}
+
+TEST(TfjsGraph, PadAddsZerosBeforeAndAfterEachDimension) {
+  const FloatTensor in = Random({1, 2, 3, 2}, 12);
+  const auto padded = [&](const std::vector<int32_t>& sizes) {
+    Model model;
+    model.Input("in", in.shape);
+    model.Ints("sizes", {4, 2}, sizes);
+    model.Node("out", "Pad", {"in", "sizes"});
+    return RunOne(model, in);
+  };
+  FloatTensor expected{{1, 5, 4, 3}, std::vector<float>(60, 0.0f)};
+  for (int64_t y = 0; y < 2; ++y)
+    for (int64_t x = 0; x < 3; ++x)
+      for (int64_t c = 0; c < 2; ++c)
+        expected.values[static_cast<size_t>(((y + 1) * 4 + x) * 3 + c + 1)] =
+            in.values[static_cast<size_t>((y * 3 + x) * 2 + c)];
+  ExpectNear(padded({0, 0, 1, 2, 0, 1, 1, 0}), expected, 0);
+  EXPECT_THROW(padded({0, 0, -1, 0, 0, 0, 0, 0}), FormatError);
+  EXPECT_THROW(padded({0, 0, 1 << 30, 0, 0, 0, 0, 0}), FormatError);
+  Model flat;
+  flat.Input("in", in.shape);
+  flat.Ints("sizes", {0, 0, 1, 1});
+  flat.Node("out", "Pad", {"in", "sizes"});
+  EXPECT_THROW(RunOne(flat, in), FormatError);
 }
 
 TEST(TfjsGraph, ElementwiseOperationsBroadcast) {
