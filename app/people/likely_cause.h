@@ -17,4 +17,8 @@ inline constexpr double kLostShare = 0.05;
 std::string AddLikelyCause(const triangulate::CauseReport& report, const std::string& code, const std::string& otherwise,
                            CommandResult* result);
 
+/// Adds what CheckTiming found, if it is clear: an error (TRI-TIMING, kExitQualityGate), or a warning where cameras differ by
+/// less than half a frame, which footage without a common trigger does. True when something was added.
+bool AddTiming(const triangulate::CauseReport& report, CommandResult* result);
+
 }  // namespace mvstudio::app

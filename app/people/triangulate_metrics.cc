@@ -232,6 +232,16 @@ std::string RefinementText(const triangulate::SkeletonRefineReport& report) {
   return text + Format(", %d joints filled\n", report.num_filled);
 }
 
+/// A camera of which most detections fit no point of the others.
+void WarnOfLeftOut(const triangulate::CameraDiagnosis& camera, CommandResult* result) {
+  constexpr int kFewest = 20;
+  if (camera.num_detections < kFewest || 2 * camera.num_rejected <= camera.num_detections) return;
+  result->warnings.push_back({"TRI-CAMERA-LEFTOUT",
+                              Format("%s: %d of its %d detections fit no point of the other cameras", camera.name.c_str(),
+                                     camera.num_rejected, camera.num_detections),
+                              "look at its keypoints; check its timing (`mvstudio sync`) and that it did not move"});
+}
+
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
   std::string hint =
       "recalibrate these cameras or refine the rig from this take (`mvstudio calib refine option 'from-keypoints'`); check "
@@ -244,6 +254,8 @@ void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* resul
       result->warnings.push_back(
           {"TRI-CAMERA-SCALED", camera.message,
            "check that its images have the calibrated size; `mvstudio calib resize` brings its lens to another"});
+    } else {
+      WarnOfLeftOut(camera, result);
     }
   }
   for (const triangulate::CameraSides& camera : take.sides.cameras) {

@@ -66,6 +66,12 @@ void AddComparisons(const Arguments& arguments, CommandResult* result) {
   }
 }
 
+std::string LeftOutText(const ordered_json& holdout) {
+  if (holdout["num"] == 0) return "cannot be measured, no joint is seen by three cameras";
+  if (holdout["median_px"].is_number()) return Format("median %.2f px", holdout["median_px"].get<double>());
+  return Format("the others predict %.0f %% of its detections", 100 * holdout["coverage"].get<double>());
+}
+
 std::string Summary(const CommandResult& result) {
   const ordered_json& m = result.metrics;
   const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
@@ -73,8 +79,7 @@ std::string Summary(const CommandResult& result) {
       "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
       m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
-  text += Format("\nmethod %s; one camera left out: median %.2f px", m["method"].get<std::string>().c_str(),
-                 number(m["holdout"]["median_px"]));
+  text += Format("\nmethod %s; one camera left out: ", m["method"].get<std::string>().c_str()) + LeftOutText(m["holdout"]);
   if (!m["limb_std_mm"].is_null()) text += Format("; limb lengths vary by %.1f mm", number(m["limb_std_mm"]));
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
@@ -220,19 +225,21 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
 
 using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
 
-/// When the take is lost or does not fit: why. `sample` gives frames of it.
-void SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveFrames& sample, const RunContext& run,
+/// When the take is lost or does not fit: why. Else whether its cameras are synchronous. `sample` gives frames of it. True when
+/// a cause was clear.
+bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveFrames& sample, const RunContext& run,
             CommandResult* result) {
-  if (result->errors.empty()) return;
   geometry::Rig rig = input.rig;
   if (arguments.options.ignore_distortion) {
     for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
   }
   triangulate::CauseOptions options;
   options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
+  if (result->errors.empty()) return app::AddTiming(CheckTiming(rig, sample(), options, run), result);
   Notice& error = result->errors.back();
-  error.hint = app::AddLikelyCause(RankCauses(rig, sample(), app::BodyOf(input.skeleton), options, run), "TRI-CAUSE",
-                                   error.hint, result);
+  const triangulate::CauseReport report = RankCauses(rig, sample(), app::BodyOf(input.skeleton), options, run);
+  error.hint = app::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
+  return !report.message.empty();
 }
 
 std::string PointsPath(const Arguments& arguments) { return (std::filesystem::path(arguments.out) / "points.csv").string(); }
@@ -242,7 +249,6 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
               const app::PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   statistics.AddTo(input.skeleton, &result->metrics);
   app::AddTakeMetrics(take, input.skeleton, &result->metrics);
-  app::AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
   if (statistics.num_ok() > 0) AddComparisons(arguments, result);
@@ -256,7 +262,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
         {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
          "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
   }
-  SayWhy(arguments, input, sample, run, result);
+  if (!SayWhy(arguments, input, sample, run, result)) app::AddCameraWarnings(take, result);
   if (arguments.had_points && KeepsOlder(PointsPath(arguments), result)) return;
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(

@@ -45,5 +45,21 @@ TEST(LikelyCause, WithoutAClearCauseNothingIsSaid) {
   EXPECT_EQ(nothing.metrics["causes"].size(), 1u);
 }
 
+TEST(Timing, HalfAFrameIsAnErrorLessAWarningAndNothingNothing) {
+  triangulate::CauseReport report = Report();
+  CommandResult nothing, whole, part;
+  EXPECT_FALSE(AddTiming(report, &nothing));
+  EXPECT_FALSE(nothing.metrics.contains("causes"));
+  report.message = "with a 1.0 frames later 99 % fit", report.trials[0].offset_frames = 1;
+  EXPECT_TRUE(AddTiming(report, &whole));
+  EXPECT_EQ(whole.exit, kExitQualityGate);
+  ASSERT_EQ(whole.errors.size(), 1u);
+  EXPECT_EQ(whole.errors[0].code, "TRI-TIMING");
+  report.trials[0].offset_frames = 0.4;
+  EXPECT_TRUE(AddTiming(report, &part));
+  EXPECT_EQ(part.exit, kExitOk);
+  EXPECT_EQ(part.warnings.size(), 1u);
+}
+
 }  // namespace
 }  // namespace mvstudio::app

@@ -138,12 +138,14 @@ TEST(TriangulateMetrics, CamerasAreWarnedOfOnce) {
   take.cameras.resize(3);
   take.cameras[0].off = take.cameras[0].scaled = take.cameras[1].scaled = true;
   take.cameras[0].message = "a is off", take.cameras[1].message = "b is scaled";
+  take.cameras[2].name = "c", take.cameras[2].num_detections = 100, take.cameras[2].num_rejected = 51;
   take.sides.cameras = {{"a", 100, 4, 0, {}, "a: 4 of 100"}, {"b", 100, 5, 0, {}, "b: 5 of 100"}, {"c", 100, 50, 0, {}, ""}};
   CommandResult result;
   AddCameraWarnings(take, &result);
   std::vector<std::string> said;
   for (const Notice& notice : result.warnings) said.push_back(notice.code + " " + notice.text);
   EXPECT_THAT(said, ::testing::ElementsAre("TRI-CAMERA-OFF a is off", "TRI-CAMERA-SCALED b is scaled",
+                                           "TRI-CAMERA-LEFTOUT c: 51 of its 100 detections fit no point of the other cameras",
                                            "TRI-SIDES-SWAPPED b: 5 of 100"));
 }
 

@@ -6,6 +6,7 @@
 #include "geometry/rig/plausible.h"
 #include "tests/triangulate/people.h"
 #include "tests/triangulate/support.h"
+#include "triangulate/sync/sync.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -166,6 +167,20 @@ TEST(Cause, ACameraThatIsSecondsLate) {
   const CauseReport report = Search(rig, frames);
   ExpectFound(report, Cause::kTimeOffset, "with cam_");
   EXPECT_THAT(report.message, ::testing::AnyOf(HasSubstr("61.0 frames"), HasSubstr("60.9 frames"), HasSubstr("61.1 frames")));
+}
+
+/// Late by little or much, by a whole number or not: each is found by the check of the timing alone; a good take has none.
+TEST(Cause, TimingIsCheckedByItself) {
+  const geometry::Rig rig = MakeStudio(4);
+  const std::vector<DetectedFrame> good = Film(rig);
+  EXPECT_EQ(CheckTiming(rig, good, {}).message, "");
+  EXPECT_TRUE(CheckTiming(rig, good, {}).trials.empty());
+  for (const double late : {2.0, 5.0, 10.5, 40.0}) {
+    const CauseReport report = CheckTiming(rig, ApplyOffsets(good, {0, 0, late, 0}), {});
+    ExpectFound(report, Cause::kTimeOffset, "with cam_2");
+    EXPECT_NEAR(report.trials[0].offset_frames, late, 0.2);
+  }
+  EXPECT_TRUE(CheckTiming(rig, {}, {}).trials.empty());
 }
 
 TEST(Cause, TwoCamerasExchanged) {

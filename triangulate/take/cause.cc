@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "core/choice/heldout_choice.h"
@@ -257,10 +258,13 @@ void TryOffsets(const Take& take, const std::vector<FrameFit>& given, const Judg
   Try({Cause::kTimeOffset, internal::OffsetText(take.rig, offsets),
        "run `mvstudio sync` and give its result with option 'sync'", take.rig, std::move(frames)},
       given, judge, report);
+  for (const double offset : offsets)
+    report->trials.back().offset_frames = std::max(report->trials.back().offset_frames, std::abs(offset));
 }
 
 /// Of clear trials as good as the best, to kAlike, the one of the simplest cause comes first.
 void PreferSimpler(std::vector<CauseTrial>* trials) {
+  if (trials->empty()) return;
   auto chosen = trials->begin();
   for (auto trial = trials->begin(); trial != trials->end(); ++trial) {
     const bool alike = trial->clear && trial->residual_px <= kAlike * trials->front().residual_px;
@@ -271,7 +275,7 @@ void PreferSimpler(std::vector<CauseTrial>* trials) {
 
 std::string Message(const CauseTrial& given, const std::vector<CauseTrial>& trials) {
   const std::string figures =
-      Format(", %.3g %% of the detections in a sample fit together, as given %.2g %%; mean residual %.2f px instead of %.2f px",
+      Format(", %.3g %% of the detections in a sample fit together, as given %.3g %%; mean residual %.2f px instead of %.2f px",
              100 * trials[0].carried, 100 * given.carried, trials[0].residual_px, given.residual_px);
   std::string message = trials[0].assumption + figures;
   for (size_t i = 1; i < trials.size(); ++i) {
@@ -279,6 +283,42 @@ std::string Message(const CauseTrial& given, const std::vector<CauseTrial>& tria
     message += "; much the same " + trials[i].assumption + Format(" (%.2f px)", trials[i].residual_px);
   }
   return message;
+}
+
+/// What every search for a cause starts with.
+struct Setup {
+  Take take;
+  Judge judge;
+  Sample sample;
+  std::vector<FrameFit> given;
+  CauseReport report;  ///< as given
+};
+
+CauseReport Nothing() {
+  CauseReport report;
+  report.as_given.assumption = "as given";
+  return report;
+}
+
+std::optional<Setup> SetUp(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
+                           const RunContext& run) {
+  Setup setup;
+  setup.report = Nothing();
+  setup.take = WithCameras(rig, frames, BusiestCameras(rig, frames, options.max_cameras));
+  if (setup.take.rig.cameras.size() < 2) return std::nullopt;
+  setup.judge = JudgeOf(setup.take, options, run);
+  setup.sample = Draw(setup.take.frames, setup.judge);
+  if (setup.sample.choose.empty()) return std::nullopt;
+  setup.given = FitFrames(setup.take.rig, setup.sample.judge, setup.judge);
+  SetFigures(setup.given, &setup.report.as_given);
+  return setup;
+}
+
+void Rank(CauseReport* report) {
+  std::stable_sort(report->trials.begin(), report->trials.end(),
+                   [](const CauseTrial& a, const CauseTrial& b) { return a.residual_px < b.residual_px; });
+  PreferSimpler(&report->trials);
+  if (!report->trials.empty() && report->trials[0].clear) report->message = Message(report->as_given, report->trials);
 }
 
 }  // namespace
@@ -308,24 +348,24 @@ CauseTrial FitAsGiven(const geometry::Rig& rig, const std::vector<DetectedFrame>
 
 CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                        const CauseOptions& options, const RunContext& run) {
-  CauseReport report;
-  report.as_given.assumption = "as given";
-  const Take take = WithCameras(rig, frames, BusiestCameras(rig, frames, options.max_cameras));
-  if (take.rig.cameras.size() < 2) return report;
-  const Judge judge = JudgeOf(take, options, run);
-  const Sample sample = Draw(take.frames, judge);
-  if (sample.choose.empty()) return report;
-  const std::vector<FrameFit> given = FitFrames(take.rig, sample.judge, judge);
-  SetFigures(given, &report.as_given);
+  const std::optional<Setup> setup = SetUp(rig, frames, options, run);
+  if (!setup) return Nothing();
+  CauseReport report = setup->report;
+  const auto choosing = internal::Assumptions(setup->take.rig, setup->sample.choose, body.mirror);
+  const auto judging = internal::Assumptions(setup->take.rig, setup->sample.judge, body.mirror);  // the same list, other frames
+  for (const auto& [cause, i] : BestOfEach(choosing, setup->judge, run)) Try(judging[i], setup->given, setup->judge, &report);
+  TryOffsets(setup->take, setup->given, setup->judge, run, &report);
+  Rank(&report);
+  return report;
+}
 
-  const auto choosing = internal::Assumptions(take.rig, sample.choose, body.mirror);
-  const auto judging = internal::Assumptions(take.rig, sample.judge, body.mirror);  // the same list over other frames
-  for (const auto& [cause, i] : BestOfEach(choosing, judge, run)) Try(judging[i], given, judge, &report);
-  TryOffsets(take, given, judge, run, &report);
-  std::stable_sort(report.trials.begin(), report.trials.end(),
-                   [](const CauseTrial& a, const CauseTrial& b) { return a.residual_px < b.residual_px; });
-  PreferSimpler(&report.trials);
-  if (!report.trials.empty() && report.trials[0].clear) report.message = Message(report.as_given, report.trials);
+CauseReport CheckTiming(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
+                        const RunContext& run) {
+  const std::optional<Setup> setup = SetUp(rig, frames, options, run);
+  if (!setup) return Nothing();
+  CauseReport report = setup->report;
+  TryOffsets(setup->take, setup->given, setup->judge, run, &report);
+  Rank(&report);
   return report;
 }
 

@@ -48,6 +48,7 @@ struct CauseTrial {
   /// The residual falls by at least 30 % against the take as given and by 4 standard errors (one sample per frame), and at
   /// least half of the detections fit.
   bool clear = false;
+  double offset_frames = 0;  ///< of kTimeOffset: the largest of a camera, without its sign
 };
 
 struct CauseReport {
@@ -67,6 +68,11 @@ struct CauseReport {
 /// on the number of threads.
 CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                        const CauseOptions& options, const RunContext& run = {});
+
+/// Whether the cameras' frame numbers start at the same time, as RankCauses tries it: no trial, or the one of
+/// Cause::kTimeOffset. Little work beside triangulating the take.
+CauseReport CheckTiming(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
+                        const RunContext& run = {});
 
 /// The fraction of detections that fit this rig, on the sample of RankCauses without any change.
 CauseTrial FitAsGiven(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,

@@ -207,9 +207,11 @@ std::vector<double> OffsetsAskedFor(const Rig& rig, const std::vector<DetectedFr
   std::vector<double> offsets;
   bool any = false;
   for (const CameraSync& camera : found.cameras) {
-    const double offset = camera.status == SyncStatus::kOk ? camera.offset_frames : 0;
-    offsets.push_back(offset);
-    any |= std::abs(offset) >= 0.5;
+    constexpr double kLeastFrames = 0.1, kLeastSigmas = 5;
+    const double least = std::max(kLeastFrames, kLeastSigmas * camera.sigma_frames);
+    const bool asked = camera.status == SyncStatus::kOk && std::abs(camera.offset_frames) >= least;
+    offsets.push_back(asked ? camera.offset_frames : 0);
+    any |= asked;
   }
   return any ? offsets : std::vector<double>();
 }
@@ -217,7 +219,7 @@ std::vector<double> OffsetsAskedFor(const Rig& rig, const std::vector<DetectedFr
 std::string OffsetText(const Rig& rig, const std::vector<double>& offset_frames) {
   std::string text;
   for (size_t c = 0; c < offset_frames.size(); ++c) {
-    if (std::abs(offset_frames[c]) < 0.5) continue;
+    if (offset_frames[c] == 0) continue;
     const std::string shift = Format(" %.1f frames %s", std::abs(offset_frames[c]), offset_frames[c] > 0 ? "later" : "earlier");
     text += (text.empty() ? "with " : ", ") + rig.cameras[c].camera.name + shift;
   }
