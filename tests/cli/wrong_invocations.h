@@ -288,6 +288,8 @@ inline const Invocation kInvocations[] = {
     {2, "dataset export dataset --to colmap --out new --jpeg-quality 101", "--jpeg-quality"},
     {2, "dataset export dataset --to colmap --out new --pictures move", "move"},
     {2, "dataset export dataset --to colmap --out new --hull-points -2", "must be 0 or more"},
+    {2, "dataset export dataset --to colmap --out new --masks black", "folder, alpha, none"},
+    {2, "dataset export dataset --to zju --out new --masks alpha", "take no alpha channel"},
     {3, "dataset export none --to colmap --out new", "none"},
     {2, "dataset pack dataset", "--out is required"},
     {2, "dataset pack dataset --out new --undistort-view fisheye", "fisheye"},
