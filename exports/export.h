@@ -11,6 +11,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/undistort.h"
 #include "geometry/rig/rig.h"
+#include "markers/marker_files.h"
 
 /// Exports a dataset to formats of other programs. docs/exports.md describes their content and interpretation.
 namespace mvstudio::exports {
@@ -55,6 +56,7 @@ struct ExportOptions {
   ExportNames names = ExportNames::kDataset;
   int jpeg_quality = 95;
   double frame_rate_hz = 0;
+  markers::TrcUnit trc_unit = markers::TrcUnit::kMillimetre;
   int hull_points = 20000;
   std::string scale_folder = "1x";
   bool overwrite = false;
@@ -79,6 +81,7 @@ void VisitFields(Visitor&& visit, ExportOptions& o) {
   visit("names", o.names, "names of the cameras: dataset (00_07) or studio (the name in the calibration, made safe)");
   visit("jpeg-quality", o.jpeg_quality, "0..100, of images that are resampled or change their format");
   visit("frame-rate", o.frame_rate_hz, "Hz; frame rate of joint files; 0: from the dataset's time stamps");
+  visit("trc-unit", o.trc_unit, "trc: unit of its lengths, mm or m");
   visit("hull-points", o.hull_points, "points of the silhouettes' hull at most, for formats that start from points; 0: none");
   visit("scale-folder", o.scale_folder, "actorshq: name of the folder with the images (1x, 2x, 4x)");
   visit("overwrite", o.overwrite, "replace the output folder");
