@@ -341,6 +341,8 @@ inline const Invocation kInvocations[] = {
     {2, "avatar surface garbage.npy --truth nothing --axes sideways", "--axes"},
     {3, "avatar compare none", "none"},
     {3, "avatar template none", "none"},
+    {3, "avatar mesh none --out new", "none"},
+    {2, "avatar mesh none", "--out is required"},
     {2, "avatar template", "source is required"},
     {3, "avatar lift train none --out new.safetensors", "none"},
     {2, "avatar lift apply none", "is required"},
