@@ -47,7 +47,7 @@ Json ToJson(const toml::node& node, const std::string& path) {
 }
 
 Json JsonOfToml(const std::string& text, const std::string& path) {
-  if (TomlKeyParts(text) > kMaxTomlKeyParts) throw FormatError(path, "", "a key has too many parts");
+  RequireParsableToml(text, path);
   try {
     return ToJson(toml::parse(text), path);
   } catch (const toml::parse_error& error) {

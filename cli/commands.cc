@@ -48,6 +48,7 @@ constexpr Command kCommands[] = {
     {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
     {"dataset", RegisterDataset},
     {"avatar template", RegisterAvatarTemplate},
+    {"avatar mesh", RegisterAvatarMesh},
     {"avatar fit", MVSTUDIO_NEEDS_TORCH(RegisterAvatarFit)},  // and texture, edit
     {"avatar pretrain", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrain)},
     {"avatar pretrain-renderer", MVSTUDIO_NEEDS_TORCH(RegisterAvatarPretrainRenderer)},

@@ -1,6 +1,9 @@
 #include "core/toml_depth.h"
 
 #include <algorithm>
+#include <cstddef>
+
+#include "core/error.h"
 
 namespace mvstudio {
 namespace {
@@ -23,25 +26,52 @@ size_t SkipString(std::string_view text, size_t at) {
   return text.size();
 }
 
+/// The first place from `at` on that is in no string and no comment, or the text's end.
+size_t NextCode(std::string_view text, size_t at) {
+  while (at < text.size()) {
+    if (text[at] == '"' || text[at] == '\'') {
+      at = SkipString(text, at);
+    } else if (text[at] == '#') {
+      at = std::min(text.find('\n', at), text.size());
+    } else {
+      break;
+    }
+  }
+  return std::min(at, text.size());
+}
+
 }  // namespace
 
 size_t TomlKeyParts(std::string_view text) {
   size_t longest = 0, parts = 1;
-  for (size_t at = 0; at < text.size();) {
+  for (size_t at = NextCode(text, 0); at < text.size(); at = NextCode(text, at + 1)) {
     const char c = text[at];
-    if (c == '"' || c == '\'') {
-      at = SkipString(text, at);
-      continue;
-    }
-    if (c == '#') {
-      at = std::min(text.find('\n', at), text.size());
-      continue;
-    }
     if (c == '.') longest = std::max(longest, ++parts);
     if (std::string_view("=,\n{}[]").find(c) != std::string_view::npos) parts = 1;
-    ++at;
   }
   return std::max<size_t>(longest, text.empty() ? 0 : 1);
+}
+
+size_t TomlBraceInList(std::string_view text) {
+  std::string open;  // brackets and braces that are not closed yet
+  for (size_t at = NextCode(text, 0); at < text.size(); at = NextCode(text, at + 1)) {
+    const char c = text[at];
+    if (c == '[' || c == '{') open += c;
+    if (c != ']' && c != '}') continue;
+    if (c == '}' && !open.empty() && open.back() == '[') {
+      return 1 + static_cast<size_t>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n'));
+    }
+    if (!open.empty()) open.pop_back();
+  }
+  return 0;
+}
+
+void RequireParsableToml(std::string_view text, const std::string& path) {
+  if (TomlKeyParts(text) > kMaxTomlKeyParts) {
+    throw FormatError(path, "", "a key has more than " + std::to_string(kMaxTomlKeyParts) + " parts");
+  }
+  const size_t line = TomlBraceInList(text);
+  if (line > 0) throw FormatError(path, "line " + std::to_string(line), "a `}` where a list goes on; is its `]` missing?");
 }
 
 }  // namespace mvstudio

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace mvstudio {
@@ -10,5 +11,13 @@ namespace mvstudio {
 size_t TomlKeyParts(std::string_view text);
 
 inline constexpr size_t kMaxTomlKeyParts = 64;
+
+/// Line, from 1, of a brace that closes a list ("[1, }"); 0 where there is none. No TOML has one. toml++ 3.3 takes for granted
+/// that no such brace comes where it reads a value of a list: its assertions end the program.
+size_t TomlBraceInList(std::string_view text);
+
+/// Throws FormatError (path) for a text that the parser must not see: a key of more than kMaxTomlKeyParts parts, or a brace
+/// that closes a list.
+void RequireParsableToml(std::string_view text, const std::string& path);
 
 }  // namespace mvstudio

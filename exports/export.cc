@@ -20,6 +20,8 @@ constexpr ChoiceWords<ExportPictures, 3> kPictureWords = {
 constexpr ChoiceWords<ExportUndistort, 3> kUndistortWords = {
     {{ExportUndistort::kAuto, "auto"}, {ExportUndistort::kAlways, "always"}, {ExportUndistort::kNever, "never"}}};
 constexpr ChoiceWords<ExportNames, 2> kNameWords = {{{ExportNames::kDataset, "dataset"}, {ExportNames::kStudio, "studio"}}};
+constexpr ChoiceWords<ExportMasks, 3> kMaskWords = {
+    {{ExportMasks::kFolder, "folder"}, {ExportMasks::kAlpha, "alpha"}, {ExportMasks::kNone, "none"}}};
 
 struct Writer {
   FormatInfo info;
@@ -27,13 +29,13 @@ struct Writer {
 };
 
 const std::vector<Writer>& Writers() {
-  constexpr bool kInstant = true, kOneSize = true, kPictures = true, kRigOnly = true;
+  constexpr bool kInstant = true, kOneSize = true, kPictures = true, kRigOnly = true, kAlpha = true;
   static const std::vector<Writer> writers = {
       {{"colmap", "COLMAP and Gaussian splatting: sparse model with surface points, images, masks", LensNeed::kBrown5, kInstant,
-        !kOneSize, kPictures, !kRigOnly},
+        !kOneSize, kPictures, !kRigOnly, kAlpha},
        WriteColmap},
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
-        kPictures, !kRigOnly},
+        kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
       {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
         kRigOnly},
@@ -94,12 +96,13 @@ Json CameraJson(const View& view) {
 }
 
 /// What the format itself has no place for.
-std::string ManifestText(const Take& take, const ExportReport& report) {
+std::string ManifestText(const Take& take, const ExportReport& report, const std::string& masks_as) {
   Json json = {{"schema", "mvstudio.export/1"}, {"format", report.format},
                {"sequence", take.sequence},     {"frame_rate_hz", take.frame_rate_hz},
                {"frames", take.frames},         {"pictures", report.pictures},
-               {"masks", report.masks},         {"points", report.points},
-               {"cameras", Json::array()},      {"files", report.files}};
+               {"masks", report.masks},         {"masks_as", masks_as},
+               {"points", report.points},       {"cameras", Json::array()},
+               {"files", report.files}};
   for (const View& view : take.views) json["cameras"].push_back(CameraJson(view));
   json["notes"] = Json::array();
   for (const ExportNote& note : report.notes) json["notes"].push_back({{"code", note.code}, {"text", note.text}});
@@ -125,7 +128,9 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
                              "`mvstudio dataset verify` counts them; option 'frames' and option 'cameras' leave them out"});
   }
   if (report->missing_masks > 0) {
-    report->notes.push_back({"EXP-NO-MASK", std::to_string(report->missing_masks) + " masks are not in the dataset",
+    report->notes.push_back({"EXP-NO-MASK",
+                             std::to_string(report->missing_masks) + " masks are not in the dataset" +
+                                 (options.masks == ExportMasks::kAlpha ? "; these images are opaque" : ""),
                              "make them with `mvstudio mask`"});
   }
 }
@@ -135,6 +140,7 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
 std::string_view ToString(ExportPictures pictures) { return WordOf(kPictureWords, pictures); }
 std::string_view ToString(ExportUndistort undistort) { return WordOf(kUndistortWords, undistort); }
 std::string_view ToString(ExportNames names) { return WordOf(kNameWords, names); }
+std::string_view ToString(ExportMasks masks) { return WordOf(kMaskWords, masks); }
 
 void FromString(const std::string& text, ExportPictures* pictures) {
   *pictures = KnownChoice(kPictureWords, text, "option 'pictures' " + text + ": must be one of link, copy, none");
@@ -146,6 +152,10 @@ void FromString(const std::string& text, ExportUndistort* undistort) {
 
 void FromString(const std::string& text, ExportNames* names) {
   *names = KnownChoice(kNameWords, text, "option 'names' " + text + ": must be one of dataset, studio");
+}
+
+void FromString(const std::string& text, ExportMasks* masks) {
+  *masks = KnownChoice(kMaskWords, text, "option 'masks' " + text + ": must be one of folder, alpha, none");
 }
 
 const std::vector<FormatInfo>& Formats() {
@@ -179,7 +189,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
     dataset::WriteSplit(*take.split, folder.work_path() + "/split.json");
     report.files.push_back("split.json");
   }
-  WriteFileAtomic(folder.work_path() + "/export.json", ManifestText(take, report));
+  WriteFileAtomic(folder.work_path() + "/export.json", ManifestText(take, report, std::string(ToString(options.masks))));
   folder.Commit();
   return report;
 }

@@ -11,6 +11,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/undistort.h"
 #include "geometry/rig/rig.h"
+#include "markers/marker_files.h"
 
 /// Exports a dataset to formats of other programs. docs/exports.md describes their content and interpretation.
 namespace mvstudio::exports {
@@ -31,21 +32,31 @@ enum class ExportNames {
   kDataset,  ///< 00_07
   kStudio,   ///< the name in the calibration, made safe
 };
+/// Where the masks go.
+enum class ExportMasks {
+  kFolder,  ///< files of their own, as the format has them
+  kAlpha,   ///< the alpha channel of PNG images, which are black outside; no files
+  kNone,
+};
 std::string_view ToString(ExportPictures pictures);    ///< "link", "copy", "none"
 std::string_view ToString(ExportUndistort undistort);  ///< "auto", "always", "never"
 std::string_view ToString(ExportNames names);          ///< "dataset", "studio"
+std::string_view ToString(ExportMasks masks);          ///< "folder", "alpha", "none"
 /// Throw UsageError.
 void FromString(const std::string& text, ExportPictures* pictures);
 void FromString(const std::string& text, ExportUndistort* undistort);
 void FromString(const std::string& text, ExportNames* names);
+void FromString(const std::string& text, ExportMasks* masks);
 
 struct ExportOptions {
   ExportPictures pictures = ExportPictures::kCopy;
   ExportUndistort undistort = ExportUndistort::kAuto;
   dataset::UndistortView undistort_view = dataset::UndistortView::kInside;
+  ExportMasks masks = ExportMasks::kFolder;
   ExportNames names = ExportNames::kDataset;
   int jpeg_quality = 95;
   double frame_rate_hz = 0;
+  markers::TrcUnit trc_unit = markers::TrcUnit::kMillimetre;
   int hull_points = 20000;
   std::string scale_folder = "1x";
   bool overwrite = false;
@@ -59,14 +70,18 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, ExportOptions& o) {
   visit("pictures", o.pictures,
         "link: hard links, no space is taken (copies where the file system cannot); copy; none: cameras and joints only");
+  visit("masks", o.masks,
+        "folder: files of their own; alpha: the alpha channel of PNG images that are black outside (colmap, nerfstudio); none");
   visit("undistort", o.undistort,
         "auto: images of lenses that the format cannot describe are resampled to an ideal pinhole; always; never: such lenses "
         "are refused");
   visit("undistort-view", o.undistort_view,
-        "inside: the largest view without black borders; all: every pixel of the footage; keep: the lens's own focal lengths");
+        "inside: the largest view without black borders; all: every pixel of the footage; keep: the lens's own focal lengths; "
+        "centred: the largest one with the principal point in the middle, as Gaussian splatting's loader assumes it");
   visit("names", o.names, "names of the cameras: dataset (00_07) or studio (the name in the calibration, made safe)");
   visit("jpeg-quality", o.jpeg_quality, "0..100, of images that are resampled or change their format");
   visit("frame-rate", o.frame_rate_hz, "Hz; frame rate of joint files; 0: from the dataset's time stamps");
+  visit("trc-unit", o.trc_unit, "trc: unit of its lengths, mm or m");
   visit("hull-points", o.hull_points, "points of the silhouettes' hull at most, for formats that start from points; 0: none");
   visit("scale-folder", o.scale_folder, "actorshq: name of the folder with the images (1x, 2x, 4x)");
   visit("overwrite", o.overwrite, "replace the output folder");
@@ -109,7 +124,8 @@ struct FormatInfo {
   bool one_instant = false;  ///< describes a single frame; several frames become one folder each
   bool one_size = false;     ///< all pictures have the same size
   bool has_pictures = false;
-  bool rig_only = false;  ///< can be written from a calibration alone (WriteRig)
+  bool rig_only = false;   ///< can be written from a calibration alone (WriteRig)
+  bool has_alpha = false;  ///< its readers take masks from an alpha channel
 };
 const std::vector<FormatInfo>& Formats();
 /// Throws UsageError that lists the names.

@@ -107,7 +107,7 @@ void WriteTrc(const Job& job) {
   RequirePeople(job);
   for (const int person : job.take.PersonIds()) {
     const std::string file = PersonFile(job.take, person, ".trc");
-    job.Write(file, markers::TrcText(MarkersOf(job.take, person), file));
+    job.Write(file, markers::TrcText(MarkersOf(job.take, person), file, job.options.trc_unit));
   }
 }
 

@@ -37,7 +37,10 @@ void RequireSize(const Image& image, const geometry::Camera& camera, const std::
 struct Pictures::Task {
   size_t view = 0;
   std::string from, to;  ///< absolute
+  int frame = 0;
   bool mask = false;
+  bool alpha = false;     ///< a picture with its mask as alpha
+  bool has_mask = false;  ///< of an alpha
   MaskValues values = MaskValues::k255;
 };
 
@@ -86,18 +89,31 @@ std::string Pictures::AddPicture(size_t view, int frame, const std::string& stem
   const std::string from = SourceOf(view, frame, false);
   CountPicture(view, frame, from.empty());
   if (from.empty()) return "";
-  const std::string name = stem + (extension.empty() ? fs::path(from).extension().string() : extension);
-  tasks_.push_back({view, from, folder_ + "/" + name, false, MaskValues::k255});
+  Task task;
+  task.view = view, task.frame = frame, task.from = from;
+  task.alpha = options_.masks == ExportMasks::kAlpha;
+  const std::string kept = extension.empty() ? fs::path(from).extension().string() : extension;
+  const std::string name = stem + (task.alpha ? ".png" : kept);
+  task.to = folder_ + "/" + name;
+  if (task.alpha) {
+    task.has_mask = !SourceOf(view, frame, true).empty();
+    if (!task.has_mask) CountMissingMask(view, frame);
+  }
+  tasks_.push_back(task);
   return name;
 }
 
 bool Pictures::AddMask(size_t view, int frame, const std::string& path, MaskValues values) {
+  if (options_.masks != ExportMasks::kFolder) return false;
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
     CountMissingMask(view, frame);
     return false;
   }
-  tasks_.push_back({view, from, folder_ + "/" + path, true, values});
+  Task task;
+  task.view = view, task.frame = frame, task.from = from, task.to = folder_ + "/" + path;
+  task.mask = true, task.values = values;
+  tasks_.push_back(task);
   return true;
 }
 
@@ -119,6 +135,19 @@ Image Pictures::LoadMask(size_t view, int frame) const {
   return v.info.undistorted ? resampling_->Of(view, v).Mask(image) : image;
 }
 
+/// Black outside: newer loaders of Gaussian splatting compare the image as it is with a rendering times alpha, older ones
+/// multiply both, gsplat ignores alpha.
+Image Pictures::LoadWithAlpha(size_t view, int frame) const {
+  const Image rgb = LoadPicture(view, frame), mask = LoadMask(view, frame);
+  Image image(rgb.width, rgb.height, 4, 255);
+  for (size_t i = 0; i < static_cast<size_t>(rgb.width) * rgb.height; ++i) {
+    const uint8_t alpha = mask.empty() ? 255 : mask.pixels[i];
+    for (size_t c = 0; c < 3; ++c) image.pixels[4 * i + c] = alpha == 0 ? 0 : rgb.pixels[3 * i + c];
+    image.pixels[4 * i + 3] = alpha;
+  }
+  return image;
+}
+
 std::string Pictures::EncodedPicture(size_t view, int frame) {
   const std::string from = SourceOf(view, frame, false);
   CountPicture(view, frame, from.empty());
@@ -129,6 +158,7 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
 }
 
 std::string Pictures::EncodedMask(size_t view, int frame) {
+  if (options_.masks != ExportMasks::kFolder) return "";
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) {
     CountMissingMask(view, frame);
@@ -140,6 +170,10 @@ std::string Pictures::EncodedMask(size_t view, int frame) {
 }
 
 bool Pictures::Make(const Task& task) const {
+  if (task.alpha) {
+    dataset::WriteImage(LoadWithAlpha(task.view, task.frame), task.to);
+    return false;
+  }
   const View& view = take_.views[task.view];
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
   if (!view.info.undistorted && same_format && task.values == MaskValues::k255) {
@@ -178,7 +212,10 @@ void Pictures::Run(const RunContext& run, ExportReport* report) {
     linked += is_link;
     stage.Advance();
   });
-  for (const Task& task : tasks_) ++(task.mask ? report->masks : report->pictures);
+  for (const Task& task : tasks_) {
+    ++(task.mask ? report->masks : report->pictures);
+    report->masks += task.has_mask;
+  }
   report->pictures += contained_pictures_;
   report->masks += contained_masks_;
   report->linked += linked;

@@ -21,14 +21,16 @@ class Pictures {
 
   /// Lists a picture; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when
   /// the dataset has no such picture (counted). With `extension` (".jpg" or ".png") the picture is converted if it
-  /// differs.
+  /// differs. With masks as alpha it is a PNG of four channels: 0 0 0 0 where the mask is 0, opaque without a mask.
   std::string AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension = "");
-  /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that use the values directly.
+  /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that use the values directly. Lists nothing unless
+  /// masks go into files.
   bool AddMask(size_t view, int frame, const std::string& path, MaskValues values = MaskValues::k255);
 
   /// The picture or mask as exported, for colours; empty when there is none.
   Image LoadPicture(size_t view, int frame) const;
   Image LoadMask(size_t view, int frame) const;
+  Image LoadWithAlpha(size_t view, int frame) const;
   /// Bytes of the encoded picture or mask, for containers; empty when there is none (counted).
   std::string EncodedPicture(size_t view, int frame);
   std::string EncodedMask(size_t view, int frame);

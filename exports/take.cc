@@ -94,7 +94,8 @@ void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* vi
     throw UsageError("camera " + lens.name + ": " + format.name + " describes " + LensText(format.lens) + ", not a lens " +
                      std::string(ToString(lens.model)) + "; leave out option 'undistort' never to have its images resampled");
   }
-  if (carried && !(options.undistort == ExportUndistort::kAlways && distorted)) return;
+  const bool off_centre = options.undistort_view == dataset::UndistortView::kCentred && !dataset::IsCentred(lens);
+  if (carried && !(options.undistort == ExportUndistort::kAlways && (distorted || off_centre))) return;
   dataset::UndistortOptions undistort;
   undistort.view = options.undistort_view;
   const dataset::UndistortedCamera ideal = dataset::IdealPinhole(view->source, undistort);
@@ -104,6 +105,14 @@ void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* vi
   view->camera = ideal.camera;
   view->info.undistorted = true;
   view->info.lost_share = ideal.lost_share;
+}
+
+void RequireMasksFit(const FormatInfo& format, const ExportOptions& options) {
+  if (options.masks != ExportMasks::kAlpha) return;
+  if (!format.has_alpha)
+    throw UsageError("option 'masks' alpha: readers of " + format.name + " take no alpha channel; colmap and nerfstudio do");
+  if (options.pictures == ExportPictures::kNone)
+    throw UsageError("option 'masks' alpha needs images: leave out option 'pictures' none");
 }
 
 void NameViews(const dataset::PanopticDataset& dataset, const ExportOptions& options, std::vector<View>* views,
@@ -251,6 +260,7 @@ double FloatRoundingM(const Take& take) {
 Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                  ExportReport* report) {
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be 0 to 100");
+  RequireMasksFit(format, options);
   if (!(options.frame_rate_hz >= 0) || !std::isfinite(options.frame_rate_hz))
     throw UsageError("option 'frame-rate' must be positive");
   Take take;

@@ -374,6 +374,29 @@ def seed_body():
     put("npz", "deflated.npz", npz(zipfile.ZIP_DEFLATED, body[1:4]))
 
 
+def seed_skeletons():
+    """As users write them, and as other files keep them."""
+    put("skeleton_toml", "mouse.toml", """# by hand
+name = "mouse"
+joints = ["snout", "left_ear", "right_ear", "back", "tail"]
+bones = [["snout", "back"], { joints = ["back", "tail"], length_m = [0.05, 0.1], colour = "#ff8800" }, ["left_ear", "snout"], ["right_ear", "snout"]]
+root = "back"
+pairs = [["left_ear", "right_ear"]]
+up = { from = ["tail"], to = ["snout"] }
+""")
+    put("skeleton_toml", "parents.toml", """name = "rig"
+human = true
+joints = ["hip", "knee", "ankle"]
+parents = { knee = "hip", ankle = "knee" }
+rest_m = { hip = [0, 1, 0], knee = [0, -0.4, 0], ankle = [0, -0.4, 0.0] }
+parts = [{ kind = "body", count = 2 }, { kind = "face", count = 1 }]
+""")
+    put("skeleton_toml", "points.toml", 'name = "points"\njoints = ["a", "b"]\n')
+    put("skeleton_json", "mouse.json", json.dumps({"name": "mouse", "joints": ["snout", "back", "tail"],
+                                                   "bones": [{"joints": ["snout", "back"], "length_m": [0.02, 0.2]}, ["back", "tail"]],
+                                                   "root": "back", "pairs": [], "up": {"from": ["tail"], "to": ["snout"]}}))
+
+
 def seed_gaussians():
     """Two Gaussians on the two triangles of a square."""
     whole, floats = lambda value: numbers("<i8", "q", "(1,)", [value]), lambda shape, values: numbers("<f4", "f", shape, values)
@@ -521,7 +544,7 @@ def write_dictionaries():
 
 def main():
     for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
-                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body, seed_gaussians,
+                 seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body, seed_skeletons, seed_gaussians,
                  seed_runs, seed_scenes, seed_report, seed_manifest, seed_shard]:
         seed()
     write_dictionaries()

@@ -1,6 +1,7 @@
 #include <charconv>
 
 #include "core/csv.h"
+#include "core/fields.h"
 #include "markers/marker_files.h"
 
 namespace mvstudio::markers {
@@ -18,12 +19,15 @@ std::string Number(double value) {
   return text;
 }
 
-std::string TrcHeader(const MarkerTake& take, const std::string& file_name) {
+constexpr ChoiceWords<TrcUnit, 2> kTrcUnits = {{{TrcUnit::kMillimetre, "mm"}, {TrcUnit::kMetre, "m"}}};
+
+std::string TrcHeader(const MarkerTake& take, const std::string& file_name, TrcUnit unit) {
   const std::string rate = Number(take.rate_hz), count = std::to_string(take.num_frames());
   std::string text = "PathFileType\t4\t(X/Y/Z)\t" + file_name +
                      "\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n" +
-                     rate + "\t" + rate + "\t" + count + "\t" + std::to_string(take.num_markers()) + "\tmm\t" + rate + "\t" +
-                     std::to_string(take.first_frame + 1) + "\t" + count + "\nFrame#\tTime";
+                     rate + "\t" + rate + "\t" + count + "\t" + std::to_string(take.num_markers()) + "\t" +
+                     std::string(ToString(unit)) + "\t" + rate + "\t" + std::to_string(take.first_frame + 1) + "\t" + count +
+                     "\nFrame#\tTime";
   for (const std::string& name : take.names) text += "\t" + name + "\t\t";
   text += "\n\t";
   for (int m = 1; m <= take.num_markers(); ++m) {
@@ -34,8 +38,15 @@ std::string TrcHeader(const MarkerTake& take, const std::string& file_name) {
 
 }  // namespace
 
-std::string TrcText(const MarkerTake& take, const std::string& file_name) {
-  std::string text = TrcHeader(take, file_name);
+std::string_view ToString(TrcUnit unit) { return WordOf(kTrcUnits, unit); }
+
+void FromString(const std::string& text, TrcUnit* unit) {
+  *unit = KnownChoice(kTrcUnits, text, "option 'trc-unit' " + text + ": must be one of mm, m");
+}
+
+std::string TrcText(const MarkerTake& take, const std::string& file_name, TrcUnit unit) {
+  const double per_metre = unit == TrcUnit::kMetre ? 1 : 1000;
+  std::string text = TrcHeader(take, file_name, unit);
   for (int f = 0; f < take.num_frames(); ++f) {
     text += std::to_string(int64_t{take.first_frame} + f + 1) + "\t";
     AppendNumber(f / take.rate_hz, &text);
@@ -43,7 +54,7 @@ std::string TrcText(const MarkerTake& take, const std::string& file_name) {
       const size_t i = take.Index(f, m);
       for (const int axis : {1, 2, 0}) {
         text += "\t";
-        if (take.source[i] != Source::kMissing) AppendNumber(1000 * take.x_in_world[i][axis], &text);
+        if (take.source[i] != Source::kMissing) AppendNumber(per_metre * take.x_in_world[i][axis], &text);
       }
     }
     text += "\n";

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
 
 #include "core/format.h"
 
@@ -15,7 +18,9 @@ struct Place {
   bool is_joint;
 };
 
-constexpr std::array<Place, 26> kPlaces = {{{"MidHip", "pelvis", -0.07, -0.067, 0, true},
+/// MidHip is between the model's hips, which lie at (-0.056276, -0.07849, +-0.07726) in its pelvis (Rajagopal2015.osim). Where
+/// a neck is depends on the detector: it is free to be moved.
+constexpr std::array<Place, 26> kPlaces = {{{"MidHip", "pelvis", -0.056276, -0.07849, 0, true},
                                             {"RHip", "femur_r", 0, 0, 0, true},
                                             {"LHip", "femur_l", 0, 0, 0, true},
                                             {"RKnee", "tibia_r", 0, 0, 0, true},
@@ -28,7 +33,7 @@ constexpr std::array<Place, 26> kPlaces = {{{"MidHip", "pelvis", -0.07, -0.067, 
                                             {"LBigToe", "toes_l", 0.06, 0, 0.02, false},
                                             {"RSmallToe", "toes_r", 0.02, 0, 0.05, false},
                                             {"LSmallToe", "toes_l", 0.02, 0, -0.05, false},
-                                            {"Neck", "torso", -0.01, 0.42, 0, true},
+                                            {"Neck", "torso", -0.01, 0.42, 0, false},
                                             {"RShoulder", "humerus_r", 0, 0, 0, true},
                                             {"LShoulder", "humerus_l", 0, 0, 0, true},
                                             {"RElbow", "ulna_r", 0, 0, 0, true},
@@ -100,8 +105,48 @@ std::string Escaped(const std::string& text) {
   return escaped;
 }
 
-std::string TimeRange(const MarkerTake& take) {
-  return Format("<time_range> 0 %.9g</time_range>", std::max(0, take.num_frames() - 1) / take.rate_hz);
+std::string TimeRange(const MarkerTake& take, int first, int last) {
+  return Format("<time_range> %.9g %.9g</time_range>", first / take.rate_hz, last / take.rate_hz);
+}
+
+std::string WholeRange(const MarkerTake& take) { return TimeRange(take, 0, std::max(0, take.num_frames() - 1)); }
+
+/// How far the markers have moved from `first` to `last`, squared metres, and how many of them lack either.
+struct Motion {
+  int num_missing = 0;
+  double moved_m2 = 0;
+};
+
+Motion MotionBetween(const MarkerTake& take, const std::vector<int>& markers, int first, int last) {
+  Motion motion;
+  for (const int m : markers) {
+    const double moved = (take.x_in_world[take.Index(last, m)] - take.x_in_world[take.Index(first, m)]).squaredNorm();
+    motion.num_missing += !std::isfinite(moved);
+    motion.moved_m2 += std::isfinite(moved) ? moved : 0;
+  }
+  return motion;
+}
+
+/// The half second in which the placed markers move least. The marker placer averages positions over it: over a whole motion
+/// that would be nobody's posture.
+std::string StillRange(const MarkerTake& take) {
+  std::vector<int> markers;
+  for (int m = 0; m < take.num_markers(); ++m) {
+    if (!PlacesOf({take.names[static_cast<size_t>(m)]}).empty()) markers.push_back(m);
+  }
+  const int count =
+      std::clamp(static_cast<int>(std::lround(std::min(take.rate_hz / 2, 1e6))), 1, std::max(1, take.num_frames()));
+  int best = 0;
+  std::pair<int, double> least(std::numeric_limits<int>::max(), 0);
+  for (int first = 0; first + count <= take.num_frames(); ++first) {
+    std::pair<int, double> cost(0, 0);
+    for (const int later : {count / 4, count / 2, count - 1}) {
+      const Motion motion = MotionBetween(take, markers, first, first + later);
+      cost.first += motion.num_missing, cost.second += motion.moved_m2;
+    }
+    if (cost < least) least = cost, best = first;
+  }
+  return TimeRange(take, best, best + count - 1);
 }
 
 std::string MarkerTasks(const std::vector<std::string>& names, const std::string& indent) {
@@ -129,7 +174,7 @@ std::string Measurement(const Segment& segment, const std::vector<std::string>& 
       segment.name, pairs.c_str(), bodies.c_str());
 }
 
-constexpr char kScaledModel[] = "scaled.osim";
+std::string ScaledModel(const std::string& stem) { return Escaped(stem) + ".scaled.osim"; }
 
 }  // namespace
 
@@ -150,32 +195,32 @@ std::string OpenSimMarkerSet(const std::vector<std::string>& names) {
   return Document(text + "  </objects>\n  <groups />\n </MarkerSet>\n");
 }
 
-std::string OpenSimScaling(const MarkerTake& take, const std::string& trc, const std::string& marker_set) {
+std::string OpenSimScaling(const MarkerTake& take, const std::string& stem) {
   std::string measurements;
   for (const Segment& segment : Segments()) measurements += Measurement(segment, take.names);
-  const std::string file = Escaped(trc);
+  const std::string file = Escaped(stem) + ".trc", scaled = ScaledModel(stem);
   return Document(
       " <ScaleTool name=\"subject\">\n  <mass>-1</mass>\n  <height>-1</height>\n  <age>-1</age>\n  <GenericModelMaker>\n"
       "   <model_file>Rajagopal2015.osim</model_file>\n   <marker_set_file>" +
-      Escaped(marker_set) +
-      "</marker_set_file>\n  </GenericModelMaker>\n  <ModelScaler>\n   <apply>true</apply>\n"
+      Escaped(stem) +
+      ".markers.xml</marker_set_file>\n  </GenericModelMaker>\n  <ModelScaler>\n   <apply>true</apply>\n"
       "   <scaling_order> measurements</scaling_order>\n   <MeasurementSet>\n    <objects>\n" +
-      measurements + "    </objects>\n   </MeasurementSet>\n   <marker_file>" + file + "</marker_file>\n   " + TimeRange(take) +
-      "\n   <preserve_mass_distribution>true</preserve_mass_distribution>\n   <output_model_file>" + kScaledModel +
+      measurements + "    </objects>\n   </MeasurementSet>\n   <marker_file>" + file + "</marker_file>\n   " +
+      WholeRange(take) + "\n   <preserve_mass_distribution>true</preserve_mass_distribution>\n   <output_model_file>" + scaled +
       "</output_model_file>\n  </ModelScaler>\n  <MarkerPlacer>\n   <apply>true</apply>\n   <IKTaskSet>\n    <objects>\n" +
       MarkerTasks(take.names, "     ") + "    </objects>\n   </IKTaskSet>\n   <marker_file>" + file + "</marker_file>\n   " +
-      TimeRange(take) + "\n   <output_model_file>" + kScaledModel +
+      StillRange(take) + "\n   <output_model_file>" + scaled +
       "</output_model_file>\n   <max_marker_movement>-1</max_marker_movement>\n  </MarkerPlacer>\n </ScaleTool>\n");
 }
 
-std::string OpenSimInverseKinematics(const MarkerTake& take, const std::string& trc) {
-  return Document(std::string(" <InverseKinematicsTool name=\"subject\">\n  <model_file>") + kScaledModel +
+std::string OpenSimInverseKinematics(const MarkerTake& take, const std::string& stem) {
+  return Document(std::string(" <InverseKinematicsTool name=\"subject\">\n  <model_file>") + ScaledModel(stem) +
                   "</model_file>\n  <constraint_weight>Inf</constraint_weight>\n  <accuracy>1e-05</accuracy>\n  <IKTaskSet>\n"
                   "   <objects>\n" +
-                  MarkerTasks(take.names, "    ") + "   </objects>\n  </IKTaskSet>\n  <marker_file>" + Escaped(trc) +
-                  "</marker_file>\n  " + TimeRange(take) +
-                  "\n  <report_errors>true</report_errors>\n  <output_motion_file>ik.mot</output_motion_file>\n"
-                  " </InverseKinematicsTool>\n");
+                  MarkerTasks(take.names, "    ") + "   </objects>\n  </IKTaskSet>\n  <marker_file>" + Escaped(stem) +
+                  ".trc</marker_file>\n  " + WholeRange(take) +
+                  "\n  <report_errors>true</report_errors>\n  <output_motion_file>" + Escaped(stem) +
+                  ".ik.mot</output_motion_file>\n </InverseKinematicsTool>\n");
 }
 
 }  // namespace mvstudio::markers

@@ -31,7 +31,8 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
   if (dataset::IsMarkerFile(truth)) {
     const dataset::MarkerFile markers = dataset::ReadMarkers(truth, options.marker_unit);
     const dataset::JointTable reference = dataset::ToTable(markers.pose.rows);
-    return {ComparePose3d(dataset::ToTable(pose.rows), reference, align), markers.unit, markers.y_up ? "y" : "z"};
+    return {ComparePose3d(dataset::ToTable(pose.rows), reference, align), markers.unit, markers.y_up ? "y" : "z",
+            dataset::UnitDoubt(markers, truth)};
   }
   namespace fs = std::filesystem;
   const fs::path path(truth);

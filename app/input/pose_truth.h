@@ -16,6 +16,7 @@ struct TruthOptions {
 struct TruthComparison {
   dataset::Pose3dComparison comparison;
   std::string unit = {}, up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+  std::string unit_doubt = {};     ///< dataset::UnitDoubt
 };
 
 /// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, a single table, or a file of markers.

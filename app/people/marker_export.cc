@@ -84,8 +84,8 @@ class Writer {
 
 void WriteOpenSim(const markers::MarkerTake& take, const std::string& stem, Writer* writer) {
   writer->Write(stem + ".markers.xml", markers::OpenSimMarkerSet(take.names));
-  writer->Write(stem + ".scale.xml", OpenSimScaling(take, stem + ".trc", stem + ".markers.xml"));
-  writer->Write(stem + ".ik.xml", OpenSimInverseKinematics(take, stem + ".trc"));
+  writer->Write(stem + ".scale.xml", OpenSimScaling(take, stem));
+  writer->Write(stem + ".ik.xml", OpenSimInverseKinematics(take, stem));
 }
 
 void SayWhatOpenSimLacks(const markers::MarkerTake& take, CommandResult* result) {
@@ -106,7 +106,7 @@ void WritePerson(const MarkerWork& work, const MarkerOptions& options, Writer* w
   const std::string stem = "person" + std::to_string(work.after.person);
   for (const std::string& format : FormatsOf(options)) {
     const std::string file = stem + "." + format;
-    if (format == "trc") writer->Write(file, TrcText(work.after, file), "markers");
+    if (format == "trc") writer->Write(file, TrcText(work.after, file, options.trc_unit), "markers");
     if (format == "c3d") writer->Write(file, C3dBytes(work.after), "markers");
     if (format == "csv") writer->Write(file, CsvText(work.after), "markers");
   }

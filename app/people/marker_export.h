@@ -7,6 +7,7 @@
 #include "dataset/pose/pose3d.h"
 #include "markers/fill.h"
 #include "markers/filter.h"
+#include "markers/marker_files.h"
 #include "markers/marker_take.h"
 
 /// 3D joints -> files of biomechanics programs, filled and filtered.
@@ -17,6 +18,7 @@ struct MarkerOptions {
   double rate_hz = 0;
   std::string filter = "none";  ///< markers::ParseFilter
   int fill_frames = 0;
+  markers::TrcUnit trc_unit = markers::TrcUnit::kMillimetre;
   bool opensim = false;  ///< marker set, scaling and inverse kinematics beside each .trc
 };
 
@@ -29,6 +31,7 @@ void VisitFields(Visitor&& visit, MarkerOptions& o) {
         "butterworth:6Hz (fourth order, no delay), kalman (smoother that knows each point's sigma), gaussian:0.02s, median:5 "
         "(frames) or none");
   visit("fill", o.fill_frames, "gaps of at most so many frames are filled and marked; 0: none");
+  visit("trc-unit", o.trc_unit, "mm or m: unit of the lengths in .trc files, which their headers state");
   visit("opensim", o.opensim, "write marker set, scaling and inverse kinematics for OpenSim 4 beside each .trc");
 }
 

@@ -116,9 +116,7 @@ std::map<int64_t, std::pair<int, int>> FindSizes(const std::string& path, std::s
     if (!std::filesystem::is_regular_file(file, ignored)) continue;
     toml::table root;
     const std::string text = ReadFile(file);
-    if (TomlKeyParts(text) > kMaxTomlKeyParts) {
-      throw FormatError(file, "", "a key has more than " + std::to_string(kMaxTomlKeyParts) + " parts");
-    }
+    RequireParsableToml(text, file);
     try {
       root = toml::parse(text);
     } catch (const toml::parse_error& error) {

@@ -66,9 +66,7 @@ struct CameraTable {
 
 toml::table Parse(const std::string& path) {
   const std::string text = ReadFile(path);
-  if (TomlKeyParts(text) > kMaxTomlKeyParts) {
-    throw FormatError(path, "", "a key has more than " + std::to_string(kMaxTomlKeyParts) + " parts");
-  }
+  RequireParsableToml(text, path);
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {

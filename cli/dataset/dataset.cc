@@ -80,6 +80,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   result.metrics["per_camera"] = CameraMetrics(report);
   result.metrics["joints_beside"] = report.joints_beside;
   result.metrics["skeleton"] = report.skeleton.empty() ? "coco19" : report.skeleton;
+  if (!report.marker_unit.empty()) result.metrics["markers"] = {{"unit", report.marker_unit}, {"up", report.marker_up}};
   result.metrics["wall_s"] = wall_s;
   if (report.calibration_offset_frames > 0)
     result.metrics["calibration_offsets"] = {{"applied", false},
@@ -101,6 +102,8 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   }
   result.text = Format("%s: %zu cameras, %d frames, %d images in %.1f s\n", arguments.out.c_str(), report.cameras.size(),
                        report.frames, report.images, wall_s);
+  if (!report.marker_unit.empty())
+    result.text += "  3D joints of " + inputs.pose3d + ": " + report.marker_unit + ", " + report.marker_up + " up\n";
   if (!report.skeleton.empty()) {
     result.text += Format("  %zu joints beside Panoptic's 19: ", report.joints_beside.size()) + SomeOf(report.joints_beside) +
                    "; all joints of " + report.skeleton + " are in hdPose3d_stage1_" + report.skeleton + "\n";

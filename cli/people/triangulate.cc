@@ -52,18 +52,21 @@ struct Arguments {
   bool had_points = false;  ///< those of an earlier run are in the folder
 };
 
+void AddComparison(const std::string& key, const dataset::Pose3d& pose, const std::string& truth,
+                   const app::TruthOptions& options, CommandResult* result) {
+  if (truth.empty()) return;
+  const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, options);
+  result->metrics[key] = app::ComparisonToJson(comparison);
+  result->inputs.push_back(truth);
+  if (comparison.unit_doubt.empty()) return;
+  result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm or in"});
+}
+
 void AddComparisons(const Arguments& arguments, CommandResult* result) {
   if (arguments.trc.empty() && arguments.truth.empty()) return;
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
-  if (!arguments.trc.empty()) {
-    result->metrics["trc"] = app::ComparisonToJson(app::CompareWithTruth(pose, arguments.trc, {false, arguments.marker_unit}));
-    result->inputs.push_back(arguments.trc);
-  }
-  if (!arguments.truth.empty()) {
-    result->metrics["truth"] =
-        app::ComparisonToJson(app::CompareWithTruth(pose, arguments.truth, {arguments.align_truth, arguments.marker_unit}));
-    result->inputs.push_back(arguments.truth);
-  }
+  AddComparison("trc", pose, arguments.trc, {false, arguments.marker_unit}, result);
+  AddComparison("truth", pose, arguments.truth, {arguments.align_truth, arguments.marker_unit}, result);
 }
 
 std::string LeftOutText(const ordered_json& holdout) {

@@ -28,6 +28,7 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry);
 void RegisterDatasetSplit(CLI::App& dataset, Registry& registry);
 void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarTemplate(CLI::App& avatar, Registry& registry);
+void RegisterAvatarMesh(CLI::App& avatar, Registry& registry);
 void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry);

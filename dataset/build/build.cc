@@ -228,8 +228,16 @@ void RequireJoints(const std::string& path, const Pose3d& pose) {
   if (std::none_of(pose.rows.begin(), pose.rows.end(), ok)) throw FormatError(path, "", "holds no point");
 }
 
-Pose3d ReadJointsOf(const BuildInputs& inputs) {
-  Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
+  MarkerFile file = ReadMarkers(inputs.pose3d, inputs.marker_unit);
+  report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
+  const std::string doubt = UnitDoubt(file, inputs.pose3d);
+  if (!doubt.empty()) report->warnings.push_back({"DAT-UNIT", doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
+  return std::move(file.pose);
+}
+
+Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
+  Pose3d pose = IsMarkerFile(inputs.pose3d) ? ReadMarkersOf(inputs, report) : ReadPose3d(inputs.pose3d);
   if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
   RequireJoints(inputs.pose3d, pose);
   return pose;
@@ -265,9 +273,9 @@ BuildOptions WithPossibleMasks(BuildOptions options, const std::optional<OwnJoin
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& wanted, const RunContext& run) {
   CheckOptions(inputs, wanted);
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
-  const Pose3d pose = ReadJointsOf(inputs);
-  const std::map<int, People> poses = ToCoco19(pose);
   BuildReport report;
+  const Pose3d pose = ReadJointsOf(inputs, &report);
+  const std::map<int, People> poses = ToCoco19(pose);
   const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
   const BuildOptions options = WithPossibleMasks(wanted, own, poses, &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));

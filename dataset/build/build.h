@@ -84,10 +84,11 @@ struct BuildReport {
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
   std::vector<BuildWarning> warnings;
-  std::string skeleton;                    ///< of the joints that are written beside Panoptic's 19; empty: none are
-  std::vector<std::string> joints_beside;  ///< joints with points that give none of the 19
-  double calibration_offset_frames = 0;    ///< largest time offset that the calibration states for a camera without a timeline;
-                                           ///< not applied
+  std::string skeleton;                          ///< of the joints that are written beside Panoptic's 19; empty: none are
+  std::vector<std::string> joints_beside;        ///< joints with points that give none of the 19
+  std::string marker_unit = {}, marker_up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+  double calibration_offset_frames = 0;  ///< largest time offset that the calibration states for a camera without a timeline;
+                                         ///< not applied
 };
 
 /// Footage + calibration + 3D joints -> folder `out` in Panoptic layout (docs/formats.md). Frame n of a video (or the

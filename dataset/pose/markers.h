@@ -25,6 +25,10 @@ bool IsMarkerFile(const std::string& path);
 /// unit; IoError; FormatError with the place, also for a file that states no unit.
 MarkerFile ReadMarkers(const std::string& path, const std::string& unit = {});
 
+/// What speaks against the unit, in a sentence: in most frames the points of a file lie within 5 mm, or over more than 20 m.
+/// Empty where nothing does, and where no frame has two points.
+std::string UnitDoubt(const MarkerFile& file, const std::string& path);
+
 /// 3D points of any kind: a folder with points.csv, or a file of markers. Errors as in ReadPose3d and ReadMarkers.
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit = {});
 

@@ -270,7 +270,7 @@ toml::table Parse(const std::string& path) {
   if (fs::file_size(path, error) > kMaxBytes && !error)
     throw FormatError(path, "", "is larger than 16 MiB: not a session file");
   const std::string text = ReadFile(path);
-  if (TomlKeyParts(text) > kMaxTomlKeyParts) throw FormatError(path, "", "a key has more than 64 parts");
+  RequireParsableToml(text, path);
   try {
     return toml::parse(text, path);
   } catch (const toml::parse_error& problem) {

@@ -27,7 +27,7 @@ struct Config {
 
 toml::table Parse(const std::string& path) {
   const std::string text = ReadFile(path);
-  if (TomlKeyParts(text) > kMaxTomlKeyParts) throw FormatError(path, "", "a key has too many parts");
+  RequireParsableToml(text, path);
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {

@@ -7,6 +7,18 @@ namespace mvstudio::dataset::internal {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// The cameras of the day: caliscope keeps those that a recording was processed with beside its tables, as the project may be
+/// calibrated anew. Older versions did not.
+std::string CamerasOf(const std::string& tracker, const std::string& of_project) {
+  const fs::path path = fs::path(tracker) / "camera_array.toml";
+  std::error_code error;
+  return fs::is_regular_file(path, error) ? path.string() : of_project;
+}
+
+}  // namespace
+
 std::string FindCameraArray(const std::string& folder) {
   std::error_code error;
   for (const char* place : {"camera_array.toml", "calibration/extrinsic/capture_volume/camera_array.toml",
@@ -28,10 +40,16 @@ TrackedProject ReadCaliscopeProject(const std::string& folder, const std::string
       const std::string name = fs::path(tracker).filename().string();
       const fs::path table = fs::path(tracker) / ("xy_" + name + ".csv");
       if (!fs::is_regular_file(table, error)) continue;
-      project.takes.push_back({fs::path(recording).filename().string() + "/" + name, camera_array, {}, table.string()});
+      const std::string cameras = CamerasOf(tracker, camera_array);
+      if (cameras.empty()) {
+        project.left_out.push_back(table.string() + ": no camera_array.toml beside it or in the project");
+        continue;
+      }
+      project.takes.push_back({fs::path(recording).filename().string() + "/" + name, cameras, {}, table.string()});
     }
   }
   if (project.takes.empty()) {
+    if (!project.left_out.empty()) throw FormatError(above, "", project.left_out[0]);
     throw FormatError(above, "", "holds no RECORDING/TRACKER/xy_TRACKER.csv; process a recording in caliscope first");
   }
   return project;

@@ -13,6 +13,7 @@ std::vector<std::string> ListFolder(const std::string& folder, bool folders);
 
 /// caliscope's calibration in the places where its versions put it; empty when there is none.
 std::string FindCameraArray(const std::string& folder);
+/// `camera_array` may be empty where every recording has its own.
 TrackedProject ReadCaliscopeProject(const std::string& folder, const std::string& camera_array);
 TrackedProject ReadAniposeProject(const std::string& folder);
 

@@ -36,7 +36,7 @@ TrackedProject ReadTrackedProject(const std::string& folder) {
   if (!fs::is_directory(folder, error)) throw IoError(folder, "no such folder of an anipose or caliscope project");
   const std::string array = internal::FindCameraArray(folder);
   TrackedProject project;
-  if (!array.empty()) {
+  if (!array.empty() || fs::is_directory(fs::path(folder) / "recordings", error)) {
     project = internal::ReadCaliscopeProject(folder, array);
   } else if (fs::is_regular_file(fs::path(folder) / "config.toml", error)) {
     project = internal::ReadAniposeProject(folder);

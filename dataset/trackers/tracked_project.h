@@ -29,7 +29,8 @@ struct TrackedProject {
 /// filter) or pose-2d, whose files name their camera as triangulation.cam_regex says; calibration.toml lies in the session's
 /// calibration folder or in that of a folder above. Bones are triangulation.constraints, else the lines of labeling.scheme
 /// (anipose/triangulate.py, anipose/common.py; docs/sphinx/start3d.rst).
-/// caliscope: camera_array.toml with recordings/NAME/TRACKER/xy_TRACKER.csv (docs/reconstruction.md of its project).
+/// caliscope: recordings/NAME/TRACKER/xy_TRACKER.csv with the camera_array.toml beside it, else the project's
+/// (docs/reconstruction.md of its project, "Per-Recording Camera Snapshot").
 /// Throws IoError for a folder that cannot be read; FormatError for a folder of neither kind, one without takes, a
 /// config.toml that cannot be read, and for cropped videos (config.toml: cameras.NAME.offset), which would need shifting.
 TrackedProject ReadTrackedProject(const std::string& folder);

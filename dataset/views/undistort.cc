@@ -12,8 +12,10 @@
 namespace mvstudio::dataset {
 namespace {
 
-constexpr ChoiceWords<UndistortView, 3> kUndistortViews = {
-    {{UndistortView::kInside, "inside"}, {UndistortView::kAll, "all"}, {UndistortView::kKeep, "keep"}}};
+constexpr ChoiceWords<UndistortView, 4> kUndistortViews = {{{UndistortView::kInside, "inside"},
+                                                            {UndistortView::kAll, "all"},
+                                                            {UndistortView::kKeep, "keep"},
+                                                            {UndistortView::kCentred, "centred"}}};
 
 constexpr int kGrid = 48;    // cells a side of the pictures that are examined
 constexpr int kBorder = 64;  // points a side of a border
@@ -203,6 +205,11 @@ bool ChoosePinhole(const Field& field, const UndistortOptions& options, int widt
     *pinhole = PinholeFor(source, outer.middle(), scale / 2 * shape, width, height);
     return true;
   }
+  if (options.view == UndistortView::kCentred) {
+    const Eigen::Vector2d half = LargestInside(field, Eigen::Vector2d::Zero(), shape);
+    *pinhole = half.isZero() ? kept : PinholeFor(source, Eigen::Vector2d::Zero(), half, width, height);
+    return !half.isZero();
+  }
   const PlaneBox inner = InnerBox(field);
   Eigen::Vector2d middle = inner.middle();
   Eigen::Vector2d half = inner.empty() ? Eigen::Vector2d::Zero() : LargestInside(field, middle, shape);
@@ -217,7 +224,12 @@ bool ChoosePinhole(const Field& field, const UndistortOptions& options, int widt
 std::string_view ToString(UndistortView view) { return WordOf(kUndistortViews, view); }
 
 void FromString(const std::string& text, UndistortView* view) {
-  *view = KnownChoice(kUndistortViews, text, "undistort-view '" + text + "': inside, all or keep");
+  *view = KnownChoice(kUndistortViews, text, "undistort-view '" + text + "': inside, all, keep or centred");
+}
+
+bool IsCentred(const geometry::Camera& camera) {
+  const Eigen::Vector2d centre((camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0);
+  return (Eigen::Vector2d(camera.cx(), camera.cy()) - centre).cwiseAbs().maxCoeff() < 1e-6;
 }
 
 UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options) {
@@ -228,13 +240,17 @@ UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const Undistor
             height = options.height_px ? options.height_px : source.camera.height_px;
   const bool same_size = width == source.camera.width_px && height == source.camera.height_px;
   result.camera.cam_from_world = source.cam_from_world;
-  if (source.camera.model == geometry::LensModel::kPinhole && same_size) {
+  const bool needs_centre = options.view == UndistortView::kCentred && !IsCentred(source.camera);
+  if (source.camera.model == geometry::LensModel::kPinhole && same_size && !needs_centre) {
     result.camera.camera = source.camera;
     return result;
   }
   const Field field(source.camera, std::tan(options.max_fov_deg / 2 * kPi / 180));
   if (!ChoosePinhole(field, options, width, height, &result.camera.camera)) {
-    return Refuse(Status::kDegenerate, "camera " + source.camera.name + ": its lens shows nothing that a pinhole could");
+    return Refuse(Status::kDegenerate,
+                  "camera " + source.camera.name +
+                      (options.view == UndistortView::kCentred ? ": its image does not reach around its optical axis"
+                                                               : ": its lens shows nothing that a pinhole could"));
   }
   const std::string fault = geometry::WhyInvalidLens(result.camera.camera);
   if (!fault.empty()) return Refuse(Status::kDegenerate, "camera " + source.camera.name + ", undistorted: " + fault);

@@ -17,8 +17,9 @@ enum class UndistortView {
   kInside,  ///< the largest view without black borders
   kAll,     ///< every pixel of the footage
   kKeep,    ///< the lens's own focal lengths and principal point
+  kCentred  ///< the largest view without black borders whose principal point is the image's centre
 };
-std::string_view ToString(UndistortView view);  ///< "inside", "all", "keep"
+std::string_view ToString(UndistortView view);  ///< "inside", "all", "keep", "centred"
 /// Throws UsageError.
 void FromString(const std::string& text, UndistortView* view);
 
@@ -33,7 +34,7 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, UndistortOptions& o) {
   visit("undistort-view", o.view,
         "inside: the largest view without black borders; all: every pixel of the footage is shown; keep: the lens's own focal "
-        "lengths and principal point");
+        "lengths and principal point; centred: the largest view without black borders about the optical axis");
   visit("undistort-width", o.width_px, "px; 0: that of the footage");
   visit("undistort-height", o.height_px, "px; 0: that of the footage");
   visit("undistort-max-fov", o.max_fov_deg, "degrees; widest field of view of the pinhole along either axis");
@@ -51,8 +52,11 @@ struct UndistortedCamera {
   bool usable() const { return status == Status::kOk || status == Status::kOutsideValidRadius; }
 };
 
-/// The pinhole for a camera of any lens model. A pinhole whose view is already "inside" is returned unchanged. Throws
-/// UsageError for sizes outside 1 … 32768.
+/// True when the principal point is the centre of the image to a millionth of a pixel.
+bool IsCentred(const geometry::Camera& camera);
+
+/// The pinhole for a camera of any lens model. A pinhole of the wanted size is returned unchanged, but for "centred" where
+/// its principal point is elsewhere. Throws UsageError for sizes outside 1 … 32768.
 UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const UndistortOptions& options = {});
 
 /// Resamples all images of one camera; copies share the map. Colours are means over the part of a pixel's footprint that

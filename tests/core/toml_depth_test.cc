@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "core/error.h"
+
 namespace mvstudio {
 namespace {
 
@@ -28,6 +30,29 @@ TEST(TomlKeyParts, QuotedPartsCannotHideTheOthers) {
   std::string deep;
   for (int i = 0; i < 100000; ++i) deep += "a . ";
   EXPECT_EQ(TomlKeyParts(deep + "a = 1"), 100001u);
+}
+
+TEST(TomlBraceInList, IsFoundOutsideStringsAndComments) {
+  EXPECT_EQ(TomlBraceInList("a = [0, }]"), 1u);
+  EXPECT_EQ(TomlBraceInList("a = 1\nb = { c = [0,\n }, 1] }"), 3u);
+  EXPECT_EQ(TomlBraceInList("a = [}"), 1u);
+  EXPECT_EQ(TomlBraceInList("[[takes]]\na = [{ b = [1, 2] }, { c = 3 }]\n[x]\n"), 0u);
+  EXPECT_EQ(TomlBraceInList("a = [\"}\", '}', # }\n 1]"), 0u);
+  EXPECT_EQ(TomlBraceInList("a = }"), 0u);  // damaged, and seen by the parser
+  EXPECT_EQ(TomlBraceInList(""), 0u);
+}
+
+TEST(RequireParsableToml, NamesTheLine) {
+  EXPECT_NO_THROW(RequireParsableToml("a = [1, 2]", "a.toml"));
+  try {
+    RequireParsableToml("a = 1\nb = [1, }", "a.toml");
+    FAIL() << "accepted";
+  } catch (const FormatError& error) {
+    EXPECT_STREQ(error.what(), "a.toml: line 2: a `}` where a list goes on; is its `]` missing?");
+  }
+  std::string deep;
+  for (int i = 0; i < 100; ++i) deep += "a.";
+  EXPECT_THROW(RequireParsableToml(deep + "a = 1", "a.toml"), FormatError);
 }
 
 }  // namespace

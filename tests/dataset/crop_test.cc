@@ -198,7 +198,8 @@ TEST(Resample, FoldingLensesShowNothingTwice) {
 
 TEST(Undistort, PinholesOfEveryLensAreExact) {
   for (geometry::Camera lens : geometry::testing::OrdinaryLenses()) {
-    for (const UndistortView view : {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep}) {
+    for (const UndistortView view :
+         {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep, UndistortView::kCentred}) {
       const geometry::RigCamera source = Looking(lens);
       UndistortOptions options;
       options.view = view, options.width_px = 320, options.height_px = 240;
@@ -207,9 +208,10 @@ TEST(Undistort, PinholesOfEveryLensAreExact) {
       EXPECT_EQ(ideal.camera.camera.model, geometry::LensModel::kPinhole);
       EXPECT_EQ(ideal.camera.camera.width_px, 320);
       EXPECT_EQ((ideal.camera.CenterInWorld() - source.CenterInWorld()).norm(), 0);
-      if (options.view == UndistortView::kInside) {
+      if (options.view == UndistortView::kInside || options.view == UndistortView::kCentred) {
         EXPECT_EQ(ideal.empty_share, 0) << lens.name;
       }
+      EXPECT_TRUE(options.view != UndistortView::kCentred || IsCentred(ideal.camera.camera)) << lens.name;
       if (options.view == UndistortView::kAll && ideal.status == Status::kOk) {
         EXPECT_EQ(ideal.lost_share, 0) << lens.name;
       }
@@ -242,6 +244,26 @@ TEST(Undistort, NothingToDoChangesNothing) {
   EXPECT_EQ(ideal.camera.camera.params, source.camera.params);
   const Image picture = RandomImage(64, 48, 3, 1);
   EXPECT_EQ(Undistorter(source, ideal.camera).Picture(picture).pixels, picture.pixels);
+}
+
+TEST(Undistort, PinholesAreCentredOnlyWhereAskedFor) {
+  geometry::Camera lens = geometry::MakePinhole("p", 64, 48, 60);
+  UndistortOptions centred;
+  centred.view = UndistortView::kCentred;
+  EXPECT_EQ(IdealPinhole(Looking(lens), centred).camera.camera.params, lens.params);
+  lens.params[2] += 4, lens.params[3] -= 2;
+  EXPECT_FALSE(IsCentred(lens));
+  EXPECT_EQ(IdealPinhole(Looking(lens), {}).camera.camera.params, lens.params);
+  const UndistortedCamera ideal = IdealPinhole(Looking(lens), centred);
+  EXPECT_TRUE(IsCentred(ideal.camera.camera));
+  EXPECT_EQ(ideal.empty_share, 0);
+  // 4 px of 32 are lost at the side: the half width in front of the axis is 28 px, and pixels keep their shape.
+  EXPECT_NEAR(ideal.camera.camera.fx(), 60 * 32.0 / 28, 1e-6);
+  EXPECT_NEAR(ideal.camera.camera.fy(), 60 * 32.0 / 28, 1e-6);
+  lens.params[2] = 200;  // the axis is outside the image
+  const UndistortedCamera aside = IdealPinhole(Looking(lens), centred);
+  EXPECT_EQ(aside.status, Status::kDegenerate);
+  EXPECT_NE(aside.reason.find("optical axis"), std::string::npos);
 }
 
 TEST(Undistort, StraightLinesBecomeStraight) {
@@ -291,7 +313,8 @@ TEST(Undistort, RefusesWhatIsNoLens) {
   EXPECT_EQ(IdealPinhole(camera, {}).status, Status::kDegenerate);
   EXPECT_FALSE(IdealPinhole(camera, {}).reason.empty());
   UndistortOptions wrong;
-  EXPECT_NE(MessageOf<UsageError>([&] { FromString("fisheye", &wrong.view); }).find("inside, all or keep"), std::string::npos);
+  EXPECT_NE(MessageOf<UsageError>([&] { FromString("fisheye", &wrong.view); }).find("inside, all, keep or centred"),
+            std::string::npos);
   wrong.width_px = -3;
   EXPECT_THROW(IdealPinhole(camera, wrong), UsageError);
   wrong = {};
@@ -310,7 +333,8 @@ TEST(Undistort, ExtremesGiveACameraOrAReason) {
   aside.params[2] = 5000;  // the axis lies outside the picture
   lenses.push_back(aside);
   for (const geometry::Camera& lens : lenses) {
-    for (const UndistortView view : {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep}) {
+    for (const UndistortView view :
+         {UndistortView::kInside, UndistortView::kAll, UndistortView::kKeep, UndistortView::kCentred}) {
       UndistortOptions options;
       options.view = view;
       const UndistortedCamera ideal = IdealPinhole(Looking(lens), options);
@@ -321,7 +345,7 @@ TEST(Undistort, ExtremesGiveACameraOrAReason) {
       EXPECT_TRUE(ideal.camera.camera.params.allFinite());
       EXPECT_GE(ideal.lost_share, 0);
       EXPECT_LE(ideal.lost_share, 1);
-      if (options.view == UndistortView::kInside) {
+      if (options.view == UndistortView::kInside || options.view == UndistortView::kCentred) {
         EXPECT_LT(ideal.empty_share, 0.02) << lens.name << lens.params.transpose();
       }
     }

@@ -41,6 +41,29 @@ C3dSample TwoPoints() {
   return sample;
 }
 
+/// Two points 1.7 apart in the file's unit, in three frames.
+std::string TrcOfTwo(const std::string& unit, double apart) {
+  std::string text = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t3\t2\t" +
+                     unit + "\nFrame#\tTime\ta\t\t\tb\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n";
+  for (int f = 1; f <= 3; ++f) {
+    text += std::to_string(f) + "\t0\t0\t0\t0\t0\t" + std::to_string(apart) + "\t0\n";
+  }
+  return text;
+}
+
+TEST_F(Markers, AUnitThatMakesGiantsOrDwarfsIsDoubted) {
+  const auto doubt = [&](const std::string& unit, double apart, const std::string& read_as = {}) {
+    return UnitDoubt(Read(TrcOfTwo(unit, apart), read_as, "a.trc"), "a.trc");
+  };
+  EXPECT_EQ(doubt("mm", 1700), "");
+  EXPECT_EQ(doubt("m", 1.7), "");
+  EXPECT_EQ(doubt("cm", 8), "");  // a mouse
+  EXPECT_THAT(doubt("m", 1700), AllOf(HasSubstr("a.trc: read in m"), HasSubstr("over 1.7e+03 m")));
+  EXPECT_THAT(doubt("mm", 1.7), HasSubstr("within 0.0017 m"));
+  EXPECT_EQ(doubt("m", 1700, "mm"), "");
+  EXPECT_EQ(doubt("mm", 0), "");  // nothing to judge by
+}
+
 TEST_F(Markers, EveryKindOfC3dGivesTheSamePoints) {
   for (const int processor : {84, 85, 86}) {
     for (const bool floats : {true, false}) {

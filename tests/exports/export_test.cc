@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <optional>
 #include <iterator>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -126,6 +126,30 @@ TEST(Trc, RoundTripsThroughOurReader) {
     ++seen;
   }
   EXPECT_GT(seen, 30u);
+}
+
+TEST(Trc, MetresRoundTripAsMillimetresDo) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  ExportOptions options;
+  options.trc_unit = markers::TrcUnit::kMetre;
+  ExportDataset(dataset, "trc", folder / "m", options);
+  ExportDataset(dataset, "trc", folder / "mm", {});
+  const auto metres = dataset::ReadTrcMarkers(folder / "m/test_person0.trc"),
+             millimetres = dataset::ReadTrcMarkers(folder / "mm/test_person0.trc");
+  EXPECT_EQ(metres.unit, "m");
+  EXPECT_EQ(millimetres.unit, "mm");
+  ASSERT_EQ(metres.pose.rows.size(), millimetres.pose.rows.size());
+  int seen = 0;
+  for (size_t i = 0; i < metres.pose.rows.size(); ++i) {
+    ASSERT_EQ(metres.pose.rows[i].status, millimetres.pose.rows[i].status);
+    if (metres.pose.rows[i].status != Status::kOk) continue;
+    EXPECT_LT((metres.pose.rows[i].x_in_world - millimetres.pose.rows[i].x_in_world).norm(), 2e-15);
+    ++seen;
+  }
+  EXPECT_EQ(seen, 3 * 19);
+  EXPECT_THAT(ReadFile(folder / "m/test_person0.trc"), HasSubstr("\tm\t"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { FromString("km", &options.trc_unit); }), HasSubstr("'trc-unit' km"));
 }
 
 TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {

@@ -9,7 +9,6 @@
 #include "markers/fill.h"
 #include "markers/filter.h"
 #include "markers/marker_files.h"
-#include "markers/opensim.h"
 
 namespace mvstudio::markers {
 namespace {
@@ -117,18 +116,6 @@ TEST(Files, TextsHoldWhatTheTakeHolds) {
   MarkerTake crowd = take;
   crowd.names.assign(256, "x");
   EXPECT_THROW(C3dBytes(crowd), UsageError);
-}
-
-TEST(OpenSim, PlacesOnlyWhatTheModelHas) {
-  MarkerTake take = OneJoint({});
-  take.names = {"RHip"};
-  EXPECT_THAT(OpenSimMarkers({"RHip", "Tail", "RKnee"}), ElementsAre("RHip", "RKnee"));
-  const std::string set = OpenSimMarkerSet({"RHip", "Tail", "RKnee"});
-  EXPECT_THAT(set, HasSubstr("/bodyset/tibia_r"));
-  EXPECT_EQ(set.find("Tail"), std::string::npos);
-  EXPECT_EQ(OpenSimScaling(take, "a.trc", "m.xml").find("<Measurement "), std::string::npos);  // one marker measures nothing
-  EXPECT_THAT(OpenSimInverseKinematics(take, "a&b.trc"), HasSubstr("a&amp;b.trc"));
-  EXPECT_THAT(OpenSimInverseKinematics(take, "a.trc"), HasSubstr("<time_range> 0 0.78</time_range>"));
 }
 
 }  // namespace

@@ -1,11 +1,13 @@
 """COLMAP's sparse model, binary and text."""
 
+import os
 import struct
 
 import numpy as np
 
 from exports.common import Camera, check, instants, need_file, quaternion_matrix
 from exports.ply_file import read_ply
+from exports.splatting import check_alpha, loader_px
 
 
 COLMAP_MODELS = {0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4), 4: ("OPENCV", 8), 5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12)}
@@ -74,7 +76,7 @@ def colmap_text(folder):
 
 
 def read_colmap(folder, compare):
-    worst_track, at_joints, colours = 0.0, 0, set()
+    worst_track, at_joints, colours, off_px, opaque = 0.0, 0, set(), 0.0, []
     for frame, root in instants(folder, compare.manifest["frames"]).items():
         alone = frame is None
         binary = colmap_binary(root if alone else root + "/sparse/0")
@@ -89,8 +91,11 @@ def read_colmap(folder, compare):
             readers[ident] = Camera(K, dist, quaternion_matrix(*pose[:4]), pose[4:], (w, h))
             if compare.manifest["pictures"]:
                 need_file(root + "/images/" + name)
-            if compare.manifest["masks"]:
+            if compare.manifest["masks_as"] == "alpha":
+                opaque.append(check_alpha(root + "/images/" + name, *compare.mask(name.rsplit(".", 1)[0], frame)))
+            elif compare.manifest["masks"]:
                 need_file(root + "/masks/" + name + ".png")
+            off_px = max(off_px, loader_px(readers[ident], [X for X, *_ in points.values()]))
             compare.camera(name.rsplit(".", 1)[0], readers[ident], [] if alone else [frame])
         if alone:
             return {}
@@ -111,5 +116,6 @@ def read_colmap(folder, compare):
                 u, v, point = images[image][3][feature]
                 check(point == ident, "track and feature disagree")
                 worst_track = max(worst_track, float(np.abs(readers[image].project(X) + 0.5 - [u, v]).max()))
-    return {"track_px": worst_track, "points": len(points), "at_joints": int(at_joints), "colours": sorted(colours)[:20],
+    check(compare.manifest["masks_as"] == "folder" or not os.path.isdir(folder + "/masks"), "masks/ was not asked for")
+    return {"splatting_px": off_px, "opaque": opaque, "track_px": worst_track, "points": len(points), "at_joints": int(at_joints), "colours": sorted(colours)[:20],
             "pinhole": all(model in ("PINHOLE", "SIMPLE_PINHOLE") for model, *_ in cameras.values())}

@@ -51,6 +51,7 @@ def nearest_rotation(R):
 
 class Dataset:
     def __init__(self, root):
+        self.root = root
         calibration, = glob.glob(root + "/calibration_*.json")
         axes = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x_panoptic = axes @ x_ours * 100
         self.cameras, self.frames, self.aliases = {}, {}, {}
@@ -77,6 +78,12 @@ class Comparison:
     def source(self, name):
         entry, = [c for c in self.manifest["cameras"] if c["name"] == name]
         return self.dataset.cameras[entry["dataset_name"]], entry["undistorted"]
+
+    def mask(self, name, frame):
+        """Path of the dataset's mask, and whether the export's image has the dataset's pixels."""
+        entry, = [c for c in self.manifest["cameras"] if c["name"] == name]
+        source = entry["dataset_name"]
+        return "%s/masks/%s/%s_%08d.png" % (self.dataset.root, source, source, frame), not entry["undistorted"]
 
     def camera(self, name, camera, frames, project=None):
         """`camera` as exported under `name`; `project` replaces its projection where the reader has its own."""
@@ -121,7 +128,7 @@ class Comparison:
 def rig_manifest(dataset):
     """Of cameras written by `calib convert`, which leaves no export.json."""
     cameras = [{"name": name, "dataset_name": name, "undistorted": False} for name in dataset.cameras]
-    return {"frames": [], "cameras": cameras, "pictures": 0, "masks": 0}
+    return {"frames": [], "cameras": cameras, "pictures": 0, "masks": 0, "masks_as": "none"}
 
 
 def instants(folder, frames):

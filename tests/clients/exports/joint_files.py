@@ -8,6 +8,9 @@ import numpy as np
 from exports.common import Camera, JOINTS, check
 
 
+UNITS_PER_M = {"mm": 1000, "m": 1}
+
+
 def people_files(folder, extension, compare):
     """(person, path), one for each person of the chosen frames."""
     expected = sorted({p for f in compare.manifest["frames"] for p in compare.dataset.frames[f]})
@@ -36,7 +39,7 @@ def read_trc(folder, compare):
         lines = open(path).read().split("\n")
         check(lines[0].split("\t")[0] == "PathFileType", "first line")
         header = dict(zip(lines[1].split("\t"), lines[2].split("\t")))
-        check(header["Units"] == "mm" and header["NumMarkers"] == "19", "header")
+        check(header["Units"] in UNITS_PER_M and header["NumMarkers"] == "19", "header")
         names = lines[3].split("\t")[2::3]
         check(names[:19] == JOINTS, "markers")
         rows = [line.split("\t") for line in lines[5:] if line]
@@ -44,7 +47,7 @@ def read_trc(folder, compare):
         series = []
         for row in rows:
             row += [""] * (59 - len(row))
-            v = np.array([float(x) if x else np.nan for x in row[2:59]]).reshape(19, 3) / 1000
+            v = np.array([float(x) if x else np.nan for x in row[2:59]]).reshape(19, 3) / UNITS_PER_M[header["Units"]]
             series.append((int(row[0]) - 1, v[:, [2, 0, 1]]))  # the file's y is up
         check_continuous(compare, person, series)
     return {}

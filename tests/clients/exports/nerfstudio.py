@@ -7,6 +7,7 @@ import numpy as np
 
 from exports.common import Camera, check, instants, need_file
 from exports.ply_file import read_ply
+from exports.splatting import check_alpha
 
 
 def read_nerfstudio(folder, compare):
@@ -25,6 +26,10 @@ def read_nerfstudio(folder, compare):
             names.append(f["file_path"])
             if compare.manifest["pictures"]:
                 need_file(root + "/" + f["file_path"])
+            if compare.manifest["masks_as"] == "alpha":
+                name = os.path.basename(f["file_path"]).rsplit(".", 1)[0]
+                check_alpha(root + "/" + f["file_path"], *compare.mask(name, frame))
+            check("mask_path" not in f or compare.manifest["masks_as"] == "folder", "mask_path was not asked for")
             if "mask_path" in f:
                 need_file(root + "/" + f["mask_path"])
             compare.camera(os.path.basename(f["file_path"]).rsplit(".", 1)[0], camera, [frame] if frame is not None else [])
