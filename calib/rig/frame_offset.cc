@@ -361,7 +361,7 @@ void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorX
   std::map<std::tuple<int, int, int>, bool> lost;  // by camera, frame and board
   for (size_t v = 0; v < views.size(); ++v) {
     Eigen::Index given = 0, kept = 0;
-    for (Eigen::Index i = 0; i < views[v].size(); ++i) {
+    for (Eigen::Index i = 0; i < prior[v].size(); ++i) {
       given += prior[v][i] > 0;
       kept += prior[v][i] > 0 && (views[v].weights[i] > 0 || residuals_px[v].col(i).norm() < kLostPx);
     }

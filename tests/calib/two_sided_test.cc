@@ -158,8 +158,8 @@ TEST(TwoSidedBoard, CornersReadBackAndMirroredOnesAreTheBack) {
   for (const auto& camera : scene.truth.cameras) file.cameras.push_back({camera.name, 640, 480});
   Rng rng(1);
   const int side = seen.board.num_side_corners();
-  for (int f = 0; f < 4; ++f) {
-    for (int c = 0; c < 4; ++c) {
+  for (int c = 0; c < 4; ++c) {
+    for (int f = 0; f < 4; ++f) {
       Detection all = testing::Observe(seen, c, f, 0, &rng);
       Detection one = all;
       one.corner_ids.clear();
