@@ -8,7 +8,6 @@
 #include <set>
 #include <tuple>
 
-#include "calib/board/floor.h"
 #include "calib/bundle/mrcal_engine.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/calibrate_steps.h"
@@ -60,7 +59,8 @@ void ReconsiderFrames(const Work& work, CalibrateReport* report) {
   for (size_t c = 0; c < work.monos.size(); ++c)
     explained.push_back(report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx);
   FrameOffsets offsets = work.offsets;
-  Reconsider(work.views, work.prior, geometry::CameraNames(work.state.cameras), explained, &offsets);
+  Reconsider(work.views, work.prior, BundleResiduals(work.views, work.state), geometry::CameraNames(work.state.cameras),
+             explained, &offsets);
   report->frames_doubt = offsets.text;
 }
 
@@ -98,25 +98,6 @@ bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, C
   const auto& fixed = work->bundle.fix_camera;
   const bool held = std::find(fixed.begin(), fixed.end(), true) != fixed.end();
   work->bundle.gauge = {held ? Gauge::Kind::kNone : Gauge::Kind::kCamera, world.camera};
-  return true;
-}
-
-/// Moves the solution so that the board of the wanted frame defines the world.
-bool UseBoardWorld(const World& world, Work* work, CalibrateReport* report) {
-  const auto frame = std::lower_bound(work->frames.begin(), work->frames.end(), world.frame_idx);
-  const int index = static_cast<int>(frame - work->frames.begin());
-  const bool seen = frame != work->frames.end() && *frame == world.frame_idx &&
-                    std::any_of(work->views.begin(), work->views.end(),
-                                [&](const View& v) { return v.frame == index && (v.weights.array() > 0).any(); });
-  if (!seen) {
-    Stop(Status::kTooFewViews,
-         "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world", report);
-    return false;
-  }
-  const Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
-  for (Rigid3& world_from_board : work->state.world_from_board) world_from_board = new_from_old * world_from_board;
-  for (Rigid3& cam_from_world : work->state.cam_from_world) cam_from_world = cam_from_world * geometry::Inverse(new_from_old);
-  work->bundle.gauge = {Gauge::Kind::kBoard, index};
   return true;
 }
 
@@ -255,7 +236,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
     work->state.world_from_board = work->cam_from_board;
   } else {
     if (!PlaceCameras(input, world, work, report)) return;
-    if (world.is_board && !UseBoardWorld(world, work, report)) return;
+    if (world.is_board && !internal::UseBoardWorld(input, world, work, report)) return;
   }
   const auto start = std::chrono::steady_clock::now();
   const bool adjusted = Adjust(input, options, run, work, report);
@@ -327,6 +308,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   if (options.intrinsics_only) {
     SeparateViews(&work);
   } else {
+    internal::TurnNumbering(input, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
     if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);

@@ -40,28 +40,31 @@ struct CameraReport {
   std::string name;
   geometry::LensModel model = geometry::LensModel::kPinhole;
   std::string model_reason;
-  std::string given_up;  ///< lenses that the boards did not determine, the simpler ones taken instead, and why; empty: none
-  bool assumes = false;  ///< the principal point, or also the focal length, is assumed (LensStep)
+  std::string given_up;    ///< lenses that the boards did not determine, the simpler ones taken instead, and why; empty: none
+  bool lens_held = false;  ///< the lens was given and did not change (CalibrateOptions::fix): no board took part in it
+  bool assumes = false;    ///< the principal point, or also the focal length, is assumed (LensStep)
   int num_params = 0, num_views = 0, num_corners = 0, num_rejected = 0;
-  int num_places = 0;     ///< clusters of views: boards held still count once
-  int num_lost_views = 0; ///< boards all of whose corners were rejected
+  int num_places = 0;                                          ///< clusters of views: boards held still count once
+  int num_lost_views = 0;                                      ///< boards all of whose corners were rejected
   double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
-  double repeat_correlation = 0;  ///< correlation of a corner's errors in images of a board that did not move: 0 to 1
+  double repeat_correlation = 0;            ///< correlation of a corner's errors in images of a board that did not move: 0 to 1
   double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; sigma 0 also where the rig states no covariance of the
                                             ///< lens
   double rms_px = 0;
-  double alone_rms_px = 0;                           ///< the camera calibrated alone
-  double holdout_rms_px = 0, holdout_median_px = 0;  ///< NaN when there are too few views; rms within 5 px
-  double rig_holdout_gross_fraction = 0;             ///< its share of CalibrateReport's; NaN without held-out frames
-  double holdout_gross_fraction = 0;                 ///< of the held-out corners, beyond 5 px
-  std::string shares_lens_with;                      ///< names, separated by ", "
+  double alone_rms_px = 0;                                          ///< the camera calibrated alone
+  double smooth_rms_px = std::numeric_limits<double>::quiet_NaN();  ///< of a held lens: the noise of its corners, see
+                                                                    ///< SmoothErrorPx
+  double holdout_rms_px = 0, holdout_median_px = 0;                 ///< NaN when there are too few views; rms within 5 px
+  double rig_holdout_gross_fraction = 0;  ///< its share of CalibrateReport's; NaN without held-out frames
+  double holdout_gross_fraction = 0;      ///< of the held-out corners, beyond 5 px
+  std::string shares_lens_with;           ///< names, separated by ", "
   double time_offset_frames = 0;
-  Readout readout;                                   ///< rolling shutter
+  Readout readout;              ///< rolling shutter
   double outside_fraction = 0;  ///< fraction of its corners outside the stated image size
-  double coverage = 0;                               ///< fraction of the cells of a 10 x 8 grid over the image that hold a
-                                                     ///< corner
-  double valid_radius = 0;                           ///< of the lens model, see geometry::Projector
-  bool covers_image = true;                          ///< all image corners lie within the valid radius
+  double coverage = 0;          ///< fraction of the cells of a 10 x 8 grid over the image that hold a
+                                ///< corner
+  double valid_radius = 0;      ///< of the lens model, see geometry::Projector
+  bool covers_image = true;     ///< all image corners lie within the valid radius
 };
 
 /// One line of the table of lens models that were compared, for one camera.
@@ -82,25 +85,26 @@ struct CalibrateReport {
   std::vector<CornerResidual> residuals;
   std::vector<std::vector<int>> components;  ///< groups of cameras linked by shared boards
   std::vector<int> culprits;  ///< without a solution: cameras whose lenses or links are the reason, as far as that is known
-  double rms_px = 0, sigma_px = 0;           ///< 2-D RMS over kept corners; standard deviation per coordinate
+  double rms_px = 0, sigma_px = 0;  ///< 2-D RMS over kept corners; standard deviation per coordinate
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
   std::string warp_reason, stretch_reason, time_reason;
   std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that equal numbers are one time step;
                                      ///< empty: none
-  std::string held_doubt;    ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
-  std::string frames_doubt;  ///< why frames with the same number may not be simultaneous; empty: no doubt
-  std::vector<Eigen::Vector2d> board_warp_m;  ///< per board; zero when it is taken as flat
+  std::string held_doubt;            ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
+  std::string frames_doubt;          ///< why frames with the same number may not be simultaneous; empty: no doubt
+  std::vector<Eigen::Vector2d> board_warp_m;   ///< per board; zero when it is taken as flat
   std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it is taken as
                                                ///< square
   std::vector<geometry::Rigid3> rig_from_board;
-  double board_size_m = 0;                    ///< diagonal of the first board's corners
-  BoardMetrics board_metrics;                 ///< over the frames held out (CalibrateOptions::holdout), else over all
+  double board_size_m = 0;     ///< diagonal of the first board's corners
+  BoardMetrics board_metrics;  ///< over the frames held out (CalibrateOptions::holdout), else over all
   double rig_holdout_rms_px = 0, rig_holdout_median_px = 0;  ///< on frames held out; NaN without; rms within 5 px
   double rig_holdout_gross_fraction = 0;  ///< fraction of their corners beyond 5 px or on boards that could not be placed;
                                           ///< NaN without
   std::vector<CameraMotion> motions;
   std::vector<NumberingFault> numbering;
+  std::vector<TurnedCamera> turned;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
   std::optional<LayoutFault> layout;
   BoardBending bending;
   UncertaintySummary uncertainty;

@@ -53,7 +53,7 @@ void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovar
     const bool frame = seen[c] && columns.camera[c] < 0 && !fixed;  // what the gauge fixes, or a camera in a frame of its own
     stated.lens_known.push_back(columns.lens[c] >= 0 || held.lens[c]);
     stated.pose_known.push_back(columns.camera[c] >= 0 || held.pose[c] || frame);
-    if (!seen[c]) KeepGiven(held, c, &stated);
+    if (!seen[c] && (held.lens[c] || held.pose[c])) KeepGiven(held, c, &stated);
   }
   stated.correlated = true;
   geometry::StoreCovariance(stated, rig);

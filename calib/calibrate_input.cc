@@ -3,7 +3,9 @@
 #include <set>
 #include <tuple>
 
+#include "calib/board/floor.h"
 #include "calib/calibrate_steps.h"
+#include "calib/lens/resection.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "geometry/rig/rig_covariance.h"
@@ -20,7 +22,65 @@ void NormalizeWeights(std::vector<View>* views) {
   for (View& view : *views) view.weights *= sum > 0 ? static_cast<double>(count) / sum : 1;
 }
 
+/// Turns views whose poses are known; counts them by camera.
+void TurnSome(const Eigen::Matrix3Xd& board, std::vector<View>* views, std::vector<geometry::Rigid3>* poses,
+              std::vector<TurnedCamera>* counts) {
+  const std::vector<bool> turned = FindTurnedViews(*views, *poses);
+  TurnViews(board, turned, views, poses);
+  for (size_t v = 0; v < views->size(); ++v) {
+    TurnedCamera& count = (*counts)[static_cast<size_t>((*views)[v].camera_idx)];
+    count.num_turned += turned[v], ++count.num_views;
+  }
+}
+
+bool ShowsBack(const CalibrateInput& input, const View& view) {
+  return !view.corner_ids.empty() && view.corner_ids[0] >= input.boards[static_cast<size_t>(view.board)].num_side_corners();
+}
+
 }  // namespace
+
+void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* report) {
+  const Board::Kind kind = input.boards[0].kind;
+  if (input.boards.size() > 1 || (kind != Board::Kind::kChessboard && kind != Board::Kind::kGrid)) return;
+  const Eigen::Matrix3Xd board = CornersInBoard(input.boards[0]);
+  std::vector<TurnedCamera> counts;
+  for (const CameraInput& camera : input.cameras) counts.push_back({camera.name});
+  TurnSome(board, &work->views, &work->cam_from_board, &counts);
+  std::vector<geometry::Rigid3> poses;
+  for (const View& view : work->held_out)
+    poses.push_back(ResectPlane(work->state.cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
+  TurnSome(board, &work->held_out, &poses, &counts);
+  for (const TurnedCamera& camera : counts) {
+    if (camera.num_turned > 0) report->turned.push_back(camera);
+  }
+}
+
+bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {
+  const auto frame = std::lower_bound(work->frames.begin(), work->frames.end(), world.frame_idx);
+  const int index = static_cast<int>(frame - work->frames.begin());
+  const bool seen = frame != work->frames.end() && *frame == world.frame_idx &&
+                    std::any_of(work->views.begin(), work->views.end(),
+                                [&](const View& v) { return v.frame == index && (v.weights.array() > 0).any(); });
+  if (!seen) {
+    Stop(Status::kTooFewViews,
+         "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world", report);
+    return false;
+  }
+  if (std::any_of(work->views.begin(), work->views.end(),
+                  [&](const View& v) { return v.frame == index && ShowsBack(input, v); })) {
+    Stop(Status::kDegenerate,
+         "the board shows its back in frame " + std::to_string(world.frame_idx) +
+             ", which is to define the world: name a frame where it lies face up",
+         report);
+    return false;
+  }
+  const geometry::Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
+  for (geometry::Rigid3& world_from_board : work->state.world_from_board) world_from_board = new_from_old * world_from_board;
+  for (geometry::Rigid3& cam_from_world : work->state.cam_from_world)
+    cam_from_world = cam_from_world * geometry::Inverse(new_from_old);
+  work->bundle.gauge = {Gauge::Kind::kBoard, index};
+  return true;
+}
 
 World FindWorld(const WorldOrigin& origin, const std::vector<CameraInput>& cameras) {
   World world;

@@ -3,6 +3,7 @@
 #include "calib/judgement.h"
 #include "calib/motion_kind.h"
 #include "calib/motion_rival.h"
+#include "calib/split_trial.h"
 
 /// What moved or changed while the boards were filmed, once there is a solution.
 namespace mvstudio::calib::internal {
@@ -51,6 +52,16 @@ std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const Ca
   return rig;
 }
 
+/// Boards disagree between cameras when one of them moved: the frames are not in doubt where they agree before and after.
+void ReconsiderFrames(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                      CalibrateReport* solved) {
+  if (solved->frames_doubt.empty() || solved->motions.size() != 1 || solved->motions[0].cameras.size() != 1) return;
+  const CameraMotion& motion = solved->motions[0];
+  if (motion.kind != CameraMotion::Kind::kMoved) return;
+  const CalibrateReport parts = AdjustSplit(input, *solved, options, {motion.cameras[0], motion.frame_idx, false}, run);
+  if (parts.status == Status::kOk && parts.frames_doubt.empty()) solved->frames_doubt.clear();
+}
+
 }  // namespace
 
 void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
@@ -65,6 +76,7 @@ void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options
   for (CameraMotion& motion : solved->motions) {
     if (motion.kind == CameraMotion::Kind::kMoved) ExplainMotion(input, *solved, options, run, &motion);
   }
+  ReconsiderFrames(input, options, run, solved);
   if (!solved->motions.empty()) return;
   if (const auto change = FindLensChange(input, *solved, options, run, name)) solved->motions.push_back(*change);
 }

@@ -5,6 +5,9 @@
 
 #include "calib/bundle/board_shape.h"
 #include "calib/calibrate_steps.h"
+#include "calib/lens/held_out_view.h"
+#include "calib/lens/lens_pool.h"
+#include "calib/lens/smooth_error.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
@@ -81,6 +84,26 @@ void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateRep
   report->rejected_fraction = static_cast<double>(num_rejected) / std::max(1, num_rejected + report->num_corners);
 }
 
+/// Boards that took no part in a held lens are all held out; with few of them, no other held-out figures are there.
+void ReportHeldLens(const Work& work, int camera_idx, CameraReport* camera) {
+  camera->smooth_rms_px = SmoothErrorPx(work.views, BundleResiduals(work.views, work.state), camera_idx);
+  if (std::isfinite(camera->holdout_rms_px)) return;
+  const geometry::Camera& lens = work.state.cameras[static_cast<size_t>(camera_idx)];
+  std::vector<double> errors;
+  for (const View& view : work.views) {
+    if (view.camera_idx != camera_idx || !(view.weights.array() > 0).any()) continue;
+    AppendHeldOutErrors(lens, view, work.state, CamFromBoard(view, work.state), &errors);
+  }
+  double squares = 0, good = 0;
+  for (const double e : errors) {
+    if (e <= kGrossPx) squares += e * e, good += 1;
+  }
+  if (errors.empty()) return;
+  camera->holdout_rms_px = good > 0 ? std::sqrt(squares / good) : kNan;
+  camera->holdout_gross_fraction = 1 - good / static_cast<double>(errors.size());
+  camera->holdout_median_px = UpperMedian(std::move(errors));
+}
+
 void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
   double squares = 0, gross = 0;
   std::vector<double> medians;
@@ -98,6 +121,8 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     camera.outside_fraction = OutsideFraction(work.views, static_cast<int>(c), input.cameras[c]);
     camera.valid_radius = projector.valid_radius();
     camera.covers_image = CoversImage(projector);
+    camera.lens_held = work.bundle.fix_lens[c];
+    if (camera.lens_held) ReportHeldLens(work, static_cast<int>(c), &camera);
     if (!std::isfinite(camera.holdout_rms_px)) continue;
     squares += camera.num_corners * camera.holdout_rms_px * camera.holdout_rms_px;
     gross += camera.num_corners * camera.holdout_gross_fraction;

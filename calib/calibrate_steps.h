@@ -23,17 +23,17 @@ struct World {
 };
 
 struct Work {
-  std::vector<View> views;                // of the frames that take part
-  std::vector<View> held_out;             // of the others
-  std::vector<int64_t> frames;            // of both
-  std::vector<MonoSolution> monos;        // per camera
-  std::vector<std::vector<int>> view_ids; // per camera: indices into views, in the order of its mono solution
+  std::vector<View> views;                       // of the frames that take part
+  std::vector<View> held_out;                    // of the others
+  std::vector<int64_t> frames;                   // of both
+  std::vector<MonoSolution> monos;               // per camera
+  std::vector<std::vector<int>> view_ids;        // per camera: indices into views, in the order of its mono solution
   std::vector<geometry::Rigid3> cam_from_board;  // per view, from that view alone
-  std::vector<Eigen::VectorXd> prior;     // per view: initial weights, before any rejection
+  std::vector<Eigen::VectorXd> prior;            // per view: initial weights, before any rejection
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
   bool may_separate = true, separated = false;  // lenses that were shared, see SeparateLenses
-  std::vector<LensStep> lens_step;        // per camera
+  std::vector<LensStep> lens_step;              // per camera
   std::vector<std::string> alone_failed;  // per camera: why it has no solution alone without assumptions; empty: it has one
   BundleOptions bundle;                   // of the last adjustment
   std::vector<View> evidence;             // views with the weights of the covariance: repeats discounted
@@ -62,6 +62,12 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
 /// Makes the views of the used frames and of those that are held out.
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
+/// Turns views that number a chessboard or a grid from the other end than the others of their frame, held-out ones too.
+void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* report);
+
+/// Moves the solution so that the board of the wanted frame defines the world.
+bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report);
+
 /// The cameras whose lenses, or poses, are held: one flag per camera.
 std::vector<bool> HeldCameras(const std::vector<HeldPart>& fix, HeldPart::What what, const std::vector<CameraInput>& cameras);
 
@@ -71,7 +77,8 @@ bool CalibrateLenses(const CalibrateInput& input, const CalibrateOptions& option
                      CalibrateReport* report);
 
 /// Solves one camera alone under a lens, without an initial guess.
-MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views, const BundleOptions& options);
+MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views,
+                        const BundleOptions& options);
 
 /// Standard deviation of a corner of weight 1 in a camera's separate solution; a typical value where it has none.
 double SigmaOf(const MonoSolution& mono);
@@ -94,7 +101,8 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
 
 /// Finds cameras that moved and lenses that changed (CalibrateOptions::motions); stores them in `solved`.
-void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run, CalibrateReport* solved);
+void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                    CalibrateReport* solved);
 
 /// The cameras outside the largest of these groups where it holds more than half of all; empty where it does not.
 std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups);
@@ -112,7 +120,8 @@ BundleReport SolveWithTimeOffsets(Work* work);
 
 /// Stores covariances and time offsets in the rig. Unknown are the covariances of a camera without corners and of what
 /// `fix` holds at a calibration that states none; the frame itself is exact.
-void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig);
+void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work,
+                                geometry::Rig* rig);
 
 /// A corner of a held-out frame.
 struct RigError {

@@ -150,14 +150,14 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
 
 void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
   const char* name = camera.name.c_str();
-  if (camera.num_places < kWarnViews) {
+  if (camera.num_places < kWarnViews && !camera.lens_held) {
     const bool repeated = camera.num_places < camera.num_views;
     out->Warn("CAL-FEWVIEWS",
               Format("camera %s: only %d boards", name, camera.num_views) +
                   (repeated ? Format(" in %d places", camera.num_places) : ""),
               Format("%d places or more are better", kWarnViews));
   }
-  if (camera.coverage < kWarnCoverage) {
+  if (camera.coverage < kWarnCoverage && !camera.lens_held) {
     out->Warn("CAL-LOWCOV", Format("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
   }
   // Beyond the circle of a wide lens there is no picture.

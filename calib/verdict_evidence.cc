@@ -13,6 +13,7 @@ constexpr double kWarnRejected = 0.10, kFailRejected = 0.40;  // of a camera's c
 constexpr double kWarnLost = 0.05;                            // of its boards
 constexpr double kFailRatio = 6, kFailExcessPx = 2;           // of a contradiction
 constexpr double kFailMotionPx = 1;
+constexpr double kFailHeldRatio = 3, kFailHeldPx = 0.5;  // of a held lens against the corners' noise
 constexpr double kMinReadoutSigmas = 5, kWarnReadoutPx = 0.3, kFailReadoutPx = 3;
 // Held-out corners beyond 5 px: as for a camera by itself.
 constexpr double kWarnGross = 0.005, kFailGross = 0.05;
@@ -121,6 +122,27 @@ void JudgeAssumed(const CameraReport& camera, Judgement* out) {
               "film more boards with it: tilted, near as well as far");
 }
 
+/// The boards' corners against a lens that they did not determine, and against no lens at all.
+void JudgeHeldLens(const CameraReport& camera, double scale, bool in_rig, Judgement* out) {
+  if (!camera.lens_held) return;
+  const char* name = camera.name.c_str();
+  const double excess = camera.rms_px - camera.smooth_rms_px, ratio = camera.rms_px / camera.smooth_rms_px;
+  const std::string text = Format(
+      "camera %s: with the held lens its corners are %.2f px off, and %.2f px without what varies smoothly over the boards",
+      name, camera.rms_px, camera.smooth_rms_px);
+  const char* const hint = "is it the lens of this camera at this setting, and the board as described?";
+  if (ratio > kFailHeldRatio && excess > kFailHeldPx * scale) {
+    out->Fail("CAL-HELD", text, hint);
+  } else if (ratio > kContradictsRatio && excess > kContradictsPx * scale) {
+    out->Warn("CAL-HELD", text, hint);
+  }
+  if (in_rig && camera.num_places < 2)
+    out->Warn(
+        "CAL-NOHOLDOUT",
+        Format("camera %s: its lens was held and its pose comes from one place of a board: no other view confirms it", name),
+        "show it the board in a second place, or check the rig with another recording (calib eval)");
+}
+
 void JudgeMissing(const CalibrateReport& report, Judgement* out) {
   size_t missing = 0;
   for (const CameraReport& camera : report.cameras) missing += !std::isfinite(camera.holdout_rms_px);
@@ -208,7 +230,13 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     JudgeReadout(camera, scale, out);
     JudgeSize(camera, out);
     JudgeAssumed(camera, out);
+    JudgeHeldLens(camera, scale, report.cameras.size() > 1, out);
   }
+  for (const TurnedCamera& camera : report.turned)
+    out->Warn("CAL-NUMBERING",
+              Format("camera %s numbers the board's corners from the other end in %d of %d views; they were turned round",
+                     camera.camera.c_str(), camera.num_turned, camera.num_views),
+              "use a board with an odd and an even number of corners, or one with markers");
   for (const NumberingFault& fault : report.numbering)
     out->Fail("CAL-NUMBERING", ToString(fault),
               "number the board's corners alike in all cameras; boards that look the same after half a turn "

@@ -30,7 +30,8 @@ float BoardPainter::Print(double x_m, double y_m) const {
   return kInk + (kPaper - kInk) * grey / 255;
 }
 
-BoardPainter::Box BoardPainter::PixelBox(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera) const {
+BoardPainter::Box BoardPainter::PixelBox(const geometry::Rigid3& world_from_board, double z_m,
+                                         const geometry::RigCamera& camera) const {
   const geometry::Projector projector(camera.camera);
   const geometry::Rigid3 cam_from_board = camera.cam_from_world * world_from_board;
   const int width = camera.camera.width_px, height = camera.camera.height_px;
@@ -41,7 +42,7 @@ BoardPainter::Box BoardPainter::PixelBox(const geometry::Rigid3& world_from_boar
     const double t = (i % kSteps) / static_cast<double>(kSteps);
     const Eigen::Vector2d corners[4] = {low_m_, {high_m_[0], low_m_[1]}, high_m_, {low_m_[0], high_m_[1]}};
     const Eigen::Vector2d at = (1 - t) * corners[i / kSteps] + t * corners[(i / kSteps + 1) % 4];
-    const geometry::Projection p = projector.Project(cam_from_board * Eigen::Vector3d(at[0], at[1], 0));
+    const geometry::Projection p = projector.Project(cam_from_board * Eigen::Vector3d(at[0], at[1], z_m));
     if (p.status != Status::kOk) {
       ++failed;
       continue;
@@ -59,10 +60,11 @@ void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry
                         int samples, Image* picture) const {
   const Eigen::Matrix3d board_from_world = world_from_board.rotation.toRotationMatrix().transpose();
   const Eigen::Vector3d eye = board_from_world * (camera.CenterInWorld() - world_from_board.translation);
-  const bool printed_side = eye[2] < 0;
-  const Eigen::Vector3d normal_in_world = world_from_board.rotation * Eigen::Vector3d(0, 0, printed_side ? -1 : 1);
+  const bool front = eye[2] < 0, printed_side = front || board_.back_m;
+  const double z_m = front ? 0 : board_.back_m.value_or(0);
+  const Eigen::Vector3d normal_in_world = world_from_board.rotation * Eigen::Vector3d(0, 0, front ? -1 : 1);
   const float light = static_cast<float>(0.80 + 0.20 * std::max(0.0, normal_in_world.dot(Eigen::Vector3d(0.3, -0.4, 0.87))));
-  const Box box = PixelBox(world_from_board, camera);
+  const Box box = PixelBox(world_from_board, z_m, camera);
   for (int y = box.y0; y <= box.y1; ++y) {
     for (int x = box.x0; x <= box.x1; ++x) {
       float sum = 0;
@@ -71,7 +73,7 @@ void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry
         const Eigen::Vector3f ray =
             rays.Direction(x, y, (s % samples + 0.5) / samples - 0.5, (s / samples + 0.5) / samples - 0.5);
         const Eigen::Vector3d direction = board_from_world * ray.cast<double>();
-        const double depth = -eye[2] / direction[2];
+        const double depth = (z_m - eye[2]) / direction[2];
         if (!(depth > 0) || !std::isfinite(depth)) continue;
         const double u = eye[0] + depth * direction[0], v = eye[1] + depth * direction[1];
         if (u < low_m_[0] || v < low_m_[1] || u > high_m_[0] || v > high_m_[1]) continue;

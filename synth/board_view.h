@@ -13,7 +13,7 @@ class BoardPainter {
   explicit BoardPainter(const calib::Board& board);
 
   /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples per pixel. The back is
-  /// plain card.
+  /// plain card, or that of a two-sided board.
   void Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
             Image* picture) const;
 
@@ -21,7 +21,8 @@ class BoardPainter {
   struct Box {
     int x0, y0, x1, y1;
   };
-  Box PixelBox(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera) const;
+  /// Around the side at this depth behind the front.
+  Box PixelBox(const geometry::Rigid3& world_from_board, double z_m, const geometry::RigCamera& camera) const;
   float Print(double x_m, double y_m) const;
 
   calib::Board board_;

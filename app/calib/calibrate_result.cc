@@ -21,6 +21,7 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["model"] = std::string(geometry::ToString(camera.model));
   json["model_reason"] = camera.model_reason;
   if (!camera.given_up.empty()) json["given_up"] = camera.given_up;
+  if (camera.lens_held) json["lens_held"] = true, json["smooth_rms_px"] = FiniteOrNull(camera.smooth_rms_px);
   json["num_params"] = camera.num_params;
   json["focal_px"] = FiniteOrNull(camera.focal_px);
   json["focal_sigma_px"] = FiniteOrNull(camera.focal_sigma_px);
@@ -232,6 +233,8 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
                       {"volume_max_mm", FiniteOrNull(report.uncertainty.volume_max_mm)},
                       {"cameras", CameraUncertainties(report)}};
   m["motions"] = Motions(report);
+  if (!report.turned.empty()) m["turned_views"] = ordered_json::object();
+  for (const calib::TurnedCamera& camera : report.turned) m["turned_views"][camera.camera] = camera.num_turned;
   m["film_next"] = FilmHints(report);
   FillBoards(report, metrics);
   m["model_selection"] = Selection(report);

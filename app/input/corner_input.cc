@@ -35,6 +35,9 @@ void FlipCorners(const std::vector<std::string>& mirrored, calib::CalibrateInput
     for (calib::Detection& detection : input->detections) {
       if (detection.camera_idx != camera - input->cameras.begin()) continue;
       detection.points_px.row(0) = (camera->width_px - 1.0) - detection.points_px.row(0).array();
+      const calib::Board& board = input->boards[static_cast<size_t>(detection.board_idx)];
+      for (int& id : detection.corner_ids)  // what ran mirrored was taken for the back
+        id = (id + (board.back_m ? board.num_side_corners() : 0)) % board.num_corners();
     }
   }
 }
@@ -46,9 +49,23 @@ void SayMirrored(const std::vector<std::string>& mirrored, CommandResult* result
                               "flip their footage left-right before other commands read it"});
 }
 
+/// Two boards with a mark in common cannot be told apart.
+void RequireDistinct(const std::vector<calib::Board>& boards) {
+  for (size_t a = 0; a < boards.size(); ++a) {
+    for (size_t b = a + 1; b < boards.size(); ++b) {
+      const std::string shared = calib::SharedMarks(boards[a], boards[b]);
+      if (shared.empty()) continue;
+      throw UsageError("the boards " + calib::ToString(boards[a]) + " and " + calib::ToString(boards[b]) + " share " + shared +
+                       ": print them with other ids (first=ID) or another dictionary; a back that shows the front in a "
+                       "mirror is one board with two-sided=THICKNESS");
+    }
+  }
+}
+
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
+  RequireDistinct(boards);
   std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
   if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
   MarkMirrored(arguments.mirrored, &footage);

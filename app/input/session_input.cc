@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <sstream>
 
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
@@ -80,7 +81,9 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
   if (corners->boards.empty()) {
     if (session.board.empty())
       throw UsageError(session.folder + "/mvstudio.toml names no board: add board = \"…\", or give option 'board'");
-    corners->boards.push_back(calib::ParseBoard(dataset::BoardWithUnits(session.board, session.units)));
+    std::istringstream boards(session.board);
+    for (std::string board; boards >> board;)
+      corners->boards.push_back(calib::ParseBoard(dataset::BoardWithUnits(board, session.units)));
   }
   if (!corners->cameras.empty() || !corners->corners.empty()) return;
   const dataset::SessionTake& take = BoardTake(session, arguments.take);

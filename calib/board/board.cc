@@ -17,10 +17,11 @@ namespace mvstudio::calib {
 
 const char* const kBoardForms =
     "chessboard:COLSxROWS:SQUARE (INNER corners), "
-    "charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy][:inverted] (squares), "
+    "charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy][:inverted][:first=ID] (squares), "
     "aprilgrid:COLSxROWS:SIDE:GAP/SIDE[:FAMILY][:first=ID][:border=CELLS] (tags, Kalibr's layout), "
     "tag:FAMILY:ID:SIDE[:border=CELLS] (one AprilTag) or "
-    "grid:COLSxROWS:STEP (points, for corner files); "
+    "grid:COLSxROWS:STEP (points, for corner files); charuco and aprilgrid with the same print in a mirror on the back: "
+    "[:two-sided=THICKNESS]; "
     "e.g. chessboard:9x6:25mm, charuco:8x6:60mm:45mm:4x4_1000, aprilgrid:6x6:88mm:0.3:36h11, tag:36h11:7:100mm";
 
 namespace {
@@ -52,14 +53,21 @@ double LeadingNumber(const std::string& text, const std::string& board, std::str
   return value;
 }
 
-double ParseLength(const std::string& text, const std::string& board) {
+/// Metres.
+double ParseDistance(const std::string& text, const std::string& board) {
   std::string unit;
   const double value = LeadingNumber(text, board, &unit);
   const std::map<std::string, double> units = {{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}, {"in", 0.0254}};
   const auto known = units.find(unit);
   if (known == units.end()) Fail(board, "the length '" + text + "' needs a unit mm, cm, m or in");
   const double metres = value * known->second;
-  if (!(metres > 0) || !std::isfinite(metres)) Fail(board, "the length '" + text + "' must be positive");
+  if (!(metres >= 0) || !std::isfinite(metres)) Fail(board, "the length '" + text + "' must be positive");
+  return metres;
+}
+
+double ParseLength(const std::string& text, const std::string& board) {
+  const double metres = ParseDistance(text, board);
+  if (metres == 0) Fail(board, "the length '" + text + "' must be positive");
   return metres;
 }
 
@@ -80,10 +88,34 @@ void ParseGridSize(const std::string& text, const std::string& board, int least,
   }
 }
 
+/// The value of a part `key=value`, or nothing.
+const char* ValueOf(const std::string& part, const std::string& key) {
+  return part.rfind(key + "=", 0) == 0 ? part.c_str() + key.size() + 1 : nullptr;
+}
+
+/// The parts that boards with markers have in common; false when `part` is none of them.
+bool ParseMarkerPart(const std::string& part, const std::string& text, Board* board) {
+  const char* first = ValueOf(part, "first");
+  const char* back = ValueOf(part, "two-sided");
+  if (first) board->first_tag = ParseCount(first, text, 0, 99999);
+  if (back) board->back_m = ParseDistance(back, text);
+  if (part == "two-sided") Fail(text, "how thick is it? two-sided=3mm, or two-sided=0mm when it is printed through");
+  return first || back;
+}
+
+void CheckMarkers(const Board& board, const std::string& text) {
+  const int index = DictionaryIndex(board.dictionary);
+  if (index < 0) Fail(text, "unknown dictionary '" + board.dictionary + "'");
+  const int available = cv::aruco::getPredefinedDictionary(index)->bytesList.rows;
+  if (board.first_tag + static_cast<int>(MarkerSquares(board).size()) > available) {
+    Fail(text, "dictionary " + board.dictionary + " has only " + std::to_string(available) + " markers");
+  }
+}
+
 Board ParseCharuco(const Parts& parts, const std::string& text) {
   Board board;
   board.kind = Board::Kind::kCharuco;
-  if (parts.size() < 4 || parts.size() > 7) Fail(text, "a ChArUco board has 4 to 7 parts");
+  if (parts.size() < 4 || parts.size() > 9) Fail(text, "a ChArUco board has 4 to 9 parts");
   ParseGridSize(parts[1], text, 2, &board);
   if (board.cols < 3 || board.rows < 3) Fail(text, "a ChArUco board needs at least 3x3 squares");
   board.cols -= 1, board.rows -= 1;
@@ -95,22 +127,12 @@ Board ParseCharuco(const Parts& parts, const std::string& text) {
       board.legacy = true;
     } else if (parts[i] == "inverted") {
       board.inverted = true;
-    } else {
+    } else if (!ParseMarkerPart(parts[i], text, &board)) {
       board.dictionary = parts[i];
     }
   }
-  const int index = DictionaryIndex(board.dictionary);
-  if (index < 0) Fail(text, "unknown dictionary '" + board.dictionary + "'");
-  const int available = cv::aruco::getPredefinedDictionary(index)->bytesList.rows;
-  if (static_cast<int>(MarkerSquares(board).size()) > available) {
-    Fail(text, "dictionary " + board.dictionary + " has only " + std::to_string(available) + " markers");
-  }
+  CheckMarkers(board, text);
   return board;
-}
-
-/// The value of a part `key=value`, or nothing.
-const char* ValueOf(const std::string& part, const std::string& key) {
-  return part.rfind(key + "=", 0) == 0 ? part.c_str() + key.size() + 1 : nullptr;
 }
 
 void CheckTags(const Board& board, const std::string& text) {
@@ -131,7 +153,7 @@ Board ParseAprilGrid(const Parts& parts, const std::string& text) {
   Board board;
   board.kind = Board::Kind::kAprilGrid;
   board.dictionary = "36h11";
-  if (parts.size() < 4 || parts.size() > 7) Fail(text, "an AprilGrid has 4 to 7 parts");
+  if (parts.size() < 4 || parts.size() > 8) Fail(text, "an AprilGrid has 4 to 8 parts");
   ParseGridSize(parts[1], text, 1, &board);
   board.square_m = ParseLength(parts[2], text);
   std::string rest;
@@ -141,11 +163,9 @@ Board ParseAprilGrid(const Parts& parts, const std::string& text) {
   }
   int border = 0;
   for (size_t i = 4; i < parts.size(); ++i) {
-    if (const char* first = ValueOf(parts[i], "first")) {
-      board.first_tag = ParseCount(first, text, 0, 99999);
-    } else if (const char* width = ValueOf(parts[i], "border")) {
+    if (const char* width = ValueOf(parts[i], "border")) {
       border = ParseCount(width, text, 1, 2);
-    } else {
+    } else if (!ParseMarkerPart(parts[i], text, &board)) {
       board.dictionary = parts[i];
     }
   }
@@ -185,6 +205,16 @@ std::string Number(double value) { return Format("%.10g", value); }
 
 std::string Millimetres(double length_m) { return Number(length_m * 1e3) + "mm"; }
 
+/// Tags have families of their own; a smaller dictionary of ArUco markers is the beginning of a larger one (4x4_50, 4x4_1000).
+std::string FamilyOf(const Board& board) {
+  const bool numbered = !board.has_tags() && board.dictionary.find('x') != std::string::npos;
+  return numbered ? board.dictionary.substr(0, board.dictionary.find('_')) : board.dictionary;
+}
+
+int NumMarks(const Board& board) {
+  return board.has_tags() ? board.cols * board.rows : static_cast<int>(MarkerSquares(board).size());
+}
+
 std::string Size(int cols, int rows) { return std::to_string(cols) + "x" + std::to_string(rows); }
 
 }  // namespace
@@ -202,17 +232,18 @@ Board ParseBoard(const std::string& text) {
 
 std::string ToString(const Board& board) {
   const std::string border = ":border=" + std::to_string(board.tag_border);
+  const std::string first = board.first_tag ? ":first=" + std::to_string(board.first_tag) : "";
+  const std::string back = board.back_m ? ":two-sided=" + Millimetres(*board.back_m) : "";
   switch (board.kind) {
     case Board::Kind::kCharuco:
       return "charuco:" + Size(board.cols + 1, board.rows + 1) + ":" + Millimetres(board.square_m) + ":" +
              Millimetres(board.marker_m) + ":" + board.dictionary + (board.legacy ? ":legacy" : "") +
-             (board.inverted ? ":inverted" : "");
+             (board.inverted ? ":inverted" : "") + first + back;
     case Board::Kind::kAprilGrid: {
       const auto family = FindTagFamily(board.dictionary);
       const int usual = family && family->white_inside ? 1 : 2;
       return "aprilgrid:" + Size(board.cols, board.rows) + ":" + Millimetres(board.square_m) + ":" + Number(board.tag_spacing) +
-             ":" + board.dictionary + (board.first_tag ? ":first=" + std::to_string(board.first_tag) : "") +
-             (board.tag_border == usual ? "" : border);
+             ":" + board.dictionary + first + (board.tag_border == usual ? "" : border) + back;
     }
     case Board::Kind::kTag:
       return "tag:" + board.dictionary + ":" + std::to_string(board.first_tag) + ":" + Millimetres(board.square_m) +
@@ -225,7 +256,7 @@ std::string ToString(const Board& board) {
   }
 }
 
-int Board::num_corners() const {
+int Board::num_side_corners() const {
   switch (kind) {
     case Kind::kAprilGrid:
       return 4 * cols * rows;
@@ -240,8 +271,9 @@ int Board::num_corners() const {
 
 Eigen::Matrix3Xd CornersInBoard(const Board& board) {
   if (board.kind == Board::Kind::kPoints) return board.points;
+  const int side = board.num_side_corners();
   Eigen::Matrix3Xd corners(3, board.num_corners());
-  for (int i = 0; i < board.num_corners(); ++i) {
+  for (int i = 0; i < side; ++i) {
     if (board.has_tags()) {
       const int tag = i / 4, k = i % 4;
       const double pitch = 1 + board.tag_spacing;
@@ -251,7 +283,26 @@ Eigen::Matrix3Xd CornersInBoard(const Board& board) {
       corners.col(i) = Eigen::Vector3d(i % board.cols, i / board.cols, 0) * board.square_m;
     }
   }
+  if (!board.back_m) return corners;
+  corners.rightCols(side) = corners.leftCols(side);
+  corners.rightCols(side).row(2).setConstant(*board.back_m);
   return corners;
+}
+
+Board FrontOf(Board board) {
+  board.back_m.reset();
+  return board;
+}
+
+std::string SharedMarks(const Board& a, const Board& b) {
+  const bool tags = a.has_tags() && b.has_tags();
+  const bool markers = a.kind == Board::Kind::kCharuco && b.kind == Board::Kind::kCharuco;
+  if (!tags && !markers) return a.kind == b.kind && ToString(a) == ToString(b) ? "everything" : "";
+  if (FamilyOf(a) != FamilyOf(b)) return "";
+  const int first = std::max(a.first_tag, b.first_tag);
+  const int last = std::min(a.first_tag + NumMarks(a), b.first_tag + NumMarks(b)) - 1;
+  if (first > last) return "";
+  return (tags ? "tags " : "markers ") + std::to_string(first) + " to " + std::to_string(last) + " of " + FamilyOf(a);
 }
 
 }  // namespace mvstudio::calib

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 
 #include "core/image.h"
@@ -17,6 +18,9 @@ namespace mvstudio::calib {
 /// BOTTOM as Kalibr prints them. Its corners are 4 n + k with k = 0 bottom left, 1 bottom right, 2 top right, 3 top left
 /// of the upright tag. The origin is the bottom left corner of tag 0, so y is negative on the rest of the board. A point
 /// (x, y, z) is (x, -y, -z) in Kalibr's frame.
+///
+/// Two-sided (charuco, aprilgrid): the back carries the same print in a mirror, so that corner i of the back lies behind
+/// corner i of the front, at z = back_m. Its number is num_side_corners() + i.
 struct Board {
   enum class Kind {
     kChessboard,
@@ -34,14 +38,16 @@ struct Board {
   double marker_m = 0;  ///< charuco: side of a marker, metres
   std::string dictionary = "4x4_1000";  ///< charuco: OpenCV's predefined dictionary, lower case without DICT_; aprilgrid and
                                         ///< tag: the AprilTag family without "tag", e.g. 36h11
-  bool legacy = false;      ///< charuco: layout of OpenCV before 4.6 (differs for an even number of squares per column)
-  bool inverted = false;    ///< charuco: black and white exchanged
-  double tag_spacing = 0;   ///< aprilgrid: gap between tags over the side of a tag
-  int first_tag = 0;        ///< aprilgrid and tag: id of the first tag
-  int tag_border = 1;       ///< aprilgrid and tag: width of the black border in cells (classic families); Kalibr prints 2
-  Eigen::Matrix3Xd points;  ///< kPoints: (3, N) metres
+  bool legacy = false;           ///< charuco: layout of OpenCV before 4.6 (differs for an even number of squares per column)
+  bool inverted = false;         ///< charuco: black and white exchanged
+  double tag_spacing = 0;        ///< aprilgrid: gap between tags over the side of a tag
+  int first_tag = 0;             ///< charuco, aprilgrid and tag: id of the first marker or tag
+  int tag_border = 1;            ///< aprilgrid and tag: width of the black border in cells (classic families); Kalibr prints 2
+  std::optional<double> back_m;  ///< charuco and aprilgrid with two sides: distance of the back, 0 or more
+  Eigen::Matrix3Xd points;       ///< kPoints: (3, N) metres
 
-  int num_corners() const;
+  int num_corners() const { return num_side_corners() * (back_m ? 2 : 1); }
+  int num_side_corners() const;
   bool has_tags() const { return kind == Kind::kAprilGrid || kind == Kind::kTag; }
 };
 
@@ -60,8 +66,14 @@ std::string ToString(const Board& board);
 /// Corner positions in the frame board, metres, (3, num_corners()).
 Eigen::Matrix3Xd CornersInBoard(const Board& board);
 
-/// Renders the printed side in grey. One square (a tag's side) is `px_per_square` pixels; the white margin on all sides is
-/// `margin_squares` squares. Every pixel is the exact mean over its area.
+/// The board without its back.
+Board FrontOf(Board board);
+
+/// What two boards have in common that makes them one for a detector, in words: a range of markers or tags. Empty: nothing.
+std::string SharedMarks(const Board& a, const Board& b);
+
+/// Renders the printed side, of two-sided boards the front, in grey. One square (a tag's side) is `px_per_square` pixels; the
+/// white margin on all sides is `margin_squares` squares. Every pixel is the exact mean over its area.
 ///
 /// Board coordinates (x, y) of image pixel (u, v), with `low_m` of PrintOf(board) in print.h: x = low_m.x + ((u + 0.5) /
 /// px_per_square - margin_squares) * square_m, same for y. For chessboard and charuco low_m = (-square_m, -square_m). Not

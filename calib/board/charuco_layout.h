@@ -16,8 +16,8 @@ struct Square {
 /// with an even number of rows of squares.
 bool IsBlack(const Board& board, Square square);
 
-/// The squares that carry markers (the white ones), row by row; the marker's id is the position in this list. Empty for a
-/// chessboard.
+/// The squares that carry markers (the white ones), row by row; the marker's id is Board::first_tag plus the position in this
+/// list. Empty for a chessboard.
 std::vector<Square> MarkerSquares(const Board& board);
 
 /// Index of OpenCV's predefined dictionary called `name` (`4x4_50` … `apriltag_36h11`), or -1.

@@ -174,6 +174,9 @@ bool FitsPaper(const Board& board, const BoardDrawOptions& options) {
 }
 
 BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
+  if (options.back && !board.back_m)
+    throw UsageError("board " + ToString(board) +
+                     " has one side: option 'back' draws that of a board with two-sided=THICKNESS");
   const BoardPrint print = PrintOf(board);
   const Needed needed = NeededFor(print);
   const auto& [size, quiet, width, height] = needed;
@@ -185,11 +188,12 @@ BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
   page.board_y = (page.height - height) / 2 + quiet;
   for (const PrintRect& r : print.black) {
     const Eigen::Vector2d low = (r.low - print.low_m) * 1e3, extent = (r.high - r.low) * 1e3;
-    page.rects.push_back({page.board_x + low.x(), page.board_y + low.y(), extent.x(), extent.y()});
+    const double x = options.back ? size.x() - low.x() - extent.x() : low.x();
+    page.rects.push_back({page.board_x + x, page.board_y + low.y(), extent.x(), extent.y()});
   }
   const double left = (page.width - width) / 2 + 3, below = page.board_y + size.y() + quiet;
   AddRuler(left, below, &page);
-  AddLine(ToString(board), left, below + 9, width - 6, &page);
+  AddLine(ToString(board) + (options.back ? ", back" : ""), left, below + 9, width - 6, &page);
   AddLine("print at 100 % (do not fit to the page); the ruler must measure 100 mm", left, below + 13, width - 6, &page);
   return page;
 }

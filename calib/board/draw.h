@@ -22,7 +22,9 @@ void FromString(const std::string& text, Paper* paper);
 
 struct BoardDrawOptions {
   Paper paper = Paper::kA4;
-  double dpi = 300;  ///< of PNG files
+  double dpi = 300;   ///< of PNG files
+  bool back = false;  ///< of a two-sided board: the print in a mirror, for a duplex printer that turns the sheet about its long
+                      ///< edge
 };
 
 template <class Visitor>
@@ -30,6 +32,7 @@ void VisitFields(Visitor&& visit, BoardDrawOptions& o) {
   visit("paper", o.paper,
         "a4, a3, a2, a1, letter (rotated when the board fits better), or none: a page as large as the board needs");
   visit("dpi", o.dpi, "resolution of PNG files, pixels an inch");
+  visit("back", o.back, "draw the back of a two-sided board: the print in a mirror");
 }
 
 /// A page to be printed: millimetres, from the top left, y down. Black on white.
@@ -51,7 +54,7 @@ struct BoardPage {
 bool FitsPaper(const Board& board, const BoardDrawOptions& options);
 
 /// Places the board with its white margin, a ruler of 100 mm and a line that describes the board. Throws UsageError with
-/// the required size when the paper is too small.
+/// the required size when the paper is too small, and for the back of a board that has none.
 BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options);
 
 /// The page as file content: PDF 1.4 and SVG 1.1 with vectors at true scale, PNG with its resolution in the pHYs chunk.

@@ -19,11 +19,13 @@ bool IsRowByRow(const Board& board) {
   return board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kCharuco || board.kind == Board::Kind::kGrid;
 }
 
-/// Up to kMaxViews, evenly.
-std::vector<const Detection*> ViewsOf(int board, const std::vector<Detection>& detections) {
+/// Up to kMaxViews of the front, evenly: the back has the same columns and rows.
+std::vector<const Detection*> ViewsOf(int board, int num_side_corners, const std::vector<Detection>& detections) {
   std::vector<const Detection*> all, some;
   for (const Detection& d : detections) {
-    if (d.board_idx == board && d.points_px.cols() >= kMinCorners && d.points_px.allFinite()) all.push_back(&d);
+    const bool usable = d.board_idx == board && d.points_px.cols() >= kMinCorners && d.points_px.allFinite();
+    const auto on_back = [&](int id) { return id >= num_side_corners; };
+    if (usable && std::none_of(d.corner_ids.begin(), d.corner_ids.end(), on_back)) all.push_back(&d);
   }
   for (size_t i = 0; i < std::min(kMaxViews, all.size()); ++i)
     some.push_back(all[i * all.size() / std::min(kMaxViews, all.size())]);
@@ -88,7 +90,7 @@ std::string ToString(const LayoutFault& fault) {
 std::optional<LayoutFault> FindLayoutFault(const std::vector<Board>& boards, const std::vector<Detection>& detections) {
   constexpr size_t kMinViews = 3;
   for (int b = 0; b < static_cast<int>(boards.size()); ++b) {
-    const std::vector<const Detection*> views = ViewsOf(b, detections);
+    const std::vector<const Detection*> views = ViewsOf(b, boards[static_cast<size_t>(b)].num_side_corners(), detections);
     if (!IsRowByRow(boards[b]) || views.size() < kMinViews) continue;
     if (const auto fault = FaultOf(b, boards[b], views)) return fault;
   }

@@ -58,10 +58,10 @@ BoardPrint SquaresPrint(const Board& board) {
   if (board.kind != Board::Kind::kCharuco) return print;
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryIndex(board.dictionary));
   const std::vector<Square> squares = MarkerSquares(board);
-  for (size_t id = 0; id < squares.size(); ++id) {
+  for (size_t n = 0; n < squares.size(); ++n) {
     cv::Mat bits;
-    dictionary->drawMarker(static_cast<int>(id), dictionary->markerSize + 2, bits, 1);
-    AddMarker(bits, board, {(squares[id].col - 1) * side, (squares[id].row - 1) * side}, &print);
+    dictionary->drawMarker(board.first_tag + static_cast<int>(n), dictionary->markerSize + 2, bits, 1);
+    AddMarker(bits, board, {(squares[n].col - 1) * side, (squares[n].row - 1) * side}, &print);
   }
   return print;
 }

@@ -155,8 +155,8 @@ void NoteMirroredCameras(const std::vector<OrientationCount>& counts, CornerFile
         {"CAL-MIRRORED-CAMERA",
          "camera " + file->cameras[c].name + " sees the board mirrored in " + std::to_string(counts[c].mirrored) + " of " +
              std::to_string(views) + " views, other cameras do not",
-         "fine for a board printed through or on both sides; otherwise this camera's images are flipped: turn "
-         "its mirror mode off and film again"});
+         "fine for a board printed through or on both sides (how thick is said by two-sided=THICKNESS in option 'board'); "
+         "otherwise this camera's images are flipped: turn its mirror mode off and film again"});
   }
 }
 
@@ -188,9 +188,20 @@ bool Straighten(size_t board_idx, CornerFile* file) {
   return false;
 }
 
+/// Of a two-sided board, corners that run mirrored are those of the back.
+void PutOnBack(size_t board_idx, CornerFile* file) {
+  const Board& board = file->boards[board_idx];
+  if (!board.back_m) return;
+  for (Detection& detection : file->detections) {
+    if (detection.board_idx != static_cast<int>(board_idx) || ViewOrientation(board, detection) >= 0) continue;
+    for (int& id : detection.corner_ids) id = (id + board.num_side_corners()) % board.num_corners();
+  }
+}
+
 /// Renumbers boards that are mirrored in every view; notes cameras that see only the back.
 void CheckOrientation(CornerFile* file) {
   for (size_t b = 0; b < file->boards.size(); ++b) {
+    PutOnBack(b, file);
     const std::vector<OrientationCount> counts = CountOrientations(*file, b);
     const auto [mirrored, straight] = Sum(counts);
     if (mirrored == 0) continue;
@@ -225,7 +236,8 @@ int ViewOrientation(const Board& board, const Detection& detection) {
   };
   if (thin(xy) || thin(px)) return 0;
   const Eigen::Matrix2d affine = (px * xy.transpose()) * (xy * xy.transpose()).inverse();
-  return affine.determinant() < 0 ? -1 : 1;
+  const bool behind = board.back_m && detection.corner_ids[0] >= board.num_side_corners();
+  return (affine.determinant() < 0) != behind ? -1 : 1;
 }
 
 Board BoardFromPoints(const Eigen::Matrix3Xd& points) {

@@ -202,7 +202,7 @@ CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options) {
   if (!options.board) {
     throw UsageError(path + ": this corner file does not say what the board is; give option 'board', e.g. grid:10x10:77mm");
   }
-  const auto num_corners = static_cast<size_t>(options.board->num_corners());
+  const auto num_corners = static_cast<size_t>(options.board->num_side_corners());
   const std::vector<ImagePattern>& patterns = options.cameras;
   const VnlTable table = ReadTable(path);
   DetectionBuilder builder(path);

@@ -168,8 +168,9 @@ std::vector<Marker> PlaceMarkers(const Board& board, const FoundMarkers& found) 
   const double half = board.marker_m / (2 * board.square_m);
   std::vector<Marker> markers;
   for (const auto& [id, px] : found.px) {
-    if (id >= static_cast<int>(squares.size())) continue;
-    Marker marker{squares[id], 0, px, {}};
+    const int n = id - board.first_tag;
+    if (n < 0 || n >= static_cast<int>(squares.size())) continue;
+    Marker marker{squares[static_cast<size_t>(n)], 0, px, {}};
     const double x = marker.square.col - 0.5, y = marker.square.row - 0.5;
     marker.on_board << x - half, x + half, x + half, x - half, y - half, y - half, y + half, y + half;
     markers.push_back(marker);

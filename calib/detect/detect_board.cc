@@ -248,6 +248,26 @@ std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOption
   return result;
 }
 
+/// A corner of the image in a mirror as one of the back in the image itself.
+void MoveToBack(const Board& board, int width_px, Detection* detection) {
+  for (int& id : detection->corner_ids) id += board.num_side_corners();
+  detection->points_px.row(0) = width_px - 1.0 - detection->points_px.row(0).array();
+}
+
+/// The front, or where it is not there the back.
+std::vector<BoardDetection> DetectSides(const Board& board, const DetectOptions& given, MarkedImage* image,
+                                        MarkedImage* mirror) {
+  DetectOptions options = given;
+  options.check_mirror = false;
+  const auto seen = [](const BoardDetection& d) { return d.status == Status::kOk; };
+  std::vector<BoardDetection> front = DetectLayouts(FrontOf(board), options, image);
+  if (std::any_of(front.begin(), front.end(), seen)) return front;
+  std::vector<BoardDetection> back = DetectLayouts(FrontOf(board), options, mirror);
+  if (std::none_of(back.begin(), back.end(), seen)) return front;
+  for (BoardDetection& layout : back) MoveToBack(board, mirror->grey().width, &layout.detection);
+  return back;
+}
+
 }  // namespace
 
 Image FlippedLeftRight(const Image& image) {
@@ -331,10 +351,16 @@ std::vector<std::vector<BoardDetection>> DetectBoards(const std::vector<Board>& 
                                                       const DetectOptions& options) {
   MVS_CHECK(image.channels == 1 || image.channels == 3, image.channels << " channels");
   MarkedImage marked(ToGrey(image));
+  std::optional<MarkedImage> mirror;
   std::vector<std::vector<BoardDetection>> result;
   for (const Board& board : boards) {
     if (board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kPoints) {
       throw UsageError("board " + ToString(board) + " cannot be searched in images: its corners come from files");
+    }
+    if (board.back_m) {
+      if (!mirror) mirror.emplace(FlippedLeftRight(marked.grey()));
+      result.push_back(DetectSides(board, options, &marked, &*mirror));
+      continue;
     }
     result.push_back(board.kind == Board::Kind::kChessboard
                          ? std::vector<BoardDetection>{DetectChessboard(board, marked.grey(), options)}

@@ -51,7 +51,7 @@ struct BoardDetection {
 /// The numbering of a chessboard is unique only when one of its two numbers of corners is odd and the other even (see
 /// HasUniqueNumbering). For a ChArUco board with an ambiguous layout (see LayoutsOf), the layout that fits better is
 /// taken. AprilGrids are read with either border width. A mirrored image is refused with that reason, but a mirrored
-/// chessboard cannot be recognised.
+/// chessboard cannot be recognised. Of a two-sided board the side in view is found.
 BoardDetection DetectBoard(const Board& board, const Image& image, const DetectOptions& options = {});
 
 /// The layouts that `board` may stand for. ChArUco: itself, with the legacy layout when that differs, and both with black

@@ -1,5 +1,6 @@
 #include "calib/points/align_rig.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "calib/board/floor.h"
@@ -84,6 +85,13 @@ std::string GaugeAfter(const std::string& new_world, const std::string& old_gaug
 RigAlignment AlignToBoard(const geometry::Rig& rig, const CalibrateInput& input, int64_t frame) {
   const ScenePoints points = PointsOfBoard(rig, input, frame);
   if (points.clicks.empty()) throw UsageError("no camera of the calibration sees the board in frame " + std::to_string(frame));
+  const int side = input.boards.at(0).num_side_corners();
+  const bool back =
+      std::any_of(points.clicks.begin(), points.clicks.end(), [&](const auto& click) { return click.point_idx >= side; });
+  if (back)
+    return Refuse(Status::kDegenerate,
+                  "the board shows its back in frame " + std::to_string(frame) + ": name one where it lies face up",
+                  static_cast<int>(points.clicks.size()));
   PointResectionOptions options;
   options.click_sigma_px = kCornerSigmaPx;
   RigAlignment out = PlaceRigid(rig, points, options);

@@ -98,12 +98,10 @@ std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board) {
     }
     return pairs;
   }
-  for (int row = 0; row < board.rows; ++row) {
-    for (int col = 0; col < board.cols; ++col) {
-      const int id = row * board.cols + col;
-      if (col + 1 < board.cols) pairs.emplace_back(id, id + 1);
-      if (row + 1 < board.rows) pairs.emplace_back(id, id + board.cols);
-    }
+  for (int id = 0; id < board.num_corners(); ++id) {
+    const int col = id % board.cols, row = id % board.num_side_corners() / board.cols;
+    if (col + 1 < board.cols) pairs.emplace_back(id, id + 1);
+    if (row + 1 < board.rows) pairs.emplace_back(id, id + board.cols);
   }
   return pairs;
 }

@@ -354,12 +354,17 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
 }
 
 void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
-                const std::vector<std::string>& camera_names, const std::vector<bool>& explained, FrameOffsets* offsets) {
+                const std::vector<Eigen::Matrix2Xd>& residuals_px, const std::vector<std::string>& camera_names,
+                const std::vector<bool>& explained, FrameOffsets* offsets) {
   if (offsets->kind != FrameOffsets::Kind::kInconsistent) return;
-  constexpr double kMostLost = 0.05;
+  constexpr double kMostLost = 0.05, kLostPx = 0.25;
   std::map<std::tuple<int, int, int>, bool> lost;  // by camera, frame and board
   for (size_t v = 0; v < views.size(); ++v) {
-    const Eigen::Index given = (prior[v].array() > 0).count(), kept = (views[v].weights.array() > 0).count();
+    Eigen::Index given = 0, kept = 0;
+    for (Eigen::Index i = 0; i < prior[v].size(); ++i) {
+      given += prior[v][i] > 0;
+      kept += prior[v][i] > 0 && (views[v].weights[i] > 0 || residuals_px[v].col(i).norm() < kLostPx);
+    }
     if (given > 0) lost[{views[v].camera_idx, views[v].frame, views[v].board}] = 2 * kept < given;
   }
   for (FramePair& pair : offsets->pairs) {

@@ -19,12 +19,12 @@ struct FrameOffsetOptions {
 struct FramePair {
   enum class Kind { kConsistent, kShifted, kInconsistent, kUndecided };
   Kind kind = Kind::kUndecided;
-  int a = 0, b = 0;         ///< cameras, a < b
-  int64_t shift = 0;        ///< b's frame f was taken with a's frame f + shift
-  int num_shared = 0;       ///< frames compared at that shift
-  double given_spread = 0;  ///< spread with the frames as given, see FindFrameOffsets
-  double best_spread = 0;   ///< spread with `shift`
-  double other_spread = 0;  ///< median spread over the other shifts: the level of unrelated frames
+  int a = 0, b = 0;              ///< cameras, a < b
+  int64_t shift = 0;             ///< b's frame f was taken with a's frame f + shift
+  int num_shared = 0;            ///< frames compared at that shift
+  double given_spread = 0;       ///< spread with the frames as given, see FindFrameOffsets
+  double best_spread = 0;        ///< spread with `shift`
+  double other_spread = 0;       ///< median spread over the other shifts: the level of unrelated frames
   std::vector<FrameStep> steps;  ///< of kInconsistent: drift of the numbers, see FindFrameSteps; empty: unknown
 };
 
@@ -60,10 +60,12 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
 
 /// Revises kInconsistent after a joint adjustment, because lenses from a few views of a single camera may be too poor for
 /// the measure above. A pair is consistent after all if both cameras are `explained` and, in nineteen of twenty views of
-/// shared boards, neither has lost more than half of the corners (weight 0 in `views`, positive in the initial weights
-/// `prior`).
+/// shared boards, neither has lost more than half of the corners. A lost corner has weight 0 in `views`, a positive one in the
+/// initial weights `prior`, and lies 0.25 px or more from its projection (`residuals_px`, 2 x N a view): below that, corners
+/// were rejected because the others are nearly perfect, and not for their time.
 void Reconsider(const std::vector<View>& views, const std::vector<Eigen::VectorXd>& prior,
-                const std::vector<std::string>& camera_names, const std::vector<bool>& explained, FrameOffsets* offsets);
+                const std::vector<Eigen::Matrix2Xd>& residuals_px, const std::vector<std::string>& camera_names,
+                const std::vector<bool>& explained, FrameOffsets* offsets);
 
 /// Adds the shifts to the frame numbers.
 void ApplyFrameOffsets(const FrameOffsets& offsets, std::vector<Detection>* detections);

@@ -49,11 +49,16 @@ struct Hypothesis {
   Rigid3 renumber;
 };
 
-std::vector<Hypothesis> Hypotheses(const Grid& grid) {
+/// About the middle of a board whose least and greatest coordinates sum up to `ends`.
+Rigid3 HalfTurn(const Eigen::Vector2d& ends) {
   Rigid3 turn;
   turn.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, kPi));
-  turn.translation << grid.low + grid.high, 0;
-  std::vector<Hypothesis> all = {{"turned by half a turn", turn}};
+  turn.translation << ends, 0;
+  return turn;
+}
+
+std::vector<Hypothesis> Hypotheses(const Grid& grid) {
+  std::vector<Hypothesis> all = {{"turned by half a turn", HalfTurn(grid.low + grid.high)}};
   const auto shift = [&](const char* what, double columns, double rows) {
     Rigid3 by;
     by.translation << grid.step * columns, grid.step * rows, 0;
@@ -133,7 +138,134 @@ std::vector<int> Culprits(const std::vector<PairFault>& faults, const std::map<i
   return {named.begin(), named.end()};
 }
 
+/// A frame that two cameras share.
+struct SharedFrame {
+  size_t a = 0, b = 0;  ///< views
+  int turned = -1;      ///< 1: they number the board from different ends, 0: from the same; -1: cannot be said
+};
+
+/// Distances of the boards from where a relative pose puts them: as numbered, and with one of the two turned.
+struct TurnDistances {
+  double same = 0, turned = 0;
+  double least() const { return std::min(same, turned); }
+};
+
+std::vector<TurnDistances> DistancesFor(const Rigid3& a_from_b, const std::vector<SharedFrame>& frames,
+                                        const std::vector<Rigid3>& poses, const Rigid3& turn, const Grid& grid) {
+  std::vector<TurnDistances> distances;
+  for (const SharedFrame& frame : frames) {
+    const Rigid3 from_b = a_from_b * poses[frame.b];
+    distances.push_back({Apart(poses[frame.a], from_b, grid), Apart(poses[frame.a] * turn, from_b, grid)});
+  }
+  return distances;
+}
+
+double MedianOfLeast(const std::vector<TurnDistances>& distances) {
+  std::vector<double> least;
+  for (const TurnDistances& d : distances) least.push_back(d.least());
+  return UpperMedian(std::move(least));
+}
+
+/// The frames that two cameras share, with what the relative pose that most of them agree on says. Frames as they are
+/// numbered come first: a board that does not move agrees with either.
+std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, const std::map<int, size_t>& views_b,
+                                      const std::vector<Rigid3>& poses, const Grid& grid) {
+  constexpr size_t kMinFrames = 3, kCandidates = 20;
+  std::vector<SharedFrame> frames;
+  for (const auto& [frame, a] : views_a) {
+    const auto b = views_b.find(frame);
+    if (b != views_b.end()) frames.push_back({a, b->second, -1});
+  }
+  if (frames.size() < kMinFrames) return {};
+  const Rigid3 turn = HalfTurn(grid.low + grid.high), none;
+  std::vector<TurnDistances> best;
+  double median = std::numeric_limits<double>::infinity();
+  for (const Rigid3& by : {none, turn}) {
+    const double limit = median / (best.empty() ? 1 : kClear);
+    const size_t count = std::min(kCandidates, frames.size());
+    for (size_t i = 0; i < count; ++i) {
+      const SharedFrame& frame = frames[i * frames.size() / count];
+      auto distances = DistancesFor(poses[frame.a] * by * Inverse(poses[frame.b]), frames, poses, turn, grid);
+      const double at = MedianOfLeast(distances);
+      if (at < std::min(limit, median)) median = at, best = std::move(distances);
+    }
+  }
+  if (!(median < kMaxMended)) return {};
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const TurnDistances& d = best[i];
+    const bool clear = d.least() < kMaxMended && kClear * d.least() < std::max(d.same, d.turned);
+    if (clear) frames[i].turned = d.turned < d.same;
+  }
+  return frames;
+}
+
+/// The views of one frame that are linked to `first`, with 1 for those that are numbered from the other end than it; empty
+/// when the links contradict each other.
+std::map<size_t, int> LinkedTo(size_t first, const std::vector<SharedFrame>& links) {
+  std::map<size_t, int> ends = {{first, 0}};
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (const SharedFrame& link : links) {
+      if (link.turned < 0) continue;
+      const auto a = ends.find(link.a), b = ends.find(link.b);
+      if (a != ends.end() && b != ends.end() && (a->second ^ b->second) != link.turned) return {};
+      if ((a == ends.end()) == (b == ends.end())) continue;
+      grown = true;
+      a == ends.end() ? ends[link.a] = b->second ^ link.turned : ends[link.b] = a->second ^ link.turned;
+    }
+  }
+  return ends;
+}
+
+/// Of the views of one frame, the fewer that are numbered from one end; the later camera's where they are as many.
+void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& links, std::vector<bool>* turned) {
+  std::map<int, size_t> by_camera;
+  for (const SharedFrame& link : links)
+    by_camera[views[link.a].camera_idx] = link.a, by_camera[views[link.b].camera_idx] = link.b;
+  std::set<size_t> done;
+  for (const auto& [camera, view] : by_camera) {
+    if (done.count(view) > 0) continue;
+    const std::map<size_t, int> ends = LinkedTo(view, links);
+    size_t others = 0;
+    for (const auto& [linked, end] : ends) others += static_cast<size_t>(end), done.insert(linked);
+    const int fewer = 2 * others > ends.size() ? 0 : 1;
+    for (const auto& [linked, end] : ends) (*turned)[linked] = end == fewer;
+    done.insert(view);
+  }
+}
+
 }  // namespace
+
+std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board) {
+  std::vector<bool> turned(views.size(), false);
+  if (views.empty()) return turned;
+  const Grid grid = GridOf(views);
+  if (!(grid.step > 0) || !std::isfinite(grid.step)) return turned;
+  std::map<int, std::map<int, size_t>> of_camera;  // camera -> frame -> view
+  for (size_t v = 0; v < views.size(); ++v) of_camera[views[v].camera_idx][views[v].frame] = v;
+  std::map<int, std::vector<SharedFrame>> of_frame;
+  for (auto a = of_camera.begin(); a != of_camera.end(); ++a) {
+    for (auto b = std::next(a); b != of_camera.end(); ++b) {
+      for (const SharedFrame& shared : CompareTurns(a->second, b->second, cam_from_board, grid))
+        of_frame[views[shared.a].frame].push_back(shared);
+    }
+  }
+  for (const auto& [frame, shared] : of_frame) MarkTurned(views, shared, &turned);
+  return turned;
+}
+
+void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<bool>& turned, std::vector<View>* views,
+               std::vector<Rigid3>* cam_from_board) {
+  Eigen::Vector2d ends = board.topRows<2>().rowwise().minCoeff() + board.topRows<2>().rowwise().maxCoeff();
+  Rigid3 turn = HalfTurn(ends);
+  for (size_t v = 0; v < views->size(); ++v) {
+    if (!turned[v]) continue;
+    View& view = (*views)[v];
+    for (int& id : view.corner_ids) id = static_cast<int>(board.cols()) - 1 - id;
+    view.x_in_board.topRows<2>() = (-view.x_in_board.topRows<2>()).colwise() + ends;
+    (*cam_from_board)[v] = (*cam_from_board)[v] * turn;
+  }
+}
 
 std::string ToString(const NumberingFault& fault) {
   const std::string text = Format(": so renumbered, boards lie within %.1f %% of their size instead of %.0f %%",

@@ -1,9 +1,11 @@
 #include "calib/calibrate.h"
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
 
+#include "app/calib/board_places.h"
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
 #include "app/calib/lens_library.h"
@@ -15,6 +17,7 @@
 #include "calib/corners/corner_files.h"
 #include "calib/solvable.h"
 #include "cli/calib/calib.h"
+#include "cli/calib/earlier_world.h"
 #include "cli/calib/keypoints.h"
 #include "cli/calib/scene.h"
 #include "cli/program/commands.h"
@@ -94,20 +97,33 @@ void RequireSameSizes(const calib::CalibrateInput& input, const std::string& pat
                    "; for the same part of the sensor: mvstudio calib resize" + sizes);
 }
 
+geometry::Rig GivenLenses(const std::string& path, CommandResult* result) {
+  const calib::ImportedRig given = app::ReadCalibrationFiles({path}, {});
+  app::AddNotes(given.notes, result);
+  result->inputs.push_back(path);
+  return given.rig;
+}
+
+/// The library's lenses of the session's cameras.
+geometry::Rig LibraryLenses(const Arguments& arguments, CommandResult* result) {
+  if (arguments.session.session.empty()) throw UsageError("--lenses finds lenses by the serial numbers of a --session");
+  const dataset::Session session = dataset::ReadSession(arguments.session.session, arguments.session.allow_outside);
+  geometry::Rig lenses = app::LensesOf(app::ReadLensLibrary(arguments.lenses), session.cameras);
+  result->inputs.push_back(arguments.lenses);
+  if (lenses.cameras.empty())
+    throw UsageError(arguments.lenses + " has a lens of none of the cameras: check their serial in mvstudio.toml");
+  result->metrics["lenses_from_library"] = geometry::CameraNames(lenses);
+  return lenses;
+}
+
 /// Starts from a given calibration, or from the library's lenses of the session's cameras, which are then held.
 void FillStart(Arguments* arguments, calib::CalibrateInput* input, CommandResult* result) {
   if (!arguments->start.empty()) {
-    const calib::ImportedRig given = app::ReadCalibrationFiles({arguments->start}, {});
-    input->start = given.rig;
-    app::AddNotes(given.notes, result);
-    result->inputs.push_back(arguments->start);
+    input->start = GivenLenses(arguments->start, result);
     return RequireSameSizes(*input, arguments->start);
   }
   if (arguments->lenses.empty()) return;
-  if (arguments->session.session.empty()) throw UsageError("--lenses finds lenses by the serial numbers of a --session");
-  const dataset::Session session = dataset::ReadSession(arguments->session.session, arguments->session.allow_outside);
-  geometry::Rig lenses = app::LensesOf(app::ReadLensLibrary(arguments->lenses), session.cameras);
-  result->inputs.push_back(arguments->lenses);
+  const geometry::Rig lenses = LibraryLenses(*arguments, result);
   calib::HeldPart held;
   for (const calib::CameraInput& camera : input->cameras) {
     if (lenses.Find(camera.name) >= 0) held.cameras.push_back(camera.name);
@@ -120,6 +136,19 @@ void FillStart(Arguments* arguments, calib::CalibrateInput* input, CommandResult
   RequireSameSizes(*input, arguments->lenses);
 }
 
+CommandResult RunOnScene(const Arguments& arguments, CommandContext& context) {
+  CommandResult result;
+  geometry::Rig lenses;
+  if (!arguments.start.empty()) lenses = GivenLenses(arguments.start, &result);
+  if (!arguments.lenses.empty()) lenses = LibraryLenses(arguments, &result);
+  return RunScene(arguments.scene, lenses, arguments.corners.boards, arguments.out, context, std::move(result));
+}
+
+bool SeesNoBoard(const std::string& name, const calib::CalibrateInput& input) {
+  return std::none_of(input.detections.begin(), input.detections.end(),
+                      [&](const calib::Detection& d) { return input.cameras[static_cast<size_t>(d.camera_idx)].name == name; });
+}
+
 /// The cameras that could not be calibrated while others were.
 void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const app::CornerInput& corners, CommandResult* result) {
   ordered_json& rows = result->metrics["left_out"] = ordered_json::array();
@@ -129,8 +158,11 @@ void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const app::Co
       if (found.camera.name == camera.name && !found.failure.empty()) reason = found.failure;
     }
     rows.push_back({{"name", camera.name}, {"reason", reason}});
-    result->errors.push_back({"CAL-LEFTOUT", "camera " + camera.name + " is not calibrated: " + reason,
-                              "the others are written; film it again, or add it later with --start and --fix"});
+    std::string hint = "the others are written; film it again, or add it later with --start and --fix";
+    if (SeesNoBoard(camera.name, corners.input))
+      hint +=
+          "; if it looks at the back of the board, print one there too: --board twice, or two-sided=THICKNESS (docs/boards.md)";
+    result->errors.push_back({"CAL-LEFTOUT", "camera " + camera.name + " is not calibrated: " + reason, hint});
   }
   if (!left_out.empty() && result->exit == kExitOk) result->exit = kExitPartial;
 }
@@ -143,8 +175,20 @@ void AskForFloor(const std::string& gauge, bool in_session, const std::string& p
       "give --world board:FRAME with a frame where the board lies on the floor, or move the rig later: mvstudio "
       "calib align " +
       path + " --floor-board FRAME … or --floor-joints FOLDER";
+  const auto said = [](const app::Notice& warning) { return warning.code == "CAL-WORLD"; };
+  if (std::any_of(result->warnings.begin(), result->warnings.end(), said)) return;
   if (in_session) result->warnings.push_back({"CAL-WORLD", what, hint});
   if (!in_session) result->text += what + "; " + hint + "\n";
+}
+
+/// The world of the calibration that is replaced, unless another one is asked for.
+void FillWorld(const app::CornerInput& corners, Arguments* arguments, CommandResult* result) {
+  calib::WorldOrigin& world = arguments->calibrate.world;
+  if (world.board_frame || !world.camera.empty() || !arguments->start.empty() || arguments->calibrate.intrinsics_only) return;
+  const std::string pairing = app::PairingJson(arguments->corners.timeline.get())["by"];
+  std::vector<std::string> footage = PathsIn(arguments->corners.cameras);
+  if (!arguments->corners.corners.empty()) footage = {arguments->corners.corners};
+  KeepEarlierWorld(arguments->out, EarlierGauge(arguments->out), footage, corners, pairing, &world, result);
 }
 
 CommandResult Unsolved(const calib::CalibrateReport& report) {
@@ -167,8 +211,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   std::vector<std::string> names = {"calibration.json"};
   if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
-  if (UsesScene(arguments.scene))
-    return RunScene(arguments.scene, arguments.start, arguments.corners.boards, arguments.out, context);
+  if (UsesScene(arguments.scene)) return RunOnScene(arguments, context);
   CommandResult result;
   app::FillCorners(arguments.session, &arguments.corners, &result);
   arguments.corners.footage.all_cameras = false;
@@ -177,6 +220,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   RequireSizes(corners, arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
   FillStart(&arguments, &corners.input, &result);
+  FillWorld(corners, &arguments, &result);
   const calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
   const calib::CalibrateReport& report = solved.report;
   if (report.status != Status::kOk) {
@@ -194,8 +238,11 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
   result.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (report.rig.cameras.size() > 1) result.text = app::PairingText(arguments.corners.timeline.get());
+  if (report.rig.cameras.size() > 1) result.text += app::PairingText(arguments.corners.timeline.get());
   result.text += app::CalibrateSummary(report);
+  if (corners.input.boards.size() > 1)
+    result.metrics["boards"] = app::BoardPlacesJson(corners.input.boards, report.rig_from_board);
+  result.text += app::BoardPlacesText(corners.input.boards, report.rig_from_board);
   for (const auto& reason : report.verdict.reasons)
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments)});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;

@@ -68,6 +68,21 @@ void AddDifference(const geometry::RigDifference& difference, const Arguments& o
   }
 }
 
+/// metrics.cameras and a table: what is left of each camera's pose after the alignment.
+void AddCameras(const Rig& rig, const Rig& reference, const geometry::Rigid3& reference_from_rig, CommandResult* result) {
+  ordered_json& rows = result->metrics["cameras"] = ordered_json::array();
+  result->text += "camera         rotation deg  position mm\n";
+  for (const RigCamera& camera : reference.cameras) {
+    const RigCamera& other = rig.cameras[static_cast<size_t>(rig.Find(camera.camera.name))];
+    const geometry::Rigid3 cam_from_reference = other.cam_from_world * geometry::Inverse(reference_from_rig);
+    const double degrees = RadToDeg(cam_from_reference.rotation.angularDistance(camera.cam_from_world.rotation));
+    const double mm = 1e3 * (geometry::Inverse(cam_from_reference).translation - camera.CenterInWorld()).norm();
+    rows.push_back(
+        {{"name", camera.camera.name}, {"rotation_deg", FiniteOrNull(degrees)}, {"translation_mm", FiniteOrNull(mm)}});
+    result->text += Format("%-14s %12.4f  %11.3f\n", camera.camera.name.c_str(), degrees, mm);
+  }
+}
+
 std::vector<double> ParseMetres(const std::string& text) {
   std::vector<double> ranges;
   for (size_t start = 0; start <= text.size();) {
@@ -172,6 +187,7 @@ void ComparePoses(const Rig& rig, const Rig& reference, const Arguments& argumen
     return;
   }
   AddDifference(difference, arguments, result);
+  AddCameras(rig, reference, difference.reference_from_rig, result);
   result->text += std::to_string(rig.cameras.size()) + " cameras, after the best rigid alignment\n";
 }
 

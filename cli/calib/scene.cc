@@ -20,14 +20,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-geometry::Rig ReadStart(const std::string& start, CommandResult* result) {
-  if (start.empty()) return {};
-  const calib::ImportedRig given = app::ReadCalibrationFiles({start}, {});
-  app::AddNotes(given.notes, result);
-  result->inputs.push_back(start);
-  return given.rig;
-}
-
 void WriteCalibration(const geometry::Rig& rig, const std::string& out, CommandResult* result) {
   result->folder = out;
   const std::string path = out + "/calibration.json";
@@ -59,11 +51,12 @@ CommandResult Failed(CommandResult result, Status status, const std::string& mes
   return result;
 }
 
-CommandResult RunScenePoints(const SceneArguments& arguments, const std::string& start, const std::string& out) {
-  CommandResult result;
-  if (start.empty())
-    throw UsageError("--scene-points places cameras whose lenses are known: give their calibration with --start");
-  const geometry::Rig lenses = ReadStart(start, &result);
+CommandResult RunScenePoints(const SceneArguments& arguments, const geometry::Rig& lenses, const std::string& out,
+                             CommandResult result) {
+  if (lenses.cameras.empty())
+    throw UsageError(
+        "--scene-points places cameras whose lenses are known: give their calibration with --start, or --lenses of a "
+        "--session");
   const calib::ScenePoints points = calib::ReadScenePoints(arguments.scene_points);
   result.inputs.insert(result.inputs.end(), arguments.scene_points.begin(), arguments.scene_points.end());
   const calib::SceneResectionReport report = calib::ResectScene(points, lenses, arguments.rigid, arguments.points);
@@ -168,10 +161,9 @@ calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<c
   return scale;
 }
 
-CommandResult RunFromScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
-                           const std::string& out, CommandContext& context) {
-  CommandResult result;
-  const geometry::Rig lenses = ReadStart(start, &result);
+CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig& lenses,
+                           const std::vector<calib::Board>& boards, const std::string& out, CommandContext& context,
+                           CommandResult result) {
   const std::vector<calib::SceneImage> images = FindImages(arguments, lenses, &result);
   const calib::SceneScale scale = FindScale(arguments, boards, images, &result);
   const calib::ColmapScene scene = calib::RunColmap(images, out + "/colmap", arguments.scene.colmap, context.run);
@@ -220,12 +212,12 @@ CommandResult RunFromScene(const SceneArguments& arguments, const std::string& s
 
 }  // namespace
 
-CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
-                       const std::string& out, CommandContext& context) {
+CommandResult RunScene(const SceneArguments& arguments, const geometry::Rig& lenses, const std::vector<calib::Board>& boards,
+                       const std::string& out, CommandContext& context, CommandResult result) {
   if (arguments.from_scene.empty() && !boards.empty())
     throw UsageError("--scene-points without --from-scene places cameras by their marks alone: leave out --board");
-  if (arguments.from_scene.empty()) return RunScenePoints(arguments, start, out);
-  return RunFromScene(arguments, start, boards, out, context);
+  if (arguments.from_scene.empty()) return RunScenePoints(arguments, lenses, out, std::move(result));
+  return RunFromScene(arguments, lenses, boards, out, context, std::move(result));
 }
 
 }  // namespace mvstudio::cli

@@ -36,10 +36,11 @@ inline bool UsesScene(const SceneArguments& arguments) {
   return !arguments.from_scene.empty() || !arguments.scene_points.empty();
 }
 
-/// --from-scene when it is given, else --scene-points alone. `start` is a calibration of any format with the lenses that are
-/// known ("" for none), `boards` what --board named: with --from-scene the first one is looked for in the images and gives
-/// place and scale. Writes calibration.json to the folder `out`.
-CommandResult RunScene(const SceneArguments& arguments, const std::string& start, const std::vector<calib::Board>& boards,
-                       const std::string& out, CommandContext& context);
+/// --from-scene when it is given, else --scene-points alone. `lenses` are those that are known, `boards` what --board named:
+/// with
+/// --from-scene the first one is looked for in the images and gives place and scale. Writes calibration.json to the folder
+/// `out`. `result` holds what was said so far.
+CommandResult RunScene(const SceneArguments& arguments, const geometry::Rig& lenses, const std::vector<calib::Board>& boards,
+                       const std::string& out, CommandContext& context, CommandResult result);
 
 }  // namespace mvstudio::cli

@@ -120,6 +120,9 @@ void TakeScan(const InitArguments& arguments, Session* session, CommandResult* r
   const dataset::ScannedSession scanned = dataset::ScanRaw(raw, arguments.layout);
   for (const std::string& line : scanned.skipped)
     result->warnings.push_back({"SES-SKIPPED", line, "it is not part of the session"});
+  for (const std::string& path : scanned.missing)
+    result->warnings.push_back({"SES-CHAPTER", path + " is missing, though later chapters of the recording are there",
+                                "copy it from the card too: the frames of a recording are counted through all its chapters"});
   for (const std::string& note : scanned.notes)
     result->warnings.push_back(
         {"SES-LAYOUT", note, "--layout says how the folders are meant; --overwrite writes the session again"});

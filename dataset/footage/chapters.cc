@@ -4,8 +4,10 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -19,6 +21,15 @@ bool IsVideoName(const fs::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
   return extension == ".mp4" || extension == ".mov";
+}
+
+/// The file of the same recording with this number.
+std::string ChapterName(const fs::path& file, int number) {
+  const Chapter chapter = *ChapterOf(file.string());
+  const bool old = chapter.recording.size() == 8;
+  const std::string family = old ? (number == 1 ? "GO" : "GP") : chapter.recording.substr(0, 2);
+  const std::string place = old && number == 1 ? "PR" : Format("%02d", old ? number - 1 : number);
+  return family + place + chapter.recording.substr(chapter.recording.size() - 4) + file.extension().string();
 }
 
 }  // namespace
@@ -59,6 +70,18 @@ std::vector<std::string> InChapterOrder(const std::string& pattern, std::vector<
                       "chapter " + std::to_string(i + 1) + " of the recording is missing: copy it too, its frames count");
   }
   return files;
+}
+
+std::vector<std::string> MissingChapters(const std::vector<std::string>& files) {
+  std::set<int> there;
+  for (const std::string& file : files) {
+    if (const auto chapter = ChapterOf(file)) there.insert(chapter->number);
+  }
+  std::vector<std::string> missing;
+  for (int n = 1; !there.empty() && n < *there.rbegin(); ++n) {
+    if (there.count(n) == 0) missing.push_back(ChapterName(files[0], n));
+  }
+  return missing;
 }
 
 namespace internal {

@@ -28,6 +28,9 @@ std::string ChapterPattern(const std::string& path);
 /// one is missing between the first and the last.
 std::vector<std::string> InChapterOrder(const std::string& pattern, std::vector<std::string> files);
 
+/// Names of the chapters before the last of these files, all of one recording, that are not among them.
+std::vector<std::string> MissingChapters(const std::vector<std::string>& files);
+
 /// Presentation times of a video in one or several files. A file goes on a frame period after the one before.
 VideoTimes ReadVideoTimes(const std::vector<std::string>& files);
 

@@ -221,6 +221,21 @@ SessionTake ReadTake(TableView view, const Session& session) {
   return take;
 }
 
+/// A text, or an array of them when several boards are fixed to each other; with blanks between.
+std::string BoardsOf(TableView& top, const std::string& units) {
+  const toml::node* node = top.Get("board");
+  const toml::array* several = node ? node->as_array() : nullptr;
+  if (!several) return BoardWithUnits(top.Text("board"), units);
+  std::string boards;
+  for (const toml::node& entry : *several) {
+    const auto text = entry.value_exact<std::string>();
+    if (!text || text->empty() || text->find(' ') != std::string::npos)
+      top.Fail("board", "must be a text in quotes, or an array of such texts without blanks");
+    boards += (boards.empty() ? "" : " ") + BoardWithUnits(*text, units);
+  }
+  return boards;
+}
+
 void ReadHead(TableView& top, Session* session) {
   if (top.Text("schema") != kSchema) top.Fail("schema", std::string("must be \"") + kSchema + "\"");
   const std::set<std::string> known = {"m", "cm", "mm"};
@@ -232,7 +247,7 @@ void ReadHead(TableView& top, Session* session) {
   if (!known.count(session->units))
     top.Fail("units", internal::Quoted(session->units) + " is not a unit: \"m\", \"cm\" or \"mm\"");
   session->source = top.Text("source");
-  session->board = BoardWithUnits(top.Text("board"), session->units);
+  session->board = BoardsOf(top, session->units);
   session->calibration = top.Text("calibration");
   session->fps_hz = Rate(top);
   if (top.Flag("follow_symlinks")) {
@@ -292,6 +307,10 @@ std::string BoardWithUnits(const std::string& board, const std::string& units) {
   if (parts[0] == "tag") lengths = {3};
   for (const size_t i : lengths) {
     if (i < parts.size() && !parts[i].empty() && std::isdigit(static_cast<unsigned char>(parts[i].back()))) parts[i] += units;
+  }
+  for (std::string& part : parts) {
+    const bool thickness = part.rfind("two-sided=", 0) == 0;
+    if (thickness && std::isdigit(static_cast<unsigned char>(part.back()))) part += units;
   }
   std::string text;
   for (const std::string& part : parts) text += (text.empty() ? "" : ":") + part;

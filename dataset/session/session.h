@@ -41,7 +41,7 @@ struct Session {
   std::string folder;            ///< folder of mvstudio.toml
   std::string units;             ///< "m", "cm" or "mm"
   std::string source;            ///< a note; may be empty
-  std::string board;             ///< as accepted by `calib::ParseBoard`; may be empty
+  std::string board;             ///< as accepted by `calib::ParseBoard`; several with blanks between; may be empty
   std::string calibration;       ///< relative path; empty: calib/calibration.json if it exists
   std::optional<double> fps_hz;  ///< of all footage that does not state it
   bool allow_outside = false;    ///< the caller allows paths outside the folder; the session file itself cannot

@@ -113,6 +113,29 @@ internal::FootageFolder ListFolder(const fs::path& path, const fs::path& above, 
   return folder;
 }
 
+void AddMissingChapters(const fs::path& folder, const fs::path& above, std::vector<std::string>* missing) {
+  std::map<std::string, std::vector<std::string>> recordings;
+  for (const fs::path& entry : Entries(folder)) {
+    const auto chapter = ChapterOf(entry.string());
+    if (chapter && !fs::is_directory(entry)) recordings[chapter->recording].push_back(entry.string());
+  }
+  for (const auto& [recording, files] : recordings) {
+    for (const std::string& name : MissingChapters(files)) missing->push_back(Relative(folder / name, above));
+  }
+}
+
+/// Of the recordings in the folders of raw/ that are used, and in those in them.
+std::vector<std::string> MissingBelow(const fs::path& raw, const std::vector<internal::FootageFolder>& folders) {
+  std::vector<std::string> missing;
+  for (const internal::FootageFolder& folder : folders) {
+    AddMissingChapters(raw / folder.name, raw.parent_path(), &missing);
+    for (const fs::path& entry : Entries(raw / folder.name)) {
+      if (fs::is_directory(entry)) AddMissingChapters(entry, raw.parent_path(), &missing);
+    }
+  }
+  return missing;
+}
+
 std::vector<internal::FootageFolder> ListFolders(const fs::path& raw, std::vector<std::string>* skipped) {
   const fs::path above = raw.parent_path();
   std::vector<internal::FootageFolder> folders;
@@ -197,6 +220,7 @@ ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
   if (raw.filename().empty()) raw = raw.parent_path();
   ScannedSession scanned;
   std::vector<internal::FootageFolder> folders = ListFolders(raw, &scanned.skipped);
+  scanned.missing = MissingBelow(raw, folders);
   Plates plates = PlatesIn(raw);
   scanned.layout = layout;
   if (layout == SessionLayout::kAuto) {

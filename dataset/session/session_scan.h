@@ -23,7 +23,8 @@ struct ScannedSession {
   std::vector<SessionTake> takes;      ///< board first; paths begin with raw/
   std::vector<std::string> skipped;    ///< files that are not footage, or have no usable name: one line each
   SessionLayout layout = SessionLayout::kTakeFirst;
-  std::vector<std::string> notes;  ///< assumptions about the layout: one line each
+  std::vector<std::string> missing;  ///< chapters of recordings (chapters.h) that are not there though later ones are: paths
+  std::vector<std::string> notes;    ///< assumptions about the layout: one line each
 };
 
 /// Finds cameras and takes in a folder that is, or will be, the session's raw/. TAKE/CAMERA.mp4 (or .mkv, .mov, .avi, …),

@@ -57,6 +57,16 @@ class Lines {
   std::ostringstream out_;
 };
 
+/// Several boards are an array.
+void WriteBoards(const std::string& boards, Lines* lines) {
+  const char* const note = "as calibrate --board takes it; an array of several that are fixed to each other";
+  if (boards.find(' ') == std::string::npos) return lines->Text("board", boards, "\"charuco:8x6:60mm:45mm:4x4_1000\"", note);
+  std::istringstream in(boards);
+  std::string array;
+  for (std::string board; in >> board;) array += (array.empty() ? "" : ", ") + Quoted(board);
+  lines->Value("board", "[" + array + "]", note);
+}
+
 void WriteCamera(const SessionCamera& camera, bool first, Lines* lines) {
   lines->Raw("\n[[cameras]]");
   lines->Value("name", Quoted(camera.name), first ? "as in the calibration and in the folders of footage" : "");
@@ -102,7 +112,7 @@ std::string SessionText(const Session& session, bool comments) {
   lines.Value("schema", "\"mvstudio.session/1\"", "");
   lines.Value("units", Quoted(session.units), "m, cm or mm: of the board's squares and of all lengths given here");
   lines.Text("source", session.source, "\"studio 2, 3 May\"", "a note");
-  lines.Text("board", session.board, "\"charuco:8x6:60mm:45mm:4x4_1000\"", "as calibrate --board takes it");
+  WriteBoards(session.board, &lines);
   lines.Text("calibration", session.calibration, "\"calib/calibration.json\"", "which calibration the takes were filmed with");
   lines.Number("fps_hz", session.fps_hz, "30", "of footage that does not say it itself, such as folders of images");
   for (size_t i = 0; i < session.cameras.size(); ++i) WriteCamera(session.cameras[i], i == 0, &lines);

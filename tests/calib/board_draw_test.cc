@@ -1,5 +1,3 @@
-#include "calib/board/draw.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/board/draw.h"
 #include "calib/board/print.h"
 #include "calib/detect/detect_board.h"
 #include "core/disk/files.h"
@@ -94,6 +93,22 @@ TEST(LayOutBoard, TrueScaleWithinTheMargins) {
       named |= t.text == text || t.text == ToString(board), told |= t.text.find("100 %") != std::string::npos;
     EXPECT_TRUE(named && told) << text;
   }
+}
+
+/// On a sheet turned about its long edge, the back lies behind the front.
+TEST(LayOutBoard, TheBackIsTheFrontInAMirror) {
+  const Board board = ParseBoard("charuco:7x5:25mm:18mm:two-sided=3mm");
+  BoardDrawOptions options;
+  const BoardPage front = LayOutBoard(board, options);
+  options.back = true;
+  const BoardPage back = LayOutBoard(board, options);
+  ASSERT_EQ(back.width, front.width);
+  for (size_t i = 0; i < PrintOf(board).black.size(); ++i) {
+    EXPECT_NEAR(back.rects[i].x, front.width - front.rects[i].x - front.rects[i].width, 1e-9);
+    EXPECT_EQ(back.rects[i].y, front.rects[i].y);
+    EXPECT_EQ(back.rects[i].width, front.rects[i].width);
+  }
+  EXPECT_THROW(LayOutBoard(FrontOf(board), options), UsageError);
 }
 
 TEST(LayOutBoard, PaperIsTurnedOrRefused) {

@@ -63,6 +63,18 @@ TEST(CameraMotion, ACameraThatTurnedIsNamedWithFrameAndAngle) {
   EXPECT_NE(report.verdict.status, "pass");
 }
 
+/// Before and after the motion the frames belong together: they are not in doubt.
+TEST(CameraMotion, ACameraThatMovedHalfwayLeavesTheFramesAlone) {
+  for (const double noise_px : {0.02, 0.2}) {
+    Kick kick{2, 20, {0, DegToRad(2), 0}};
+    kick.shift_m << 0.15, 0, 0;
+    const CalibrateReport report = Calibrated(SceneWith({kick}, 4, noise_px));
+    ASSERT_EQ(report.motions.size(), 1u) << noise_px;
+    EXPECT_EQ(report.motions[0].cameras, std::vector<std::string>{"cam2"});
+    EXPECT_EQ(report.frames_doubt, "") << noise_px;
+  }
+}
+
 TEST(CameraMotion, AMotionInTheFirstBoardsOrTheLastIsFound) {
   for (const int frame : {6, 34}) {
     const CalibrateReport report = Calibrated(SceneWith({{2, frame, {0.02, 0, 0.01}}}));

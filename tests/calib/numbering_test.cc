@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <functional>
+
 #include "calib/lens/resection.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {
@@ -58,6 +62,103 @@ TEST(Numbering, CamerasThatAgreeHaveNoFault) {
   for (const double noise : {0.0, 0.3, 2.0}) EXPECT_TRUE(Faults(3, noise, [](int, int id) { return id; }).empty()) << noise;
   EXPECT_TRUE(Faults(3, 0.1, [](int, int id) { return 53 - id; }).empty()) << "all alike is no fault";
   EXPECT_TRUE(FindNumberingFaults({}, {}, {"a"}).empty());
+}
+
+/// A recording whose views `turns` (camera, frame) number from the other end.
+template <class Turns>
+CalibrateInput Recording(const testing::SceneOptions& options, const Turns& turns) {
+  CalibrateInput input = testing::ToInput(testing::MakeScene(options));
+  for (Detection& d : input.detections) {
+    if (!turns(d.camera_idx, d.frame_idx)) continue;
+    for (int& id : d.corner_ids) id = 53 - id;
+  }
+  return input;
+}
+
+CalibrateReport Solved(const CalibrateInput& input) {
+  CalibrateOptions options = testing::PlainOptions();
+  options.model = geometry::LensModel::kBrown4;
+  options.motions = false;
+  return Calibrate(input, options, RunContext());
+}
+
+/// What a detector of chessboards does that numbers every image by itself: the same rig as from equal numbers.
+TEST(Numbering, TurnedViewsAreTurnedBack) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 3, scene.noise_px = 0.1;
+  const CalibrateReport truth = Solved(Recording(scene, [](int, int64_t) { return false; }));
+  ASSERT_EQ(truth.status, Status::kOk);
+  EXPECT_TRUE(truth.turned.empty());
+  const std::vector<std::pair<const char*, std::function<bool(int, int64_t)>>> recordings = {
+      {"one camera", [](int c, int64_t) { return c == 2; }},
+      {"some views of a camera", [](int c, int64_t f) { return c == 1 && f % 9 == 1; }},
+      {"half of the views", [](int c, int64_t f) { return c == 1 && f % 2 == 0; }},
+      {"any view", [](int c, int64_t f) { return (c * 7 + f * 5) % 11 < 5; }}};
+  for (const auto& [what, turns] : recordings) {
+    const CalibrateReport report = Solved(Recording(scene, turns));
+    ASSERT_EQ(report.status, Status::kOk) << what << ": " << report.message;
+    EXPECT_LT(geometry::CompareRigs(report.rig, truth.rig).max_translation_m, 1e-6) << what;
+    EXPECT_NEAR(report.rms_px, truth.rms_px, 1e-6) << what;
+    ASSERT_FALSE(report.turned.empty()) << what;
+    EXPECT_TRUE(report.numbering.empty()) << what;
+    EXPECT_TRUE(report.frames_doubt.empty()) << what << ": " << report.frames_doubt;
+    const auto& reasons = report.verdict.reasons;
+    EXPECT_TRUE(std::any_of(reasons.begin(), reasons.end(), [](const auto& r) { return r.code == "CAL-NUMBERING"; })) << what;
+  }
+}
+
+TEST(Numbering, OfOneCameraTheTurnedViewsAreCounted) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 3, scene.noise_px = 0.1;
+  const CalibrateReport report = Solved(Recording(scene, [](int c, int64_t f) { return c == 1 && f % 9 == 1; }));
+  ASSERT_EQ(report.turned.size(), 1u);
+  EXPECT_EQ(report.turned[0].camera, "cam1");
+  EXPECT_EQ(report.turned[0].num_views, 20);
+  EXPECT_EQ(report.turned[0].num_turned, 7);
+}
+
+TEST(Numbering, HeldOutViewsAreTurnedToo) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 3, scene.noise_px = 0.1;
+  CalibrateOptions options = testing::PlainOptions();
+  options.model = geometry::LensModel::kBrown4;
+  options.holdout.step = 3, options.holdout.first = 2;
+  const CalibrateReport report = Calibrate(Recording(scene, [](int c, int64_t) { return c == 2; }), options, RunContext());
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_EQ(report.rig_holdout_gross_fraction, 0);
+  EXPECT_LT(report.rig_holdout_rms_px, 0.3);
+}
+
+/// With a board that does not move, either numbering fits: nothing is turned, and few boards are told of.
+TEST(Numbering, ABoardThatStandsStillTurnsNothing) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 2, scene.noise_px = 0.1;
+  CalibrateInput input = Recording(scene, [](int c, int64_t) { return c == 1; });
+  const std::vector<Detection> all = input.detections;
+  input.detections.clear();
+  for (const Detection& d : all) {
+    if (d.frame_idx != 1) continue;
+    for (int f = 0; f < 6; ++f) input.detections.push_back(d), input.detections.back().frame_idx = f;
+  }
+  const geometry::Rig lenses = testing::TruthRig(testing::MakeScene(scene));
+  input.start = lenses, input.start->gauge = kLensesOnly;
+  CalibrateOptions options = testing::PlainOptions();
+  options.fix = {{HeldPart::What::kLenses, {}}};
+  const CalibrateReport report = Calibrate(input, options, RunContext());
+  EXPECT_TRUE(report.turned.empty());
+  EXPECT_NE(report.verdict.status, "pass");
+}
+
+/// Two frames are too few to say what is turned: the camera contradicts the others everywhere, and may keep no corner.
+TEST(Numbering, OfTwoFramesNothingIsTurnedAndNothingPasses) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 4, scene.noise_px = 0.1;
+  for (const int frames : {1, 2}) {
+    scene.num_frames = frames;
+    const CalibrateReport report = Solved(Recording(scene, [](int c, int64_t) { return c == 2; }));
+    EXPECT_TRUE(report.turned.empty());
+    EXPECT_NE(report.verdict.status, "pass");
+  }
 }
 
 }  // namespace

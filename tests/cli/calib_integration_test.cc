@@ -108,6 +108,20 @@ TEST(CalibCompare, FocalLengthAndLimits) {
   run = RunCli({"calib", "compare", folder / "other.json", truth, "--max-projection-px", "0.1"});
   EXPECT_EQ(run.exit, 4);
   EXPECT_EQ(RunCli({"calib", "compare", truth, truth, "--range-m", "1,x"}).exit, 2);
+  // The camera that was turned is the one that differs, and the other two hardly do.
+  geometry::Rigid3& pose = other.cameras[1].cam_from_world;
+  pose.rotation = geometry::RotationExp(Eigen::Vector3d(0.02, 0, 0)) * pose.rotation;
+  pose.translation = geometry::RotationExp(Eigen::Vector3d(0.02, 0, 0)) * pose.translation;
+  geometry::WriteRig(other, folder / "turned.json");
+  run = RunCli({"calib", "compare", folder / "turned.json", truth, "--json"});
+  const nlohmann::json turned = run.Json()["metrics"];
+  ASSERT_EQ(turned["cameras"].size(), 3u);
+  EXPECT_EQ(turned["cameras"][1]["rotation_deg"], turned["max_rotation_deg"]);
+  EXPECT_GT(turned["cameras"][1]["rotation_deg"].get<double>(), 0.5);
+  for (const int c : {0, 2}) {
+    EXPECT_LT(turned["cameras"][c]["rotation_deg"].get<double>(), 0.5 * RadToDeg(0.02));
+    EXPECT_LE(turned["cameras"][c]["translation_mm"], turned["max_translation_mm"]);
+  }
 }
 
 std::string WriteCorners(const TempDir& folder, const Scene& scene) {

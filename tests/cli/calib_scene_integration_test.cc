@@ -105,6 +105,37 @@ TEST_F(ScenePoints, EveryCameraIsPlacedWithinItsUncertainty) {
   EXPECT_LT(chi2, 120);
 }
 
+/// Lenses of a library, found by the session's serial numbers, serve as those of --start do.
+TEST_F(ScenePoints, LensesOfALibraryServe) {
+  geometry::WriteRig(truth_, folder_ / "rig.json");
+  std::filesystem::create_directory(folder_ / "session");
+  std::ofstream session(folder_ / "session" + "/mvstudio.toml");
+  session << "schema = \"mvstudio.session/1\"\nunits = \"m\"\n";
+  for (const geometry::RigCamera& camera : truth_.cameras) {
+    const std::string name = camera.camera.name;
+    session << "[[cameras]]\nname = \"" << name << "\"\nserial = \"s" << name << "\"\n";
+    ASSERT_EQ(RunCli({"calib", "lenses", "add", folder_ / "library.json", folder_ / "rig.json", "--camera", name, "--serial",
+                      "s" + name, "--setting", "near"})
+                  .exit,
+              0);
+  }
+  session.close();
+  const Marks marks = MakeMarks(truth_, 8, 0, 9);
+  const std::vector<std::string> points = {"--scene-points", Write(folder_ / "clicks.csv", marks.clicks), "--scene-points",
+                                           Write(folder_ / "places.csv", marks.places)};
+  std::vector<std::string> line = {"calibrate", "--session", folder_ / "session", "--lenses", folder_ / "library.json",
+                                   "--json"};
+  line.insert(line.end(), points.begin(), points.end());
+  const CliRun run = RunCli(line);
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_EQ(run.Json()["metrics"]["lenses_from_library"].size(), 3u);
+  const geometry::Rig found = geometry::ReadRig(folder_ / "session" + "/calib/calibration.json");
+  for (size_t c = 0; c < 3; ++c) EXPECT_LT((found.cameras[c].CenterInWorld() - truth_.cameras[c].CenterInWorld()).norm(), 1e-7);
+  line = {"calibrate", "--out", folder_ / "none"};
+  line.insert(line.end(), points.begin(), points.end());
+  EXPECT_EQ(RunCli(line).exit, 2) << "no lenses at all";
+}
+
 TEST_F(ScenePoints, WithoutNoiseThePosesAreTheTruth) {
   const Marks marks = MakeMarks(truth_, 8, 0, 9);
   ASSERT_EQ(RunCli({"calibrate", "--start", WriteLenses(), "--scene-points", Write(folder_ / "clicks.csv", marks.clicks),

@@ -66,6 +66,15 @@ TEST_F(SessionInit, ChaptersAreReadAsOneVideo) {
   EXPECT_THAT(gap.err, HasSubstr("chapter 2 of the recording is missing"));
 }
 
+TEST_F(SessionInit, AChapterThatWasNotCopiedIsTold) {
+  fs::create_directories(folder_ / "card/walk/gopro1");
+  WriteClip(folder_ / "card/walk/gopro1/GX020001.MP4", Regular(8));
+  const CliRun run = Init();
+  EXPECT_EQ(run.exit, 0);
+  EXPECT_THAT(run.err, HasSubstr("SES-CHAPTER"));
+  EXPECT_THAT(run.err, HasSubstr("walk/gopro1/GX010001.MP4 is missing"));
+}
+
 TEST_F(SessionInit, LeavesNothingWhenItFails) {
   fs::create_directories(folder_ / "card/nothing");
   EXPECT_EQ(Init().exit, 3) << "no footage";

@@ -53,6 +53,16 @@ TEST(Chapters, AreOrderedByNumberAndNoneMayBeMissing) {
   EXPECT_THAT(MessageOf<FormatError>([&] { order({"a.mp4", "b.mp4"}); }), HasSubstr("not the chapters of one"));
 }
 
+TEST(Chapters, MissingOnesAreNamed) {
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(MissingChapters({"a/GX020001.MP4"}), Names{"GX010001.MP4"});
+  EXPECT_EQ(MissingChapters({"GH040123.MP4", "GH020123.MP4"}), (Names{"GH010123.MP4", "GH030123.MP4"}));
+  EXPECT_EQ(MissingChapters({"GP020042.mp4"}), (Names{"GOPR0042.mp4", "GP010042.mp4"}));
+  EXPECT_EQ(MissingChapters({"GOPR0042.MP4", "GP010042.MP4"}), Names());
+  EXPECT_EQ(MissingChapters({"board.mp4"}), Names());
+  EXPECT_EQ(MissingChapters({}), Names());
+}
+
 /// Two chapters of 10 and 7 frames at 30 Hz whose images carry 0 to 16; each file's time begins at 0.
 std::string PutChapters(const TempDir& folder) {
   const auto clip = [&](const char* name, int first, int count) {

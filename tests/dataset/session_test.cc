@@ -106,6 +106,19 @@ TEST(Session, ThereAndBackWithAndWithoutComments) {
   }
 }
 
+TEST(Session, SeveralBoardsAreAnArray) {
+  const TempDir folder;
+  std::ofstream(folder / "mvstudio.toml")
+      << kHead << "board = [\"charuco:7x5:60:45:4x4_50:two-sided=3\", \"charuco:7x5:60mm:45:4x4_50:first=17\"]\n";
+  const Session session = ReadSession(folder.path());
+  EXPECT_EQ(session.board, "charuco:7x5:60" + session.units + ":45" + session.units + ":4x4_50:two-sided=3" + session.units +
+                               " charuco:7x5:60mm:45" + session.units + ":4x4_50:first=17");
+  WriteSession(session);
+  EXPECT_EQ(ReadSession(folder.path()).board, session.board);
+  EXPECT_NE(Refused(folder, std::string(kHead) + "board = [5]\n").find("board"), std::string::npos);
+  EXPECT_NE(Refused(folder, std::string(kHead) + "board = [\"a b\"]\n").find("without blanks"), std::string::npos);
+}
+
 TEST(Session, UnitsAreNeededAndMistakesHaveAPlace) {
   const TempDir folder;
   EXPECT_NE(Refused(folder, "schema = \"mvstudio.session/1\"\n").find("units: is missing"), std::string::npos);

@@ -1,0 +1,110 @@
+#include "cli/calib/earlier_world.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+
+#include "cli/program/fingerprint.h"
+#include "core/disk/files.h"
+#include "geometry/rig/rig_io.h"
+
+namespace mvstudio::cli {
+namespace {
+
+using nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+/// N of "board in frame N".
+std::optional<int64_t> FrameOf(const std::string& gauge) {
+  const std::string head = "board in frame ";
+  if (gauge.rfind(head, 0) != 0) return std::nullopt;
+  int64_t frame = 0;
+  const char* const end = gauge.data() + gauge.size();
+  const auto [stop, error] = std::from_chars(gauge.data() + head.size(), end, frame);
+  return error == std::errc() && stop == end ? std::optional<int64_t>(frame) : std::nullopt;
+}
+
+ordered_json Parsed(const std::string& text) { return ordered_json::parse(text, nullptr, false); }
+
+/// The inputs of the last run of `calibrate` that wrote a calibration into the folder.
+ordered_json EarlierInputs(const std::string& folder) {
+  const std::string path = folder + "/provenance.jsonl";
+  ordered_json inputs = ordered_json::array();
+  if (!fs::is_regular_file(path)) return inputs;
+  std::istringstream lines(ReadFile(path));
+  for (std::string text; std::getline(lines, text);) {
+    const ordered_json line = Parsed(text);
+    if (!line.is_object() || line.value("command", ordered_json()) != "calibrate") continue;
+    const ordered_json outputs = line.value("outputs", ordered_json());
+    if (outputs.is_array() && !outputs.empty()) inputs = line.value("inputs", ordered_json::array());
+  }
+  return inputs;
+}
+
+/// Whether every footage was an input of that run, wherever it lay.
+bool SameFootage(const std::string& folder, const std::vector<std::string>& footage) {
+  ordered_json earlier = EarlierInputs(folder);
+  if (!earlier.is_array()) return false;
+  for (ordered_json& input : earlier) {
+    if (input.is_object()) input.erase("path");
+  }
+  return std::all_of(footage.begin(), footage.end(), [&](const std::string& path) {
+    ordered_json now = Fingerprint(path);
+    now.erase("path");
+    return std::find(earlier.begin(), earlier.end(), now) != earlier.end();
+  });
+}
+
+/// How frames were paired then; empty: not known.
+std::string EarlierPairing(const std::string& folder) {
+  const std::string path = folder + "/calibrate.result.json";
+  if (!fs::is_regular_file(path)) return "";
+  const ordered_json json = Parsed(ReadFile(path));
+  const ordered_json::json_pointer place("/metrics/pairing/by");
+  return json.is_object() && json.contains(place) && json[place].is_string() ? json[place].get<std::string>() : "";
+}
+
+}  // namespace
+
+std::string EarlierGauge(const std::string& folder) {
+  const std::string path = folder + "/calibration.json";
+  if (!fs::is_regular_file(path)) return "";
+  try {
+    const std::string gauge = geometry::ReadRig(path).gauge;
+    return gauge.rfind("camera ", 0) == 0 || gauge.rfind("none", 0) == 0 ? "" : gauge;
+  } catch (const std::exception&) {  // damaged: what it said is not known, and it is replaced
+    return "";
+  }
+}
+
+void KeepEarlierWorld(const std::string& folder, const std::string& gauge, const std::vector<std::string>& footage,
+                      const app::CornerInput& corners, const std::string& pairing, calib::WorldOrigin* world,
+                      CommandResult* result) {
+  if (gauge.empty()) return;
+  const std::optional<int64_t> frame = FrameOf(gauge);
+  const auto& boards = corners.input.detections;
+  const auto there = [&](const calib::Detection& board) { return board.frame_idx == frame && board.board_idx == 0; };
+  std::string why;
+  if (!frame) {
+    why = "that was done after a calibration";
+  } else if (!SameFootage(folder, footage)) {
+    why = "the board was filmed again";
+  } else if (EarlierPairing(folder) != pairing) {
+    why = "frames are paired in another way now";
+  } else if (std::none_of(boards.begin(), boards.end(), there)) {
+    why = "no board was found in that frame now";
+  }
+  result->metrics["earlier_world"] = {{"gauge", gauge}, {"kept", why.empty()}};
+  if (why.empty()) {
+    world->board_frame = frame;
+    result->text += "the world stays the " + gauge + ", as before; --world camera:NAME makes another\n";
+    return;
+  }
+  result->warnings.push_back({"CAL-WORLD",
+                              "the world of the earlier calibration is lost, which was fixed by: " + gauge + "; " + why,
+                              "give --world board:FRAME, or move the rig again with mvstudio calib align"});
+}
+
+}  // namespace mvstudio::cli
