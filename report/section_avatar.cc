@@ -316,7 +316,7 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
 
 Section AvatarSection(SectionContext* context) {
   Section section{"avatar", "Avatar", ""};
-  section.body_html += FittedBodies(context);
+  section.body_html += MethodsSideBySide(context) + FittedBodies(context);
   for (const Stage& stage : context->data.stages) {
     if (stage.command == "avatar eval") section.body_html += EvalBody(context, stage);
   }

@@ -90,9 +90,12 @@ std::string Covisibility(const Value& metrics) {
 
 std::string FilmNext(const Value& hints) {
   if (hints.items().empty()) return {};
-  std::string html = "<h3>What to film next</h3>\n";
-  for (const Value& hint : hints.items()) html += ParagraphHtml(hint["text"].Text());
-  return html;
+  constexpr size_t kMostOpen = 3;  // the most useful come first
+  std::string open, folded;
+  for (size_t i = 0; i < hints.items().size(); ++i)
+    (i < kMostOpen ? open : folded) += ParagraphHtml(hints.At(i)["text"].Text());
+  if (!folded.empty()) folded = DetailsHtml(std::to_string(hints.items().size() - kMostOpen) + " more", folded);
+  return "<h3>What to film next</h3>\n" + open + folded;
 }
 
 }  // namespace
