@@ -101,10 +101,10 @@ std::string FilmNext(const Value& hints) {
 }  // namespace
 
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
-                          size_t num_cameras) {
+                          size_t num_cameras, const char* css_class) {
   constexpr size_t kMostOpen = 4;
   if (figures.empty()) return {};
-  const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures);
+  const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures, css_class);
   const std::string title = "<h3>" + EscapeHtml(heading) + "</h3>\n";
   return title + (num_cameras > kMostOpen ? DetailsHtml("Figures of " + std::to_string(num_cameras) + " cameras", body) : body);
 }

@@ -14,6 +14,13 @@ namespace {
 
 constexpr size_t kMaxPoints = 2000;  // of one image
 
+/// [x, y, width, height] in pixels of the frame; a figure is as wide or as high as all others.
+void ReadBox(const Value& box, PictureOverlaySpec* spec) {
+  spec->left_px = box.At(0).Number() - 0.5, spec->top_px = box.At(1).Number() - 0.5;
+  spec->width_px = box.At(2).Number(), spec->height_px = box.At(3).Number();
+  spec->width = std::min(spec->width, spec->width * spec->width_px / spec->height_px);
+}
+
 /// Points [x, y, dx, dy, flag] px; those whose flag is not 0 are rejected.
 void ReadPoints(const Value& list, PictureOverlaySpec* spec) {
   for (size_t i = 0; i < std::min(kMaxPoints, list.items().size()); ++i) {
@@ -37,7 +44,7 @@ std::string BoardView(SectionContext* context, const Stage& stage, const Value& 
   PictureOverlaySpec spec;
   const bool worst = view["kind"].Text() == "worst";
   spec.title = view["camera"].Text("?") + ", " + FrameText(view) + (worst ? ": largest residuals" : ": an ordinary view");
-  spec.width_px = view["size_px"].At(0).Number(), spec.height_px = view["size_px"].At(1).Number();
+  ReadBox(view["box_px"], &spec);
   spec.enlarge = true;
   ReadPoints(view["corners"], &spec);
   const std::string picture = ReadViewPicture(context, stage, view);
@@ -72,10 +79,7 @@ std::string TakeOverlay(SectionContext* context, const Stage& stage, const Value
   const bool in_footage = view["frame"].IsNumber();
   spec.title = view["camera"].Text("?") + ", " +
                (in_footage ? FrameText(view) : "time step " + FormatNumber(view["instant"].Number(), 9));
-  const Value& box = view["box_px"];
-  spec.left_px = box.At(0).Number() - 0.5, spec.top_px = box.At(1).Number() - 0.5;
-  spec.width_px = box.At(2).Number(), spec.height_px = box.At(3).Number();
-  spec.width = std::min(420.0, 420 * spec.width_px / spec.height_px);
+  ReadBox(view["box_px"], &spec);
   const Value& overlays = stage.metrics()["overlays"];
   ReadJoints(view["joints"], overlays["bones"], static_cast<size_t>(std::max(0.0, overlays["num_joints"].Number(0))), &spec);
   const std::string picture = ReadViewPicture(context, stage, view);
@@ -104,7 +108,7 @@ std::string BoardViews(SectionContext* context, const Stage& stage) {
   return CameraFigures("Boards with corners",
                        "Ring: a corner as it was found. Arrow: its residual (observed minus projected), enlarged by the stated "
                        "factor. Of each camera an ordinary view and the one with the largest residuals.",
-                       figures, NumCameras(views));
+                       figures, NumCameras(views), "grid small");
 }
 
 std::string TakeOverlays(SectionContext* context, const Stage& stage) {
@@ -115,7 +119,7 @@ std::string TakeOverlays(SectionContext* context, const Stage& stage) {
   return CameraFigures("3D joints over the images",
                        "Blue: the 3D joints projected into the image. Ring: the keypoint that was found there; the red line "
                        "from the projection to it is the distance, not enlarged.",
-                       figures, NumCameras(overlays["views"]));
+                       figures, NumCameras(overlays["views"]), "grid small");
 }
 
 }  // namespace mvstudio::report

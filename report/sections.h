@@ -70,7 +70,7 @@ std::string CalibrationMaps(const Value& metrics);
 
 /// Figures of every camera under a heading; of more than four cameras folded.
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
-                          size_t num_cameras);
+                          size_t num_cameras, const char* css_class = "grid");
 
 /// Boards with their corners and residuals, on the images that the calibration kept; empty without.
 std::string BoardViews(SectionContext* context, const Stage& stage);

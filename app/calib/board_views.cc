@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr int kLongerSidePx = 640;
+constexpr int kLongerSidePx = 480;
 constexpr size_t kMostBytes = size_t{64} << 10, kMostBytesTogether = size_t{1} << 20;
 
 int NumKept(const BoardView& view) {
@@ -88,32 +88,42 @@ class FrameNumbers {
   std::vector<int64_t> last_;
 };
 
-/// Fills the small images of one camera's views; those that cannot be read stay empty.
-void FillPictures(const std::vector<BoardView>& views, int camera, const std::string& path, bool mirrored,
-                  std::vector<std::string>* pictures) {
+FramePicture BoxOf(const BoardView& view, const calib::CalibrateReport& report) {
+  std::vector<Eigen::Vector2d> points;
+  for (const calib::CornerResidual& corner : view.corners) points.push_back(corner.px);
+  return BoxAround(points, report.rig.cameras[static_cast<size_t>(view.camera_idx)].camera);
+}
+
+/// Fills the small images of one camera's views; those that cannot be read, or have another size, stay empty.
+void FillPictures(const std::vector<BoardView>& views, const calib::CalibrateReport& report, int camera,
+                  const NamedPath& footage, bool mirrored, std::vector<std::string>* pictures) {
+  const geometry::Camera& lens = report.rig.cameras[static_cast<size_t>(camera)].camera;
   std::set<int64_t> numbers;
   for (const BoardView& view : views) {
     if (view.camera_idx == camera) numbers.insert(view.frame);
   }
-  const std::map<int64_t, Image> images = ReadFrames(path, numbers);
+  const std::map<int64_t, Image> images = ReadFrames(footage.path, numbers);
   const size_t most = std::min(kMostBytes, kMostBytesTogether / std::max<size_t>(1, views.size()));
   for (size_t i = 0; i < views.size(); ++i) {
     const auto image = images.find(views[i].frame);
     if (views[i].camera_idx != camera || image == images.end()) continue;
     const Image& frame = image->second;
-    (*pictures)[i] = SmallPicture(mirrored ? calib::FlippedLeftRight(frame) : frame, kLongerSidePx, most).jpeg;
+    if (frame.width != lens.width_px || frame.height != lens.height_px) continue;
+    const Image upright = mirrored ? calib::FlippedLeftRight(frame) : frame;
+    (*pictures)[i] = SmallPicture(upright, BoxOf(views[i], report), kLongerSidePx, most).jpeg;
   }
 }
 
-std::vector<std::string> ReadPictures(const CornerArguments& arguments, const std::vector<BoardView>& views,
-                                      const std::vector<int>& kept, const RunContext& run) {
+std::vector<std::string> ReadPictures(const CornerArguments& arguments, const calib::CalibrateReport& report,
+                                      const std::vector<BoardView>& views, const std::vector<int>& kept,
+                                      const RunContext& run) {
   std::vector<std::string> pictures(views.size());
   if (arguments.cameras.empty()) return pictures;
   ParallelFor(static_cast<int64_t>(kept.size()), ResolveThreads(run.num_threads), [&](int64_t c) {
     const NamedPath& camera = arguments.cameras[static_cast<size_t>(kept[static_cast<size_t>(c)])];
     const auto& flipped = arguments.mirrored;
     const bool mirrored = std::find(flipped.begin(), flipped.end(), camera.name) != flipped.end();
-    FillPictures(views, static_cast<int>(c), camera.path, mirrored, &pictures);
+    FillPictures(views, report, static_cast<int>(c), camera, mirrored, &pictures);
   });
   return pictures;
 }
@@ -153,7 +163,7 @@ ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vec
   ordered_json json = ordered_json::array();
   for (size_t i = 0; i < views.size(); ++i) {
     const BoardView& view = views[i];
-    const geometry::Camera& camera = report.rig.cameras[static_cast<size_t>(view.camera_idx)].camera;
+    const FramePicture box = BoxOf(view, report);
     ordered_json corners = ordered_json::array();
     const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
     for (const calib::CornerResidual& c : view.corners) {
@@ -164,7 +174,7 @@ ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vec
                     {"frame", view.frame},
                     {"kind", view.worst ? "worst" : "ordinary"},
                     {"rms_px", FiniteOrNull(view.rms_px)},
-                    {"size_px", {camera.width_px, camera.height_px}},
+                    {"box_px", {box.x, box.y, box.width, box.height}},
                     {"picture", pictures[i].empty() ? ordered_json() : ordered_json(pictures[i])},
                     {"corners", corners}});
   }
@@ -177,7 +187,7 @@ void AddBoardViews(const CornerArguments& arguments, const calib::CalibrateRepor
   const std::vector<BoardView> views =
       ChooseBoardViews(report, [&](int camera, int64_t frame_idx) { return numbers.Of(camera, frame_idx); });
   const std::vector<std::string> paths =
-      WritePictures(ReadPictures(arguments, views, kept, run), NamesOf(views), out + "/" + kBoardViewsFolder);
+      WritePictures(ReadPictures(arguments, report, views, kept, run), NamesOf(views), out + "/" + kBoardViewsFolder);
   result->metrics["board_views"] = BoardViewsJson(report, views, paths);
   for (const std::string& path : paths) {
     if (!path.empty()) result->outputs.push_back({path, "board-view"});

@@ -31,6 +31,18 @@ Image Cropped(const Image& frame, const FramePicture& box) {
 
 }  // namespace
 
+FramePicture BoxAround(const std::vector<Eigen::Vector2d>& points_px, const geometry::Camera& camera) {
+  Eigen::Array2d low(camera.width_px, camera.height_px), high(0, 0);
+  for (const Eigen::Vector2d& p : points_px) {
+    if (p.allFinite() && geometry::InImage(camera, p)) low = low.min(p.array()), high = high.max(p.array());
+  }
+  if ((low > high).any()) return {{}, 0, 0, camera.width_px, camera.height_px};
+  const double margin = std::max(20.0, 0.125 * (high - low).maxCoeff());
+  const Eigen::Array2i first = (low - margin).floor().cast<int>().max(0);
+  const Eigen::Array2i end = (high + margin).ceil().cast<int>().min(Eigen::Array2i(camera.width_px, camera.height_px));
+  return {{}, first.x(), first.y(), end.x() - first.x(), end.y() - first.y()};
+}
+
 FramePicture SmallPicture(const Image& frame, FramePicture box, int longer_side_px, size_t most_bytes) {
   const Image part = Cropped(frame, box);
   for (int side = longer_side_px;; side = side * 3 / 4) {

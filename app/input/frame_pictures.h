@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "geometry/lens/camera.h"
 
 /// Single images of footage, small enough to lie inside a page.
 namespace mvstudio::app {
@@ -17,6 +19,10 @@ struct FramePicture {
   std::string jpeg;  ///< bytes of the file
   int x = 0, y = 0, width = 0, height = 0;
 };
+
+/// The part of the camera's frames around the points inside them, px, with a margin of an eighth of its longer side; all of it
+/// without any such point.
+FramePicture BoxAround(const std::vector<Eigen::Vector2d>& points_px, const geometry::Camera& camera);
 
 /// At most `longer_side_px` and `most_bytes`: quality and then size are given up for the latter. Throws ContractViolation for
 /// an empty box or one that leaves the frame.

@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr int kLongerSidePx = 560;
+constexpr int kLongerSidePx = 480;
 constexpr size_t kMostBytes = size_t{64} << 10, kMostBytesTogether = size_t{1} << 20;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -113,20 +113,10 @@ std::vector<double> DistancesPx(const JointView& view) {
   return FiniteValues(distances);
 }
 
-/// The part of the image around all points, with a margin; x, y, width, height in pixels of the frame.
 FramePicture BoxOf(const JointView& view, const geometry::Camera& camera) {
-  Eigen::Array2d low(camera.width_px, camera.height_px), high(0, 0);
-  for (const auto* points : {&view.projected_px, &view.keypoint_px}) {
-    for (const Eigen::Vector2d& p : *points) {
-      if (p.allFinite() && geometry::InImage(camera, p)) low = low.min(p.array()), high = high.max(p.array());
-    }
-  }
-  FramePicture all{{}, 0, 0, camera.width_px, camera.height_px};
-  if ((low > high).any()) return all;
-  const double margin = std::max(20.0, 0.12 * (high - low).maxCoeff());
-  const Eigen::Array2i first = (low - margin).floor().cast<int>().max(0);
-  const Eigen::Array2i end = (high + margin).ceil().cast<int>().min(Eigen::Array2i(camera.width_px, camera.height_px));
-  return {{}, first.x(), first.y(), end.x() - first.x(), end.y() - first.y()};
+  std::vector<Eigen::Vector2d> points = view.projected_px;
+  points.insert(points.end(), view.keypoint_px.begin(), view.keypoint_px.end());
+  return BoxAround(points, camera);
 }
 
 std::string PictureOf(const JointView& view, const FramePicture& box, const geometry::RigCamera& camera,

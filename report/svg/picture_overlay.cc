@@ -11,7 +11,7 @@ namespace {
 
 using Segment = std::pair<SvgCanvas::Point, SvgCanvas::Point>;
 
-constexpr double kTop = 22, kFoot = 24, kRing = 5;
+constexpr double kTop = 22, kFoot = 22, kRing = 5;
 
 /// From pixels of the frame to the canvas.
 struct Placement {
@@ -67,7 +67,7 @@ std::string PictureOverlay(const PictureOverlaySpec& spec) {
   const double scale = spec.width / spec.width_px, height = spec.height_px * scale;
   if (!(height < 1e4)) return {};
   const Placement at{spec.left_px, spec.top_px, scale};
-  SvgCanvas canvas(spec.width, kTop + height + kFoot, spec.title);
+  SvgCanvas canvas(spec.width, kTop + height + (spec.enlarge ? kFoot : 0), spec.title);
   canvas.Text(2, 14, spec.title, "start", "t");
   canvas.Rect(0, kTop, spec.width, height, "frame");
   canvas.BeginClip(0, kTop, spec.width, height);

@@ -92,6 +92,7 @@ TEST(BoardViews, ImagesOfTheShiftedFramesFlippedWhereTheCameraIs) {
   TempDir folder;
   WriteFootage(folder / "a");
   calib::CalibrateReport report = ReportOf(1);
+  report.rig.cameras[0].camera = geometry::MakePinhole("cam_0", 64, 48, 100);
   report.frame_shift = {10};
   AddView(0, 12, 40, 0.1, &report);  // frame 2 of the footage
   CornerArguments arguments;
@@ -103,6 +104,7 @@ TEST(BoardViews, ImagesOfTheShiftedFramesFlippedWhereTheCameraIs) {
   EXPECT_EQ(result.metrics["board_views"][0]["frame"], 2);
   EXPECT_EQ(result.metrics["board_views"][0]["picture"], result.outputs[0].path);
   const Image image = dataset::ReadImage(result.outputs[0].path, true);
+  EXPECT_EQ(result.metrics["board_views"][0]["box_px"].dump(), "[0,0,64,40]") << "around the corners inside the image";
   EXPECT_NEAR(*image.Pixel(60, 20), 120, 4);
   EXPECT_NEAR(*image.Pixel(4, 20), 0, 4);
 

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <tuple>
 
 #include "core/disk/files.h"
 #include "core/error.h"
@@ -64,6 +66,19 @@ TEST(FramePictures, APartOfAFrame) {
   EXPECT_EQ(part.height, 20);
   EXPECT_GT(*std::min_element(part.pixels.begin(), part.pixels.end()), 250);
   EXPECT_THROW(SmallPicture(image, {{}, 40, 0, 21, 10}, 640, 60000), ContractViolation);
+}
+
+TEST(FramePictures, ABoxAroundThePointsInsideTheFrame) {
+  const geometry::Camera camera = geometry::MakePinhole("c", 640, 480, 500);
+  const double nan = std::nan("");
+  FramePicture box = BoxAround({{100, 100}, {300, 150}, {nan, 2}, {-50, 900}}, camera);
+  EXPECT_EQ(std::make_tuple(box.x, box.y, box.width, box.height), std::make_tuple(75, 75, 250, 100));
+  box = BoxAround({{2, 3}, {600, 470}}, camera);
+  EXPECT_EQ(std::make_tuple(box.x, box.y, box.width, box.height), std::make_tuple(0, 0, 640, 480));
+  box = BoxAround({{nan, nan}, {1e300, 4}}, camera);
+  EXPECT_EQ(std::make_tuple(box.x, box.y, box.width, box.height), std::make_tuple(0, 0, 640, 480));
+  box = BoxAround({{639, 0}}, camera);
+  EXPECT_EQ(std::make_tuple(box.x, box.y, box.width, box.height), std::make_tuple(619, 0, 21, 20));
 }
 
 TEST(FramePictures, AreFoundByTheirNumbers) {

@@ -91,7 +91,7 @@ class OverlaySectionTest : public ::testing::Test {
             {"frame", 12},
             {"kind", "worst"},
             {"rms_px", 0.25},
-            {"size_px", {640, 480}},
+            {"box_px", {90, 40, 320, 240}},
             {"picture", picture},
             {"corners", {{100, 50, 0.1, 0, 0}, {200, 60, 0, 0.2, 0}, {300, 60, 9, 9, 1}}}};
   }
@@ -139,7 +139,7 @@ TEST_F(OverlaySectionTest, JointsOverTheImages) {
 
 TEST_F(OverlaySectionTest, OtherTypesThanExpectedDoNoHarm) {
   for (const Json& odd : {Json(7), Json("text"), Json({1, nullptr, "x"}), Json({{"views", {1, {{"joints", 3}}}}}),
-                          Json({{{"size_px", {1e300, 1}}, {"corners", {1, {2}}}}})}) {
+                          Json({{{"box_px", {0, 0, 1e300, 1}}, {"corners", {1, {2}}}}})}) {
     Save("calibrate.result.json", "calibrate", {{"board_views", odd}});
     Save("triangulate.result.json", "triangulate", {{"overlays", odd}});
     const Report report = BuildReport(run_.path());
