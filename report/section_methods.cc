@@ -65,50 +65,59 @@ constexpr Score kScores[] = {{"ssim", "SSIM", "", true, 4},         {"psnr_db", 
                              {"mask_iou", "mask IoU", "", true, 4}, {"fd.value", "Fr\u00e9chet distance", "", false, 3},
                              {"lpips", "LPIPS", "", false, 4},      {"flicker", "flicker", "", false, 4}};
 
-double BestOf(const std::vector<Method>& methods, const Score& score) {
-  double best = std::numeric_limits<double>::quiet_NaN();
+/// A method or a baseline of the first of them.
+struct ScoredRow {
+  std::string name;
+  const Value* scores;
+  double seconds;
+};
+
+std::vector<ScoredRow> RowsOf(const std::vector<Method>& methods) {
+  std::vector<ScoredRow> rows;
   for (const Method& method : methods) {
-    const double value = method.stage->metrics()["holdout"].Path(score.key).Number();
+    const Value& metrics = method.stage->metrics();
+    rows.push_back({method.name, &metrics["holdout"], metrics["seconds_per_frame"].Number()});
+  }
+  for (const auto& [key, scores] : methods.front().stage->metrics()["baselines"].fields()) {
+    if (scores.IsObject())
+      rows.push_back({"baseline: " + LabelOfKey(key).label, &scores, std::numeric_limits<double>::quiet_NaN()});
+  }
+  return rows;
+}
+
+/// NaN where no row has the score.
+double BestOf(const std::vector<ScoredRow>& rows, const Score& score) {
+  double best = std::numeric_limits<double>::quiet_NaN();
+  for (const ScoredRow& row : rows) {
+    const double value = row.scores->Path(score.key).Number();
     if (!std::isfinite(value)) continue;
     if (!std::isfinite(best) || (score.larger_is_better ? value > best : value < best)) best = value;
   }
   return best;
 }
 
-bool AnyHas(const std::vector<Method>& methods, const Score& score) { return std::isfinite(BestOf(methods, score)); }
-
-std::vector<Table::Cell> ScoreCells(const Value& scores, const std::vector<Method>& methods, bool judged) {
-  std::vector<Table::Cell> cells;
-  for (const Score& score : kScores) {
-    if (!AnyHas(methods, score)) continue;
-    const double value = scores.Path(score.key).Number();
-    cells.emplace_back(FormatFixed(value, score.decimals), judged && value == BestOf(methods, score));
-  }
-  return cells;
-}
-
 std::string MethodTable(const std::vector<Method>& methods) {
+  const std::vector<ScoredRow> rows = RowsOf(methods);
+  std::vector<std::pair<const Score*, double>> shown;  // with the best of all rows
+  for (const Score& score : kScores) {
+    const double best = BestOf(rows, score);
+    if (std::isfinite(best)) shown.emplace_back(&score, best);
+  }
   Table table("On the same held-out images");
   table.AddColumn("method", "", false);
   table.AddColumn("images");
-  for (const Score& score : kScores) {
-    if (AnyHas(methods, score)) table.AddColumn(score.title, score.unit);
-  }
+  for (const auto& [score, best] : shown) table.AddColumn(score->title, score->unit);
   table.AddColumn("seconds an image");
-  const auto add = [&](const std::string& name, const Value& scores, const std::string& seconds, bool judged) {
-    std::vector<Table::Cell> cells = ScoreCells(scores, methods, judged);
-    cells.insert(cells.begin(), {Table::Cell(name), Table::Cell(FormatNumber(scores["n"].Number()))});
-    cells.emplace_back(seconds);
+  for (const ScoredRow& row : rows) {
+    std::vector<Table::Cell> cells = {Table::Cell(row.name), Table::Cell(FormatNumber((*row.scores)["n"].Number()))};
+    for (const auto& [score, best] : shown) {
+      const double value = row.scores->Path(score->key).Number();
+      cells.emplace_back(FormatFixed(value, score->decimals), value == best);
+    }
+    cells.emplace_back(FormatNumber(row.seconds, 3));
     table.AddRow(std::move(cells));
-  };
-  for (const Method& method : methods) {
-    const Value& metrics = method.stage->metrics();
-    add(method.name, metrics["holdout"], FormatNumber(metrics["seconds_per_frame"].Number(), 3), true);
   }
-  for (const auto& [key, scores] : methods.front().stage->metrics()["baselines"].fields()) {
-    if (scores.IsObject()) add("baseline: " + LabelOfKey(key).label, scores, kNoNumber, false);
-  }
-  return table.Html();
+  return table.Html() + ParagraphHtml("Bold: the best of methods and baselines.", "muted");
 }
 
 /// "eval/KIND/NAME" of a run, as an output; null where the file is not there.
