@@ -165,6 +165,7 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<PackArguments>();
   CLI::App* sub = dataset.add_subcommand(
       "pack", "Dataset -> HDF5 shards of crops or whole images with cameras, masks and joints, for training and archive");
+  StartGroup(sub, "Pack");
   AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
   AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
   AddOption(sub, "--shard", arguments->shard,
@@ -173,12 +174,14 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
   AddFlag(sub, "--allow-lost-joints", arguments->allow_lost_joints,
           "pack a dataset of another skeleton although most of its joints are none of Panoptic's 19");
   AddOption(sub, "--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
+  StartGroup(sub, "Content");
   AddOption(sub, "--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
       ->delimiter(',');
   AddOption(sub, "--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
   AddOption(sub, "--split", arguments->options.split,
             "split file: pack its images only, each marked train, validation or test");
   AddOptions(sub, arguments->options);
+  StartGroup(sub, "Undistortion and colours");
   AddOptions(sub, arguments->options.undistort_view);
   AddOptions(sub, arguments->options.colour);
   registry.Add(sub, "dataset pack", [arguments](CommandContext& context) { return RunPack(*arguments, context); });

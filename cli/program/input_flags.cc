@@ -70,7 +70,6 @@ void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
             "names of cameras, with commas, whose images are flipped left-right: they are calibrated as if they were not")
       ->delimiter(',');
   AddOptions(sub, arguments.footage);
-  StartGroup(sub, "Corner files");
   AddOptions(sub, arguments.corner_files);
 }
 
